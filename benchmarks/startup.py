@@ -1,0 +1,115 @@
+"""How long whole commands take, from an empty process to the JSON on standard output.
+
+`--help` (what a person waits for before anything happens), and `plan` of the paper's grid of six
+vehicles, of a 10 x 10 grid and of a 40 x 25 grid. Files are in the system's cache and compiled to
+byte code: one run before the timed ones sees to that.
+
+    python benchmarks/startup.py
+"""
+
+import json
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks import Figure, print_figures
+
+ROOT = Path(__file__).resolve().parents[1]
+
+COMMON = """\
+landmarks_m: {landmarks}
+sensor: {{range_m: 50, bearing_sigma_rad: 0.1, sample_time_s: 0.1}}
+motion: {{speed_sigma_mps: 0.1, turn_rate_sigma_rad_s: 0.01}}
+initial_sigma: {{position_m: 5, heading_rad: 0.1}}
+duration_s: 200
+"""
+
+ORBIT = "orbit: {radius_m: 20, angular_rate_rad_s: 0.2, direction: ccw, first_phase_rad: 0.3}\n"
+
+PAPER_GRID = (
+    """\
+name: paper-grid-same
+formation:
+  centers_m: [[0, 0], [70, 0], [140, 0], [140, 70], [70, 70], [0, 70]]
+  links: [[v1, v2], [v2, v3], [v3, v4], [v4, v5], [v5, v6], [v6, v1], [v2, v5]]
+"""
+    + ORBIT
+    + COMMON.format(landmarks="[[190, 0], [190, 70]]")
+)
+
+
+def grid(count: int, columns: int) -> str:
+    """Return the scenario of a grid whose first column has two landmarks beside it."""
+    return (
+        f"name: grid-{count}\n"
+        f"formation: {{shape: grid, count: {count}, columns: {columns}, spacing_m: 70}}\n"
+        + ORBIT
+        + COMMON.format(landmarks="[[-40, 0], [-40, 70]]")
+    )
+
+
+CASES = {
+    "help": ("syncplan --help", None, 0, 5),
+    "plan_6": ("syncplan plan, 6 vehicles", PAPER_GRID, 6, 5),
+    "plan_100": ("syncplan plan, 100 vehicles", grid(100, 10), 100, 5),
+    "plan_1000": ("syncplan plan, 1,000 vehicles", grid(1000, 40), 1000, 1),
+}
+"""Label, scenario, its vehicles and how often it is timed."""
+
+TARGETS_S = {"help": 0.3, "plan_6": 0.3, "plan_100": 1.5, "plan_1000": 5.0}
+
+
+def _run(arguments: list[str]) -> tuple[float, str]:
+    """Seconds of one process, and what it wrote. Raises RuntimeError if it fails."""
+    begin = time.perf_counter()
+    done = subprocess.run(
+        [sys.executable, "-m", "syncplan", *arguments],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    seconds = time.perf_counter() - begin
+    if done.returncode != 0:
+        raise RuntimeError(f"syncplan {' '.join(arguments)}: {done.returncode}, {done.stderr}")
+    return seconds, done.stdout
+
+
+def main() -> dict[str, float]:
+    """Return the best and the median seconds of each command."""
+    result: dict[str, float] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for case, (_, scenario, count, repeats) in CASES.items():
+            arguments = ["--help"]
+            if scenario is not None:
+                path = Path(folder) / f"{case}.yaml"
+                path.write_text(scenario, encoding="utf-8")
+                arguments = ["plan", str(path)]
+            if repeats > 1:
+                _run(arguments)
+            runs = [_run(arguments) for _ in range(repeats)]
+            if scenario is not None and len(json.loads(runs[-1][1])["vehicles"]) != count:
+                raise RuntimeError(f"{case}: the plan has other vehicles than its scenario")
+            result[f"{case}_best_s"] = min(seconds for seconds, _ in runs)
+            result[f"{case}_median_s"] = statistics.median(seconds for seconds, _ in runs)
+    return result
+
+
+def figures(result: dict[str, float]) -> list[Figure]:
+    """Return what is shown of a result: the best of each command."""
+    return [
+        Figure(label, result[f"{case}_best_s"], "s", TARGETS_S[case])
+        for case, (label, _, _, _) in CASES.items()
+    ]
+
+
+if __name__ == "__main__":
+    found = main()
+    print_figures(figures(found))
+    medians = ", ".join(f"{found[f'{case}_median_s']:.2f}" for case in CASES)
+    print(f"medians: {medians} s")

@@ -1,0 +1,1 @@
+"""Short programs that are the manual and the regression suite at once."""

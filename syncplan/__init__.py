@@ -1,0 +1,96 @@
+"""syncplan: synchronised circular orbits that let a team of robots localise itself.
+
+From a scenario (circles, sensors, a few known landmarks) to phases at which neighbours meet once a
+turn, a verdict on whether the union of their sightings makes every position and heading
+observable, the least error any filter can reach, and a Monte Carlo of an extended Kalman filter
+that proves it.
+
+    import syncplan
+    scenario = syncplan.load_scenario("examples/scenarios/paper-grid-same.yaml")
+    plan = syncplan.plan(scenario)
+    report = syncplan.validate(plan, trials=200, seed=1)
+    print(plan.observable, report.accuracy.late_position, report.predicted)
+
+Notation
+--------
+SI units and radians; x east, y north, angles from +x counter-clockwise. Words in signatures,
+symbols in bodies:
+
+    n, m       number of vehicles, of landmarks; bodies from n on are landmarks
+    c, R       centers (n, 2) m, radii (n,) m
+    d          senses (n,), +1 counter-clockwise, -1 clockwise
+    omega      rate, rad/s, common to all; T = 2 pi / omega the period; tau = omega t
+    phi        phases (n,) rad; phi_i(t) = phi_i + d_i omega t
+    psi        headings, phi + d pi / 2 (the paper writes psi for both)
+    theta      time-phases d phi
+    D, beta    distance and bearing from one centre to another
+    q          position of a target relative to its observer
+    Ts         sample time; sightings fall at k Ts
+    P          covariance of the error of (x, y, psi) of all vehicles
+    Phi        transition of errors from one time to another
+
+Modules, each using only those before it
+----------------------------------------
+    errors, formation, scenario, loading      what the user says, checked
+    blas                                      one thread for linear algebra
+    orbits, trigpoly, contacts, separation    circles, exact contact windows, least distances
+    sightings, noise, graph                   samples, sigmas, who sees whom
+    rules, slack, relaxation, senses, sync    phases and senses
+    observability, certificate, motions       rank, why it holds, what is lost
+    connectivity, bounds, meetings            how often, how well, each pair
+    arcs, ekf, consistency                    the filter, and whether it is honest
+    trials, montecarlo                        many runs of it
+    planner, validation, sweeps               the chain
+    document, report, planfile, output        contracts and files
+    tables, cli                               the command line
+
+References
+----------
+"Observability Conditions for Switching Sensing Topology for Cooperative Localization" (the paper);
+Diaz-Banez et al., "A general framework for synchronizing a team of robots under communication
+constraints", IEEE Transactions on Robotics, 2017.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+__all__ = [
+    "InputError",
+    "Plan",
+    "Scenario",
+    "SyncplanError",
+    "Validation",
+    "load_scenario",
+    "plan",
+    "sweep",
+    "validate",
+]
+
+__version__ = "0.1.0"
+
+_HOME = {
+    "InputError": "errors",
+    "Plan": "planner",
+    "Scenario": "scenario",
+    "SyncplanError": "errors",
+    "Validation": "validation",
+    "load_scenario": "loading",
+    "plan": "planner",
+    "sweep": "sweeps",
+    "validate": "validation",
+}
+
+if TYPE_CHECKING:
+    from syncplan.errors import InputError, SyncplanError
+    from syncplan.loading import load_scenario
+    from syncplan.planner import Plan, plan
+    from syncplan.scenario import Scenario
+    from syncplan.sweeps import sweep
+    from syncplan.validation import Validation, validate
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name where it is first used, so that importing syncplan costs nothing."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'syncplan' has no attribute {name!r}")
+    return getattr(import_module(f"syncplan.{_HOME[name]}"), name)

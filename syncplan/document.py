@@ -1,0 +1,274 @@
+"""The JSON contracts of plans and reports, shared by command line, files and service."""
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from syncplan.scenario import Scenario
+
+__all__ = ["PlanDocument", "ValidationDocument"]
+
+Point = tuple[float, float]
+Window = tuple[float, float]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class VehicleOrbit(_Part):
+    """One vehicle's circle and its pose at time 0."""
+
+    name: str
+    center_m: Point
+    radius_m: float
+    direction: Literal["ccw", "cw"]
+    speed_mps: float
+    phase_rad: float = Field(description="Angle from +x about the centre, in [0, 2 pi)")
+    position_m: Point
+    heading_rad: float = Field(description="Direction of flight from +x, in [0, 2 pi)")
+
+
+class DirectedContact(_Part):
+    """When one vehicle sees the other."""
+
+    from_: str = Field(alias="from", serialization_alias="from")
+    to: str
+    windows_s: list[Window]
+    contact_s: float
+
+
+class Link(_Part):
+    """A meeting of two vehicles, once a period."""
+
+    a: str
+    b: str
+    rule: Literal["same", "opposite"]
+    phase_residual_rad: float
+    min_distance_m: float
+    contact_s: float
+    windows_s: list[Window] = Field(description="Union of both ways; an end may pass the period")
+    directed: list[DirectedContact]
+    phase_tolerance_rad: float = Field(
+        description="How far either phase may slip before contact is lost; pi if it never is"
+    )
+    phase_tolerance_s: float = Field(description="The same as time: how late a vehicle may be")
+    rank: int
+    certified: bool
+    reason: str
+
+
+class LandmarkLink(_Part):
+    """When a vehicle sees a landmark."""
+
+    vehicle: str
+    landmark: str
+    min_distance_m: float
+    windows_s: list[Window]
+    contact_s: float
+    rank: int
+    certified: bool
+    reason: str
+
+
+class DroppedLink(_Part):
+    """A listed link that never comes into contact."""
+
+    a: str
+    b: str
+    reason: str
+
+
+class CloseApproach(_Part):
+    """The nearest two vehicles come, and when first."""
+
+    min_m: float
+    between: tuple[str, str]
+    time_s: float
+
+
+class Separation(_Part):
+    """Least separation over all pairs, and the pairs below the least allowed."""
+
+    min_m: float | None
+    between: tuple[str, str] | None
+    time_s: float | None
+    required_m: float
+    violations: list[CloseApproach]
+
+
+class CertificateVerdict(_Part):
+    """The corrected Theorem 3.3."""
+
+    holds: bool
+    reason: str
+
+
+class VehicleMotion(_Part):
+    """How one vehicle moves in an unobservable motion."""
+
+    vehicle: str
+    shift_m: Point
+    turn_rad: float
+
+
+class Unobservable(_Part):
+    """A motion of the team that no sighting tells."""
+
+    description: str
+    vehicles: list[str]
+    motion: list[VehicleMotion]
+    cure: str
+
+
+class ObservabilityVerdict(_Part):
+    """Rank and conditioning of the windowed matrix, positions in mean radii."""
+
+    rank: int
+    state_dim: int
+    observable: bool
+    window_s: float
+    rank_gap: float | None = Field(
+        description="Last counted singular value over the first not counted; null if none is left"
+    )
+    certificate: CertificateVerdict
+    condition_number: float | None
+    min_eigenvalue: float
+    singular_values: list[float]
+    unobservable: list[Unobservable]
+
+
+class Witness(_Part):
+    """One component of the certificate: two landmark links and a tree of rank-3 links."""
+
+    vehicles: list[str]
+    landmark_links: list[tuple[str, str]]
+    vehicle_links: list[tuple[str, str]]
+
+
+class ErrorPrediction(_Part):
+    """Predicted RMS position error: per vehicle and over all."""
+
+    overall: float | None
+    vehicles: dict[str, float | None]
+    note: str = ""
+
+
+class SynchronisationRecord(_Part):
+    """How the phases were found."""
+
+    method: str
+    smallest_margin_m: float | None
+    bound_m: float | None
+    bound_note: str
+    odd_cycle: list[str]
+    alternating_proven_largest: bool | None
+
+
+class PlanDocument(_Part):
+    """A plan: orbits, meetings and the verdict on observability."""
+
+    version: str = Field(description="Version of syncplan that made the plan")
+    scenario: Scenario
+    period_s: float
+    vehicles: list[VehicleOrbit]
+    links: list[Link]
+    landmark_links: list[LandmarkLink]
+    incidental_links: list[Link]
+    dropped_links: list[DroppedLink]
+    synchronisation: SynchronisationRecord
+    connectivity_period_s: float | None
+    separation: Separation
+    observability: ObservabilityVerdict
+    witness: list[Witness]
+    predicted_rms_m: ErrorPrediction
+    steady_rms_m: ErrorPrediction | None
+    window_bound_m: ErrorPrediction
+    notes: list[str]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the document as JSON values, unset keys of the scenario left out."""
+        values = self.model_dump(mode="json", by_alias=True, exclude={"scenario"})
+        scenario = self.scenario.model_dump(mode="json", exclude_none=True)
+        return {"version": values.pop("version"), "scenario": scenario, **values}
+
+
+class Spread(_Part):
+    """A normalised squared error: its mean, the 95 % band it should lie in, and what that says."""
+
+    value: float | None
+    band: tuple[float, float] | None = Field(description="Two-sided 95 % chi-square band")
+    verdict: Literal["consistent", "optimistic", "conservative", "unknown"]
+    count: int = Field(description="Degrees of freedom the band rests on")
+
+
+class ErrorFigures(_Part):
+    """Errors over all trials; RMS over the samples after time 0."""
+
+    rms_m: float
+    rms_second_half_m: float
+    rms_x_m: float
+    rms_y_m: float
+    rms_heading_rad: float
+    final_error_m: float = Field(description="RMS over the trials at the last sample")
+    predicted_rms_m: float | None
+    rms_over_predicted: float | None = Field(description="Second-half RMS over predicted RMS")
+    coverage_3sigma: float = Field(description="Share of coordinates within 3 sigma; ideal 0.9973")
+
+
+class VehicleFigures(ErrorFigures):
+    """Errors of one vehicle."""
+
+    name: str
+
+
+class FilterRecord(_Part):
+    """The filter that was run."""
+
+    model: Literal["arc", "euler"]
+    substeps: int
+    gate_probability: float | None
+    gated: int = Field(description="Bearings rejected by the gate")
+    used: int = Field(description="Bearings used")
+
+
+class VehicleSeries(_Part):
+    """Errors of one vehicle over time, averaged over the trials."""
+
+    name: str
+    rms_m: list[float]
+    mean_x_m: list[float]
+    mean_y_m: list[float]
+    mean_heading_rad: list[float]
+    sigma_m: list[float] = Field(description="The filter's own position sigma")
+    sigma_heading_rad: list[float]
+
+
+class Series(_Part):
+    """Errors over time."""
+
+    time_s: list[float]
+    vehicles: list[VehicleSeries]
+
+
+class ValidationDocument(_Part):
+    """A Monte Carlo run of the filter on a plan."""
+
+    version: str
+    name: str
+    trials: int
+    seed: int
+    duration_s: float
+    filter: FilterRecord
+    observable: bool
+    vehicles: list[VehicleFigures]
+    overall: ErrorFigures
+    anees: Spread
+    nis: Spread
+    series: Series | None = None
+    notes: list[str]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the report as JSON values, without `series` where it was not asked for."""
+        left_out = {"series"} if self.series is None else set()
+        return self.model_dump(mode="json", exclude=left_out)

@@ -1,0 +1,47 @@
+"""The errors syncplan raises on purpose; each message names the object, its value and a remedy."""
+
+__all__ = ["InputError", "MissingExtraError", "NoSolutionError", "SyncplanError"]
+
+
+class SyncplanError(Exception):
+    """Base of every error raised on purpose; `exit_code` is the command line's status for it."""
+
+    exit_code = 1
+
+
+class InputError(SyncplanError):
+    """The caller's input can't be used: `key` is the dotted path of what is at fault.
+
+    Parameters
+    ----------
+    problem : what is wrong, with the value and what is allowed, in one line
+    key : dotted path inside the scenario or plan, or the name of an option
+    source : file the input came from
+    """
+
+    exit_code = 2
+
+    def __init__(self, problem: str, *, key: str = "", source: str = "") -> None:
+        self.problem = problem
+        self.key = key
+        self.source = source
+        super().__init__(": ".join(part for part in (source, key, problem) if part))
+
+    def located_in(self, source: str) -> "InputError":
+        """Return the same error naming `source` as the file at fault."""
+        return InputError(self.problem, key=self.key, source=source)
+
+
+class NoSolutionError(SyncplanError):
+    """The request is well formed, but no solution exists or none was found."""
+
+    exit_code = 4
+
+
+class MissingExtraError(SyncplanError):
+    """A feature needs packages of an optional extra that is not installed."""
+
+    exit_code = 2
+
+    def __init__(self, feature: str, extra: str) -> None:
+        super().__init__(f"{feature} needs the extra [{extra}]: pip install 'syncplan[{extra}]'")

@@ -1,0 +1,184 @@
+"""Reading scenarios: YAML 1.2 or JSON, from a file or standard input, every fault in one line."""
+
+import difflib
+import io
+import json
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NoReturn
+
+from pydantic import BaseModel, ValidationError
+
+from syncplan.errors import InputError
+from syncplan.scenario import MAX_VEHICLES, Scenario
+
+__all__ = ["load_scenario", "parse_document", "read_text", "scenario_from", "validation_fault"]
+
+LARGEST_FILE_BYTES = 64 * 2**20
+
+_TAGS = {"one", "many", "listed", "named"}
+_VALUE_LENGTH = 60
+
+
+def load_scenario(path: str | Path, *, max_vehicles: int = MAX_VEHICLES) -> Scenario:
+    """Return the scenario of a YAML 1.2 or JSON file; "-" reads standard input.
+
+    Raises InputError naming the file, the key, its value and what is allowed.
+    """
+    name, text = read_text(path)
+    return scenario_from(parse_document(text, name), source=name, max_vehicles=max_vehicles)
+
+
+def read_text(path: str | Path) -> tuple[str, str]:
+    """Return (name to show, text) of a file or, for "-", of standard input."""
+    name = "standard input" if str(path) == "-" else str(path)
+    try:
+        if str(path) == "-":
+            data = sys.stdin.buffer.read(LARGEST_FILE_BYTES + 1)
+        else:
+            with Path(path).open("rb") as file:
+                data = file.read(LARGEST_FILE_BYTES + 1)
+    except FileNotFoundError:
+        raise InputError("no such file; check the path", source=name) from None
+    except IsADirectoryError:
+        raise InputError("is a directory; give a scenario or plan file", source=name) from None
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        raise InputError(f"can't be read: {reason}", source=name) from None
+    if len(data) > LARGEST_FILE_BYTES:
+        raise InputError(f"is larger than {LARGEST_FILE_BYTES // 2**20} MiB", source=name)
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"is not text: byte {error.start} is not UTF-8; give a YAML or JSON file", source=name
+        ) from None
+    if not text.strip():
+        raise InputError("is empty; see 'syncplan schema' for what a scenario holds", source=name)
+    return name, text
+
+
+def parse_document(text: str, source: str) -> dict[str, Any]:
+    """Return the mapping a JSON or YAML 1.2 text holds."""
+    document = _parse_json(text) if text.lstrip().startswith("{") else None
+    if document is None:
+        document = _parse_yaml(text, source)
+    if not isinstance(document, dict):
+        raise InputError(
+            f"holds {_describe(document)} where a mapping of keys is expected; "
+            "see 'syncplan schema'",
+            source=source,
+        )
+    return document
+
+
+def _parse_json(text: str) -> Any:
+    """A JSON document, or None: flow-style YAML starts with a brace too."""
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError):
+        return None
+
+
+def _parse_yaml(text: str, source: str) -> Any:
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import MarkedYAMLError, YAMLError
+
+    try:
+        return YAML(typ="safe", pure=True).load(io.StringIO(text))
+    except MarkedYAMLError as error:
+        mark = error.problem_mark
+        place = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
+        what = " ".join(str(error.problem or error.context or "unreadable").split())
+        raise InputError(f"{place}not valid YAML: {what}", source=source) from None
+    except RecursionError:
+        raise InputError("is nested too deeply", source=source) from None
+    except (YAMLError, ValueError, TypeError, AttributeError) as error:
+        what = " ".join(str(error).split())[:200]
+        raise InputError(f"not valid YAML: {what}", source=source) from None
+
+
+def scenario_from(
+    document: Mapping[str, Any], *, source: str = "", max_vehicles: int = MAX_VEHICLES
+) -> Scenario:
+    """Return the checked scenario of a mapping; `source` names it in messages."""
+    try:
+        return Scenario.model_validate(dict(document), context={"max_vehicles": max_vehicles})
+    except ValidationError as error:
+        validation_fault(error, Scenario, source)
+    except RecursionError:
+        raise InputError("is nested too deeply", source=source) from None
+
+
+def validation_fault(error: ValidationError, model: type[BaseModel], source: str) -> NoReturn:
+    """Raise the InputError for the first of a model's faults, unknown keys before all others."""
+    faults = error.errors(include_url=False)
+    first = min(faults, key=lambda item: item["type"] != "extra_forbidden")
+    key = _dotted(first["loc"], first.get("ctx", {}).get("key", ""))
+    message = _remedy(dict(first), model)
+    if len(faults) > 1:
+        message += f" (and {len(faults) - 1} more)"
+    raise InputError(message, key=key, source=source) from None
+
+
+def _dotted(location: tuple[int | str, ...], inner: str) -> str:
+    key = ""
+    for part in location:
+        if part in _TAGS or part == "[key]":
+            continue
+        if isinstance(part, int):
+            key += f"[{part}]"
+        else:
+            key += f".{part}" if key else str(part)
+    return f"{key}.{inner}" if key and inner else key or inner
+
+
+def _remedy(fault: dict[str, Any], model: type[BaseModel]) -> str:
+    kind, message = fault["type"], fault["msg"]
+    if kind == "extra_forbidden":
+        allowed = list(_model_at(model, fault["loc"][:-1]).model_fields)
+        near = difflib.get_close_matches(str(fault["loc"][-1]), allowed, n=1)
+        hint = f"did you mean {near[0]}? " if near else ""
+        return f"unknown key; {hint}allowed: {', '.join(allowed)}"
+    if kind == "missing":
+        return "is missing"
+    if kind == "rule":
+        value = fault["ctx"].get("value")
+        return message if value is None else f"{_describe(value)}: {message}"
+    for old, new in (
+        ("Input should be", "must be"),
+        ("Input should have", "must have"),
+        ("String should", "must"),
+        ("List should", "must"),
+        ("Tuple should", "must"),
+    ):
+        message = message.replace(old, new)
+    return f"{_describe(fault['input'])}: {message}"
+
+
+def _model_at(model: type[BaseModel], location: tuple[int | str, ...]) -> type[BaseModel]:
+    """The model a location lies in: the deepest one its field names lead to."""
+    for part in location:
+        field = model.model_fields.get(str(part))
+        inner = _model_in(field.annotation) if field is not None else None
+        if inner is not None:
+            model = inner
+    return model
+
+
+def _model_in(annotation: Any) -> type[BaseModel] | None:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    for argument in getattr(annotation, "__args__", ()):
+        found = _model_in(argument)
+        if found is not None:
+            return found
+    return None
+
+
+def _describe(value: Any) -> str:
+    if value is None:
+        return "nothing"
+    text = json.dumps(value, default=str) if not isinstance(value, str) else repr(value)
+    return text if len(text) <= _VALUE_LENGTH else text[: _VALUE_LENGTH - 3] + "..."

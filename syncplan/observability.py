@@ -1,0 +1,250 @@
+"""Windowed observability: the matrix of equations (5)-(9) in closed form, its rank and its gap.
+
+Every bearing row is referred to the initial state by the closed-form transition, so that it has
+six non-zeros (three for a landmark) and no matrix product is formed. With q the target's position
+relative to the observer, rho its length and p(t) - p(0) the way each has gone:
+
+    d bearing / d p_target     =  (-q_y, q_x) / rho^2        and minus that for the observer
+    d bearing / d psi_target   =  q . (p_t(t) - p_t(0)) / rho^2
+    d bearing / d psi_observer = -q . (p_o(t) - p_o(0)) / rho^2 - 1
+
+Rows are divided by their sigma; positions are in mean radii, so all columns are pure numbers.
+Each link's rows are first reduced to at most six by its own singular value decomposition. That is
+an orthogonal change of the rows: the singular values of the whole matrix stay what they are, and
+nothing is ever squared.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.contacts import Sensors, relative_motion
+from syncplan.orbits import Orbits
+from syncplan.sightings import Sightings
+
+__all__ = [
+    "LINK_TOLERANCE",
+    "RANK_TOLERANCE",
+    "LinkInformation",
+    "Observability",
+    "PairRows",
+    "assess",
+    "bearing_rows",
+    "link_information",
+    "pair_rows",
+]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+RANK_TOLERANCE = 1e-8
+"""A singular value of the whole matrix counts above this share of the largest."""
+
+LINK_TOLERANCE = 1e-6
+"""A singular value of one link's matrix counts above this share of its largest."""
+
+
+@dataclass(frozen=True, slots=True)
+class PairRows:
+    """The bearing rows of one pair, both ways together, in order of time.
+
+    Attributes
+    ----------
+    a, b : indices, a < b; b is a landmark from n on
+    rows : (k, 6) columns of a, then of b
+    steps : (k,) sample numbers
+    one_way : whether only one of the two sees the other
+    """
+
+    a: int
+    b: int
+    rows: Array
+    steps: Index
+    one_way: bool
+
+
+@dataclass(frozen=True, slots=True)
+class LinkInformation:
+    """What the sightings of one pair, both ways together, tell of its two poses.
+
+    Attributes
+    ----------
+    a, b : indices, a < b; b is a landmark from n on
+    sightings : number of bearings
+    one_way : whether only one of the two sees the other
+    singular_values : (k,) of the scaled rows, descending
+    directions : (k, 6) right singular vectors over (x_a, y_a, psi_a, x_b, y_b, psi_b), positions
+        in mean radii; landmarks have zeros in the last three
+    """
+
+    a: int
+    b: int
+    sightings: int
+    one_way: bool
+    singular_values: Array
+    directions: Array
+
+    @property
+    def rank(self) -> int:
+        """Number of singular values above LINK_TOLERANCE times the largest."""
+        return _rank(self.singular_values, LINK_TOLERANCE)
+
+
+@dataclass(frozen=True, slots=True)
+class Observability:
+    """Rank and conditioning of the windowed matrix of the whole team.
+
+    Attributes
+    ----------
+    rank, state_dim : of the matrix; state_dim is three times the number of vehicles
+    singular_values : (state_dim,) descending, scaled columns
+    gap : ratio of the last singular value that counts to the first that does not; infinite
+        where all count or the rest is exactly zero
+    null_space : (state_dim - rank, state_dim) orthonormal unobservable directions, scaled columns
+    scale : m, the mean radius that positions are measured in
+    """
+
+    rank: int
+    state_dim: int
+    singular_values: Array
+    gap: float
+    null_space: Array
+    right_vectors: Array
+    scale: float
+
+    @property
+    def observable(self) -> bool:
+        """Whether every position and heading is determined."""
+        return self.rank == self.state_dim
+
+    @property
+    def condition_number(self) -> float:
+        """Largest over smallest singular value; infinite where unobservable."""
+        if not self.observable:
+            return float("inf")
+        return float(self.singular_values[0] / self.singular_values[-1])
+
+    @property
+    def min_eigenvalue(self) -> float:
+        """Smallest eigenvalue of the windowed information, scaled columns; 0 if unobservable."""
+        return float(self.singular_values[-1] ** 2) if self.observable else 0.0
+
+
+def bearing_rows(orbits: Orbits, landmarks: Array, sensors: Sensors, sightings: Sightings) -> Array:
+    """Return (s, 6) bearing rows referred to time 0, over sigma: observer's three, target's three.
+
+    Positions in mean radii; a landmark's three are zero. A sighting at distance zero has no
+    bearing and its row is zero.
+    """
+    n = orbits.count
+    observers, targets = sightings.observers, sightings.targets
+    tau = sightings.steps.astype(float) * (orbits.rate * sensors.sample_time)
+    motion = relative_motion(orbits, landmarks, observers, targets)
+    q = motion.at(tau[:, None])[:, 0]
+    vehicle = targets < n
+    own = _way_gone(orbits, observers, tau)
+    other = _way_gone(orbits, np.where(vehicle, targets, 0), tau)
+    squared = np.sum(q * q, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        toward = q / squared[:, None]
+    met = squared > 0.0
+    toward[~met] = 0.0
+    scale = float(orbits.radii.mean())
+    rows = np.empty((len(tau), 6))
+    rows[:, 3] = -toward[:, 1] * scale
+    rows[:, 4] = toward[:, 0] * scale
+    rows[:, :2] = -rows[:, 3:5]
+    rows[:, 2] = -np.sum(toward * own, axis=1) - met
+    rows[:, 5] = np.sum(toward * other, axis=1)
+    rows[~vehicle, 3:] = 0.0
+    return np.asarray(rows / sensors.bearing_sigmas[observers, None])
+
+
+def _way_gone(orbits: Orbits, vehicles: Index, tau: Array) -> Array:
+    """(s, 2) displacement in m of each vehicle since time 0."""
+    start = orbits.phases[vehicles]
+    end = start + orbits.senses[vehicles] * tau
+    moved = np.column_stack([np.cos(end) - np.cos(start), np.sin(end) - np.sin(start)])
+    return np.asarray(orbits.radii[vehicles, None] * moved)
+
+
+def pair_rows(
+    orbits: Orbits, landmarks: Array, sensors: Sensors, sightings: Sightings
+) -> Iterator[PairRows]:
+    """Yield the rows of each pair that is sighted at least once, ordered by (a, b)."""
+    rows = bearing_rows(orbits, landmarks, sensors, sightings)
+    swapped = (sightings.targets < orbits.count) & (sightings.targets < sightings.observers)
+    rows = np.where(swapped[:, None], rows[:, [3, 4, 5, 0, 1, 2]], rows)
+    a = np.where(swapped, sightings.targets, sightings.observers)
+    b = np.where(swapped, sightings.observers, sightings.targets)
+    order = np.lexsort((sightings.steps, b, a))
+    a, b, rows, swapped = a[order], b[order], rows[order], swapped[order]
+    steps = sightings.steps[order]
+    first = np.flatnonzero((np.diff(a, prepend=-1) != 0) | (np.diff(b, prepend=-1) != 0))
+    for begin, end in pairwise([*first.tolist(), len(a)]):
+        ways = swapped[begin:end]
+        yield PairRows(
+            a=int(a[begin]),
+            b=int(b[begin]),
+            rows=rows[begin:end],
+            steps=steps[begin:end],
+            one_way=bool(ways.all() or not ways.any()),
+        )
+
+
+def link_information(
+    orbits: Orbits, landmarks: Array, sensors: Sensors, sightings: Sightings
+) -> list[LinkInformation]:
+    """Return what each pair that is sighted at least once tells, ordered by (a, b)."""
+    links = []
+    for pair in pair_rows(orbits, landmarks, sensors, sightings):
+        _, values, directions = np.linalg.svd(pair.rows, full_matrices=False)
+        links.append(
+            LinkInformation(pair.a, pair.b, len(pair.rows), pair.one_way, values, directions)
+        )
+    return links
+
+
+def assess(orbits: Orbits, links: list[LinkInformation]) -> Observability:
+    """Return rank, gap and unobservable directions of the windowed matrix."""
+    size = 3 * orbits.count
+    matrix = _stacked(links, orbits.count)
+    if len(matrix) > size:
+        matrix = np.asarray(np.linalg.qr(matrix, mode="r"))
+    _, values, right = np.linalg.svd(matrix, full_matrices=True)
+    values = np.concatenate([values, np.zeros(size - len(values))])
+    rank = _rank(values, RANK_TOLERANCE)
+    below = values[rank] if rank < size else 0.0
+    return Observability(
+        rank=rank,
+        state_dim=size,
+        singular_values=values,
+        gap=float(values[rank - 1] / below) if rank and below > 0.0 else float("inf"),
+        null_space=right[rank:],
+        right_vectors=right,
+        scale=float(orbits.radii.mean()),
+    )
+
+
+def _stacked(links: list[LinkInformation], count: int) -> Array:
+    """The reduced rows of all links in the team's columns."""
+    total = sum(len(link.singular_values) for link in links)
+    matrix = np.zeros((total, 3 * count))
+    row = 0
+    for link in links:
+        reduced = link.singular_values[:, None] * link.directions
+        rows = slice(row, row + len(reduced))
+        matrix[rows, 3 * link.a : 3 * link.a + 3] = reduced[:, :3]
+        if link.b < count:
+            matrix[rows, 3 * link.b : 3 * link.b + 3] = reduced[:, 3:]
+        row += len(reduced)
+    return matrix
+
+
+def _rank(values: Array, tolerance: float) -> int:
+    if len(values) == 0 or values[0] == 0.0:
+        return 0
+    return int(np.sum(values > tolerance * values[0]))

@@ -1,0 +1,86 @@
+"""Plan files read back: the orbits they state, judged afresh."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError
+
+from syncplan.errors import InputError
+from syncplan.loading import parse_document, read_text, scenario_from, validation_fault
+from syncplan.orbits import Orbits
+from syncplan.scenario import MAX_VEHICLES, Scenario
+
+__all__ = ["Loaded", "load", "orbits_from"]
+
+Point = Annotated[
+    tuple[Annotated[float, Field(ge=-1e7, le=1e7)], Annotated[float, Field(ge=-1e7, le=1e7)]],
+    Strict(False),
+]
+
+
+class _Vehicle(BaseModel):
+    """What a plan must state of a vehicle; other keys are derived and not read."""
+
+    model_config = ConfigDict(extra="ignore", strict=True, allow_inf_nan=False)
+
+    name: str
+    center_m: Point
+    radius_m: float = Field(gt=0, le=1e7)
+    direction: Literal["ccw", "cw"]
+    phase_rad: float = Field(ge=-1e6, le=1e6)
+
+
+class _PlanFile(BaseModel):
+    model_config = ConfigDict(extra="ignore", strict=True)
+
+    vehicles: list[_Vehicle]
+
+
+@dataclass(frozen=True, slots=True)
+class Loaded:
+    """A scenario file, or a plan file with the orbits it states."""
+
+    scenario: Scenario
+    orbits: Orbits | None
+
+
+def load(path: str | Path, *, max_vehicles: int = MAX_VEHICLES) -> Loaded:
+    """Return what a scenario or plan file holds; "-" reads standard input.
+
+    A plan is known by its keys `scenario` and `vehicles`. Raises InputError.
+    """
+    name, text = read_text(path)
+    document = parse_document(text, name)
+    if "vehicles" not in document or "scenario" not in document:
+        return Loaded(scenario_from(document, source=name, max_vehicles=max_vehicles), None)
+    inner = document["scenario"]
+    if not isinstance(inner, dict):
+        raise InputError("must be a mapping: the scenario of the plan", key="scenario", source=name)
+    scenario = scenario_from(inner, source=f"{name}: scenario", max_vehicles=max_vehicles)
+    return Loaded(scenario, orbits_from(document, scenario, source=name))
+
+
+def orbits_from(document: Mapping[str, Any], scenario: Scenario, *, source: str = "") -> Orbits:
+    """Return the orbits a plan document states for the vehicles of its scenario."""
+    try:
+        stated = _PlanFile.model_validate(dict(document)).vehicles
+    except ValidationError as error:
+        validation_fault(error, _PlanFile, source)
+    names = [vehicle.name for vehicle in stated]
+    if names != scenario.vehicle_names:
+        raise InputError(
+            f"{names[:6]} are not the vehicles of the plan's scenario, "
+            f"{scenario.vehicle_names[:6]}; both must name the same, in the same order",
+            key="vehicles",
+            source=source,
+        )
+    return Orbits(
+        centers=np.array([vehicle.center_m for vehicle in stated], dtype=float),
+        radii=np.array([vehicle.radius_m for vehicle in stated]),
+        senses=np.array([1.0 if vehicle.direction == "ccw" else -1.0 for vehicle in stated]),
+        phases=np.array([vehicle.phase_rad for vehicle in stated]),
+        rate=scenario.orbit.rate,
+    )

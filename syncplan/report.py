@@ -1,0 +1,448 @@
+"""Reports: results as documents, with everything the reader must not miss in words."""
+
+import math
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.consistency import Consistency
+from syncplan.document import (
+    CertificateVerdict,
+    CloseApproach,
+    DirectedContact,
+    DroppedLink,
+    ErrorFigures,
+    ErrorPrediction,
+    FilterRecord,
+    LandmarkLink,
+    Link,
+    ObservabilityVerdict,
+    PlanDocument,
+    Separation,
+    Series,
+    Spread,
+    SynchronisationRecord,
+    Unobservable,
+    ValidationDocument,
+    VehicleFigures,
+    VehicleMotion,
+    VehicleOrbit,
+    VehicleSeries,
+    Window,
+    Witness,
+)
+from syncplan.meetings import Meeting
+from syncplan.orbits import heading, position
+from syncplan.planner import Plan
+from syncplan.sweeps import SWEEPABLE, SweepRow
+from syncplan.trials import Accuracy, series
+from syncplan.validation import Validation
+
+__all__ = ["certificate_reason", "plan_document", "sweep_document", "validation_document"]
+
+NEAR_MISS = 0.05
+"""Vehicles that come nearer than this share of the mean radius are told of in any case."""
+
+Array = NDArray[np.float64]
+Point = tuple[float, float]
+
+
+def plan_document(plan: Plan) -> PlanDocument:
+    """Return the document of a plan; angles in [0, 2 pi), infinities as null."""
+    from syncplan import __version__
+
+    names, landmarks = plan.scenario.vehicle_names, plan.scenario.landmark_names
+    return PlanDocument(
+        version=__version__,
+        scenario=plan.scenario,
+        period_s=plan.orbits.period,
+        vehicles=_vehicles(plan, names),
+        links=[_link(plan, item, names) for item in plan.links],
+        landmark_links=[
+            _landmark_link(plan, item, names, landmarks) for item in plan.landmark_links
+        ],
+        incidental_links=[_link(plan, item, names) for item in plan.incidental_links],
+        dropped_links=[
+            DroppedLink(a=names[item.a], b=names[item.b], reason=item.reason)
+            for item in plan.dropped_links
+        ],
+        synchronisation=_synchronisation(plan, names),
+        connectivity_period_s=plan.connectivity_period,
+        separation=_separation(plan, names),
+        observability=_observability(plan, names),
+        witness=[
+            Witness(
+                vehicles=[names[k] for k in tree.vehicles],
+                landmark_links=[(names[v], landmarks[k]) for v, k in tree.landmark_links],
+                vehicle_links=[(names[a], names[b]) for a, b in tree.vehicle_links],
+            )
+            for tree in plan.certificate.witness
+        ],
+        predicted_rms_m=_errors(plan.prediction.rms, names, plan.prediction.note),
+        steady_rms_m=(
+            None if plan.prediction.steady is None else _errors(plan.prediction.steady, names)
+        ),
+        window_bound_m=_errors(plan.prediction.window, names),
+        notes=_notes(plan, names),
+    )
+
+
+def certificate_reason(plan: Plan) -> str:
+    """Return in words why the certificate holds or does not."""
+    certificate = plan.certificate
+    if certificate.holds:
+        parts = len(certificate.witness)
+        whole = "all vehicles are" if parts == 1 else f"each of {parts} components of vehicles is"
+        return f"{whole} joined by rank-3 links and held by two distinct landmarks"
+    names, landmarks = plan.scenario.vehicle_names, plan.scenario.landmark_names
+    who = ", ".join(names[k] for k in certificate.lacking[:8])
+    if len(certificate.lacking) > 8:
+        who += f" and {len(certificate.lacking) - 8} more"
+    if not certificate.anchors:
+        return f"{who}: no link of rank 2 to any landmark, and no rank-3 link to vehicles that have"
+    seen = ", ".join(landmarks[k] for k in certificate.anchors)
+    return (
+        f"{who}: links of rank 2 only to {seen}; two distinct landmarks are needed, and a landmark "
+        "shared with other vehicles does not join them"
+    )
+
+
+def _vehicles(plan: Plan, names: list[str]) -> list[VehicleOrbit]:
+    orbits = plan.orbits
+    where, ahead = position(orbits, 0.0), heading(orbits, 0.0) % (2.0 * np.pi)
+    return [
+        VehicleOrbit(
+            name=names[k],
+            center_m=_point(orbits.centers[k]),
+            radius_m=float(orbits.radii[k]),
+            direction=_sense(float(orbits.senses[k])),
+            speed_mps=float(orbits.speeds[k]),
+            phase_rad=float(orbits.phases[k]),
+            position_m=_point(where[k]),
+            heading_rad=float(ahead[k]),
+        )
+        for k in range(orbits.count)
+    ]
+
+
+def _link(plan: Plan, item: Meeting, names: list[str]) -> Link:
+    a, b = names[item.a], names[item.b]
+    same = plan.orbits.senses[item.a] == plan.orbits.senses[item.b]
+    ways = ((a, b, item.forward), (b, a, item.backward))
+    return Link(
+        a=a,
+        b=b,
+        rule="same" if same else "opposite",
+        phase_residual_rad=item.residual,
+        min_distance_m=item.min_distance,
+        contact_s=item.contact,
+        windows_s=_windows(item.windows),
+        directed=[
+            DirectedContact(
+                **{"from": one},
+                to=other,
+                windows_s=_windows(windows),
+                contact_s=float(np.sum(windows[:, 1] - windows[:, 0])),
+            )
+            for one, other, windows in ways
+        ],
+        phase_tolerance_rad=item.tolerance,
+        phase_tolerance_s=item.tolerance / plan.orbits.rate,
+        rank=item.rank,
+        certified=item.certified,
+        reason=item.reason,
+    )
+
+
+def _landmark_link(
+    plan: Plan, item: Meeting, names: list[str], landmarks: list[str]
+) -> LandmarkLink:
+    return LandmarkLink(
+        vehicle=names[item.a],
+        landmark=landmarks[item.b - plan.orbits.count],
+        min_distance_m=item.min_distance,
+        windows_s=_windows(item.windows),
+        contact_s=item.contact,
+        rank=item.rank,
+        certified=item.certified,
+        reason=item.reason,
+    )
+
+
+def _synchronisation(plan: Plan, names: list[str]) -> SynchronisationRecord:
+    found = plan.synchronisation
+    if found is None:
+        return SynchronisationRecord(
+            method="given",
+            smallest_margin_m=None,
+            bound_m=None,
+            bound_note="the phases were given and judged as they are",
+            odd_cycle=[],
+            alternating_proven_largest=None,
+        )
+    return SynchronisationRecord(
+        method=found.method,
+        smallest_margin_m=found.margin,
+        bound_m=found.bound,
+        bound_note=found.bound_note,
+        odd_cycle=[names[k] for k in found.odd_cycle],
+        alternating_proven_largest=plan.alternating_proven,
+    )
+
+
+def _separation(plan: Plan, names: list[str]) -> Separation:
+    nearest = plan.approach
+    return Separation(
+        min_m=nearest.distance if nearest else None,
+        between=(names[nearest.a], names[nearest.b]) if nearest else None,
+        time_s=nearest.time if nearest else None,
+        required_m=plan.scenario.min_separation_m,
+        violations=[
+            CloseApproach(
+                min_m=item.distance, between=(names[item.a], names[item.b]), time_s=item.time
+            )
+            for item in plan.too_close
+        ],
+    )
+
+
+def _observability(plan: Plan, names: list[str]) -> ObservabilityVerdict:
+    verdict = plan.observability
+    return ObservabilityVerdict(
+        rank=verdict.rank,
+        state_dim=verdict.state_dim,
+        observable=verdict.observable,
+        window_s=plan.scenario.window,
+        rank_gap=_finite(verdict.gap),
+        certificate=CertificateVerdict(
+            holds=plan.certificate.holds, reason=certificate_reason(plan)
+        ),
+        condition_number=_finite(verdict.condition_number),
+        min_eigenvalue=verdict.min_eigenvalue,
+        singular_values=[float(value) for value in verdict.singular_values],
+        unobservable=[
+            Unobservable(
+                description=item.description,
+                vehicles=[names[k] for k in item.vehicles],
+                motion=[
+                    VehicleMotion(
+                        vehicle=names[k],
+                        shift_m=_point(item.motion[k]),
+                        turn_rad=float(item.motion[k, 2]),
+                    )
+                    for k in item.vehicles
+                ],
+                cure=item.cure,
+            )
+            for item in plan.unobservable
+        ],
+    )
+
+
+def _errors(values: Array | None, names: list[str], note: str = "") -> ErrorPrediction:
+    if values is None:
+        return ErrorPrediction(overall=None, vehicles=dict.fromkeys(names), note=note)
+    return ErrorPrediction(
+        overall=_finite(float(np.sqrt(np.mean(values**2)))),
+        vehicles={name: _finite(float(value)) for name, value in zip(names, values, strict=True)},
+        note=note,
+    )
+
+
+def _notes(plan: Plan, names: list[str]) -> list[str]:
+    """What the reader must not miss, in plain words."""
+    notes = []
+    verdict = plan.observability
+    if not verdict.observable:
+        notes.append(
+            f"NOT observable: rank {verdict.rank} of {verdict.state_dim}; a filter's own sigmas "
+            "can't be trusted on this plan"
+        )
+    elif not plan.certificate.holds:
+        notes.append(
+            "observable by rank, though the certificate (sufficient, not necessary) does not hold"
+        )
+    for item in plan.dropped_links:
+        notes.append(f"link {names[item.a]}-{names[item.b]} dropped: {item.reason}")
+    for close in plan.too_close[:5]:
+        notes.append(
+            f"{names[close.a]} and {names[close.b]} come to {close.distance:.4g} m at "
+            f"{close.time:.4g} s of each period, below min_separation_m "
+            f"{plan.scenario.min_separation_m:g}"
+        )
+    nearest = plan.approach
+    if nearest and not plan.too_close and nearest.distance < NEAR_MISS * plan.observability.scale:
+        notes.append(
+            f"{names[nearest.a]} and {names[nearest.b]} come to {nearest.distance:.3g} m of each "
+            "other; min_separation_m keeps vehicles apart"
+        )
+    if len(plan.too_close) > 5:
+        notes.append(f"{len(plan.too_close) - 5} more pairs come below min_separation_m")
+    if plan.prediction.note:
+        notes.append(plan.prediction.note)
+    return notes
+
+
+def _windows(windows: Array) -> list[Window]:
+    return [(float(start), float(end)) for start, end in windows]
+
+
+def _point(values: Sequence[float] | Array) -> Point:
+    return float(values[0]), float(values[1])
+
+
+def _sense(value: float) -> Literal["ccw", "cw"]:
+    return "ccw" if value > 0.0 else "cw"
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+# --- validation ---------------------------------------------------------------------------------
+
+
+def validation_document(validation: Validation) -> ValidationDocument:
+    """Return the report of a Monte Carlo run."""
+    from syncplan import __version__
+
+    plan = validation.plan
+    names = plan.scenario.vehicle_names
+    result, predicted = validation.result, validation.predicted
+    per_vehicle = validation.accuracy
+    overall_bound = None if predicted is None else float(np.sqrt(np.mean(predicted**2)))
+    return ValidationDocument(
+        version=__version__,
+        name=plan.scenario.name,
+        trials=result.trials,
+        seed=result.seed,
+        duration_s=validation.duration,
+        filter=FilterRecord(
+            model=validation.model,
+            substeps=validation.substeps if validation.model == "euler" else 0,
+            gate_probability=validation.gate_probability,
+            gated=int(result.gated.sum()),
+            used=int(result.accepted.sum()),
+        ),
+        observable=plan.observable,
+        vehicles=[
+            VehicleFigures(
+                name=name,
+                **_figures(
+                    per_vehicle,
+                    k,
+                    None if predicted is None else float(predicted[k]),
+                    float(validation.coverage[k]),
+                ),
+            )
+            for k, name in enumerate(names)
+        ],
+        overall=ErrorFigures(
+            **_figures(
+                per_vehicle.overall(), (), overall_bound, float(np.mean(validation.coverage))
+            )
+        ),
+        anees=_consistency(validation.anees),
+        nis=_consistency(validation.nis),
+        series=_series(validation, names) if result.branches else None,
+        notes=_filter_notes(validation),
+    )
+
+
+def sweep_document(
+    name: str, rows: Sequence[SweepRow], reports: Sequence[ValidationDocument]
+) -> dict[str, Any]:
+    """Return the JSON values of a sweep: a row of labels, verdict and report for each value."""
+    return {
+        "swept": SWEEPABLE[name],
+        "rows": [
+            {
+                "label": row.label,
+                "value": row.value,
+                "range_m": [float(value) for value in row.validation.plan.sensors.ranges],
+                "rank": row.validation.plan.observability.rank,
+                "state_dim": row.validation.plan.observability.state_dim,
+                "connectivity_period_s": row.validation.plan.connectivity_period,
+                "mean_rms_x_m": float(np.mean([v.rms_x_m for v in report.vehicles])),
+                "mean_rms_y_m": float(np.mean([v.rms_y_m for v in report.vehicles])),
+                "validation": report.as_json(),
+            }
+            for row, report in zip(rows, reports, strict=True)
+        ],
+    }
+
+
+def _figures(
+    accuracy: Accuracy, vehicle: int | tuple[()], predicted: float | None, covered: float
+) -> dict[str, Any]:
+    late = float(accuracy.late_position[vehicle])
+    return {
+        "rms_m": float(accuracy.position[vehicle]),
+        "rms_second_half_m": late,
+        "rms_x_m": float(accuracy.x[vehicle]),
+        "rms_y_m": float(accuracy.y[vehicle]),
+        "rms_heading_rad": float(accuracy.heading[vehicle]),
+        "final_error_m": float(accuracy.final_position[vehicle]),
+        "predicted_rms_m": predicted,
+        "rms_over_predicted": late / predicted if predicted else None,
+        "coverage_3sigma": covered,
+    }
+
+
+def _consistency(figure: Consistency) -> Spread:
+    if not figure.degrees:
+        return Spread(value=None, band=None, verdict="unknown", count=0)
+    return Spread(
+        value=figure.value, band=figure.band, verdict=figure.verdict, count=figure.degrees
+    )
+
+
+def _series(validation: Validation, names: list[str]) -> Series:
+    kept = series(validation.result)
+    steps = np.arange(validation.result.steps + 1)
+    return Series(
+        time_s=(steps * validation.plan.sensors.sample_time).tolist(),
+        vehicles=[
+            VehicleSeries(
+                name=name,
+                rms_m=kept.position_rms[:, k].tolist(),
+                mean_x_m=kept.mean_errors[:, k, 0].tolist(),
+                mean_y_m=kept.mean_errors[:, k, 1].tolist(),
+                mean_heading_rad=kept.mean_errors[:, k, 2].tolist(),
+                sigma_m=kept.position_sigma[:, k].tolist(),
+                sigma_heading_rad=kept.heading_sigma[:, k].tolist(),
+            )
+            for k, name in enumerate(names)
+        ],
+    )
+
+
+def _filter_notes(validation: Validation) -> list[str]:
+    """What the consistency figures mean for the reader, in plain words."""
+    plan, figure = validation.plan, validation.anees
+    verdict = plan.observability
+    notes = []
+    if not verdict.observable:
+        motions = "; ".join(item.description for item in plan.unobservable[:3])
+        text = (
+            f"the plan is NOT observable (rank {verdict.rank} of {verdict.state_dim}): no sighting "
+            f"tells {motions}"
+        )
+        if figure.verdict == "optimistic":
+            text += (
+                f". The filter does not know: it is inconsistent (ANEES {figure.value:.2f}, "
+                "1 is honest), its sigmas are too small there and must not be trusted"
+            )
+        notes.append(text)
+    elif figure.verdict == "optimistic":
+        notes.append(
+            f"the filter is inconsistent (ANEES {figure.value:.2f} above "
+            f"{figure.band[1]:.2f}): it makes larger errors than its sigmas say, because it "
+            "linearises about its own estimate; smaller initial sigmas or more sightings help"
+        )
+    lost = int(np.isnan(validation.result.nees).sum())
+    if lost:
+        notes.append(f"{lost} trials ended with a covariance that is not positive definite")
+    return notes

@@ -1,0 +1,539 @@
+"""The scenario: what a user says of a formation, checked. One model for files and for the service.
+
+Keys carry their unit in their name. Unknown keys are errors, numbers are finite, and every
+message names the key, its value and what is allowed.
+"""
+
+import math
+from collections.abc import Sequence
+from datetime import datetime
+from itertools import pairwise
+from typing import Annotated, Any, Literal, Self, TypeVar
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Strict,
+    StringConstraints,
+    Tag,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
+
+from syncplan.formation import SHAPES, shape_centers
+
+__all__ = [
+    "MAX_VEHICLES",
+    "Formation",
+    "InitialSigma",
+    "Motion",
+    "Orbit",
+    "Scenario",
+    "Sensor",
+    "per_vehicle",
+]
+
+MAX_VEHICLES = 2000
+"""Largest team accepted unless the caller says otherwise."""
+
+MAX_LANDMARKS = 10_000
+MAX_SAMPLES = 1_000_000
+"""Most samples in a window or a run."""
+
+SAME_PLACE_M = 1e-6
+"""Landmarks, or centres of equal circles, nearer than this are the same."""
+
+SPEED_AGREEMENT = 1e-6
+"""Relative difference up to which speed and rate times radius agree."""
+
+T = TypeVar("T")
+
+Coordinate = Annotated[float, Field(ge=-1e7, le=1e7)]
+Length = Annotated[float, Field(gt=0, le=1e7)]
+Rate = Annotated[float, Field(ge=1e-6, le=1e4)]
+Speed = Annotated[float, Field(gt=0, le=1e6)]
+Sigma = Annotated[float, Field(ge=0, le=1e7)]
+Angle = Annotated[float, Field(ge=-1e6, le=1e6)]
+Duration = Annotated[float, Field(gt=0, le=1e9)]
+Name = Annotated[str, StringConstraints(min_length=1, max_length=64, pattern=r"^\S(.*\S)?$")]
+Point = Annotated[tuple[Coordinate, Coordinate], Strict(False)]
+Pair = Annotated[tuple[Name, Name], Strict(False)]
+Sense = Literal["ccw", "cw"]
+
+
+def _kind(value: Any) -> str:
+    return "many" if isinstance(value, list | tuple) else "one"
+
+
+def _named(value: Any) -> str:
+    return "named" if isinstance(value, dict) else "listed"
+
+
+OneOrMany = Annotated[
+    Annotated[T, Tag("one")] | Annotated[list[T], Tag("many")], Discriminator(_kind)
+]
+ListedOrNamed = Annotated[
+    Annotated[list[Point], Tag("listed")] | Annotated[dict[Name, Point], Tag("named")],
+    Discriminator(_named),
+]
+
+
+def _rfc3339(value: Any) -> Any:
+    return value.isoformat() if isinstance(value, datetime) else value
+
+
+def _moment_with_zone(value: str) -> str:
+    try:
+        moment = datetime.fromisoformat(value)
+    except ValueError:
+        raise fault("", "must be a date and time of RFC 3339, like 2026-05-01T09:00:00Z") from None
+    if moment.tzinfo is None:
+        raise fault("", "must name its time zone, like 2026-05-01T09:00:00Z")
+    return value
+
+
+StartTime = Annotated[str, BeforeValidator(_rfc3339), AfterValidator(_moment_with_zone)]
+
+
+def fault(key: str, problem: str, value: Any = None) -> PydanticCustomError:
+    """Return the error for a rule that spans keys: `key` is relative to the model it is raised in.
+
+    Braces are doubled because the message is a template.
+    """
+    context = {"key": key} if value is None else {"key": key, "value": value}
+    return PydanticCustomError("rule", problem.replace("{", "{{").replace("}", "}}"), context)
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class Orbit(_Model):
+    """The circles: radius, common angular rate, senses and phases."""
+
+    radius_m: OneOrMany[Length] = Field(
+        description="Radius of the circles, one value or one per vehicle", examples=[20.0]
+    )
+    angular_rate_rad_s: Rate | None = Field(
+        default=None, description="Common angular rate of all vehicles", examples=[0.2]
+    )
+    speed_mps: OneOrMany[Speed] | None = Field(
+        default=None, description="Speed along the circle, instead of the rate", examples=[4.0]
+    )
+    direction: OneOrMany[Literal["ccw", "cw", "alternate"]] = Field(
+        default="ccw",
+        description="Sense of turning: ccw, cw, alternate, or a list with ccw or cw per vehicle",
+        examples=["ccw"],
+    )
+    first_phase_rad: Angle = Field(
+        default=0.0, description="Phase of the first vehicle at time 0", examples=[0.3]
+    )
+    desync_rad: OneOrMany[Angle] = Field(
+        default=0.0,
+        description="Offset of each vehicle's phase from the exact rule",
+        examples=[0.1],
+    )
+
+    @field_validator("direction")
+    @classmethod
+    def _list_has_no_alternate(cls, value: Any) -> Any:
+        if isinstance(value, list) and "alternate" in value:
+            raise fault("", "alternate stands alone; a list has ccw or cw for each vehicle")
+        return value
+
+    @model_validator(mode="after")
+    def _one_rate(self) -> Self:
+        radii = self.radius_m if isinstance(self.radius_m, list) else [self.radius_m]
+        if self.angular_rate_rad_s is None and self.speed_mps is None:
+            raise fault("angular_rate_rad_s", "is missing: give it, or speed_mps")
+        if self.speed_mps is None:
+            return self
+        speeds = self.speed_mps if isinstance(self.speed_mps, list) else [self.speed_mps]
+        count = max(len(speeds), len(radii))
+        if len(speeds) not in (1, count) or len(radii) not in (1, count):
+            raise fault(
+                "speed_mps", f"has {len(speeds)} values for {len(radii)} radii", self.speed_mps
+            )
+        speeds, radii = _spread(speeds, count), _spread(radii, count)
+        rate = self.angular_rate_rad_s or speeds[0] / radii[0]
+        for speed, radius in zip(speeds, radii, strict=True):
+            if abs(speed - rate * radius) > SPEED_AGREEMENT * speed:
+                raise fault("speed_mps", self._disagreement(speed, radius), self.speed_mps)
+        if not 1e-6 <= rate <= 1e4:
+            raise fault("speed_mps", f"gives {rate:g} rad/s; allowed are 1e-6 to 1e4")
+        return self
+
+    def _disagreement(self, speed: float, radius: float) -> str:
+        if self.angular_rate_rad_s is not None:
+            product = self.angular_rate_rad_s * radius
+            return (
+                f"disagrees with angular_rate_rad_s {self.angular_rate_rad_s:g} x radius_m "
+                f"{radius:g} = {product:g} m/s; give one of the two"
+            )
+        return (
+            f"{speed:g} m/s on a radius of {radius:g} m turns at another angular rate than the "
+            "first vehicle: meetings are periodic only with one common rate; give "
+            "angular_rate_rad_s instead"
+        )
+
+    @property
+    def rate(self) -> float:
+        """Common angular rate in rad/s."""
+        if self.angular_rate_rad_s is not None:
+            return self.angular_rate_rad_s
+        speed = self.speed_mps[0] if isinstance(self.speed_mps, list) else self.speed_mps
+        radius = self.radius_m[0] if isinstance(self.radius_m, list) else self.radius_m
+        return float(speed or 0.0) / radius
+
+
+class Formation(_Model):
+    """Where the centres are: listed, named, or a shape; and which pairs to synchronise."""
+
+    centers_m: ListedOrNamed | None = Field(
+        default=None,
+        description="Centres [x, y]: a list (vehicles are v1, v2, ...) or a mapping of names",
+        examples=[[[0.0, 0.0], [70.0, 0.0]]],
+    )
+    shape: Literal["line", "grid", "hex", "ring"] | None = Field(
+        default=None, description="A shape instead of centers_m", examples=["ring"]
+    )
+    count: Annotated[int, Field(ge=1)] | None = Field(
+        default=None, description="Number of vehicles of the shape", examples=[6]
+    )
+    spacing_m: Length | None = Field(
+        default=None, description="Distance of neighbouring centres of the shape", examples=[70.0]
+    )
+    columns: Annotated[int, Field(ge=1)] | None = Field(
+        default=None,
+        description="Width of grid and hex rows; nearly square if not given",
+        examples=[3],
+    )
+    names: list[Name] | None = Field(
+        default=None, description="Names of the vehicles, instead of v1, v2, ...", examples=[["a"]]
+    )
+    links: list[Pair] | None = Field(
+        default=None,
+        description="Pairs to synchronise; every pair that can come within range if not given",
+        examples=[[["v1", "v2"]]],
+    )
+
+    @model_validator(mode="after")
+    def _centers_or_shape(self, info: ValidationInfo) -> Self:
+        shape_keys = {"count": self.count, "spacing_m": self.spacing_m, "columns": self.columns}
+        if self.centers_m is None and self.shape is None:
+            raise fault(
+                "centers_m", "is missing: list the centres, or give shape, count, spacing_m"
+            )
+        if self.centers_m is not None:
+            extra = [key for key, value in {"shape": self.shape, **shape_keys}.items() if value]
+            if extra:
+                raise fault(extra[0], "does not go with centers_m; give one of the two")
+            if not self.centers_m:
+                raise fault("centers_m", "is empty; a formation has at least one vehicle")
+            if isinstance(self.centers_m, dict) and self.names is not None:
+                raise fault("names", "does not go with centers_m that carries names already")
+        else:
+            for key in ("count", "spacing_m"):
+                if shape_keys[key] is None:
+                    raise fault(key, f"is missing: shape {self.shape} needs count and spacing_m")
+        _check_team_size(self, info)
+        return self
+
+    @property
+    def size(self) -> int:
+        """Number of vehicles."""
+        return len(self.centers_m) if self.centers_m is not None else self.count or 0
+
+
+def _check_team_size(formation: Formation, info: ValidationInfo) -> None:
+    limit = (info.context or {}).get("max_vehicles", MAX_VEHICLES)
+    if formation.size > limit:
+        raise fault(
+            "count" if formation.centers_m is None else "centers_m",
+            f"{formation.size} vehicles are more than the limit of {limit}; "
+            "raise it with --max-vehicles (library: max_vehicles=) if you mean it",
+        )
+
+
+class Sensor(_Model):
+    """What a vehicle sees of others and of landmarks: bearings, within range and field of view."""
+
+    range_m: Length = Field(description="Largest distance seen", examples=[50.0])
+    fov_deg: Annotated[float, Field(gt=0, le=360)] = Field(
+        default=360.0, description="Full angle of the field of view", examples=[150.0]
+    )
+    boresight_deg: Annotated[float, Field(ge=-360, le=360)] = Field(
+        default=0.0,
+        description="Middle of the field of view from the heading, counter-clockwise",
+        examples=[90.0],
+    )
+    bearing_sigma_rad: Annotated[float, Field(gt=0, le=math.pi)] = Field(
+        default=0.05, description="Standard deviation of a bearing", examples=[0.1]
+    )
+    sample_time_s: Annotated[float, Field(ge=1e-6, le=1e6)] = Field(
+        default=0.1, description="Time between samples, common to all vehicles", examples=[0.1]
+    )
+
+
+class Motion(_Model):
+    """Noise of the motion readings, per sample."""
+
+    speed_sigma_mps: Sigma = Field(
+        default=0.1, description="Standard deviation of a speed reading", examples=[0.1]
+    )
+    turn_rate_sigma_rad_s: Sigma = Field(
+        default=0.01, description="Standard deviation of a turn-rate reading", examples=[0.01]
+    )
+
+
+class InitialSigma(_Model):
+    """How well each vehicle knows its pose at time 0."""
+
+    position_m: Annotated[float, Field(gt=0, le=1e7)] = Field(
+        default=5.0, description="Standard deviation of each coordinate", examples=[5.0]
+    )
+    heading_rad: Annotated[float, Field(gt=0, le=1e3)] = Field(
+        default=0.1, description="Standard deviation of the heading", examples=[0.1]
+    )
+
+
+class Scenario(_Model):
+    """A formation to plan: circles, sensors, landmarks and noise."""
+
+    name: str = Field(default="", max_length=200, description="Title", examples=["survey"])
+    orbit: Orbit
+    formation: Formation
+    landmarks_m: ListedOrNamed = Field(
+        default_factory=list,
+        description="Known landmarks [x, y]: a list (L1, L2, ...) or a mapping of names",
+        examples=[[[190.0, 0.0], [190.0, 70.0]]],
+    )
+    sensor: OneOrMany[Sensor] = Field(description="One sensor for all, or one per vehicle")
+    motion: Motion = Field(default_factory=Motion)
+    initial_sigma: InitialSigma = Field(default_factory=InitialSigma)
+    duration_s: Duration = Field(
+        default=200.0, description="Length of the run that errors are predicted for", examples=[200]
+    )
+    window_s: Duration | None = Field(
+        default=None,
+        description="What observability is judged over; one period if not given",
+        examples=[60.0],
+    )
+    min_separation_m: Annotated[float, Field(ge=0, le=1e7)] = Field(
+        default=0.0, description="Least distance two vehicles may come to", examples=[10.0]
+    )
+    start_time: StartTime | None = Field(
+        default=None, description="Moment of time 0, RFC 3339", examples=["2026-05-01T09:00:00Z"]
+    )
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        self._check_lengths()
+        self._check_names()
+        self._check_samples()
+        self._check_landmarks()
+        self._check_links()
+        self._check_shared_circles()
+        return self
+
+    # --- what follows from the keys -----------------------------------------------------------
+
+    @property
+    def size(self) -> int:
+        """Number of vehicles."""
+        return self.formation.size
+
+    @property
+    def vehicle_names(self) -> list[str]:
+        """Names of the vehicles in order."""
+        formation = self.formation
+        if isinstance(formation.centers_m, dict):
+            return list(formation.centers_m)
+        return formation.names or [f"v{k + 1}" for k in range(formation.size)]
+
+    @property
+    def landmark_names(self) -> list[str]:
+        """Names of the landmarks in order."""
+        if isinstance(self.landmarks_m, dict):
+            return list(self.landmarks_m)
+        return [f"L{k + 1}" for k in range(len(self.landmarks_m))]
+
+    @property
+    def centers(self) -> list[Point]:
+        """Centre [x, y] of each circle in m."""
+        formation = self.formation
+        if formation.centers_m is not None:
+            return _points(formation.centers_m)
+        shape, count, spacing = formation.shape, formation.count, formation.spacing_m
+        if shape not in SHAPES or count is None or spacing is None:
+            return []
+        return [
+            (float(x), float(y)) for x, y in shape_centers(shape, count, spacing, formation.columns)
+        ]
+
+    @property
+    def landmarks(self) -> list[Point]:
+        """Position [x, y] of each landmark in m."""
+        return _points(self.landmarks_m)
+
+    @property
+    def sensors(self) -> list[Sensor]:
+        """The sensor of each vehicle."""
+        return per_vehicle(self.sensor, self.size)
+
+    @property
+    def sample_time(self) -> float:
+        """Time between samples in s."""
+        return self.sensors[0].sample_time_s
+
+    @property
+    def period(self) -> float:
+        """Time of one turn in s."""
+        return 2.0 * math.pi / self.orbit.rate
+
+    @property
+    def window(self) -> float:
+        """What observability is judged over, in s."""
+        return self.window_s if self.window_s is not None else self.period
+
+    def resolved(self) -> "Scenario":
+        """Return the scenario with defaults written out and its shape turned into centres."""
+        formation = self.formation
+        if formation.centers_m is None:
+            formation = Formation(
+                centers_m=self.centers, names=formation.names, links=formation.links
+            )
+        return self.model_copy(update={"formation": formation, "window_s": self.window})
+
+    # --- rules across keys ----------------------------------------------------------------------
+
+    def _check_lengths(self) -> None:
+        lists: dict[str, Any] = {
+            "orbit.radius_m": self.orbit.radius_m,
+            "orbit.speed_mps": self.orbit.speed_mps,
+            "orbit.direction": self.orbit.direction,
+            "orbit.desync_rad": self.orbit.desync_rad,
+            "sensor": self.sensor,
+            "formation.names": self.formation.names,
+        }
+        for key, value in lists.items():
+            if isinstance(value, list) and len(value) != self.size:
+                raise fault(key, f"has {len(value)} values for {self.size} vehicles; give one each")
+        if len(self.landmarks_m) > MAX_LANDMARKS:
+            raise fault(
+                "landmarks_m", f"has {len(self.landmarks_m)} landmarks, more than {MAX_LANDMARKS}"
+            )
+
+    def _check_names(self) -> None:
+        seen: set[str] = set()
+        key = "formation.names"
+        for name in [*self.vehicle_names, *self.landmark_names]:
+            if name in seen:
+                raise fault(
+                    key, "stands twice: vehicles and landmarks need names of their own", name
+                )
+            seen.add(name)
+
+    def _check_samples(self) -> None:
+        times = {sensor.sample_time_s for sensor in self.sensors}
+        if len(times) > 1:
+            raise fault(
+                "sensor",
+                f"has sample times {', '.join(f'{t:g}' for t in sorted(times))} s: the central "
+                "filter needs one common sample_time_s",
+            )
+        for key, value in (("duration_s", self.duration_s), ("window_s", self.window)):
+            if value / self.sample_time > MAX_SAMPLES:
+                raise fault(
+                    key,
+                    f"{value:g} s at a sample time of {self.sample_time:g} s makes more than "
+                    f"{MAX_SAMPLES} samples; shorten it or sample less often",
+                )
+        if self.duration_s < self.sample_time:
+            raise fault("duration_s", f"must be at least sample_time_s, {self.sample_time:g} s")
+
+    def _check_landmarks(self) -> None:
+        names, places = self.landmark_names, self.landmarks
+        order = sorted(range(len(places)), key=lambda k: places[k])
+        for a, b in pairwise(order):
+            if math.dist(places[a], places[b]) <= SAME_PLACE_M:
+                raise fault(
+                    "landmarks_m",
+                    f"{names[a]} and {names[b]} are at the same place; remove one of them",
+                    list(places[a]),
+                )
+
+    def _check_links(self) -> None:
+        index = {name: k for k, name in enumerate(self.vehicle_names)}
+        centers, sensors = self.centers, self.sensors
+        radii = per_vehicle(self.orbit.radius_m, self.size)
+        seen: set[frozenset[str]] = set()
+        for k, (a, b) in enumerate(self.formation.links or []):
+            key = f"formation.links[{k}]"
+            for name in (a, b):
+                if name not in index:
+                    raise fault(
+                        key,
+                        f"link {a}-{b}: no vehicle is named {name}; "
+                        f"vehicles are {_summary(list(index))}",
+                    )
+            if a == b:
+                raise fault(key, f"link {a}-{b}: a vehicle can't be linked to itself")
+            if frozenset((a, b)) in seen:
+                raise fault(key, f"link {a}-{b}: stands twice; remove one of them")
+            seen.add(frozenset((a, b)))
+            i, j = index[a], index[b]
+            distance = math.dist(centers[i], centers[j])
+            gap = max(distance - radii[i] - radii[j], abs(radii[i] - radii[j]) - distance, 0.0)
+            reach = max(sensors[i].range_m, sensors[j].range_m)
+            if gap > reach * (1.0 + 1e-12):
+                raise fault(
+                    key,
+                    f"link {a}-{b}: the circles come no nearer than {gap:g} m, out of the "
+                    f"sensors' range of {reach:g} m; bring the centres nearer, raise range_m, or "
+                    "remove the link",
+                )
+
+    def _check_shared_circles(self) -> None:
+        if not isinstance(self.orbit.direction, list):
+            return
+        radii = per_vehicle(self.orbit.radius_m, self.size)
+        names, centers, senses = self.vehicle_names, self.centers, self.orbit.direction
+        order = sorted(range(self.size), key=lambda k: (centers[k], radii[k]))
+        for a, b in pairwise(order):
+            shared = (
+                math.dist(centers[a], centers[b]) <= SAME_PLACE_M
+                and abs(radii[a] - radii[b]) <= SAME_PLACE_M
+            )
+            if shared and senses[a] != senses[b]:
+                raise fault(
+                    "orbit.direction",
+                    f"{names[a]} ({senses[a]}) and {names[b]} ({senses[b]}) turn opposite ways on "
+                    f"one circle and would collide; give them the same sense or another centre",
+                    list(senses),
+                )
+
+
+def per_vehicle(value: T | list[T], count: int) -> list[T]:
+    """Return one value for each of `count` vehicles, a single value repeated."""
+    return value if isinstance(value, list) else [value] * count
+
+
+def _spread(values: list[float], count: int) -> list[float]:
+    return values * count if len(values) == 1 else values
+
+
+def _points(value: Sequence[Point] | dict[str, Point]) -> list[Point]:
+    return list(value.values()) if isinstance(value, dict) else list(value)
+
+
+def _summary(names: list[str]) -> str:
+    if len(names) > 3 and names == [f"v{k + 1}" for k in range(len(names))]:
+        return f"{names[0]}..{names[-1]}"
+    return ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")

@@ -1,0 +1,144 @@
+"""Validation: the filter run many times on a plan, beside what the bound predicts."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.blas import single_threaded_blas
+from syncplan.bounds import posterior_bound
+from syncplan.consistency import Consistency, anees, coverage, nis
+from syncplan.errors import InputError
+from syncplan.montecarlo import run_trials
+from syncplan.planner import Plan, bound_is_affordable, plan
+from syncplan.scenario import MAX_SAMPLES, Scenario
+from syncplan.sightings import sample_sightings, steps_within
+from syncplan.trials import Accuracy, MonteCarloResult, accuracy
+
+__all__ = ["MAX_TRIALS", "Validation", "validate"]
+
+Array = NDArray[np.float64]
+
+MAX_TRIALS = 1_000_000
+
+_LARGEST_SEED = 2**63 - 1
+
+
+@dataclass(frozen=True, slots=True)
+class Validation:
+    """A Monte Carlo run on a plan.
+
+    Attributes
+    ----------
+    plan : what was flown
+    duration : s
+    model, substeps, gate_probability : the filter
+    result : per trial figures, and the series where asked for
+    accuracy : RMS errors by vehicle
+    predicted : (n,) m, the bound's RMS over the second half; None where not computed
+    coverage : (n,) share of coordinates within three sigma
+    anees, nis : consistency figures
+    """
+
+    plan: Plan
+    duration: float
+    model: Literal["arc", "euler"]
+    substeps: int
+    gate_probability: float | None
+    result: MonteCarloResult
+    accuracy: Accuracy
+    predicted: Array | None
+    coverage: Array
+    anees: Consistency
+    nis: Consistency
+
+
+@single_threaded_blas
+def validate(
+    subject: Plan | Scenario,
+    *,
+    trials: int = 200,
+    seed: int = 0,
+    duration: float | None = None,
+    model: Literal["arc", "euler"] = "arc",
+    substeps: int = 10,
+    gate_probability: float | None = None,
+    with_series: bool = False,
+    threads: int | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Validation:
+    """Return what `trials` runs of the filter on a plan (or a scenario's plan) come to.
+
+    `duration` in s defaults to the scenario's. The same seed gives the same bytes on any number
+    of threads. `progress` is called with the number of trials done. Raises InputError naming the
+    argument at fault.
+    """
+    _check(trials, seed)
+    flown = subject if isinstance(subject, Plan) else plan(subject)
+    length = flown.scenario.duration_s if duration is None else duration
+    steps = _steps(length, flown.sensors.sample_time)
+    sightings = sample_sightings(
+        flown.windows, flown.orbits.period, flown.sensors.sample_time, 1, steps
+    )
+    result = run_trials(
+        flown.orbits,
+        flown.landmarks,
+        flown.sensors,
+        flown.noise,
+        sightings,
+        steps,
+        trials,
+        seed,
+        model=model,
+        substeps=substeps,
+        gate_probability=gate_probability,
+        with_series=with_series,
+        threads=threads,
+        progress=progress,
+    )
+    return Validation(
+        plan=flown,
+        duration=length,
+        model=model,
+        substeps=substeps,
+        gate_probability=gate_probability,
+        result=result,
+        accuracy=accuracy(result),
+        predicted=_predicted(flown, length),
+        coverage=coverage(result.covered.mean(axis=0), result.coverage_samples),
+        anees=anees(result.nees, 3 * flown.orbits.count),
+        nis=nis(float(result.nis_sums.sum()), int(result.accepted.sum())),
+    )
+
+
+def _predicted(flown: Plan, duration: float) -> Array | None:
+    if duration == flown.scenario.duration_s and flown.prediction.rms is not None:
+        return flown.prediction.rms
+    if not bound_is_affordable(flown.orbits.count, duration, flown.sensors.sample_time):
+        return None
+    return posterior_bound(
+        flown.orbits, flown.landmarks, flown.sensors, flown.windows, flown.noise, duration
+    ).rms_second_half()
+
+
+def _check(trials: int, seed: int) -> None:
+    if not 1 <= trials <= MAX_TRIALS:
+        raise InputError(f"{trials} given; allowed are 1 to {MAX_TRIALS}", key="trials")
+    if not 0 <= seed <= _LARGEST_SEED:
+        raise InputError(f"{seed} given; allowed are 0 to {_LARGEST_SEED}", key="seed")
+
+
+def _steps(duration: float, sample_time: float) -> int:
+    if not (np.isfinite(duration) and duration >= sample_time):
+        raise InputError(
+            f"{duration:g} s given; at least one sample time, {sample_time:g} s, is needed",
+            key="duration",
+        )
+    if duration / sample_time > MAX_SAMPLES:
+        raise InputError(
+            f"{duration:g} s makes more than {MAX_SAMPLES} samples of {sample_time:g} s",
+            key="duration",
+        )
+    return steps_within(duration, sample_time)

@@ -1,0 +1,46 @@
+"""Search for a certificate that holds without full rank: python -m tests.search_counterexamples.
+
+Not part of the suite; the suite runs the first 2,000 draws of the same generator.
+"""
+
+import sys
+from concurrent.futures import ProcessPoolExecutor
+
+import numpy as np
+
+from tests.draws import draw_team, judge_team
+
+DRAWS_PER_TASK = 1000
+
+
+def search(task: int) -> tuple[int, float, list[int]]:
+    """Return (certificates held, smallest share of the tolerance, counterexamples' numbers)."""
+    held, closest, failures = 0, np.inf, []
+    for number in range(task * DRAWS_PER_TASK, (task + 1) * DRAWS_PER_TASK):
+        team = draw_team(np.random.default_rng(number))
+        certificate, verdict = judge_team(team)
+        if certificate.holds:
+            held += 1
+            values = verdict.singular_values
+            closest = min(closest, float(values[-1] / values[0]))
+            if not verdict.observable:
+                failures.append(number)
+    return held, closest, failures
+
+
+def main(draws: int = 100_000) -> tuple[int, float, list[int]]:
+    """Return and print what a search over `draws` random teams found."""
+    with ProcessPoolExecutor() as pool:
+        found = list(pool.map(search, range(-(-draws // DRAWS_PER_TASK))))
+    held = sum(part[0] for part in found)
+    closest = min(part[1] for part in found)
+    failures = [number for part in found for number in part[2]]
+    print(
+        f"{draws} draws, {held} certificates hold, {len(failures)} without full rank "
+        f"{failures[:10]}; smallest singular value over the largest {closest:.2e}"
+    )
+    return held, closest, failures
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 100_000)

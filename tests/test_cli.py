@@ -1,0 +1,327 @@
+"""The command line as a user meets it: streams, exit codes, files left behind."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from syncplan import cli
+from tests.scenarios import BAD_FILES, FILES, document
+
+GRID = str(FILES / "paper-grid-same.yaml")
+BRIDGE = str(FILES / "landmark-bridge.yaml")
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str]) -> Any:
+    """Call the command line in this process: (status, standard output, standard error)."""
+
+    def call(*arguments: str) -> tuple[int, str, str]:
+        with pytest.raises(SystemExit) as stopped:
+            cli.main(list(arguments))
+        out, err = capsys.readouterr()
+        assert isinstance(stopped.value.code, int)
+        return stopped.value.code, out, err
+
+    return call
+
+
+def _process(*arguments: str, stdin: str | None = None) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "syncplan", *arguments],
+        input=stdin,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+
+
+def test_plan_writes_json_to_standard_output_and_nothing_else(run: Any) -> None:
+    status, out, err = run("plan", GRID)
+    assert (status, err) == (0, "")
+    plan = json.loads(out)
+    assert plan["observability"]["rank"] == 18
+    assert [v["name"] for v in plan["vehicles"]] == [f"v{k}" for k in range(1, 7)]
+    assert plan["vehicles"][0]["phase_rad"] == 0.3
+    assert plan["scenario"]["formation"]["centers_m"][1] == [70.0, 0.0]
+
+
+def test_the_plan_has_every_field_of_the_contract(run: Any) -> None:
+    _, out, _ = run("plan", GRID)
+    plan = json.loads(out)
+    assert {
+        "scenario",
+        "period_s",
+        "vehicles",
+        "links",
+        "landmark_links",
+        "incidental_links",
+        "dropped_links",
+        "connectivity_period_s",
+        "separation",
+        "observability",
+        "witness",
+        "predicted_rms_m",
+    } <= set(plan)
+    assert {
+        "a",
+        "b",
+        "rule",
+        "phase_residual_rad",
+        "min_distance_m",
+        "contact_s",
+        "windows_s",
+        "directed",
+        "phase_tolerance_rad",
+        "rank",
+        "certified",
+        "reason",
+    } <= set(plan["links"][0])
+    assert {"from", "to", "windows_s", "contact_s"} == set(plan["links"][0]["directed"][0])
+    assert {"vehicle", "landmark", "min_distance_m", "windows_s", "contact_s", "rank"} <= set(
+        plan["landmark_links"][0]
+    )
+    assert {"rank", "state_dim", "observable", "certificate", "condition_number"} <= set(
+        plan["observability"]
+    )
+    for link in plan["links"]:
+        for start, end in link["windows_s"]:
+            assert 0.0 <= start < plan["period_s"]
+            assert end > start
+
+
+def test_a_plan_file_and_its_scenario_validate_to_the_same_bytes(run: Any, tmp_path: Path) -> None:
+    plan, one, two = (str(tmp_path / name) for name in ("plan.json", "one.json", "two.json"))
+    assert run("plan", GRID, "-o", plan)[0] == 0
+    short = ("--trials", "8", "--seed", "3", "--duration", "20")
+    assert run("validate", plan, *short, "-o", one)[0] == 0
+    assert run("validate", GRID, *short, "-o", two)[0] == 0
+    assert Path(one).read_bytes() == Path(two).read_bytes()
+    report = json.loads(Path(one).read_text())
+    assert (report["trials"], report["seed"], report["duration_s"]) == (8, 3, 20.0)
+    assert {"rms_m", "rms_second_half_m", "rms_x_m", "final_error_m", "coverage_3sigma"} <= set(
+        report["vehicles"][0]
+    )
+    assert {"value", "band", "verdict"} <= set(report["anees"])
+
+
+def test_the_number_of_threads_does_not_change_a_byte(run: Any) -> None:
+    short = ("validate", GRID, "--trials", "40", "--duration", "10", "--series")
+    one = run(*short, "--threads", "1")[1]
+    assert one == run(*short, "--threads", "2")[1]
+    assert one != run(*short, "--seed", "1")[1]
+
+
+def test_a_dash_reads_standard_input() -> None:
+    done = _process("plan", "-", stdin=json.dumps(document()))
+    assert done.returncode == 0
+    assert json.loads(done.stdout)["observability"]["state_dim"] == 6
+
+
+def test_with_a_file_standard_output_stays_empty(run: Any, tmp_path: Path) -> None:
+    target = tmp_path / "plan.json"
+    status, out, err = run("plan", GRID, "-o", str(target))
+    assert (status, out) == (0, "")
+    assert "wrote" in err
+    assert json.loads(target.read_text())["period_s"] > 31.0
+    assert [path.name for path in tmp_path.iterdir()] == ["plan.json"]
+
+
+def test_a_table_can_be_asked_for(run: Any) -> None:
+    _, out, _ = run("plan", BRIDGE, "--format", "table")
+    assert "NOT observable" in out
+    assert "turn of v2 about L2" in out
+    _, out, _ = run("validate", GRID, "--trials", "4", "--duration", "5", "--format", "table")
+    assert "ANEES" in out
+
+
+def test_an_unobservable_plan_exits_with_3_only_when_asked(run: Any) -> None:
+    assert run("plan", BRIDGE)[0] == 0
+    status, out, err = run("plan", BRIDGE, "--require-observable")
+    assert status == 3
+    assert json.loads(out)["observability"]["rank"] == 5
+    assert "not observable" in err
+
+
+def test_validation_of_an_unobservable_plan_says_so_in_plain_words(run: Any) -> None:
+    _, out, err = run("validate", BRIDGE, "--trials", "4", "--duration", "20")
+    assert "NOT observable" in err
+    assert any("turn of v2 about L2" in note for note in json.loads(out)["notes"])
+
+
+@pytest.mark.parametrize("path", sorted(BAD_FILES.iterdir()), ids=lambda path: path.stem)
+@pytest.mark.parametrize("command", ["plan", "validate"])
+def test_bad_files_exit_with_2_and_one_line(command: str, path: Path, run: Any) -> None:
+    status, out, err = run(command, str(path))
+    assert (status, out) == (2, "")
+    assert err.count("\n") == 1
+    assert str(path) in err
+    assert "Traceback" not in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("plan",), "SCENARIO"),
+        (("plan", "none.yaml"), "none.yaml"),
+        (("plan", GRID, "-o", "/nowhere/plan.json"), "/nowhere/plan.json"),
+        (("plan", GRID, "-o", "/"), "directory"),
+        (("plan", GRID, "--bound", "sometimes"), "sometimes"),
+        (("plan", GRID, "--max-vehicles", "3"), "--max-vehicles"),
+        (("validate", GRID, "--trials", "0"), "trials"),
+        (("validate", GRID, "--trials", "many"), "many"),
+        (("validate", GRID, "--seed", "-1"), "seed"),
+        (("validate", GRID, "--duration", "0"), "duration"),
+        (("validate", GRID, "--duration", "nan"), "duration"),
+        (("validate", GRID, "--gate", "2"), "gate"),
+        (("validate", GRID, "--threads", "0"), "threads"),
+        (("validate", GRID, "--model", "euler", "--substeps", "0"), "substeps"),
+        (("sweep", GRID), "--angular-rate"),
+        (("sweep", GRID, "--range", "50", "--radius", "20"), "exactly one"),
+        (("sweep", GRID, "--range", "fifty"), "fifty"),
+        (("sweep", GRID, "--range", "-1"), "sensor.range_m"),
+        (("sweep", GRID, "--range", "nan"), "sensor.range_m"),
+        (("sweep", GRID, "--spacing", "70"), "spacing"),
+        (("nonsense",), "nonsense"),
+        (("plan", GRID, "--nonsense"), "nonsense"),
+    ],
+)
+def test_bad_arguments_exit_with_2_and_one_line(
+    arguments: tuple[str, ...], told: str, run: Any
+) -> None:
+    status, out, err = run(*arguments)
+    assert (status, out) == (2, "")
+    assert told in err
+    assert err.count("\n") == 1
+
+
+def test_a_failed_write_keeps_what_was_there(run: Any, tmp_path: Path) -> None:
+    target = tmp_path / "plan.json"
+    target.write_text("precious")
+    status, _, _ = run("plan", str(BAD_FILES / "nan-rate.yaml"), "-o", str(target))
+    assert status == 2
+    assert target.read_text() == "precious"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this machine")
+def test_a_full_disk_is_one_clear_line() -> None:
+    done = _process("plan", GRID, "-o", "/dev/full")
+    assert done.returncode == 2
+    assert "No space left" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_plans_with_vehicles_that_do_not_fit_are_refused(run: Any, tmp_path: Path) -> None:
+    plan = tmp_path / "plan.json"
+    run("plan", GRID, "-o", str(plan))
+    values = json.loads(plan.read_text())
+    values["vehicles"][0]["phase_rad"] = "east"
+    plan.write_text(json.dumps(values))
+    status, _, err = run("validate", str(plan), "--trials", "1")
+    assert status == 2
+    assert "vehicles[0].phase_rad" in err
+    del values["vehicles"][0]
+    plan.write_text(json.dumps(values))
+    status, _, err = run("validate", str(plan), "--trials", "1")
+    assert status == 2
+    assert "vehicles" in err
+
+
+def test_an_interrupted_run_leaves_nothing_half_written(tmp_path: Path) -> None:
+    target = tmp_path / "report.json"
+    environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
+    long = ("validate", GRID, "--trials", "900000")
+    with subprocess.Popen(
+        [sys.executable, "-m", "syncplan", *long, "-o", str(target)],
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment,
+    ) as process:
+        time.sleep(4.0)
+        assert process.poll() is None
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert "interrupted" in err
+    assert "Traceback" not in err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_internal_fault_exits_with_1_without_a_traceback(
+    run: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError("deep inside")
+
+    monkeypatch.setattr("syncplan.report.plan_document", broken)
+    status, _, err = run("plan", GRID)
+    assert status == 1
+    assert "internal fault" in err
+    assert err.count("\n") == 1
+
+
+def test_a_sweep_reports_each_value_and_the_connected_row(run: Any) -> None:
+    status, out, _ = run(
+        *("sweep", GRID, "--angular-rate", "0.2,1.0", "--connected"),
+        *("--trials", "4", "--duration", "20"),
+    )
+    assert status == 0
+    rows = json.loads(out)["rows"]
+    assert [row["value"] for row in rows] == [0.2, 1.0, 1.0]
+    assert rows[2]["range_m"][0] > rows[1]["range_m"][0]
+    assert rows[2]["label"].startswith("connected")
+    for name in ("--range", "--radius"):
+        assert run("sweep", GRID, name, "50", "--trials", "2", "--duration", "5")[0] == 0
+
+
+@pytest.mark.parametrize("contract", ["scenario", "plan", "validation"])
+def test_schemas_are_json_schema(contract: str, run: Any) -> None:
+    status, out, _ = run("schema", contract)
+    assert status == 0
+    schema = json.loads(out)
+    assert schema["type"] == "object"
+    assert schema["properties"]
+
+
+@pytest.mark.parametrize("command", ["plan", "validate", "sweep", "schema"])
+def test_help_has_an_example(command: str, run: Any) -> None:
+    status, out, _ = run(command, "--help")
+    assert status == 0
+    assert f"Example: syncplan {command}" in out
+
+
+def test_the_version_is_printed(run: Any) -> None:
+    status, out, _ = run("--version")
+    assert status == 0
+    assert out.startswith("syncplan ")
+
+
+def test_help_loads_no_heavy_package() -> None:
+    script = (
+        "import sys\n"
+        "from syncplan import cli\n"
+        "try:\n    cli.main(['--help'])\n"
+        "except SystemExit:\n    pass\n"
+        "heavy = {'numpy', 'scipy', 'numba', 'cvxpy', 'networkx'} & set(sys.modules)\n"
+        "sys.exit(str(heavy) if heavy else 0)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_reader_that_leaves_early_is_no_fault() -> None:
+    command = f"{sys.executable} -m syncplan plan {GRID} | head -c 10"
+    done = subprocess.run(
+        ["bash", "-c", f"set -o pipefail; {command}"], capture_output=True, text=True, check=False
+    )
+    assert "Traceback" not in done.stderr
+    assert done.stdout.startswith("{")

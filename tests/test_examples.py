@@ -1,0 +1,91 @@
+"""Every example runs, and one number of each is pinned."""
+
+import importlib
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[1]
+FOUND = sorted(
+    path.stem for path in (ROOT / "examples").glob("*.py") if not path.stem.startswith("_")
+)
+
+PINS: dict[str, Callable[[Any], bool]] = {
+    "quick_start": lambda report: abs(report.accuracy.late_position.max() - 2.07) < 0.2,
+    # issue: under 0.06 m, and the share that gets stuck is told
+    "noise_free_convergence": lambda result: (
+        0.02 < result.median_worst < 0.06
+        and 0.1 < result.stuck_share < 0.4
+        and result.stuck_share_gated > 2.0 * result.stuck_share
+    ),
+    "rate_sweep": lambda rows: _falls_and_compares(rows),
+    "hardware_size": lambda report: abs(report.accuracy.late_position.max() - 0.084) < 0.03,
+    "degenerate_grid_cured": lambda cure: (
+        cure.degenerate.plan.observability.rank == 16
+        and cure.cured.plan.observability.rank == 18
+        and cure.cured.accuracy.late_position.max()
+        < 0.5 * cure.degenerate.accuracy.late_position.max()
+    ),
+    "landmark_bridge": lambda plan: (
+        plan.observability.rank == 5 and plan.unobservable[0].description == "turn of v2 about L2"
+    ),
+    "alternating_shortens_meetings": lambda periods: (
+        abs(periods.same - 24.1) < 0.2 and abs(periods.alternate - 21.8) < 0.2
+    ),
+}
+
+
+def _falls_and_compares(rows: Any) -> bool:
+    """Whole-run means fall by 10 % from 0.2 to 1.0 rad/s, within a factor of 4 of Table 2."""
+    paper = importlib.import_module("examples.rate_sweep")
+    errors = [row.validation.accuracy for row in rows]
+    falls = all(
+        getattr(errors[4], axis).mean() < 0.9 * getattr(errors[0], axis).mean() for axis in "xy"
+    )
+    near = all(
+        0.25 < here.mean() / there < 4.0
+        for k, one in enumerate(errors[:5])
+        for here, there in ((one.y, paper.PAPER_P_N[k]), (one.x, paper.PAPER_P_E[k]))
+    )
+    always = errors[5].x.mean() < errors[4].x.mean()
+    return bool(falls and near and always)
+
+
+def test_every_example_is_pinned() -> None:
+    assert set(FOUND) == set(PINS)
+
+
+@pytest.mark.parametrize("name", FOUND)
+def test_the_example_reaches_its_number(name: str) -> None:
+    assert PINS[name](importlib.import_module(f"examples.{name}").main())
+
+
+@pytest.mark.parametrize("name", ["landmark_bridge", "alternating_shortens_meetings"])
+def test_examples_print_when_run(name: str) -> None:
+    done = subprocess.run(
+        [sys.executable, ROOT / "examples" / f"{name}.py"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert len(done.stdout) > 50
+
+
+def test_the_bound_is_reached_where_the_filter_is_nearly_linear() -> None:
+    """Bearing sigma 0.01 rad, initial sigma 0.5 m: within 10 % of the bound, and consistent."""
+    import syncplan
+    from syncplan.loading import scenario_from
+    from tests.scenarios import example
+
+    document = example("paper-grid-same").model_dump(exclude_none=True)
+    document["sensor"]["bearing_sigma_rad"] = 0.01
+    document["initial_sigma"]["position_m"] = 0.5
+    report = syncplan.validate(scenario_from(document), trials=200, seed=1)
+    assert report.predicted is not None
+    np.testing.assert_allclose(report.accuracy.late_position, report.predicted, rtol=0.1)
+    assert report.anees.verdict == "consistent"
