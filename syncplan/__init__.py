@@ -31,7 +31,8 @@ symbols in bodies:
 
 Modules, each using only those before it
 ----------------------------------------
-    errors, formation, scenario, loading      what the user says, checked
+    errors, formation, quantities, checks     what the user says, checked
+    scenario, loading
     blas                                      one thread for linear algebra
     orbits, trigpoly, contacts, separation    circles, exact contact windows, least distances
     sightings, noise, graph                   samples, sigmas, who sees whom
@@ -41,8 +42,9 @@ Modules, each using only those before it
     arcs, ekf, consistency                    the filter, and whether it is honest
     trials, montecarlo                        many runs of it
     planner, validation, sweeps               the chain
-    document, report, planfile, output        contracts and files
-    tables, cli                               the command line
+    document, plan_report, validation_report  contracts
+    planfile, output                          files
+    streams, tables, cli                      the command line
 
 References
 ----------

@@ -2,17 +2,16 @@
 
 import os
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 from typer.exceptions import TyperException
 
 from syncplan import __version__
 from syncplan.errors import InputError, SyncplanError
+from syncplan.streams import Format, deliver, progress_bar, say, say_notes
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -47,14 +46,6 @@ class Model(StrEnum):
 
     arc = "arc"
     euler = "euler"
-
-
-class Format(StrEnum):
-    """What goes to standard output."""
-
-    auto = "auto"
-    table = "table"
-    json = "json"
 
 
 class Contract(StrEnum):
@@ -114,8 +105,8 @@ def _plan(
 ) -> int:
     """Find phases for a scenario and judge the plan: meetings, observability, predicted error."""
     from syncplan.loading import load_scenario
+    from syncplan.plan_report import plan_document
     from syncplan.planner import plan
-    from syncplan.report import plan_document
     from syncplan.scenario import MAX_VEHICLES
 
     made = plan(
@@ -130,8 +121,8 @@ def _plan(
 
         show_plan(document, console)
 
-    if _deliver(document.as_json(), output, format_, show) is Format.json:
-        _say_notes(document.notes)
+    if deliver(document.as_json(), output, format_, show) is Format.json:
+        say_notes(document.notes)
     return _verdict(made.observable, require_observable)
 
 
@@ -164,16 +155,16 @@ def _validate(
     """Prove a plan with the filter: Monte Carlo errors beside the bound, and consistency."""
     from syncplan.planfile import load
     from syncplan.planner import judge, plan
-    from syncplan.report import validation_document
     from syncplan.scenario import MAX_VEHICLES
     from syncplan.validation import validate
+    from syncplan.validation_report import validation_document
 
     loaded = load(subject, max_vehicles=max_vehicles or MAX_VEHICLES)
     flown = (
         plan(loaded.scenario) if loaded.orbits is None else judge(loaded.scenario, loaded.orbits)
     )
     _announce_compilation(flown.orbits.count)
-    with _progress("trials", trials) as progress:
+    with progress_bar("trials", trials) as progress:
         result = validate(
             flown,
             trials=trials,
@@ -193,8 +184,8 @@ def _validate(
 
         show_validation(document, console)
 
-    if _deliver(document.as_json(), output, format_, show) is Format.json:
-        _say_notes(document.notes)
+    if deliver(document.as_json(), output, format_, show) is Format.json:
+        say_notes(document.notes)
     return _verdict(flown.observable, require_observable)
 
 
@@ -230,9 +221,9 @@ def _sweep(
 ) -> int:
     """Vary one key: plan and validate each value, tables like the paper's Tables 1 and 2."""
     from syncplan.loading import load_scenario
-    from syncplan.report import sweep_document, validation_document
     from syncplan.scenario import MAX_VEHICLES
     from syncplan.sweeps import sweep
+    from syncplan.validation_report import sweep_document, validation_document
 
     given = {
         "angular_rate": angular_rate,
@@ -249,7 +240,7 @@ def _sweep(
     values = _numbers(text, f"--{name.replace('_', '-')}")
     loaded = load_scenario(scenario, max_vehicles=max_vehicles or MAX_VEHICLES)
     _announce_compilation(loaded.size)
-    with _progress("trials", trials * (len(values) + connected)) as progress:
+    with progress_bar("trials", trials * (len(values) + connected)) as progress:
         rows = sweep(
             loaded,
             name,
@@ -268,7 +259,7 @@ def _sweep(
 
         show_sweep(name.replace("_", " "), [row.label for row in rows], reports, console)
 
-    _deliver(sweep_document(name, rows, reports), output, format_, show)
+    deliver(sweep_document(name, rows, reports), output, format_, show)
     return 0
 
 
@@ -290,7 +281,7 @@ def _schema(
         from syncplan.document import ValidationDocument
 
         schema = ValidationDocument.model_json_schema(mode="serialization")
-    _deliver(schema, output, Format.json, None)
+    deliver(schema, output, Format.json, None)
     return 0
 
 
@@ -309,10 +300,10 @@ def main(arguments: list[str] | None = None) -> NoReturn:
         status = app(arguments, standalone_mode=False)
         sys.stdout.flush()
     except SyncplanError as error:
-        _say(str(error))
+        say(str(error))
         status = error.exit_code
     except TyperException as error:
-        _say(_usage_fault(error, sys.argv[1:] if arguments is None else arguments))
+        say(_usage_fault(error, sys.argv[1:] if arguments is None else arguments))
         status = error.exit_code
     except (KeyboardInterrupt, typer.Abort):
         status = INTERRUPTED
@@ -321,16 +312,16 @@ def main(arguments: list[str] | None = None) -> NoReturn:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         status = 0
     except MemoryError:
-        _say("out of memory: the team or the window is too large for this machine")
+        say("out of memory: the team or the window is too large for this machine")
         status = INTERNAL_FAULT
     except Exception as error:
         if os.environ.get("SYNCPLAN_DEBUG"):
             raise
         where = f"{type(error).__name__}: {error}"
-        _say(f"internal fault, {where} (SYNCPLAN_DEBUG=1 shows where; please report it)")
+        say(f"internal fault, {where} (SYNCPLAN_DEBUG=1 shows where; please report it)")
         status = INTERNAL_FAULT
     if status == INTERRUPTED:
-        _say("interrupted; nothing was written")
+        say("interrupted; nothing was written")
     sys.exit(status if isinstance(status, int) else 0)
 
 
@@ -349,41 +340,9 @@ def _usage_fault(error: TyperException, arguments: list[str]) -> str:
     return message
 
 
-def _deliver(
-    values: dict[str, Any],
-    output: Path | None,
-    format_: Format,
-    show: Callable[["Console"], None] | None,
-) -> Format:
-    """Write the JSON to the file or standard output, or show the table; return which was shown.
-
-    With a file, nothing but a table ever goes to standard output.
-    """
-    from syncplan.output import as_text, write_text
-
-    shown = format_
-    if shown is Format.auto:
-        shown = Format.table if sys.stdout.isatty() else Format.json
-    if output is not None:
-        write_text(output, as_text(values))
-        _say(f"wrote {output}")
-    elif shown is Format.json:
-        sys.stdout.write(as_text(values))
-    if shown is Format.table and show is not None:
-        from rich.console import Console
-
-        show(Console())
-    return shown
-
-
-def _say_notes(notes: list[str]) -> None:
-    for note in notes:
-        _say(note)
-
-
 def _verdict(observable: bool, required: bool) -> int:
     if required and not observable:
-        _say("the plan is not observable (--require-observable)")
+        say("the plan is not observable (--require-observable)")
         return NOT_OBSERVABLE
     return 0
 
@@ -392,35 +351,7 @@ def _announce_compilation(count: int) -> None:
     from syncplan.ekf import kernels_are_compiled
 
     if not kernels_are_compiled(count):
-        _say("compiling the filter's kernels, once; this takes some seconds ...")
-
-
-@contextmanager
-def _progress(unit: str, total: int) -> Iterator[Callable[[int], None] | None]:
-    """A progress bar on standard error, at a terminal only."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
-
-    bar = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-        transient=True,
-    )
-    with bar:
-        task = bar.add_task(unit, total=total)
-        yield lambda done: bar.update(task, completed=done)
+        say("compiling the filter's kernels, once; this takes some seconds ...")
 
 
 def _numbers(text: str, option: str) -> list[float]:
@@ -430,7 +361,3 @@ def _numbers(text: str, option: str) -> list[float]:
         raise InputError(
             f"{text!r}: must be numbers with commas between, such as 0.2,0.4", key=option
         ) from None
-
-
-def _say(message: str) -> None:
-    sys.stderr.write(f"syncplan: {message}\n")

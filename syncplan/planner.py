@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from syncplan.blas import single_threaded_blas
 from syncplan.bounds import posterior_bound, steady_bound, window_bound
 from syncplan.certificate import Certificate, certify
+from syncplan.checks import SAME_PLACE_M
 from syncplan.connectivity import connectivity_period
 from syncplan.contacts import Sensors, Windows, find_windows, reachable_pairs
 from syncplan.meetings import Meeting, landmark_meetings, vehicle_meetings
@@ -17,7 +18,7 @@ from syncplan.motions import UnobservableMotion, name_motions
 from syncplan.noise import Noise
 from syncplan.observability import Observability, assess, link_information
 from syncplan.orbits import Orbits
-from syncplan.scenario import SAME_PLACE_M, Scenario, per_vehicle
+from syncplan.scenario import Scenario, per_vehicle
 from syncplan.senses import alternating_senses
 from syncplan.separation import Approach, closest_approach, pairs_nearer_than
 from syncplan.sightings import sample_sightings

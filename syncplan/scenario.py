@@ -6,27 +6,41 @@ message names the key, its value and what is allowed.
 
 import math
 from collections.abc import Sequence
-from datetime import datetime
-from itertools import pairwise
 from typing import Annotated, Any, Literal, Self, TypeVar
 
 from pydantic import (
-    AfterValidator,
     BaseModel,
-    BeforeValidator,
     ConfigDict,
-    Discriminator,
     Field,
-    Strict,
-    StringConstraints,
-    Tag,
     ValidationInfo,
     field_validator,
     model_validator,
 )
-from pydantic_core import PydanticCustomError
 
+from syncplan.checks import (
+    check_landmarks,
+    check_lengths,
+    check_links,
+    check_names,
+    check_samples,
+    check_shared_circles,
+)
 from syncplan.formation import SHAPES, shape_centers
+from syncplan.quantities import (
+    Angle,
+    Duration,
+    Length,
+    ListedOrNamed,
+    Name,
+    OneOrMany,
+    Pair,
+    Point,
+    Rate,
+    Sigma,
+    Speed,
+    StartTime,
+    fault,
+)
 
 __all__ = [
     "MAX_VEHICLES",
@@ -42,72 +56,10 @@ __all__ = [
 MAX_VEHICLES = 2000
 """Largest team accepted unless the caller says otherwise."""
 
-MAX_LANDMARKS = 10_000
-MAX_SAMPLES = 1_000_000
-"""Most samples in a window or a run."""
-
-SAME_PLACE_M = 1e-6
-"""Landmarks, or centres of equal circles, nearer than this are the same."""
-
 SPEED_AGREEMENT = 1e-6
 """Relative difference up to which speed and rate times radius agree."""
 
 T = TypeVar("T")
-
-Coordinate = Annotated[float, Field(ge=-1e7, le=1e7)]
-Length = Annotated[float, Field(gt=0, le=1e7)]
-Rate = Annotated[float, Field(ge=1e-6, le=1e4)]
-Speed = Annotated[float, Field(gt=0, le=1e6)]
-Sigma = Annotated[float, Field(ge=0, le=1e7)]
-Angle = Annotated[float, Field(ge=-1e6, le=1e6)]
-Duration = Annotated[float, Field(gt=0, le=1e9)]
-Name = Annotated[str, StringConstraints(min_length=1, max_length=64, pattern=r"^\S(.*\S)?$")]
-Point = Annotated[tuple[Coordinate, Coordinate], Strict(False)]
-Pair = Annotated[tuple[Name, Name], Strict(False)]
-Sense = Literal["ccw", "cw"]
-
-
-def _kind(value: Any) -> str:
-    return "many" if isinstance(value, list | tuple) else "one"
-
-
-def _named(value: Any) -> str:
-    return "named" if isinstance(value, dict) else "listed"
-
-
-OneOrMany = Annotated[
-    Annotated[T, Tag("one")] | Annotated[list[T], Tag("many")], Discriminator(_kind)
-]
-ListedOrNamed = Annotated[
-    Annotated[list[Point], Tag("listed")] | Annotated[dict[Name, Point], Tag("named")],
-    Discriminator(_named),
-]
-
-
-def _rfc3339(value: Any) -> Any:
-    return value.isoformat() if isinstance(value, datetime) else value
-
-
-def _moment_with_zone(value: str) -> str:
-    try:
-        moment = datetime.fromisoformat(value)
-    except ValueError:
-        raise fault("", "must be a date and time of RFC 3339, like 2026-05-01T09:00:00Z") from None
-    if moment.tzinfo is None:
-        raise fault("", "must name its time zone, like 2026-05-01T09:00:00Z")
-    return value
-
-
-StartTime = Annotated[str, BeforeValidator(_rfc3339), AfterValidator(_moment_with_zone)]
-
-
-def fault(key: str, problem: str, value: Any = None) -> PydanticCustomError:
-    """Return the error for a rule that spans keys: `key` is relative to the model it is raised in.
-
-    Braces are doubled because the message is a template.
-    """
-    context = {"key": key} if value is None else {"key": key, "value": value}
-    return PydanticCustomError("rule", problem.replace("{", "{{").replace("}", "}}"), context)
 
 
 class _Model(BaseModel):
@@ -334,12 +286,29 @@ class Scenario(_Model):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        self._check_lengths()
-        self._check_names()
-        self._check_samples()
-        self._check_landmarks()
-        self._check_links()
-        self._check_shared_circles()
+        orbit, formation = self.orbit, self.formation
+        radii = per_vehicle(orbit.radius_m, self.size)
+        check_lengths(
+            {
+                "orbit.radius_m": orbit.radius_m,
+                "orbit.speed_mps": orbit.speed_mps,
+                "orbit.direction": orbit.direction,
+                "orbit.desync_rad": orbit.desync_rad,
+                "sensor": self.sensor,
+                "formation.names": formation.names,
+            },
+            self.size,
+        )
+        check_names(self.vehicle_names, self.landmark_names)
+        check_samples(
+            (sensor.sample_time_s for sensor in self.sensors),
+            {"duration_s": self.duration_s, "window_s": self.window},
+        )
+        check_landmarks(self.landmark_names, self.landmarks)
+        ranges = [sensor.range_m for sensor in self.sensors]
+        check_links(formation.links or [], self.vehicle_names, self.centers, radii, ranges)
+        if isinstance(orbit.direction, list):
+            check_shared_circles(orbit.direction, self.vehicle_names, self.centers, radii)
         return self
 
     # --- what follows from the keys -----------------------------------------------------------
@@ -411,114 +380,6 @@ class Scenario(_Model):
             )
         return self.model_copy(update={"formation": formation, "window_s": self.window})
 
-    # --- rules across keys ----------------------------------------------------------------------
-
-    def _check_lengths(self) -> None:
-        lists: dict[str, Any] = {
-            "orbit.radius_m": self.orbit.radius_m,
-            "orbit.speed_mps": self.orbit.speed_mps,
-            "orbit.direction": self.orbit.direction,
-            "orbit.desync_rad": self.orbit.desync_rad,
-            "sensor": self.sensor,
-            "formation.names": self.formation.names,
-        }
-        for key, value in lists.items():
-            if isinstance(value, list) and len(value) != self.size:
-                raise fault(key, f"has {len(value)} values for {self.size} vehicles; give one each")
-        if len(self.landmarks_m) > MAX_LANDMARKS:
-            raise fault(
-                "landmarks_m", f"has {len(self.landmarks_m)} landmarks, more than {MAX_LANDMARKS}"
-            )
-
-    def _check_names(self) -> None:
-        seen: set[str] = set()
-        key = "formation.names"
-        for name in [*self.vehicle_names, *self.landmark_names]:
-            if name in seen:
-                raise fault(
-                    key, "stands twice: vehicles and landmarks need names of their own", name
-                )
-            seen.add(name)
-
-    def _check_samples(self) -> None:
-        times = {sensor.sample_time_s for sensor in self.sensors}
-        if len(times) > 1:
-            raise fault(
-                "sensor",
-                f"has sample times {', '.join(f'{t:g}' for t in sorted(times))} s: the central "
-                "filter needs one common sample_time_s",
-            )
-        for key, value in (("duration_s", self.duration_s), ("window_s", self.window)):
-            if value / self.sample_time > MAX_SAMPLES:
-                raise fault(
-                    key,
-                    f"{value:g} s at a sample time of {self.sample_time:g} s makes more than "
-                    f"{MAX_SAMPLES} samples; shorten it or sample less often",
-                )
-        if self.duration_s < self.sample_time:
-            raise fault("duration_s", f"must be at least sample_time_s, {self.sample_time:g} s")
-
-    def _check_landmarks(self) -> None:
-        names, places = self.landmark_names, self.landmarks
-        order = sorted(range(len(places)), key=lambda k: places[k])
-        for a, b in pairwise(order):
-            if math.dist(places[a], places[b]) <= SAME_PLACE_M:
-                raise fault(
-                    "landmarks_m",
-                    f"{names[a]} and {names[b]} are at the same place; remove one of them",
-                    list(places[a]),
-                )
-
-    def _check_links(self) -> None:
-        index = {name: k for k, name in enumerate(self.vehicle_names)}
-        centers, sensors = self.centers, self.sensors
-        radii = per_vehicle(self.orbit.radius_m, self.size)
-        seen: set[frozenset[str]] = set()
-        for k, (a, b) in enumerate(self.formation.links or []):
-            key = f"formation.links[{k}]"
-            for name in (a, b):
-                if name not in index:
-                    raise fault(
-                        key,
-                        f"link {a}-{b}: no vehicle is named {name}; "
-                        f"vehicles are {_summary(list(index))}",
-                    )
-            if a == b:
-                raise fault(key, f"link {a}-{b}: a vehicle can't be linked to itself")
-            if frozenset((a, b)) in seen:
-                raise fault(key, f"link {a}-{b}: stands twice; remove one of them")
-            seen.add(frozenset((a, b)))
-            i, j = index[a], index[b]
-            distance = math.dist(centers[i], centers[j])
-            gap = max(distance - radii[i] - radii[j], abs(radii[i] - radii[j]) - distance, 0.0)
-            reach = max(sensors[i].range_m, sensors[j].range_m)
-            if gap > reach * (1.0 + 1e-12):
-                raise fault(
-                    key,
-                    f"link {a}-{b}: the circles come no nearer than {gap:g} m, out of the "
-                    f"sensors' range of {reach:g} m; bring the centres nearer, raise range_m, or "
-                    "remove the link",
-                )
-
-    def _check_shared_circles(self) -> None:
-        if not isinstance(self.orbit.direction, list):
-            return
-        radii = per_vehicle(self.orbit.radius_m, self.size)
-        names, centers, senses = self.vehicle_names, self.centers, self.orbit.direction
-        order = sorted(range(self.size), key=lambda k: (centers[k], radii[k]))
-        for a, b in pairwise(order):
-            shared = (
-                math.dist(centers[a], centers[b]) <= SAME_PLACE_M
-                and abs(radii[a] - radii[b]) <= SAME_PLACE_M
-            )
-            if shared and senses[a] != senses[b]:
-                raise fault(
-                    "orbit.direction",
-                    f"{names[a]} ({senses[a]}) and {names[b]} ({senses[b]}) turn opposite ways on "
-                    f"one circle and would collide; give them the same sense or another centre",
-                    list(senses),
-                )
-
 
 def per_vehicle(value: T | list[T], count: int) -> list[T]:
     """Return one value for each of `count` vehicles, a single value repeated."""
@@ -531,9 +392,3 @@ def _spread(values: list[float], count: int) -> list[float]:
 
 def _points(value: Sequence[Point] | dict[str, Point]) -> list[Point]:
     return list(value.values()) if isinstance(value, dict) else list(value)
-
-
-def _summary(names: list[str]) -> str:
-    if len(names) > 3 and names == [f"v{k + 1}" for k in range(len(names))]:
-        return f"{names[0]}..{names[-1]}"
-    return ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")

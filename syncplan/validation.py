@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from syncplan.blas import single_threaded_blas
 from syncplan.bounds import posterior_bound
+from syncplan.checks import MAX_SAMPLES
 from syncplan.consistency import Consistency, anees, coverage, nis
 from syncplan.errors import InputError
 from syncplan.montecarlo import run_trials
 from syncplan.planner import Plan, bound_is_affordable, plan
-from syncplan.scenario import MAX_SAMPLES, Scenario
+from syncplan.scenario import Scenario
 from syncplan.sightings import sample_sightings, steps_within
 from syncplan.trials import Accuracy, MonteCarloResult, accuracy
 

@@ -14,6 +14,8 @@ PACKAGE = Path(syncplan.__file__).parent
 ORDER = (
     "errors",
     "formation",
+    "quantities",
+    "checks",
     "scenario",
     "loading",
     "blas",
@@ -44,9 +46,11 @@ ORDER = (
     "validation",
     "sweeps",
     "document",
-    "report",
+    "plan_report",
+    "validation_report",
     "planfile",
     "output",
+    "streams",
     "tables",
     "cli",
 )
@@ -57,7 +61,7 @@ LIBRARIES = {
     "cvxpy": {"relaxation", "placement"},
     "networkx": {"graph"},
     "numba": {"ekf"},
-    "pydantic": {"scenario", "loading", "document", "planfile"},
+    "pydantic": {"quantities", "scenario", "loading", "document", "planfile"},
     "typer": {"cli"},
 }
 """The only modules that may import a library."""

@@ -260,7 +260,7 @@ def test_an_internal_fault_exits_with_1_without_a_traceback(
     def broken(*_: object) -> None:
         raise ZeroDivisionError("deep inside")
 
-    monkeypatch.setattr("syncplan.report.plan_document", broken)
+    monkeypatch.setattr("syncplan.plan_report.plan_document", broken)
     status, _, err = run("plan", GRID)
     assert status == 1
     assert "internal fault" in err

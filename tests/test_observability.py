@@ -16,8 +16,8 @@ from syncplan.observability import (
     link_information,
 )
 from syncplan.orbits import Orbits, heading, position
+from syncplan.plan_report import plan_document
 from syncplan.planner import Plan, judge, plan
-from syncplan.report import plan_document
 from syncplan.sightings import sample_sightings
 from tests.draws import draw_team, judge_team
 from tests.scenarios import example, small

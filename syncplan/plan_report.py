@@ -1,46 +1,35 @@
-"""Reports: results as documents, with everything the reader must not miss in words."""
+"""Plans as documents, with everything the reader must not miss in words."""
 
 import math
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from syncplan.consistency import Consistency
 from syncplan.document import (
     CertificateVerdict,
     CloseApproach,
     DirectedContact,
     DroppedLink,
-    ErrorFigures,
     ErrorPrediction,
-    FilterRecord,
     LandmarkLink,
     Link,
     ObservabilityVerdict,
     PlanDocument,
     Separation,
-    Series,
-    Spread,
     SynchronisationRecord,
     Unobservable,
-    ValidationDocument,
-    VehicleFigures,
     VehicleMotion,
     VehicleOrbit,
-    VehicleSeries,
     Window,
     Witness,
 )
 from syncplan.meetings import Meeting
 from syncplan.orbits import heading, position
 from syncplan.planner import Plan
-from syncplan.sweeps import SWEEPABLE, SweepRow
-from syncplan.trials import Accuracy, series
-from syncplan.validation import Validation
 
-__all__ = ["certificate_reason", "plan_document", "sweep_document", "validation_document"]
+__all__ = ["certificate_reason", "plan_document"]
 
 NEAR_MISS = 0.05
 """Vehicles that come nearer than this share of the mean radius are told of in any case."""
@@ -299,150 +288,3 @@ def _sense(value: float) -> Literal["ccw", "cw"]:
 
 def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
-
-
-# --- validation ---------------------------------------------------------------------------------
-
-
-def validation_document(validation: Validation) -> ValidationDocument:
-    """Return the report of a Monte Carlo run."""
-    from syncplan import __version__
-
-    plan = validation.plan
-    names = plan.scenario.vehicle_names
-    result, predicted = validation.result, validation.predicted
-    per_vehicle = validation.accuracy
-    overall_bound = None if predicted is None else float(np.sqrt(np.mean(predicted**2)))
-    return ValidationDocument(
-        version=__version__,
-        name=plan.scenario.name,
-        trials=result.trials,
-        seed=result.seed,
-        duration_s=validation.duration,
-        filter=FilterRecord(
-            model=validation.model,
-            substeps=validation.substeps if validation.model == "euler" else 0,
-            gate_probability=validation.gate_probability,
-            gated=int(result.gated.sum()),
-            used=int(result.accepted.sum()),
-        ),
-        observable=plan.observable,
-        vehicles=[
-            VehicleFigures(
-                name=name,
-                **_figures(
-                    per_vehicle,
-                    k,
-                    None if predicted is None else float(predicted[k]),
-                    float(validation.coverage[k]),
-                ),
-            )
-            for k, name in enumerate(names)
-        ],
-        overall=ErrorFigures(
-            **_figures(
-                per_vehicle.overall(), (), overall_bound, float(np.mean(validation.coverage))
-            )
-        ),
-        anees=_consistency(validation.anees),
-        nis=_consistency(validation.nis),
-        series=_series(validation, names) if result.branches else None,
-        notes=_filter_notes(validation),
-    )
-
-
-def sweep_document(
-    name: str, rows: Sequence[SweepRow], reports: Sequence[ValidationDocument]
-) -> dict[str, Any]:
-    """Return the JSON values of a sweep: a row of labels, verdict and report for each value."""
-    return {
-        "swept": SWEEPABLE[name],
-        "rows": [
-            {
-                "label": row.label,
-                "value": row.value,
-                "range_m": [float(value) for value in row.validation.plan.sensors.ranges],
-                "rank": row.validation.plan.observability.rank,
-                "state_dim": row.validation.plan.observability.state_dim,
-                "connectivity_period_s": row.validation.plan.connectivity_period,
-                "mean_rms_x_m": float(np.mean([v.rms_x_m for v in report.vehicles])),
-                "mean_rms_y_m": float(np.mean([v.rms_y_m for v in report.vehicles])),
-                "validation": report.as_json(),
-            }
-            for row, report in zip(rows, reports, strict=True)
-        ],
-    }
-
-
-def _figures(
-    accuracy: Accuracy, vehicle: int | tuple[()], predicted: float | None, covered: float
-) -> dict[str, Any]:
-    late = float(accuracy.late_position[vehicle])
-    return {
-        "rms_m": float(accuracy.position[vehicle]),
-        "rms_second_half_m": late,
-        "rms_x_m": float(accuracy.x[vehicle]),
-        "rms_y_m": float(accuracy.y[vehicle]),
-        "rms_heading_rad": float(accuracy.heading[vehicle]),
-        "final_error_m": float(accuracy.final_position[vehicle]),
-        "predicted_rms_m": predicted,
-        "rms_over_predicted": late / predicted if predicted else None,
-        "coverage_3sigma": covered,
-    }
-
-
-def _consistency(figure: Consistency) -> Spread:
-    if not figure.degrees:
-        return Spread(value=None, band=None, verdict="unknown", count=0)
-    return Spread(
-        value=figure.value, band=figure.band, verdict=figure.verdict, count=figure.degrees
-    )
-
-
-def _series(validation: Validation, names: list[str]) -> Series:
-    kept = series(validation.result)
-    steps = np.arange(validation.result.steps + 1)
-    return Series(
-        time_s=(steps * validation.plan.sensors.sample_time).tolist(),
-        vehicles=[
-            VehicleSeries(
-                name=name,
-                rms_m=kept.position_rms[:, k].tolist(),
-                mean_x_m=kept.mean_errors[:, k, 0].tolist(),
-                mean_y_m=kept.mean_errors[:, k, 1].tolist(),
-                mean_heading_rad=kept.mean_errors[:, k, 2].tolist(),
-                sigma_m=kept.position_sigma[:, k].tolist(),
-                sigma_heading_rad=kept.heading_sigma[:, k].tolist(),
-            )
-            for k, name in enumerate(names)
-        ],
-    )
-
-
-def _filter_notes(validation: Validation) -> list[str]:
-    """What the consistency figures mean for the reader, in plain words."""
-    plan, figure = validation.plan, validation.anees
-    verdict = plan.observability
-    notes = []
-    if not verdict.observable:
-        motions = "; ".join(item.description for item in plan.unobservable[:3])
-        text = (
-            f"the plan is NOT observable (rank {verdict.rank} of {verdict.state_dim}): no sighting "
-            f"tells {motions}"
-        )
-        if figure.verdict == "optimistic":
-            text += (
-                f". The filter does not know: it is inconsistent (ANEES {figure.value:.2f}, "
-                "1 is honest), its sigmas are too small there and must not be trusted"
-            )
-        notes.append(text)
-    elif figure.verdict == "optimistic":
-        notes.append(
-            f"the filter is inconsistent (ANEES {figure.value:.2f} above "
-            f"{figure.band[1]:.2f}): it makes larger errors than its sigmas say, because it "
-            "linearises about its own estimate; smaller initial sigmas or more sightings help"
-        )
-    lost = int(np.isnan(validation.result.nees).sum())
-    if lost:
-        notes.append(f"{lost} trials ended with a covariance that is not positive definite")
-    return notes

@@ -1,0 +1,143 @@
+"""Rules that span the keys of a scenario; each raises the fault that names the key to mend."""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
+
+from syncplan.quantities import Pair, Point, fault
+
+__all__ = [
+    "MAX_SAMPLES",
+    "SAME_PLACE_M",
+    "check_landmarks",
+    "check_lengths",
+    "check_links",
+    "check_names",
+    "check_samples",
+    "check_shared_circles",
+]
+
+MAX_LANDMARKS = 10_000
+MAX_SAMPLES = 1_000_000
+"""Most samples in a window or a run."""
+
+SAME_PLACE_M = 1e-6
+"""Landmarks, or centres of equal circles, nearer than this are the same."""
+
+_NAMES_SHOWN = 12
+
+
+def check_lengths(lists: Mapping[str, object], count: int) -> None:
+    """Raise the fault if any value that is a list has not one value for each vehicle."""
+    for key, value in lists.items():
+        if isinstance(value, list) and len(value) != count:
+            raise fault(key, f"has {len(value)} values for {count} vehicles; give one each")
+
+
+def check_names(vehicles: Sequence[str], landmarks: Sequence[str]) -> None:
+    """Raise the fault if a name stands twice among vehicles and landmarks."""
+    seen: set[str] = set()
+    for name in [*vehicles, *landmarks]:
+        if name in seen:
+            raise fault(
+                "formation.names",
+                "stands twice: vehicles and landmarks need names of their own",
+                name,
+            )
+        seen.add(name)
+
+
+def check_samples(sample_times: Iterable[float], durations: Mapping[str, float]) -> None:
+    """Raise the fault if sensors differ in sample time, or a duration holds too many samples."""
+    times = sorted(set(sample_times))
+    if len(times) > 1:
+        raise fault(
+            "sensor",
+            f"has sample times {', '.join(f'{t:g}' for t in times)} s: the central filter needs "
+            "one common sample_time_s",
+        )
+    for key, value in durations.items():
+        if value / times[0] > MAX_SAMPLES:
+            raise fault(
+                key,
+                f"{value:g} s at a sample time of {times[0]:g} s makes more than {MAX_SAMPLES} "
+                "samples; shorten it or sample less often",
+            )
+    if durations["duration_s"] < times[0]:
+        raise fault("duration_s", f"must be at least sample_time_s, {times[0]:g} s")
+
+
+def check_landmarks(names: Sequence[str], places: Sequence[Point]) -> None:
+    """Raise the fault if there are too many landmarks, or two at one place."""
+    if len(places) > MAX_LANDMARKS:
+        raise fault("landmarks_m", f"has {len(places)} landmarks, more than {MAX_LANDMARKS}")
+    order = sorted(range(len(places)), key=lambda k: places[k])
+    for a, b in pairwise(order):
+        if math.dist(places[a], places[b]) <= SAME_PLACE_M:
+            raise fault(
+                "landmarks_m",
+                f"{names[a]} and {names[b]} are at the same place; remove one of them",
+                list(places[a]),
+            )
+
+
+def check_links(
+    links: Sequence[Pair],
+    names: Sequence[str],
+    centers: Sequence[Point],
+    radii: Sequence[float],
+    ranges: Sequence[float],
+) -> None:
+    """Raise the fault if a listed link names no two vehicles, stands twice, or can't be met."""
+    index = {name: k for k, name in enumerate(names)}
+    seen: set[frozenset[str]] = set()
+    for k, (a, b) in enumerate(links):
+        key = f"formation.links[{k}]"
+        for name in (a, b):
+            if name not in index:
+                raise fault(
+                    key,
+                    f"link {a}-{b}: no vehicle is named {name}; vehicles are {_listed(names)}",
+                )
+        if a == b:
+            raise fault(key, f"link {a}-{b}: a vehicle can't be linked to itself")
+        if frozenset((a, b)) in seen:
+            raise fault(key, f"link {a}-{b}: stands twice; remove one of them")
+        seen.add(frozenset((a, b)))
+        i, j = index[a], index[b]
+        distance = math.dist(centers[i], centers[j])
+        gap = max(distance - radii[i] - radii[j], abs(radii[i] - radii[j]) - distance, 0.0)
+        reach = max(ranges[i], ranges[j])
+        if gap > reach * (1.0 + 1e-12):
+            raise fault(
+                key,
+                f"link {a}-{b}: the circles come no nearer than {gap:g} m, out of the sensors' "
+                f"range of {reach:g} m; bring the centres nearer, raise range_m, or remove the "
+                "link",
+            )
+
+
+def check_shared_circles(
+    senses: Sequence[str], names: Sequence[str], centers: Sequence[Point], radii: Sequence[float]
+) -> None:
+    """Raise the fault if two vehicles turn opposite ways on one circle."""
+    order = sorted(range(len(names)), key=lambda k: (centers[k], radii[k]))
+    for a, b in pairwise(order):
+        shared = (
+            math.dist(centers[a], centers[b]) <= SAME_PLACE_M
+            and abs(radii[a] - radii[b]) <= SAME_PLACE_M
+        )
+        if shared and senses[a] != senses[b]:
+            raise fault(
+                "orbit.direction",
+                f"{names[a]} ({senses[a]}) and {names[b]} ({senses[b]}) turn opposite ways on one "
+                "circle and would collide; give them the same sense or another centre",
+                list(senses),
+            )
+
+
+def _listed(names: Sequence[str]) -> str:
+    if len(names) > 3 and list(names) == [f"v{k + 1}" for k in range(len(names))]:
+        return f"{names[0]}..{names[-1]}"
+    rest = ", ..." if len(names) > _NAMES_SHOWN else ""
+    return ", ".join(names[:_NAMES_SHOWN]) + rest

@@ -1,0 +1,87 @@
+"""Standard output and standard error: results to one, words and progress to the other."""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+__all__ = ["Format", "deliver", "progress_bar", "say", "say_notes"]
+
+
+class Format(StrEnum):
+    """What goes to standard output."""
+
+    auto = "auto"
+    table = "table"
+    json = "json"
+
+
+def deliver(
+    values: dict[str, Any],
+    output: Path | None,
+    format_: Format,
+    show: Callable[["Console"], None] | None,
+) -> Format:
+    """Write the JSON to the file or standard output, or show the table; return which was shown.
+
+    With a file, nothing but a table ever goes to standard output.
+    """
+    from syncplan.output import as_text, write_text
+
+    shown = format_
+    if shown is Format.auto:
+        shown = Format.table if sys.stdout.isatty() else Format.json
+    if output is not None:
+        write_text(output, as_text(values))
+        say(f"wrote {output}")
+    elif shown is Format.json:
+        sys.stdout.write(as_text(values))
+    if shown is Format.table and show is not None:
+        from rich.console import Console
+
+        show(Console())
+    return shown
+
+
+def say_notes(notes: list[str]) -> None:
+    """Write what the reader must not miss to standard error."""
+    for note in notes:
+        say(note)
+
+
+@contextmanager
+def progress_bar(unit: str, total: int) -> Iterator[Callable[[int], None] | None]:
+    """A progress bar on standard error, at a terminal only."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    bar = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    )
+    with bar:
+        task = bar.add_task(unit, total=total)
+        yield lambda done: bar.update(task, completed=done)
+
+
+def say(message: str) -> None:
+    """Write one line to standard error."""
+    sys.stderr.write(f"syncplan: {message}\n")
