@@ -61,7 +61,7 @@ CASES = {
 }
 """Label, scenario, its vehicles and how often it is timed."""
 
-TARGETS_S = {"help": 0.3, "plan_6": 0.3, "plan_100": 1.5, "plan_1000": 5.0}
+TARGETS_S = {"help": 0.3, "plan_6": 1.5, "plan_100": 5.0, "plan_1000": None}
 
 
 def _run(arguments: list[str]) -> tuple[float, str]:

@@ -1,8 +1,7 @@
 """Rules that span the keys of a scenario; each raises the fault that names the key to mend."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from itertools import pairwise
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from syncplan.quantities import Pair, Point, fault
 
@@ -71,14 +70,12 @@ def check_landmarks(names: Sequence[str], places: Sequence[Point]) -> None:
     """Raise the fault if there are too many landmarks, or two at one place."""
     if len(places) > MAX_LANDMARKS:
         raise fault("landmarks_m", f"has {len(places)} landmarks, more than {MAX_LANDMARKS}")
-    order = sorted(range(len(places)), key=lambda k: places[k])
-    for a, b in pairwise(order):
-        if math.dist(places[a], places[b]) <= SAME_PLACE_M:
-            raise fault(
-                "landmarks_m",
-                f"{names[a]} and {names[b]} are at the same place; remove one of them",
-                list(places[a]),
-            )
+    for a, b in _near_pairs(places):
+        raise fault(
+            "landmarks_m",
+            f"{names[a]} and {names[b]} are at the same place; remove one of them",
+            list(places[a]),
+        )
 
 
 def check_links(
@@ -121,19 +118,25 @@ def check_shared_circles(
     senses: Sequence[str], names: Sequence[str], centers: Sequence[Point], radii: Sequence[float]
 ) -> None:
     """Raise the fault if two vehicles turn opposite ways on one circle."""
-    order = sorted(range(len(names)), key=lambda k: (centers[k], radii[k]))
-    for a, b in pairwise(order):
-        shared = (
-            math.dist(centers[a], centers[b]) <= SAME_PLACE_M
-            and abs(radii[a] - radii[b]) <= SAME_PLACE_M
-        )
-        if shared and senses[a] != senses[b]:
+    for a, b in _near_pairs(centers):
+        if abs(radii[a] - radii[b]) <= SAME_PLACE_M and senses[a] != senses[b]:
             raise fault(
                 "orbit.direction",
                 f"{names[a]} ({senses[a]}) and {names[b]} ({senses[b]}) turn opposite ways on one "
                 "circle and would collide; give them the same sense or another centre",
                 list(senses),
             )
+
+
+def _near_pairs(places: Sequence[Point]) -> Iterator[tuple[int, int]]:
+    """Pairs of places no further apart than SAME_PLACE_M, by a sweep along x."""
+    order = sorted(range(len(places)), key=lambda k: places[k])
+    for position, a in enumerate(order):
+        for b in order[position + 1 :]:
+            if places[b][0] - places[a][0] > SAME_PLACE_M:
+                break
+            if math.dist(places[a], places[b]) <= SAME_PLACE_M:
+                yield (a, b) if a < b else (b, a)
 
 
 def _listed(names: Sequence[str]) -> str:

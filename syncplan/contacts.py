@@ -176,7 +176,8 @@ def reachable_pairs(orbits: Orbits, landmarks: Array, reach: Array) -> tuple[Ind
     if len(centers) <= DENSE_LIMIT:
         a, b = (index.ravel() for index in np.indices((n, len(centers))))
     else:
-        a, b = _neighbours(orbits, centers, float(np.max(reach + radii[:n]) + radii.max()))
+        furthest = float(np.max(reach + radii[:n]) + radii.max())
+        a, b = _neighbours(orbits, centers, furthest * (1.0 + BOUNDARY_SLACK))
     distance = np.hypot(*(centers[b] - centers[a]).T)
     gap = np.maximum(distance - radii[a] - radii[b], np.abs(radii[a] - radii[b]) - distance)
     near = (a != b) & (gap <= reach[a] * (1.0 + BOUNDARY_SLACK))
@@ -227,13 +228,13 @@ def find_windows(
     """
     a, b = reachable_pairs(orbits, landmarks, sensors.ranges) if pairs is None else pairs
     motion = relative_motion(orbits, landmarks, a, b)
-    splits = _splits(orbits, motion, sensors, a)
+    splits = _splits(orbits, motion, sensors, a, b)
     return _classified(orbits, motion, sensors, a, b, splits)
 
 
-def _splits(orbits: Orbits, motion: RelativeMotion, sensors: Sensors, a: Index) -> Array:
+def _splits(orbits: Orbits, motion: RelativeMotion, sensors: Sensors, a: Index, b: Index) -> Array:
     """(p, k) sorted angles where a contact may begin or end; infinite where there are fewer."""
-    columns = [trigpoly.real_roots(range_polynomial(motion, sensors.ranges[a]))]
+    columns = [_range_roots(motion, sensors.ranges, a, b)]
     half = 0.5 * sensors.fields_of_view[a]
     limited = np.flatnonzero(half < np.pi)
     if len(limited):
@@ -258,6 +259,18 @@ def _splits(orbits: Orbits, motion: RelativeMotion, sensors: Sensors, a: Index) 
     splits[repeated] = np.inf
     splits.sort(axis=1)
     return splits
+
+
+def _range_roots(motion: RelativeMotion, ranges: Array, a: Index, b: Index) -> Array:
+    """(p, 4) roots of the range polynomials, once for both ways of a pair of equal ranges."""
+    count = len(ranges)
+    vehicle = b < count
+    shared = vehicle & (ranges[a] == ranges[np.where(vehicle, b, a)])
+    both_ways = np.minimum(a, b) * count + np.maximum(a, b)
+    key = np.where(shared, both_ways, -1 - np.arange(len(a)))
+    _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
+    polynomials = range_polynomial(motion, ranges[a])[first]
+    return trigpoly.real_roots(polynomials)[inverse]
 
 
 def _classified(

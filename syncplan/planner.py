@@ -244,10 +244,12 @@ def _senses(
 
 
 def _sharing_a_circle(centers: Array, radii: Array) -> list[tuple[int, int]]:
-    circles = np.column_stack([centers, radii])
-    order = np.lexsort(circles.T)
-    near = np.max(np.abs(np.diff(circles[order], axis=0)), axis=1) <= SAME_PLACE_M
-    return [(int(order[k]), int(order[k + 1])) for k in np.flatnonzero(near)]
+    """Pairs of vehicles whose circles are the same, to SAME_PLACE_M in centre and radius."""
+    still = Orbits(centers, radii, np.ones(len(radii)), np.zeros(len(radii)), 1.0)
+    a, b = reachable_pairs(still, np.zeros((0, 2)), np.full(len(radii), SAME_PLACE_M))
+    apart = np.hypot(*(centers[a] - centers[b]).T)
+    same = (apart <= SAME_PLACE_M) & (np.abs(radii[a] - radii[b]) <= SAME_PLACE_M) & (a < b)
+    return list(zip(a[same].tolist(), b[same].tolist(), strict=True))
 
 
 # --- judgement --------------------------------------------------------------------------------

@@ -58,9 +58,15 @@ def closest_approach(orbits: Orbits) -> Approach | None:
     if orbits.count < 2:
         return None
     a, b = _neighbour_pairs(orbits)
-    bound, _ = least_distances(relative_motion(orbits, _NO_LANDMARKS, a, b))
-    found = pairs_nearer_than(orbits, float(bound.min()))
-    return found[0]
+    a, b = np.minimum(a, b), np.maximum(a, b)
+    bound, tau = least_distances(relative_motion(orbits, _NO_LANDMARKS, a, b))
+    nearest = int(np.argmin(bound))
+    rivals = pairs_nearer_than(orbits, float(bound[nearest]))
+    if rivals:
+        return rivals[0]
+    return Approach(
+        int(a[nearest]), int(b[nearest]), float(bound[nearest]), float(tau[nearest] / orbits.rate)
+    )
 
 
 def pairs_nearer_than(orbits: Orbits, distance: float) -> list[Approach]:

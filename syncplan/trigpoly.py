@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 NEARLY_REAL = 1e-3
 """Imaginary part, relative to 1 + u^2, up to which a quartic's root is kept as a candidate."""
 
-_POLISH_STEPS = 3
+_POLISH_STEPS = 2
 _LARGEST_POLISH_RAD = 1e-2
 
 
@@ -66,8 +66,9 @@ def real_roots(coefficients: Array) -> Array:
     if not quartic.all():
         roots[~quartic, :2] = _roots_of_first_harmonic(coefficients[~quartic])
     if quartic.any():
-        roots[quartic] = _roots_of_quartic(coefficients[quartic])
-    return np.asarray(_polish(coefficients, roots) % (2.0 * np.pi))
+        chosen = coefficients[quartic]
+        roots[quartic] = _polish(chosen, _roots_of_quartic(chosen))
+    return np.asarray(roots % (2.0 * np.pi))
 
 
 def _roots_of_first_harmonic(coefficients: Array) -> Array:

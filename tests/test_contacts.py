@@ -288,3 +288,13 @@ def test_sightings_are_the_samples_inside_windows(seed: int) -> None:
             if len(edges) and since.min() < 2e-9:
                 continue
             assert ((k + 1, int(a), int(b)) in taken) == bool(inside[k])
+
+
+def test_a_pair_exactly_at_reach_is_found_in_large_teams_too() -> None:
+    def pairs(count: int) -> set[tuple[int, int]]:
+        centers = np.column_stack([9.03 * np.arange(count), np.zeros(count)])
+        orbits = Orbits(centers, np.full(count, 2.01), np.ones(count), np.zeros(count), 1.0)
+        a, b = reachable_pairs(orbits, np.zeros((0, 2)), np.full(count, 5.01))
+        return set(zip(a.tolist(), b.tolist(), strict=True))
+
+    assert {pair for pair in pairs(600) if max(pair) < 400} == pairs(400)

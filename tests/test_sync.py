@@ -348,3 +348,27 @@ def test_vehicles_on_one_circle_spread_out(count: int) -> None:
     even = 40.0 * np.sin(np.pi / count)
     assert made.approach.distance > 0.9 * even
     assert not made.dropped_links
+
+
+def test_circles_are_shared_whatever_lies_between_them_in_order() -> None:
+    made = plan(
+        small(
+            formation={"centers_m": [[0, 0], [50, 0], [0, 0]]},
+            orbit={
+                "radius_m": [20.0, 20.0 + 1e-12, 20.0 + 2e-12],
+                "angular_rate_rad_s": 0.2,
+                "direction": "alternate",
+            },
+        )
+    )
+    assert made.orbits.senses[0] == made.orbits.senses[2]
+
+
+def test_a_grid_of_a_thousand_has_its_least_separation_between_neighbours() -> None:
+    count = 1000
+    centers = shape_centers("grid", count, 70.0, 40)
+    colour = np.array([(k % 40 + k // 40) % 2 for k in range(count)])
+    orbits = Orbits(centers, np.full(count, 20.0), np.ones(count), np.pi * colour + 0.3, 0.2)
+    nearest = closest_approach(orbits)
+    assert nearest is not None
+    assert abs(nearest.distance - 30.0) < 1e-9
