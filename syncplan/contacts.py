@@ -236,7 +236,10 @@ def _splits(orbits: Orbits, motion: RelativeMotion, sensors: Sensors, a: Index, 
     """(p, k) sorted angles where a contact may begin or end; infinite where there are fewer."""
     columns = [_range_roots(motion, sensors.ranges, a, b)]
     half = 0.5 * sensors.fields_of_view[a]
-    limited = np.flatnonzero(half < np.pi)
+    start = motion.offset + motion.cosine
+    reached = np.isfinite(columns[0]).any(axis=1)
+    reached |= np.hypot(start[:, 0], start[:, 1]) <= sensors.ranges[a] * (1.0 + BOUNDARY_SLACK)
+    limited = np.flatnonzero((half < np.pi) & reached)
     if len(limited):
         part = RelativeMotion(
             motion.offset[limited],
@@ -256,6 +259,7 @@ def _splits(orbits: Orbits, motion: RelativeMotion, sensors: Sensors, a: Index, 
     splits.sort(axis=1)
     with np.errstate(invalid="ignore"):
         repeated = np.diff(splits, axis=1, prepend=-1.0) < SMALLEST_STEP_RAD
+    repeated |= np.isfinite(splits) & (splits > splits[:, :1] + 2.0 * np.pi - SMALLEST_STEP_RAD)
     splits[repeated] = np.inf
     splits.sort(axis=1)
     return splits

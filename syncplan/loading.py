@@ -13,7 +13,14 @@ from pydantic import BaseModel, ValidationError
 from syncplan.errors import InputError
 from syncplan.scenario import MAX_VEHICLES, Scenario
 
-__all__ = ["load_scenario", "parse_document", "read_text", "scenario_from", "validation_fault"]
+__all__ = [
+    "is_plan",
+    "load_scenario",
+    "parse_document",
+    "read_text",
+    "scenario_from",
+    "validation_fault",
+]
 
 LARGEST_FILE_BYTES = 64 * 2**20
 
@@ -27,7 +34,17 @@ def load_scenario(path: str | Path, *, max_vehicles: int = MAX_VEHICLES) -> Scen
     Raises InputError naming the file, the key, its value and what is allowed.
     """
     name, text = read_text(path)
-    return scenario_from(parse_document(text, name), source=name, max_vehicles=max_vehicles)
+    document = parse_document(text, name)
+    if is_plan(document):
+        raise InputError(
+            "is a plan already; validate it as it is, or plan its 'scenario' part anew", source=name
+        )
+    return scenario_from(document, source=name, max_vehicles=max_vehicles)
+
+
+def is_plan(document: Mapping[str, Any]) -> bool:
+    """Return whether a document is a plan rather than a scenario, by its keys."""
+    return "scenario" in document and "vehicles" in document
 
 
 def read_text(path: str | Path) -> tuple[str, str]:

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError
 
 from syncplan.errors import InputError
-from syncplan.loading import parse_document, read_text, scenario_from, validation_fault
+from syncplan.loading import is_plan, parse_document, read_text, scenario_from, validation_fault
 from syncplan.orbits import Orbits
 from syncplan.scenario import MAX_VEHICLES, Scenario
 
@@ -54,7 +54,7 @@ def load(path: str | Path, *, max_vehicles: int = MAX_VEHICLES) -> Loaded:
     """
     name, text = read_text(path)
     document = parse_document(text, name)
-    if "vehicles" not in document or "scenario" not in document:
+    if not is_plan(document):
         return Loaded(scenario_from(document, source=name, max_vehicles=max_vehicles), None)
     inner = document["scenario"]
     if not isinstance(inner, dict):

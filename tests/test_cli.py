@@ -202,6 +202,14 @@ def test_bad_arguments_exit_with_2_and_one_line(
     assert err.count("\n") == 1
 
 
+def test_planning_a_plan_says_that_it_is_one(run: Any, tmp_path: Path) -> None:
+    plan = str(tmp_path / "plan.json")
+    run("plan", GRID, "-o", plan)
+    status, _, err = run("plan", plan)
+    assert status == 2
+    assert "is a plan already" in err
+
+
 def test_a_failed_write_keeps_what_was_there(run: Any, tmp_path: Path) -> None:
     target = tmp_path / "plan.json"
     target.write_text("precious")
