@@ -77,9 +77,7 @@ def window_bound(result: Observability) -> Array:
 
     NaN for a vehicle whose position is not determined.
     """
-    rank, vectors = result.rank, result.right_vectors
-    weighted = vectors[:rank] / result.singular_values[:rank, None]
-    variance = np.sum(weighted**2, axis=0).reshape(-1, 3)[:, :2].sum(axis=1)
+    variance = result.variances.reshape(-1, 3)[:, :2].sum(axis=1)
     lost = np.sum(result.null_space**2, axis=0).reshape(-1, 3)[:, :2].sum(axis=1)
     return np.where(lost > 1e-9, np.nan, result.scale * np.sqrt(variance))
 

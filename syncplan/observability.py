@@ -43,6 +43,12 @@ Index = NDArray[np.int64]
 RANK_TOLERANCE = 1e-8
 """A singular value of the whole matrix counts above this share of the largest."""
 
+VECTORS_LIMIT = 900
+"""State dimension above which singular vectors are computed only where rank is lacking."""
+
+NEGLIGIBLE = 1e-15
+"""Rows smaller than this share of the largest singular value of any link are left out."""
+
 LINK_TOLERANCE = 1e-6
 """A singular value of one link's matrix counts above this share of its largest."""
 
@@ -104,6 +110,8 @@ class Observability:
     gap : ratio of the last singular value that counts to the first that does not; infinite
         where all count or the rest is exactly zero
     null_space : (state_dim - rank, state_dim) orthonormal unobservable directions, scaled columns
+    variances : (state_dim,) diagonal of the information's pseudo-inverse, scaled columns: what one
+        window leaves of uncertainty in each coordinate at time 0, where it is determined
     scale : m, the mean radius that positions are measured in
     """
 
@@ -112,7 +120,7 @@ class Observability:
     singular_values: Array
     gap: float
     null_space: Array
-    right_vectors: Array
+    variances: Array
     scale: float
 
     @property
@@ -214,8 +222,7 @@ def assess(orbits: Orbits, links: list[LinkInformation]) -> Observability:
     matrix = _stacked(links, orbits.count)
     if len(matrix) > size:
         matrix = np.asarray(np.linalg.qr(matrix, mode="r"))
-    _, values, right = np.linalg.svd(matrix, full_matrices=True)
-    values = np.concatenate([values, np.zeros(size - len(values))])
+    values, null_space, variances = _decomposed(matrix, size)
     rank = _rank(values, RANK_TOLERANCE)
     below = values[rank] if rank < size else 0.0
     return Observability(
@@ -223,25 +230,42 @@ def assess(orbits: Orbits, links: list[LinkInformation]) -> Observability:
         state_dim=size,
         singular_values=values,
         gap=float(values[rank - 1] / below) if rank and below > 0.0 else float("inf"),
-        null_space=right[rank:],
-        right_vectors=right,
+        null_space=null_space,
+        variances=variances,
         scale=float(orbits.radii.mean()),
     )
 
 
+def _decomposed(matrix: Array, size: int) -> tuple[Array, Array, Array]:
+    """Singular values (size,), null space, and the diagonal of the information's pseudo-inverse.
+
+    Large matrices of full rank get by without singular vectors, at half the time.
+    """
+    if size > VECTORS_LIMIT and len(matrix) == size:
+        values = np.asarray(np.linalg.svd(matrix, compute_uv=False), dtype=float)
+        if _rank(values, RANK_TOLERANCE) == size:
+            return values, np.zeros((0, size)), np.sum(np.linalg.inv(matrix) ** 2, axis=1)
+    _, found, vectors = np.linalg.svd(matrix, full_matrices=True)
+    right = np.asarray(vectors, dtype=float)
+    values = np.concatenate([found, np.zeros(size - len(found))]).astype(float)
+    rank = _rank(values, RANK_TOLERANCE)
+    variances = np.sum((right[:rank] / values[:rank, None]) ** 2, axis=0)
+    return values, right[rank:], variances
+
+
 def _stacked(links: list[LinkInformation], count: int) -> Array:
-    """The reduced rows of all links in the team's columns."""
-    total = sum(len(link.singular_values) for link in links)
-    matrix = np.zeros((total, 3 * count))
-    row = 0
+    """The reduced rows of all links in the team's columns, about three a link."""
+    largest = max((float(link.singular_values[0]) for link in links), default=0.0)
+    blocks = []
     for link in links:
-        reduced = link.singular_values[:, None] * link.directions
-        rows = slice(row, row + len(reduced))
-        matrix[rows, 3 * link.a : 3 * link.a + 3] = reduced[:, :3]
+        kept = link.singular_values > NEGLIGIBLE * largest
+        rows = np.zeros((int(kept.sum()), 3 * count))
+        reduced = link.singular_values[kept, None] * link.directions[kept]
+        rows[:, 3 * link.a : 3 * link.a + 3] = reduced[:, :3]
         if link.b < count:
-            matrix[rows, 3 * link.b : 3 * link.b + 3] = reduced[:, 3:]
-        row += len(reduced)
-    return matrix
+            rows[:, 3 * link.b : 3 * link.b + 3] = reduced[:, 3:]
+        blocks.append(rows)
+    return np.concatenate(blocks) if blocks else np.zeros((0, 3 * count))
 
 
 def _rank(values: Array, tolerance: float) -> int:
