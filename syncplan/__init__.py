@@ -58,6 +58,7 @@ from typing import TYPE_CHECKING, Any
 
 __all__ = [
     "InputError",
+    "NoSolutionError",
     "Plan",
     "Scenario",
     "SyncplanError",
@@ -72,6 +73,7 @@ __version__ = "0.1.0"
 
 _HOME = {
     "InputError": "errors",
+    "NoSolutionError": "errors",
     "Plan": "planner",
     "Scenario": "scenario",
     "SyncplanError": "errors",
@@ -83,7 +85,7 @@ _HOME = {
 }
 
 if TYPE_CHECKING:
-    from syncplan.errors import InputError, SyncplanError
+    from syncplan.errors import InputError, NoSolutionError, SyncplanError
     from syncplan.loading import load_scenario
     from syncplan.planner import Plan, plan
     from syncplan.scenario import Scenario
@@ -96,3 +98,7 @@ def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module 'syncplan' has no attribute {name!r}")
     return getattr(import_module(f"syncplan.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from syncplan.contacts import Sensors, Windows
+from syncplan.errors import NoSolutionError
 from syncplan.noise import Noise
 from syncplan.observability import Observability, bearing_rows
 from syncplan.orbits import Orbits, perpendicular, position, unit
@@ -32,6 +33,10 @@ Array = NDArray[np.float64]
 
 _DOUBLINGS = 60
 _SETTLED = 1e-12
+_INDEFINITE = (
+    "no posterior bound: the sigmas span too many orders of magnitude for its covariance to stay "
+    "positive definite"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,13 +95,23 @@ def posterior_bound(
     noise: Noise,
     duration: float,
 ) -> PosteriorBound:
-    """Return the posterior bound over `duration` s, sightings at k Ts with k >= 1."""
+    """Return the posterior bound over `duration` s, sightings at k Ts with k >= 1.
+
+    Raises NoSolutionError where the covariance stops being positive definite in floating point:
+    sigmas that span too many orders of magnitude.
+    """
     steps = steps_within(duration, sensors.sample_time)
     system = _ReferredSystem.along(orbits, landmarks, sensors, windows, noise, steps)
     sigma = np.array([noise.position_sigma, noise.position_sigma, noise.heading_sigma])
     sigma[:2] /= system.scale
     covariance = np.diag(np.tile(sigma**2, orbits.count))
-    return system.run(covariance)[1]
+    try:
+        bound = system.run(covariance)[1]
+    except np.linalg.LinAlgError:
+        raise NoSolutionError(_INDEFINITE) from None
+    if np.any(bound.position_variance < 0.0):
+        raise NoSolutionError(_INDEFINITE)
+    return bound
 
 
 def steady_bound(
@@ -121,10 +136,13 @@ def steady_bound(
         orbits.period / samples,
     )
     system = _ReferredSystem.along(orbits, landmarks, even, windows, noise, samples)
-    covariance = _periodic_covariance(system)
-    if covariance is None:
+    try:
+        covariance = _periodic_covariance(system)
+        if covariance is None:
+            return np.full(orbits.count, np.inf)
+        bound = system.run(covariance)[1]
+    except np.linalg.LinAlgError:
         return np.full(orbits.count, np.inf)
-    bound = system.run(covariance)[1]
     return np.asarray(np.sqrt(bound.position_variance[1:].mean(axis=0)))
 
 

@@ -3,11 +3,12 @@
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from syncplan.quantities import Pair, Point, fault
+from syncplan.quantities import FURTHEST_M, Pair, Point, fault
 
 __all__ = [
     "MAX_SAMPLES",
     "SAME_PLACE_M",
+    "check_extent",
     "check_landmarks",
     "check_lengths",
     "check_links",
@@ -17,8 +18,14 @@ __all__ = [
 ]
 
 MAX_LANDMARKS = 10_000
-MAX_SAMPLES = 1_000_000
-"""Most samples in a window or a run."""
+MAX_SAMPLES = 200_000
+"""Most samples in a period, a window or a run."""
+
+MAX_VEHICLE_SAMPLES = 20_000_000
+"""Most samples times vehicles in any of these."""
+
+MAX_PERIODS = 20_000
+"""Most periods in a window or a run."""
 
 SAME_PLACE_M = 1e-6
 """Landmarks, or centres of equal circles, nearer than this are the same."""
@@ -36,18 +43,23 @@ def check_lengths(lists: Mapping[str, object], count: int) -> None:
 def check_names(vehicles: Sequence[str], landmarks: Sequence[str]) -> None:
     """Raise the fault if a name stands twice among vehicles and landmarks."""
     seen: set[str] = set()
-    for name in [*vehicles, *landmarks]:
+    named = [("formation.names", name) for name in vehicles]
+    named += [("landmarks_m", name) for name in landmarks]
+    for key, name in named:
         if name in seen:
             raise fault(
-                "formation.names",
-                "stands twice: vehicles and landmarks need names of their own",
-                name,
+                key, "stands twice among vehicles and landmarks; give one another name", name
             )
         seen.add(name)
 
 
-def check_samples(sample_times: Iterable[float], durations: Mapping[str, float]) -> None:
-    """Raise the fault if sensors differ in sample time, or a duration holds too many samples."""
+def check_samples(
+    sample_times: Iterable[float], durations: Mapping[str, float], period: float, count: int
+) -> None:
+    """Raise the fault if sensors differ in sample time, or a duration holds too many samples.
+
+    `durations` are in s, by key; `period` is in s; `count` is the number of vehicles.
+    """
     times = sorted(set(sample_times))
     if len(times) > 1:
         raise fault(
@@ -55,15 +67,31 @@ def check_samples(sample_times: Iterable[float], durations: Mapping[str, float])
             f"has sample times {', '.join(f'{t:g}' for t in times)} s: the central filter needs "
             "one common sample_time_s",
         )
-    for key, value in durations.items():
-        if value / times[0] > MAX_SAMPLES:
+    most = min(MAX_SAMPLES, MAX_VEHICLE_SAMPLES // count)
+    for key, value in {"orbit": period, **durations}.items():
+        name = "a period of " if key == "orbit" else ""
+        if value / times[0] > most:
             raise fault(
                 key,
-                f"{value:g} s at a sample time of {times[0]:g} s makes more than {MAX_SAMPLES} "
-                "samples; shorten it or sample less often",
+                f"{name}{value:g} s at a sample time of {times[0]:g} s makes more than {most} "
+                f"samples for {count} vehicles; shorten it or sample less often",
+            )
+        if value / period > MAX_PERIODS:
+            raise fault(
+                key,
+                f"{value:g} s holds more than {MAX_PERIODS} periods of {period:g} s; shorten it",
             )
     if durations["duration_s"] < times[0]:
         raise fault("duration_s", f"must be at least sample_time_s, {times[0]:g} s")
+
+
+def check_extent(key: str, places: Iterable[Point]) -> None:
+    """Raise the fault if a place lies further out than coordinates may."""
+    furthest = max((abs(value) for place in places for value in place), default=0.0)
+    if furthest > FURTHEST_M:
+        raise fault(
+            key, f"puts a centre {furthest:g} m out; coordinates are allowed up to {FURTHEST_M:g} m"
+        )
 
 
 def check_landmarks(names: Sequence[str], places: Sequence[Point]) -> None:

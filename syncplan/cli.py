@@ -11,7 +11,15 @@ from typer.exceptions import TyperException
 
 from syncplan import __version__
 from syncplan.errors import InputError, SyncplanError
-from syncplan.streams import Format, deliver, progress_bar, say, say_notes
+from syncplan.streams import (
+    Format,
+    deliver,
+    open_closed_streams,
+    progress_bar,
+    refuse_overwriting,
+    say,
+    say_notes,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -21,6 +29,19 @@ __all__ = ["main"]
 INTERNAL_FAULT = 1
 NOT_OBSERVABLE = 3
 INTERRUPTED = 130
+
+OPTIONS = {
+    "trials": "--trials",
+    "seed": "--seed",
+    "duration": "--duration",
+    "substeps": "--substeps",
+    "threads": "--threads",
+    "gate_probability": "--gate",
+}
+"""Options by the name of the library's argument that they set."""
+
+LARGE_TEAM = 500
+"""Teams above this size take several seconds to judge: people are told."""
 
 app = typer.Typer(
     name="syncplan",
@@ -80,7 +101,8 @@ Threads = Annotated[
     int | None, typer.Option(help="Threads; all cores if not given", show_default=False)
 ]
 MaxVehicles = Annotated[
-    int | None, typer.Option(help="Accept teams up to this size (default 2000)", show_default=False)
+    int | None,
+    typer.Option(min=1, help="Accept teams up to this size (default 2000)", show_default=False),
 ]
 RequireObservable = Annotated[
     bool, typer.Option("--require-observable", help="Exit with 3 if the plan is not observable")
@@ -109,11 +131,11 @@ def _plan(
     from syncplan.planner import plan
     from syncplan.scenario import MAX_VEHICLES
 
-    made = plan(
-        load_scenario(scenario, max_vehicles=max_vehicles or MAX_VEHICLES),
-        bound=bound.value,
-        steady=steady,
-    )
+    refuse_overwriting(scenario, output)
+    loaded = load_scenario(scenario, max_vehicles=max_vehicles or MAX_VEHICLES)
+    if loaded.size > LARGE_TEAM and sys.stderr.isatty():
+        say(f"judging the rank of {3 * loaded.size} states takes some time ...")
+    made = plan(loaded, bound=bound.value, steady=steady)
     document = plan_document(made)
 
     def show(console: "Console") -> None:
@@ -156,9 +178,11 @@ def _validate(
     from syncplan.planfile import load
     from syncplan.planner import judge, plan
     from syncplan.scenario import MAX_VEHICLES
-    from syncplan.validation import validate
+    from syncplan.validation import check_run, validate
     from syncplan.validation_report import validation_document
 
+    check_run(trials, seed)
+    refuse_overwriting(subject, output)
     loaded = load(subject, max_vehicles=max_vehicles or MAX_VEHICLES)
     flown = (
         plan(loaded.scenario) if loaded.orbits is None else judge(loaded.scenario, loaded.orbits)
@@ -223,6 +247,7 @@ def _sweep(
     from syncplan.loading import load_scenario
     from syncplan.scenario import MAX_VEHICLES
     from syncplan.sweeps import sweep
+    from syncplan.validation import check_run
     from syncplan.validation_report import sweep_document, validation_document
 
     given = {
@@ -238,6 +263,8 @@ def _sweep(
         )
     name, text = chosen[0]
     values = _numbers(text, f"--{name.replace('_', '-')}")
+    check_run(trials, seed)
+    refuse_overwriting(scenario, output)
     loaded = load_scenario(scenario, max_vehicles=max_vehicles or MAX_VEHICLES)
     _announce_compilation(loaded.size)
     with progress_bar("trials", trials * (len(values) + connected)) as progress:
@@ -297,13 +324,19 @@ def _version(
 def main(arguments: list[str] | None = None) -> NoReturn:
     """Run the command line and exit: 0 done, 1 internal fault, 2 bad input, 3, 4 as documented."""
     try:
+        open_closed_streams()
         status = app(arguments, standalone_mode=False)
         sys.stdout.flush()
+    except InputError as error:
+        option = OPTIONS.get(error.key)
+        say(f"{option}: {error.problem}" if option else str(error))
+        status = error.exit_code
     except SyncplanError as error:
         say(str(error))
         status = error.exit_code
     except TyperException as error:
-        say(_usage_fault(error, sys.argv[1:] if arguments is None else arguments))
+        if error.format_message():
+            say(_usage_fault(error, sys.argv[1:] if arguments is None else arguments))
         status = error.exit_code
     except (KeyboardInterrupt, typer.Abort):
         status = INTERRUPTED
@@ -314,6 +347,11 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     except MemoryError:
         say("out of memory: the team or the window is too large for this machine")
         status = INTERNAL_FAULT
+    except OSError as error:
+        # all files are read and written elsewhere: this is standard output
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        say(f"standard output: can't be written: {error.strerror}")
+        status = InputError.exit_code
     except Exception as error:
         if os.environ.get("SYNCPLAN_DEBUG"):
             raise

@@ -133,7 +133,10 @@ class ObservabilityVerdict(_Part):
     )
     certificate: CertificateVerdict
     condition_number: float | None
-    min_eigenvalue: float
+    min_eigenvalue: float = Field(
+        description="Smallest eigenvalue of the windowed information, positions in mean radii; "
+        "0 where unobservable"
+    )
     singular_values: list[float]
     unobservable: list[Unobservable]
 

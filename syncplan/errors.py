@@ -1,6 +1,6 @@
 """The errors syncplan raises on purpose; each message names the object, its value and a remedy."""
 
-__all__ = ["InputError", "MissingExtraError", "NoSolutionError", "SyncplanError"]
+__all__ = ["InputError", "NoSolutionError", "SyncplanError"]
 
 
 class SyncplanError(Exception):
@@ -25,23 +25,11 @@ class InputError(SyncplanError):
         self.problem = problem
         self.key = key
         self.source = source
-        super().__init__(": ".join(part for part in (source, key, problem) if part))
-
-    def located_in(self, source: str) -> "InputError":
-        """Return the same error naming `source` as the file at fault."""
-        return InputError(self.problem, key=self.key, source=source)
+        message = ": ".join(part for part in (source, key, problem) if part)
+        super().__init__("".join(c if c.isprintable() else ascii(c)[1:-1] for c in message))
 
 
 class NoSolutionError(SyncplanError):
     """The request is well formed, but no solution exists or none was found."""
 
     exit_code = 4
-
-
-class MissingExtraError(SyncplanError):
-    """A feature needs packages of an optional extra that is not installed."""
-
-    exit_code = 2
-
-    def __init__(self, feature: str, extra: str) -> None:
-        super().__init__(f"{feature} needs the extra [{extra}]: pip install 'syncplan[{extra}]'")

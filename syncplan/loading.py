@@ -1,9 +1,11 @@
 """Reading scenarios: YAML 1.2 or JSON, from a file or standard input, every fault in one line."""
 
+import contextlib
 import difflib
 import io
 import json
 import sys
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NoReturn
@@ -44,13 +46,15 @@ def load_scenario(path: str | Path, *, max_vehicles: int = MAX_VEHICLES) -> Scen
 
 def is_plan(document: Mapping[str, Any]) -> bool:
     """Return whether a document is a plan rather than a scenario, by its keys."""
-    return "scenario" in document and "vehicles" in document
+    return "scenario" in document
 
 
 def read_text(path: str | Path) -> tuple[str, str]:
     """Return (name to show, text) of a file or, for "-", of standard input."""
     name = "standard input" if str(path) == "-" else str(path)
     try:
+        if str(path) == "-" and sys.stdin is None:
+            raise InputError("is closed", source=name)
         if str(path) == "-":
             data = sys.stdin.buffer.read(LARGEST_FILE_BYTES + 1)
         else:
@@ -78,7 +82,13 @@ def read_text(path: str | Path) -> tuple[str, str]:
 
 def parse_document(text: str, source: str) -> dict[str, Any]:
     """Return the mapping a JSON or YAML 1.2 text holds."""
-    document = _parse_json(text) if text.lstrip().startswith("{") else None
+    document = None
+    if source.endswith(".json"):
+        document = _parse_json(text, source)
+    elif text.lstrip().startswith("{"):
+        # flow-style YAML starts with a brace too
+        with contextlib.suppress(InputError):
+            document = _parse_json(text, source)
     if document is None:
         document = _parse_yaml(text, source)
     if not isinstance(document, dict):
@@ -90,12 +100,20 @@ def parse_document(text: str, source: str) -> dict[str, Any]:
     return document
 
 
-def _parse_json(text: str) -> Any:
-    """A JSON document, or None: flow-style YAML starts with a brace too."""
+def _parse_json(text: str, source: str) -> Any:
     try:
-        return json.loads(text)
-    except (ValueError, RecursionError):
-        return None
+        return json.loads(text, object_pairs_hook=_without_repeats)
+    except RecursionError:
+        raise InputError("is nested too deeply", source=source) from None
+    except ValueError as error:
+        raise InputError(f"not valid JSON: {error}", source=source) from None
+
+
+def _without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    repeated = [key for key, times in Counter(key for key, _ in pairs).items() if times > 1]
+    if repeated:
+        raise ValueError(f"duplicate key {repeated[0]!r}")
+    return dict(pairs)
 
 
 def _parse_yaml(text: str, source: str) -> Any:
@@ -197,5 +215,8 @@ def _model_in(annotation: Any) -> type[BaseModel] | None:
 def _describe(value: Any) -> str:
     if value is None:
         return "nothing"
-    text = json.dumps(value, default=str) if not isinstance(value, str) else repr(value)
+    try:
+        text = repr(value) if isinstance(value, str) else json.dumps(value, default=str)
+    except (ValueError, RecursionError):
+        text = f"a {type(value).__name__} that holds itself"
     return text if len(text) <= _VALUE_LENGTH else text[: _VALUE_LENGTH - 3] + "..."

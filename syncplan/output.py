@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import stat
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,9 @@ from typing import Any
 from syncplan.errors import InputError
 
 __all__ = ["as_text", "write_text"]
+
+_STREAM_FOLDERS = ("/dev/", "/proc/")
+_PREFIX_LENGTH = 50
 
 
 def as_text(values: Any) -> str:
@@ -20,35 +24,49 @@ def as_text(values: Any) -> str:
 def write_text(path: Path, text: str) -> None:
     """Write `text` to `path` by way of a temporary file beside it, so that no half is ever left.
 
-    Raises InputError if the path can't be written; what was there before stays.
+    Links are followed and an existing file keeps its permissions. Devices, pipes and standard
+    streams by name are written to as they are. Raises InputError if the path can't be written;
+    what was there before stays.
     """
-    if path.is_dir():
-        raise InputError("is a directory; give the name of a file", source=str(path))
-    if path.exists() and not path.is_file():
-        # a device or a pipe, such as /dev/stdout: nothing to rename over
-        try:
-            path.write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise InputError(f"can't be written: {error.strerror}", source=str(path)) from None
-        return
     try:
-        handle, name = tempfile.mkstemp(
-            dir=path.parent, prefix=f".{path.name[:50]}.", suffix=".tmp"
-        )
+        before = _status(path)
+        if before is not None and stat.S_ISDIR(before.st_mode):
+            raise InputError("is a directory; give the name of a file", source=str(path))
+        stream = str(path).startswith(_STREAM_FOLDERS)
+        if stream or (before is not None and not stat.S_ISREG(before.st_mode)):
+            path.write_text(text, encoding="utf-8")
+        elif before is not None and not os.access(path, os.W_OK):
+            raise InputError("can't be written: it is read-only", source=str(path))
+        else:
+            _replace(Path(os.path.realpath(path)), text, before)
     except OSError as error:
         raise InputError(f"can't be written: {error.strerror}", source=str(path)) from None
-    temporary = Path(name)
+
+
+def _status(path: Path) -> os.stat_result | None:
+    try:
+        return path.stat()
+    except FileNotFoundError:
+        return None
+
+
+def _replace(path: Path, text: str, before: os.stat_result | None) -> None:
+    """Write beside `path`, then rename over it."""
+    prefix = f".{path.name[:_PREFIX_LENGTH]}."
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=prefix, suffix=".tmp")
     try:
         with os.fdopen(handle, "w", encoding="utf-8") as file:
             file.write(text)
             file.flush()
             os.fsync(file.fileno())
-        mask = os.umask(0)
-        os.umask(mask)
-        temporary.chmod(0o666 & ~mask)
-        temporary.replace(path)
-    except OSError as error:
-        raise InputError(f"can't be written: {error.strerror}", source=str(path)) from None
+        Path(name).chmod(stat.S_IMODE(before.st_mode) if before else _default_mode())
+        Path(name).replace(path)
     finally:
         with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
+            Path(name).unlink(missing_ok=True)
+
+
+def _default_mode() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return 0o666 & ~mask

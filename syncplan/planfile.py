@@ -3,22 +3,20 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic_core import PydanticCustomError
 
+from syncplan.checks import check_shared_circles
 from syncplan.errors import InputError
 from syncplan.loading import is_plan, parse_document, read_text, scenario_from, validation_fault
 from syncplan.orbits import Orbits
+from syncplan.quantities import Angle, Length, Point
 from syncplan.scenario import MAX_VEHICLES, Scenario
 
 __all__ = ["Loaded", "load", "orbits_from"]
-
-Point = Annotated[
-    tuple[Annotated[float, Field(ge=-1e7, le=1e7)], Annotated[float, Field(ge=-1e7, le=1e7)]],
-    Strict(False),
-]
 
 
 class _Vehicle(BaseModel):
@@ -28,9 +26,9 @@ class _Vehicle(BaseModel):
 
     name: str
     center_m: Point
-    radius_m: float = Field(gt=0, le=1e7)
+    radius_m: Length
     direction: Literal["ccw", "cw"]
-    phase_rad: float = Field(ge=-1e6, le=1e6)
+    phase_rad: Angle
 
 
 class _PlanFile(BaseModel):
@@ -77,6 +75,7 @@ def orbits_from(document: Mapping[str, Any], scenario: Scenario, *, source: str 
             key="vehicles",
             source=source,
         )
+    _check_circles(stated, source)
     return Orbits(
         centers=np.array([vehicle.center_m for vehicle in stated], dtype=float),
         radii=np.array([vehicle.radius_m for vehicle in stated]),
@@ -84,3 +83,16 @@ def orbits_from(document: Mapping[str, Any], scenario: Scenario, *, source: str 
         phases=np.array([vehicle.phase_rad for vehicle in stated]),
         rate=scenario.orbit.rate,
     )
+
+
+def _check_circles(stated: list[_Vehicle], source: str) -> None:
+    """Refuse opposite senses on one circle, in a plan as in a scenario."""
+    try:
+        check_shared_circles(
+            [vehicle.direction for vehicle in stated],
+            [vehicle.name for vehicle in stated],
+            [vehicle.center_m for vehicle in stated],
+            [vehicle.radius_m for vehicle in stated],
+        )
+    except PydanticCustomError as error:
+        raise InputError(error.message(), key="vehicles", source=source) from None

@@ -13,6 +13,7 @@ from syncplan.certificate import Certificate, certify
 from syncplan.checks import SAME_PLACE_M
 from syncplan.connectivity import connectivity_period
 from syncplan.contacts import Sensors, Windows, find_windows, reachable_pairs
+from syncplan.errors import InputError, NoSolutionError
 from syncplan.meetings import Meeting, landmark_meetings, vehicle_meetings
 from syncplan.motions import UnobservableMotion, name_motions
 from syncplan.noise import Noise
@@ -110,6 +111,8 @@ def plan(scenario: Scenario, *, bound: BoundChoice = "auto", steady: bool = Fals
     `bound` says whether the posterior bound is computed: for teams up to a stated amount of work
     (auto), always or never. `steady` adds its periodic limit.
     """
+    if bound not in ("auto", "always", "never"):
+        raise InputError(f"{bound!r}: must be auto, always or never", key="bound")
     resolved = scenario.resolved()
     centers = np.array(resolved.centers, dtype=float)
     radii = _radii(resolved)
@@ -325,18 +328,19 @@ def _predict(
     bound: BoundChoice,
     steady: bool,
 ) -> Prediction:
+    rms, note = None, "the posterior bound was not asked for"
     affordable = bound_is_affordable(orbits.count, scenario.duration_s, sensors.sample_time)
-    wanted = bound == "always" or (bound == "auto" and affordable)
-    rms = None
-    if wanted:
-        run = posterior_bound(orbits, landmarks, sensors, windows, noise, scenario.duration_s)
-        rms = run.rms_second_half()
-    note = ""
-    if not wanted:
+    if bound == "auto" and not affordable:
         note = (
             f"the posterior bound of {orbits.count} vehicles over {scenario.duration_s:g} s is "
             "computed on request (--bound always)"
         )
+    elif bound != "never":
+        try:
+            run = posterior_bound(orbits, landmarks, sensors, windows, noise, scenario.duration_s)
+            rms, note = run.rms_second_half(), ""
+        except NoSolutionError as error:
+            note = str(error)
     window = window_bound(verdict)
     limit = None
     if steady:

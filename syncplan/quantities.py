@@ -1,5 +1,6 @@
 """Types of the quantities a scenario holds: finite, within stated limits, units in key names."""
 
+import re
 from datetime import datetime
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -15,31 +16,36 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 __all__ = [
+    "FURTHEST_M",
     "Angle",
-    "Duration",
     "Length",
     "ListedOrNamed",
     "Name",
     "OneOrMany",
     "Pair",
     "Point",
-    "Rate",
-    "Sigma",
-    "Speed",
     "StartTime",
+    "Title",
     "fault",
 ]
 
 T = TypeVar("T")
 
-Coordinate = Annotated[float, Field(ge=-1e7, le=1e7)]
-Length = Annotated[float, Field(gt=0, le=1e7)]
-Rate = Annotated[float, Field(ge=1e-6, le=1e4)]
-Speed = Annotated[float, Field(gt=0, le=1e6)]
-Sigma = Annotated[float, Field(ge=0, le=1e7)]
+FURTHEST_M = 1e7
+"""Largest coordinate and length: beyond it the Earth is no plane."""
+
+SMALLEST_M = 1e-6
+"""Smallest length."""
+
+Coordinate = Annotated[float, Field(ge=-FURTHEST_M, le=FURTHEST_M)]
 Angle = Annotated[float, Field(ge=-1e6, le=1e6)]
-Duration = Annotated[float, Field(gt=0, le=1e9)]
-Name = Annotated[str, StringConstraints(min_length=1, max_length=64, pattern=r"^\S(.*\S)?$")]
+_PRINTING = r"[^\x00-\x1f\x7f]"
+_SOLID = r"[^\s\x00-\x1f\x7f]"
+Name = Annotated[
+    str,
+    StringConstraints(min_length=1, max_length=64, pattern=rf"^{_SOLID}({_PRINTING}*{_SOLID})?$"),
+]
+Title = Annotated[str, StringConstraints(max_length=200, pattern=rf"^{_PRINTING}*$")]
 Point = Annotated[tuple[Coordinate, Coordinate], Strict(False)]
 Pair = Annotated[tuple[Name, Name], Strict(False)]
 Sense = Literal["ccw", "cw"]
@@ -62,17 +68,32 @@ ListedOrNamed = Annotated[
 ]
 
 
+def _no_speck(value: float) -> float:
+    if value < SMALLEST_M:
+        raise fault("", f"must be at least {SMALLEST_M:g}", value)
+    return value
+
+
+Length = Annotated[float, Field(gt=0, le=FURTHEST_M), AfterValidator(_no_speck)]
+
+_RFC3339 = re.compile(r"\d{4}-\d\d-\d\d[Tt ]\d\d:\d\d:\d\d(\.\d+)?([Zz]|[+-]\d\d:\d\d)", re.ASCII)
+
+
 def _rfc3339(value: Any) -> Any:
     return value.isoformat() if isinstance(value, datetime) else value
 
 
 def _moment_with_zone(value: str) -> str:
+    if not _RFC3339.fullmatch(value):
+        raise fault(
+            "",
+            "must be a date and time of RFC 3339 with its time zone, like 2026-05-01T09:00:00Z",
+            value,
+        )
     try:
-        moment = datetime.fromisoformat(value)
-    except ValueError:
-        raise fault("", "must be a date and time of RFC 3339, like 2026-05-01T09:00:00Z") from None
-    if moment.tzinfo is None:
-        raise fault("", "must name its time zone, like 2026-05-01T09:00:00Z")
+        datetime.fromisoformat(value)
+    except ValueError as error:
+        raise fault("", f"is no date and time: {error}", value) from None
     return value
 
 

@@ -18,6 +18,7 @@ from pydantic import (
 )
 
 from syncplan.checks import (
+    check_extent,
     check_landmarks,
     check_lengths,
     check_links,
@@ -28,17 +29,14 @@ from syncplan.checks import (
 from syncplan.formation import SHAPES, shape_centers
 from syncplan.quantities import (
     Angle,
-    Duration,
     Length,
     ListedOrNamed,
     Name,
     OneOrMany,
     Pair,
     Point,
-    Rate,
-    Sigma,
-    Speed,
     StartTime,
+    Title,
     fault,
 )
 
@@ -60,6 +58,11 @@ SPEED_AGREEMENT = 1e-6
 """Relative difference up to which speed and rate times radius agree."""
 
 T = TypeVar("T")
+
+Rate = Annotated[float, Field(ge=1e-6, le=1e4)]
+Speed = Annotated[float, Field(ge=1e-9, le=1e6)]
+Sigma = Annotated[float, Field(ge=0, le=1e3)]
+Duration = Annotated[float, Field(gt=0, le=1e9)]
 
 
 class _Model(BaseModel):
@@ -155,13 +158,13 @@ class Formation(_Model):
     shape: Literal["line", "grid", "hex", "ring"] | None = Field(
         default=None, description="A shape instead of centers_m", examples=["ring"]
     )
-    count: Annotated[int, Field(ge=1)] | None = Field(
+    count: Annotated[int, Field(ge=1, le=10_000_000)] | None = Field(
         default=None, description="Number of vehicles of the shape", examples=[6]
     )
     spacing_m: Length | None = Field(
         default=None, description="Distance of neighbouring centres of the shape", examples=[70.0]
     )
-    columns: Annotated[int, Field(ge=1)] | None = Field(
+    columns: Annotated[int, Field(ge=1, le=10_000_000)] | None = Field(
         default=None,
         description="Width of grid and hex rows; nearly square if not given",
         examples=[3],
@@ -225,7 +228,7 @@ class Sensor(_Model):
         description="Middle of the field of view from the heading, counter-clockwise",
         examples=[90.0],
     )
-    bearing_sigma_rad: Annotated[float, Field(gt=0, le=math.pi)] = Field(
+    bearing_sigma_rad: Annotated[float, Field(ge=1e-6, le=math.pi)] = Field(
         default=0.05, description="Standard deviation of a bearing", examples=[0.1]
     )
     sample_time_s: Annotated[float, Field(ge=1e-6, le=1e6)] = Field(
@@ -247,10 +250,10 @@ class Motion(_Model):
 class InitialSigma(_Model):
     """How well each vehicle knows its pose at time 0."""
 
-    position_m: Annotated[float, Field(gt=0, le=1e7)] = Field(
+    position_m: Annotated[float, Field(ge=1e-6, le=1e6)] = Field(
         default=5.0, description="Standard deviation of each coordinate", examples=[5.0]
     )
-    heading_rad: Annotated[float, Field(gt=0, le=1e3)] = Field(
+    heading_rad: Annotated[float, Field(ge=1e-6, le=100)] = Field(
         default=0.1, description="Standard deviation of the heading", examples=[0.1]
     )
 
@@ -258,7 +261,7 @@ class InitialSigma(_Model):
 class Scenario(_Model):
     """A formation to plan: circles, sensors, landmarks and noise."""
 
-    name: str = Field(default="", max_length=200, description="Title", examples=["survey"])
+    name: Title = Field(default="", description="Title", examples=["survey"])
     orbit: Orbit
     formation: Formation
     landmarks_m: ListedOrNamed = Field(
@@ -303,7 +306,10 @@ class Scenario(_Model):
         check_samples(
             (sensor.sample_time_s for sensor in self.sensors),
             {"duration_s": self.duration_s, "window_s": self.window},
+            self.period,
+            self.size,
         )
+        check_extent("formation.spacing_m", self.centers)
         check_landmarks(self.landmark_names, self.landmarks)
         ranges = [sensor.range_m for sensor in self.sensors]
         check_links(formation.links or [], self.vehicle_names, self.centers, radii, ranges)

@@ -1,5 +1,6 @@
 """Standard output and standard error: results to one, words and progress to the other."""
 
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -7,10 +8,20 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from syncplan.errors import InputError
+
 if TYPE_CHECKING:
     from rich.console import Console
 
-__all__ = ["Format", "deliver", "progress_bar", "say", "say_notes"]
+__all__ = [
+    "Format",
+    "deliver",
+    "open_closed_streams",
+    "progress_bar",
+    "refuse_overwriting",
+    "say",
+    "say_notes",
+]
 
 
 class Format(StrEnum):
@@ -33,6 +44,8 @@ def deliver(
     """
     from syncplan.output import as_text, write_text
 
+    if str(output) == "-":
+        output, format_ = None, Format.json
     shown = format_
     if shown is Format.auto:
         shown = Format.table if sys.stdout.isatty() else Format.json
@@ -44,8 +57,26 @@ def deliver(
     if shown is Format.table and show is not None:
         from rich.console import Console
 
-        show(Console())
+        show(Console(highlight=False))
     return shown
+
+
+def refuse_overwriting(source: str, output: Path | None) -> None:
+    """Raise InputError if the result would be written over what it is made from."""
+    try:
+        same = output is not None and source != "-" and output.samefile(source)
+    except OSError:
+        return
+    if same:
+        raise InputError("is the file that is read; give another one to write", source=str(output))
+
+
+def open_closed_streams() -> None:
+    """Give a process that was started without standard streams something to write to."""
+    if sys.stdout is None:
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
 
 
 def say_notes(notes: list[str]) -> None:

@@ -106,7 +106,7 @@ def varied(scenario: Scenario, name: str, value: float) -> Scenario:
                 key="formation.spacing_m",
             )
         document["formation"]["spacing_m"] = value
-    return scenario_from(document, source=f"{SWEEPABLE[name]} = {value:g}")
+    return scenario_from(document, max_vehicles=scenario.size)
 
 
 def connected_range(subject: Plan) -> float:

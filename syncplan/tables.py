@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from rich import box
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from syncplan.document import (
@@ -26,11 +27,11 @@ def show_plan(document: PlanDocument, console: Console) -> None:
     verdict = document.observability
     state = "[green]observable[/]" if verdict.observable else "[red]NOT observable[/]"
     console.print(
-        f"[bold]{document.scenario.name or 'plan'}[/]: {state}, rank {verdict.rank} of "
+        f"[bold]{escape(document.scenario.name or 'plan')}[/]: {state}, rank {verdict.rank} of "
         f"{verdict.state_dim}; period {document.period_s:.4g} s"
     )
     holds = "holds" if verdict.certificate.holds else "does not hold"
-    console.print(f"certificate {holds}: {verdict.certificate.reason}")
+    console.print(f"certificate {holds}: {escape(verdict.certificate.reason)}")
     if document.connectivity_period_s is not None:
         console.print(
             f"any {document.connectivity_period_s:.4g} s of sightings certify the team "
@@ -38,35 +39,37 @@ def show_plan(document: PlanDocument, console: Console) -> None:
         )
     nearest = document.separation
     if nearest.min_m is not None and nearest.between is not None:
-        console.print(f"least separation {nearest.min_m:.4g} m, {'-'.join(nearest.between)}")
+        console.print(
+            f"least separation {nearest.min_m:.4g} m, {escape('-'.join(nearest.between))}"
+        )
     console.print(_synchronisation(document))
     console.print(_vehicle_table(document))
     _print_links(document, console)
     for motion in verdict.unobservable:
-        console.print(f"[red]unobservable[/]: {motion.description}\n   cure: {motion.cure}")
+        console.print(
+            f"[red]unobservable[/]: {escape(motion.description)}\n   cure: {escape(motion.cure)}"
+        )
     for note in document.notes:
-        console.print(f"[yellow]note[/]: {note}", highlight=False)
+        console.print(f"[yellow]note[/]: {escape(note)}")
 
 
 def show_validation(report: ValidationDocument, console: Console) -> None:
     """Print a Monte Carlo report."""
-    console.print(
-        f"[bold]{report.name or 'plan'}[/]: {report.trials} trials of {report.duration_s:g} s, "
-        f"seed {report.seed}, {report.filter.model} filter"
-    )
+    run = f"{report.trials} trials of {report.duration_s:g} s, seed {report.seed}"
+    console.print(f"[bold]{escape(report.name or 'plan')}[/]: {run}, {report.filter.model} filter")
     table = _table(
         "RMS error in m over the run, and over its second half",
         ("vehicle", "x", "y", "position", "2nd half", "bound", "ratio", "3 sigma"),
     )
     for vehicle in report.vehicles[:MOST_ROWS]:
-        table.add_row(vehicle.name, *_figures(vehicle))
+        table.add_row(escape(vehicle.name), *_figures(vehicle))
     table.add_section()
     table.add_row("overall", *_figures(report.overall))
     console.print(table)
     console.print(f"ANEES {_spread(report.anees)}")
     console.print(f"NIS   {_spread(report.nis)}")
     for note in report.notes:
-        console.print(f"[yellow]note[/]: {note}", highlight=False)
+        console.print(f"[yellow]note[/]: {escape(note)}")
 
 
 def show_sweep(
@@ -79,7 +82,7 @@ def show_sweep(
     )
     for k, vehicle in enumerate(reports[0].vehicles[:MOST_ROWS]):
         figures = [report.vehicles[k] for report in reports]
-        each.add_row(vehicle.name, *(f"{f.rms_y_m:.2f}/{f.rms_x_m:.2f}" for f in figures))
+        each.add_row(escape(vehicle.name), *(f"{f.rms_y_m:.2f}/{f.rms_x_m:.2f}" for f in figures))
     console.print(each)
     means = _table(
         "means over the vehicles, m", (name, "p_n", "p_e", "2nd half", "bound", "ANEES", "rank")
@@ -115,7 +118,7 @@ def _vehicle_table(document: PlanDocument) -> Table:
     for vehicle in document.vehicles[:MOST_ROWS]:
         error = errors[vehicle.name]
         table.add_row(
-            vehicle.name,
+            escape(vehicle.name),
             _point(vehicle.center_m),
             f"{vehicle.radius_m:g}",
             vehicle.direction,
@@ -137,11 +140,11 @@ def _print_links(document: PlanDocument, console: Console) -> None:
     rows: list[tuple[Link, str]] = [(link, link.rule) for link in document.links]
     rows += [(link, f"{link.rule}, unlisted") for link in document.incidental_links]
     for link, rule in rows[:MOST_ROWS]:
-        name = f"{link.a}-{link.b}"
+        name = escape(f"{link.a}-{link.b}")
         _add_meeting(table, name, rule, link, f"{link.phase_tolerance_rad:.3f}")
         short.setdefault(link.reason, []).append(name)
     for seen in document.landmark_links[:MOST_ROWS]:
-        name = f"{seen.vehicle}-{seen.landmark}"
+        name = escape(f"{seen.vehicle}-{seen.landmark}")
         _add_meeting(table, name, "landmark", seen, "-")
         short.setdefault(seen.reason, []).append(name)
     _count_rest(table, len(rows))

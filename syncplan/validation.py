@@ -11,14 +11,14 @@ from syncplan.blas import single_threaded_blas
 from syncplan.bounds import posterior_bound
 from syncplan.checks import MAX_SAMPLES
 from syncplan.consistency import Consistency, anees, coverage, nis
-from syncplan.errors import InputError
+from syncplan.errors import InputError, NoSolutionError
 from syncplan.montecarlo import run_trials
 from syncplan.planner import Plan, bound_is_affordable, plan
 from syncplan.scenario import Scenario
 from syncplan.sightings import sample_sightings, steps_within
 from syncplan.trials import Accuracy, MonteCarloResult, accuracy
 
-__all__ = ["MAX_TRIALS", "Validation", "validate"]
+__all__ = ["MAX_TRIALS", "Validation", "check_run", "validate"]
 
 Array = NDArray[np.float64]
 
@@ -76,7 +76,7 @@ def validate(
     of threads. `progress` is called with the number of trials done. Raises InputError naming the
     argument at fault.
     """
-    _check(trials, seed)
+    check_run(trials, seed)
     flown = subject if isinstance(subject, Plan) else plan(subject)
     length = flown.scenario.duration_s if duration is None else duration
     steps = _steps(length, flown.sensors.sample_time)
@@ -99,6 +99,12 @@ def validate(
         threads=threads,
         progress=progress,
     )
+    lost = int(np.sum(~np.isfinite(result.mean_squares).all(axis=(1, 2))))
+    if lost:
+        raise NoSolutionError(
+            f"the filter diverged in {lost} of {trials} trials: its errors are no longer finite; "
+            "smaller sigmas or a shorter sample time may help"
+        )
     return Validation(
         plan=flown,
         duration=length,
@@ -119,12 +125,16 @@ def _predicted(flown: Plan, duration: float) -> Array | None:
         return flown.prediction.rms
     if not bound_is_affordable(flown.orbits.count, duration, flown.sensors.sample_time):
         return None
-    return posterior_bound(
-        flown.orbits, flown.landmarks, flown.sensors, flown.windows, flown.noise, duration
-    ).rms_second_half()
+    try:
+        return posterior_bound(
+            flown.orbits, flown.landmarks, flown.sensors, flown.windows, flown.noise, duration
+        ).rms_second_half()
+    except NoSolutionError:
+        return None
 
 
-def _check(trials: int, seed: int) -> None:
+def check_run(trials: int, seed: int) -> None:
+    """Raise InputError unless the number of trials and the seed can be used."""
     if not 1 <= trials <= MAX_TRIALS:
         raise InputError(f"{trials} given; allowed are 1 to {MAX_TRIALS}", key="trials")
     if not 0 <= seed <= _LARGEST_SEED:

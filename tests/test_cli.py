@@ -333,3 +333,108 @@ def test_a_reader_that_leaves_early_is_no_fault() -> None:
     )
     assert "Traceback" not in done.stderr
     assert done.stdout.startswith("{")
+
+
+def test_a_link_is_followed_and_permissions_are_kept(run: Any, tmp_path: Path) -> None:
+    target, link = tmp_path / "target.json", tmp_path / "link.json"
+    target.write_text("old")
+    target.chmod(0o600)
+    link.symlink_to(target)
+    assert run("plan", GRID, "-o", str(link))[0] == 0
+    assert link.is_symlink()
+    assert json.loads(target.read_text())["period_s"] > 31.0
+    assert target.stat().st_mode & 0o777 == 0o600
+
+
+def test_the_file_that_is_read_is_not_written_over(run: Any, tmp_path: Path) -> None:
+    scenario = tmp_path / "s.json"
+    scenario.write_text(json.dumps(document()))
+    status, _, err = run("plan", str(scenario), "-o", str(scenario))
+    assert status == 2
+    assert "is the file that is read" in err
+    assert json.loads(scenario.read_text()) == document()
+
+
+@pytest.mark.parametrize("name", ["x" * 300, "a/" * 200 + "b"])
+def test_impossible_output_names_are_one_clear_line(name: str, run: Any, tmp_path: Path) -> None:
+    status, _, err = run("plan", GRID, "-o", str(tmp_path / name))
+    assert status == 2
+    assert err.count("\n") == 1
+
+
+def test_a_dash_writes_to_standard_output(run: Any) -> None:
+    status, out, _ = run("plan", GRID, "-o", "-")
+    assert status == 0
+    assert json.loads(out)["period_s"] > 31.0
+
+
+def test_names_are_shown_as_they_are(run: Any, tmp_path: Path) -> None:
+    scenario = tmp_path / "s.json"
+    named = {"[red]x[/blue]": [0, 0], "[b]": [70, 0]}
+    scenario.write_text(json.dumps(document(name="[i]", formation={"centers_m": named})))
+    status, out, _ = run("plan", str(scenario), "--format", "table")
+    assert status == 0
+    assert "[red]x[/blue]-[b]" in out
+
+
+def test_a_plan_with_opposite_senses_on_one_circle_is_refused(run: Any, tmp_path: Path) -> None:
+    plan = tmp_path / "plan.json"
+    run("plan", GRID, "-o", str(plan))
+    values = json.loads(plan.read_text())
+    values["vehicles"][1] |= {"center_m": values["vehicles"][0]["center_m"], "direction": "cw"}
+    plan.write_text(json.dumps(values))
+    status, _, err = run("validate", str(plan), "--trials", "1")
+    assert status == 2
+    assert "opposite ways on one circle" in err
+
+
+def test_sigmas_of_wild_size_leave_the_bound_out_and_say_so(run: Any, tmp_path: Path) -> None:
+    scenario = tmp_path / "s.json"
+    wild = {"position_m": 1e6, "heading_rad": 1e-6}
+    sensor = {"range_m": 50, "bearing_sigma_rad": 1e-6}
+    scenario.write_text(
+        json.dumps(
+            document(
+                initial_sigma=wild,
+                sensor=sensor,
+                landmarks_m=[[-40, 0], [-40, 20]],
+                motion={"speed_sigma_mps": 0, "turn_rate_sigma_rad_s": 1000},
+            )
+        )
+    )
+    status, out, err = run("plan", str(scenario))
+    assert status == 0
+    plan = json.loads(out)
+    if plan["predicted_rms_m"]["overall"] is None:
+        assert "orders of magnitude" in err
+    status, _, err = run("validate", str(scenario), "--trials", "2")
+    assert status in (0, 4)
+    assert "internal fault" not in err
+
+
+@pytest.mark.parametrize("stream", ["<&-", ">&-", "2>&-"])
+def test_a_closed_stream_is_no_internal_fault(stream: str) -> None:
+    source = "-" if stream == "<&-" else GRID
+    command = f"{sys.executable} -m syncplan plan {source} {stream}"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
+    assert done.returncode == (2 if stream == "<&-" else 0)
+    assert "internal fault" not in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this machine")
+def test_a_full_standard_output_is_one_clear_line() -> None:
+    command = f"{sys.executable} -m syncplan plan {GRID} > /dev/full"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert "No space left" in done.stderr
+
+
+def test_large_teams_can_be_swept(run: Any, tmp_path: Path) -> None:
+    scenario = tmp_path / "s.json"
+    formation = {"shape": "line", "count": 7, "spacing_m": 70}
+    scenario.write_text(json.dumps(document(formation=formation)))
+    short = ("--trials", "1", "--duration", "1", "--max-vehicles")
+    assert run("sweep", str(scenario), "--spacing", "70", *short, "7")[0] == 0
+    assert run("sweep", str(scenario), "--spacing", "70", *short, "6")[0] == 2

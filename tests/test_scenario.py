@@ -89,6 +89,8 @@ def test_json_and_yaml_mean_the_same(tmp_path: Path) -> None:
         (b"a: 1\na: 2\n", "duplicate"),
         (b"{" * 100_000, "deep"),
         (b"\x00\x01\x02", "not valid YAML"),
+        (b'{"a": 1, "a": 2}', "duplicate"),
+        (b"orbit: {radius_m: &o [*o]}", "holds itself"),
     ],
 )
 def test_files_that_are_no_scenario_say_what_they_are(
@@ -149,7 +151,7 @@ def test_a_number_must_be_a_sensible_number(key: str, value: object) -> None:
             "twice",
         ),
         ({"formation": {"centers_m": [[0, 0], [70, 0]], "names": ["a"]}}, "formation.names", "1"),
-        ({"landmarks_m": {"v1": [1, 2]}}, "formation.names", "twice"),
+        ({"landmarks_m": {"v1": [1, 2]}}, "landmarks_m", "twice"),
         ({"landmarks_m": [[5, 5], [9, 9], [5, 5]]}, "landmarks_m", "L1 and L3"),
         ({"sensor": [{"range_m": 5}]}, "sensor", "2 vehicles"),
         (
@@ -160,6 +162,30 @@ def test_a_number_must_be_a_sensible_number(key: str, value: object) -> None:
         ({"duration_s": 1e9}, "duration_s", "samples"),
         ({"duration_s": 0.01}, "duration_s", "sample_time_s"),
         ({"window_s": 1e9}, "window_s", "samples"),
+        (
+            {"orbit": {"radius_m": 20, "angular_rate_rad_s": 1e-5}, "window_s": 60},
+            "orbit",
+            "a period of",
+        ),
+        (
+            {"duration_s": 1e7, "window_s": 100, "sensor": {"range_m": 50, "sample_time_s": 100}},
+            "duration_s",
+            "periods",
+        ),
+        (
+            {"formation": {"shape": "line", "count": 4, "spacing_m": 5e6}},
+            "formation.spacing_m",
+            "1.5e+07 m out",
+        ),
+        ({"orbit": {"radius_m": 1e-300, "speed_mps": 1}}, "orbit.radius_m", "at least 1e-06"),
+        ({"name": "two\nlines"}, "name", "two"),
+        ({"landmarks_m": {"a\nb": [1, 2]}}, "landmarks_m.a\nb", "pattern"),
+        (
+            {"formation": {"shape": "grid", "count": 4, "columns": 10**30}},
+            "formation.columns",
+            "less",
+        ),
+        ({"start_time": "2026-W20-1T09+00:00"}, "start_time", "RFC 3339"),
         ({"start_time": "yesterday"}, "start_time", "RFC 3339"),
         ({"start_time": "2026-05-01T09:00:00"}, "start_time", "time zone"),
         (
@@ -252,3 +278,21 @@ def test_every_field_of_the_schema_is_described() -> None:
     for name, part in schema["$defs"].items():
         for key, field in part.get("properties", {}).items():
             assert field.get("description"), f"{name}.{key}"
+
+
+def test_broken_json_is_told_as_json(tmp_path: Path) -> None:
+    path = tmp_path / "s.json"
+    path.write_text('{"orbit": ')
+    with pytest.raises(InputError, match="not valid JSON"):
+        load_scenario(path)
+
+
+@pytest.mark.parametrize("moment", ["2026-05-01T09:00:00Z", "2026-05-01T09:00:00.25+02:00"])
+def test_a_start_time_is_carried_through(moment: str, tmp_path: Path) -> None:
+    assert scenario_from(document(start_time=moment)).start_time == moment
+    path = tmp_path / "s.yaml"
+    path.write_text(
+        f"start_time: {moment}\norbit: {{radius_m: 20, angular_rate_rad_s: 0.2}}\n"
+        "formation: {centers_m: [[0, 0]]}\nsensor: {range_m: 50}\n"
+    )
+    assert load_scenario(path).start_time is not None
