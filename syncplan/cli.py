@@ -40,6 +40,8 @@ OPTIONS = {
 }
 """Options by the name of the library's argument that they set."""
 
+JSON_SCHEMA = "https://json-schema.org/draft/2020-12/schema"
+
 LARGE_TEAM = 500
 """Teams above this size take several seconds to judge: people are told."""
 
@@ -308,7 +310,7 @@ def _schema(
         from syncplan.document import ValidationDocument
 
         schema = ValidationDocument.model_json_schema(mode="serialization")
-    deliver(schema, output, Format.json, None)
+    deliver({"$schema": JSON_SCHEMA, **schema}, output, Format.json, None)
     return 0
 
 

@@ -29,7 +29,7 @@ from syncplan.meetings import Meeting
 from syncplan.orbits import heading, position
 from syncplan.planner import Plan
 
-__all__ = ["certificate_reason", "plan_document"]
+__all__ = ["certificate_reason", "plan_document", "separation_notes"]
 
 NEAR_MISS = 0.05
 """Vehicles that come nearer than this share of the mean radius are told of in any case."""
@@ -255,6 +255,16 @@ def _notes(plan: Plan, names: list[str]) -> list[str]:
         )
     for item in plan.dropped_links:
         notes.append(f"link {names[item.a]}-{names[item.b]} dropped: {item.reason}")
+    notes += separation_notes(plan)
+    if plan.prediction.note:
+        notes.append(plan.prediction.note)
+    return notes
+
+
+def separation_notes(plan: Plan) -> list[str]:
+    """Return who comes too close to whom, in words."""
+    names = plan.scenario.vehicle_names
+    notes = []
     for close in plan.too_close[:5]:
         notes.append(
             f"{names[close.a]} and {names[close.b]} come to {close.distance:.4g} m at "
@@ -269,8 +279,6 @@ def _notes(plan: Plan, names: list[str]) -> list[str]:
         )
     if len(plan.too_close) > 5:
         notes.append(f"{len(plan.too_close) - 5} more pairs come below min_separation_m")
-    if plan.prediction.note:
-        notes.append(plan.prediction.note)
     return notes
 
 

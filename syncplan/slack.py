@@ -36,6 +36,7 @@ class Slack:
     floor : m, least separation
     residual : (k,) rad from 0 to pi
     table : (e, k) m least distances
+    contact : (links,) m largest least distance that counts as contact
     cost : (links, k) m what is to be small: the least distance where the circles are apart.
         Where they cross, nearest is not best: there the cost grows with the residual, from half
         the reach to all of it, so that phases stay near the rule; contact itself is asked for
@@ -46,11 +47,16 @@ class Slack:
     floor: float
     residual: Array
     table: Array
+    contact: Array
     cost: Array
 
     @classmethod
-    def of(cls, rules: Rules, guards: Rules, floor: float) -> "Slack":
-        """Return the tables of `rules` (to serve) and `guards` (to keep apart)."""
+    def of(cls, rules: Rules, guards: Rules, floor: float, share: float = 1.0) -> "Slack":
+        """Return the tables of `rules` (to serve) and `guards` (to keep apart).
+
+        `share` is the part of the reach that links of crossing circles may use: their cost does
+        not keep them away from its limit.
+        """
         both = Rules(
             *(
                 np.concatenate([getattr(rules, name), getattr(guards, name)])
@@ -60,7 +66,9 @@ class Slack:
         residual = np.linspace(0.0, np.pi, _SAMPLES)
         table = closest_distance(both, np.broadcast_to(residual, (len(both), _SAMPLES)))
         links = len(rules)
-        return cls(both, links, floor, residual, table, _cost(rules, residual, table[:links]))
+        contact = rules.reach * np.where(_crossing(rules), share, 1.0)
+        cost = _cost(rules, residual, table[:links])
+        return cls(both, links, floor, residual, table, contact, cost)
 
     def only(self, links: list[int]) -> "Slack":
         """Return the slack of the chosen links and all guards."""
@@ -73,6 +81,7 @@ class Slack:
             self.floor,
             self.residual,
             self.table[rows],
+            self.contact[links],
             self.cost[links],
         )
 
@@ -85,7 +94,11 @@ class Slack:
         lack = self.floor - self.table
         reach = self.rules.reach[: self.links, None]
         lack[: self.links] = np.maximum.reduce(
-            [lack[: self.links], self.table[: self.links] - reach, self.cost - (reach - margin)]
+            [
+                lack[: self.links],
+                self.table[: self.links] - self.contact[:, None],
+                self.cost - (reach - margin),
+            ]
         )
         allowed = lack <= 0.0
         possible = allowed.any(axis=1)
@@ -117,13 +130,16 @@ class Slack:
         return np.asarray(self.residual[inn] + np.clip(np.nan_to_num(share), 0.0, 1.0) * step)
 
 
+def _crossing(rules: Rules) -> NDArray[np.bool_]:
+    return np.asarray(rules.distance < rules.radius_a + rules.radius_b)
+
+
 def _cost(rules: Rules, residual: Array, table: Array) -> Array:
-    crossing = rules.distance < rules.radius_a + rules.radius_b
     ra, rb = rules.radius_a[:, None], rules.radius_b[:, None]
     spread = np.sqrt(np.maximum(ra**2 + rb**2 + 2.0 * ra * rb * np.cos(residual), 0.0))
     share = (ra + rb - spread) / (ra + rb - np.abs(ra - rb))
     grown = 0.5 * rules.reach[:, None] * (1.0 + share)
-    return np.where(crossing[:, None], grown, table)
+    return np.where(_crossing(rules)[:, None], grown, table)
 
 
 def largest_margin(slack: Slack, start: Array, count: int) -> tuple[Array, float]:

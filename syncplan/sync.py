@@ -39,6 +39,9 @@ _WHOLE_TURN_RAD = 1e-12
 _TABLE_ERROR = 2e-5
 """Of a radius: what linear interpolation of a least distance over the residual may miss."""
 
+_ROOMY, _TIGHT = 0.85, 1.0 - 1e-6
+"""Parts of the reach that links of crossing circles may use: at first, and at the worst."""
+
 _DRAWS = 12
 _STARTS_SMALL, _STARTS_LARGE = 16, 4
 _SMALL_TEAM = 40
@@ -156,8 +159,11 @@ def _by_margin(
     count = len(senses)
     radii = np.concatenate([rules.radius_a, rules.radius_b, guards.radius_a, guards.radius_b])
     floor = min_separation + _TABLE_ERROR * float(radii.max()) if min_separation > 0.0 else 0.0
-    slack = Slack.of(rules, guards, floor)
+    slack = Slack.of(rules, guards, floor, _ROOMY)
     best = _search(rules, slack, tree, count)
+    if not best.margin >= 0.0:
+        slack = Slack.of(rules, guards, floor, _TIGHT)
+        best = _search(rules, slack, tree, count)
     dropped: tuple[Dropped, ...] = ()
     if not best.margin >= 0.0:
         kept = servable(slack, best.theta, count)
@@ -166,7 +172,7 @@ def _by_margin(
             for k in np.setdiff1d(np.arange(len(rules)), kept.links)
         )
         rules = rules.only(kept.links)
-        slack = Slack.of(rules, guards, floor)
+        slack = Slack.of(rules, guards, floor, _TIGHT)
         best = _search(rules, slack, kept.theta, count)
     phases = _anchored(best.theta, senses, rules.edges + guards.edges, first_phase)
     return Synchronisation(

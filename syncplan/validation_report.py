@@ -15,6 +15,7 @@ from syncplan.document import (
     VehicleFigures,
     VehicleSeries,
 )
+from syncplan.plan_report import separation_notes
 from syncplan.sweeps import SWEEPABLE, SweepRow
 from syncplan.trials import Accuracy, series
 from syncplan.validation import Validation
@@ -163,4 +164,4 @@ def _filter_notes(validation: Validation) -> list[str]:
     lost = int(np.isnan(validation.result.nees).sum())
     if lost:
         notes.append(f"{lost} trials ended with a covariance that is not positive definite")
-    return notes
+    return notes + separation_notes(plan)

@@ -372,3 +372,18 @@ def test_a_grid_of_a_thousand_has_its_least_separation_between_neighbours() -> N
     nearest = closest_approach(orbits)
     assert nearest is not None
     assert abs(nearest.distance - 30.0) < 1e-9
+
+
+def test_vehicles_on_one_circle_keep_in_contact_with_room_to_spare() -> None:
+    for count in (2, 3):
+        made = plan(
+            small(
+                formation={"centers_m": [[0, 0]] * count},
+                sensor={"range_m": 15.0},
+            )
+        )
+        assert not made.dropped_links
+        assert len(made.links) == count * (count - 1) // 2
+        assert all(link.tolerance > 0.05 for link in made.links)
+        assert made.approach is not None
+        assert made.approach.distance > 3.0
