@@ -32,7 +32,7 @@ __all__ = [
 Array = NDArray[np.float64]
 
 _DOUBLINGS = 60
-_SETTLED = 1e-12
+_SETTLED, _SETTLED_BY_ROUNDING = 1e-12, 1e-8
 _INDEFINITE = (
     "no posterior bound: the sigmas span too many orders of magnitude for its covariance to stay "
     "positive definite"
@@ -124,8 +124,8 @@ def steady_bound(
     """Return (n,) m: RMS position bound over a period once it has become periodic.
 
     The fixed point of one period's Riccati map, found by doubling it. The period is taken as a
-    whole number of samples (the sample time is changed by less than one part in twice that
-    number). Infinite where the bound never settles: unobservable teams.
+    whole number of samples, at least one, and the sample time changed to fit. Infinite where the
+    bound never settles: unobservable teams.
     """
     samples = max(round(orbits.period / sensors.sample_time), 1)
     even = Sensors(
@@ -143,7 +143,9 @@ def steady_bound(
         bound = system.run(covariance)[1]
     except np.linalg.LinAlgError:
         return np.full(orbits.count, np.inf)
-    return np.asarray(np.sqrt(bound.position_variance[1:].mean(axis=0)))
+    variance = bound.position_variance[1:].mean(axis=0)
+    with np.errstate(invalid="ignore"):
+        return np.where(variance >= 0.0, np.sqrt(variance), np.inf)
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,14 +258,17 @@ def _periodic_covariance(system: _ReferredSystem) -> Array | None:
     """Fixed point of one period's map P -> A P (I + C P)^-1 A^T + B, by structured doubling."""
     size = 3 * system.moved.shape[1]
     a, b, c = _period_map(system, size)
+    last = np.inf
     for _ in range(_DOUBLINGS):
         grown = _composed((a, b, c), (a, b, c))
         change = np.max(np.abs(grown[1] - b))
         a, b, c = grown
         if not np.isfinite(change) or np.max(np.abs(b)) > 1e12:
             return None
-        if change <= _SETTLED * np.max(np.abs(b)):
+        settled = change / max(float(np.max(np.abs(b))), 1e-300)
+        if settled <= _SETTLED or (settled <= _SETTLED_BY_ROUNDING and change >= last):
             return 0.5 * (b + b.T)
+        last = change
     return None
 
 

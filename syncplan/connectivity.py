@@ -45,7 +45,7 @@ def connectivity_period(
     worst = 0
     for start in jumps:
         end = _first_certified(list(ready), table[:, start], orbits.count, distinct)
-        if end is None:
+        if end is None or end - start + 1 > SEARCHED_PERIODS * samples:
             return None
         worst = max(worst, end - int(start) + 1)
     return round(worst * sensors.sample_time, 9)

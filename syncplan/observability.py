@@ -43,6 +43,9 @@ Index = NDArray[np.int64]
 RANK_TOLERANCE = 1e-8
 """A singular value of the whole matrix counts above this share of the largest."""
 
+NEAREST = 1e-3
+"""Sightings from nearer than this share of the mean radius are weighted down."""
+
 VECTORS_LIMIT = 900
 """State dimension above which singular vectors are computed only where rank is lacking."""
 
@@ -144,8 +147,9 @@ class Observability:
 def bearing_rows(orbits: Orbits, landmarks: Array, sensors: Sensors, sightings: Sightings) -> Array:
     """Return (s, 6) bearing rows referred to time 0, over sigma: observer's three, target's three.
 
-    Positions in mean radii; a landmark's three are zero. A sighting at distance zero has no
-    bearing and its row is zero.
+    Positions in mean radii; a landmark's three are zero. A sighting from nearer than NEAREST mean
+    radii is weighted down in proportion: its bearing turns faster than any estimate can follow,
+    and one such row would drown all others in rounding. At distance zero there is no bearing.
     """
     n = orbits.count
     observers, targets = sightings.observers, sightings.targets
@@ -158,17 +162,17 @@ def bearing_rows(orbits: Orbits, landmarks: Array, sensors: Sensors, sightings: 
     squared = np.sum(q * q, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         toward = q / squared[:, None]
-    met = squared > 0.0
-    toward[~met] = 0.0
+    toward[squared == 0.0] = 0.0
     scale = float(orbits.radii.mean())
+    weight = np.minimum(1.0, np.sqrt(squared) / (NEAREST * scale))
     rows = np.empty((len(tau), 6))
     rows[:, 3] = -toward[:, 1] * scale
     rows[:, 4] = toward[:, 0] * scale
     rows[:, :2] = -rows[:, 3:5]
-    rows[:, 2] = -np.sum(toward * own, axis=1) - met
+    rows[:, 2] = -np.sum(toward * own, axis=1) - 1.0
     rows[:, 5] = np.sum(toward * other, axis=1)
     rows[~vehicle, 3:] = 0.0
-    return np.asarray(rows / sensors.bearing_sigmas[observers, None])
+    return np.asarray(rows * (weight / sensors.bearing_sigmas[observers])[:, None])
 
 
 def _way_gone(orbits: Orbits, vehicles: Index, tau: Array) -> Array:

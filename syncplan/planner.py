@@ -345,5 +345,6 @@ def _predict(
     limit = None
     if steady:
         limit = steady_bound(orbits, landmarks, sensors, windows, noise)
-        limit = np.where(np.isnan(window), np.inf, limit)
+        if scenario.window >= orbits.period * (1.0 - 1e-9):
+            limit = np.where(np.isnan(window), np.inf, limit)
     return Prediction(rms=rms, steady=limit, window=window, note=note)

@@ -12,7 +12,7 @@ __all__ = ["Sightings", "sample_sightings", "steps_within"]
 Index = NDArray[np.int64]
 
 _ROUNDING = 1e-9
-"""Share of a sample time by which a duration may miss a whole number of samples."""
+"""Share of a sample time by which an edge or a duration may miss a sample and still meet it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,12 +51,12 @@ def sample_sightings(
     permanent = windows.ends - windows.starts >= period
     turns = np.arange(
         np.floor(first_step * sample_time / period) - 1.0,
-        np.floor(last_step * sample_time / period) + 1.0,
+        np.floor(last_step * sample_time / period) + 2.0,
     )
     start = (windows.starts[:, None] + period * turns) / sample_time
     end = (windows.ends[:, None] + period * turns) / sample_time
-    low = np.maximum(np.ceil(start), first_step)
-    high = np.minimum(np.floor(end), last_step)
+    low = np.maximum(np.ceil(start - _ROUNDING), first_step)
+    high = np.minimum(np.floor(end + _ROUNDING), last_step)
     low[permanent], high[permanent] = first_step, first_step - 1
     low[permanent, 0], high[permanent, 0] = first_step, last_step
     count = np.maximum(high - low + 1.0, 0.0).astype(np.int64).ravel()

@@ -20,7 +20,11 @@ __all__ = ["Servable", "Slack", "largest_margin", "servable"]
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
+_LIMIT_SHARE = 0.5
 _SAMPLES = 513
+_SAMPLES_SEPARATED = 2049
+"""With a floor, feasible intervals may be narrow."""
+
 _BISECTIONS = 40
 _ROUNDING_RAD = 1e-12
 
@@ -36,10 +40,10 @@ class Slack:
     floor : m, least separation
     residual : (k,) rad from 0 to pi
     table : (e, k) m least distances
-    contact : (links,) m largest least distance that counts as contact
     cost : (links, k) m what is to be small: the least distance where the circles are apart.
         Where they cross, nearest is not best: there the cost grows with the residual, from half
-        the reach to all of it, so that phases stay near the rule; contact itself is asked for
+        the reach to all of it, so that phases stay near the rule, and steeply towards
+        its limit, so that contact does not hang on that
     """
 
     rules: Rules
@@ -47,28 +51,27 @@ class Slack:
     floor: float
     residual: Array
     table: Array
-    contact: Array
     cost: Array
 
     @classmethod
-    def of(cls, rules: Rules, guards: Rules, floor: float, share: float = 1.0) -> "Slack":
+    def of(cls, rules: Rules, guards: Rules, floor: float) -> "Slack":
         """Return the tables of `rules` (to serve) and `guards` (to keep apart).
 
-        `share` is the part of the reach that links of crossing circles may use: their cost does
-        not keep them away from its limit.
+        Guarded pairs that no phases keep apart bind nothing: they would make all else impossible.
         """
+        samples = _SAMPLES if floor == 0.0 else _SAMPLES_SEPARATED
+        residual = np.linspace(0.0, np.pi, samples)
+        furthest = closest_distance(guards, np.broadcast_to(residual, (len(guards), samples)))
+        guards = guards.only(np.max(furthest, axis=1, initial=0.0) >= floor)
         both = Rules(
             *(
                 np.concatenate([getattr(rules, name), getattr(guards, name)])
                 for name in Rules.__slots__
             )
         )
-        residual = np.linspace(0.0, np.pi, _SAMPLES)
-        table = closest_distance(both, np.broadcast_to(residual, (len(both), _SAMPLES)))
+        table = closest_distance(both, np.broadcast_to(residual, (len(both), samples)))
         links = len(rules)
-        contact = rules.reach * np.where(_crossing(rules), share, 1.0)
-        cost = _cost(rules, residual, table[:links])
-        return cls(both, links, floor, residual, table, contact, cost)
+        return cls(both, links, floor, residual, table, _cost(rules, residual, table[:links]))
 
     def only(self, links: list[int]) -> "Slack":
         """Return the slack of the chosen links and all guards."""
@@ -81,7 +84,6 @@ class Slack:
             self.floor,
             self.residual,
             self.table[rows],
-            self.contact[links],
             self.cost[links],
         )
 
@@ -96,7 +98,7 @@ class Slack:
         lack[: self.links] = np.maximum.reduce(
             [
                 lack[: self.links],
-                self.table[: self.links] - self.contact[:, None],
+                self.table[: self.links] - reach,
                 self.cost - (reach - margin),
             ]
         )
@@ -104,12 +106,12 @@ class Slack:
         possible = allowed.any(axis=1)
         away = np.abs(self.residual - np.abs(current)[:, None])
         near = np.argmin(np.where(allowed, away, np.inf), axis=1)[:, None]
-        column = np.arange(_SAMPLES)
+        column = np.arange(len(self.residual))
         left = np.where(~allowed & (column < near), column, -1).max(axis=1)
-        right = np.where(~allowed & (column > near), column, _SAMPLES).min(axis=1)
+        right = np.where(~allowed & (column > near), column, len(self.residual)).min(axis=1)
         low = self._edge(lack, left, left + 1)
         high = self._edge(lack, right, right - 1)
-        to_zero, to_pi, negative = left < 0, right >= _SAMPLES, current < 0.0
+        to_zero, to_pi, negative = left < 0, right >= len(self.residual), current < 0.0
         turn = 2.0 * np.pi
         signed_low = np.where(negative, np.where(to_pi, low - turn, -high), low)
         signed_high = np.where(negative, -low, np.where(to_pi, turn - low, high))
@@ -122,7 +124,10 @@ class Slack:
     def _edge(self, lack: Array, outside: Index, inside: Index) -> Array:
         """Residual where the lack vanishes between an outside and an inside sample."""
         rows = np.arange(len(lack))
-        out, inn = np.clip(outside, 0, _SAMPLES - 1), np.clip(inside, 0, _SAMPLES - 1)
+        out, inn = (
+            np.clip(outside, 0, len(self.residual) - 1),
+            np.clip(inside, 0, len(self.residual) - 1),
+        )
         beyond, within = lack[rows, out], lack[rows, inn]
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.where(beyond > 0.0, within / (within - beyond), 0.0)
@@ -130,16 +135,15 @@ class Slack:
         return np.asarray(self.residual[inn] + np.clip(np.nan_to_num(share), 0.0, 1.0) * step)
 
 
-def _crossing(rules: Rules) -> NDArray[np.bool_]:
-    return np.asarray(rules.distance < rules.radius_a + rules.radius_b)
-
-
 def _cost(rules: Rules, residual: Array, table: Array) -> Array:
+    crossing = rules.distance < rules.radius_a + rules.radius_b
     ra, rb = rules.radius_a[:, None], rules.radius_b[:, None]
     spread = np.sqrt(np.maximum(ra**2 + rb**2 + 2.0 * ra * rb * np.cos(residual), 0.0))
     share = (ra + rb - spread) / (ra + rb - np.abs(ra - rb))
     grown = 0.5 * rules.reach[:, None] * (1.0 + share)
-    return np.where(_crossing(rules)[:, None], grown, table)
+    reach = rules.reach[:, None]
+    at_limit = reach - (reach - table) / _LIMIT_SHARE
+    return np.where(crossing[:, None], np.maximum(grown, at_limit), table)
 
 
 def largest_margin(slack: Slack, start: Array, count: int) -> tuple[Array, float]:

@@ -39,9 +39,6 @@ _WHOLE_TURN_RAD = 1e-12
 _TABLE_ERROR = 2e-5
 """Of a radius: what linear interpolation of a least distance over the residual may miss."""
 
-_ROOMY, _TIGHT = 0.85, 1.0 - 1e-6
-"""Parts of the reach that links of crossing circles may use: at first, and at the worst."""
-
 _DRAWS = 12
 _STARTS_SMALL, _STARTS_LARGE = 16, 4
 _SMALL_TEAM = 40
@@ -98,13 +95,17 @@ def synchronise(
     rules = rules_of(centers, radii, senses, reach, pairs)
     guards = _guards(centers, radii, senses, reach, pairs, min_separation)
     cycle = tuple(odd_cycle(count, rules.edges))
-    theta = _along_tree(rules, count)
+    phases = _anchored(_along_tree(rules, count), senses, rules.edges, first_phase)
+    theta = senses * phases
     if _meets(rules, guards, theta, min_separation):
-        phases = _anchored(theta, senses, rules.edges, first_phase)
         margin = _smallest_margin(rules, theta)
-        return Synchronisation(
-            phases, "closed form", margin, margin, "every link meets its rule", (), cycle
-        )
+        bound, note = margin, "every link meets its rule, which is its closest approach"
+        if np.any(rules.distance < rules.radius_a + rules.radius_b):
+            bound, note = (
+                None,
+                "no bound: circles cross, where no rule is the closest approach",
+            )
+        return Synchronisation(phases, "closed form", margin, bound, note, (), cycle)
     return _by_margin(rules, guards, theta, senses, first_phase, min_separation, cycle)
 
 
@@ -159,11 +160,8 @@ def _by_margin(
     count = len(senses)
     radii = np.concatenate([rules.radius_a, rules.radius_b, guards.radius_a, guards.radius_b])
     floor = min_separation + _TABLE_ERROR * float(radii.max()) if min_separation > 0.0 else 0.0
-    slack = Slack.of(rules, guards, floor, _ROOMY)
+    slack = Slack.of(rules, guards, floor)
     best = _search(rules, slack, tree, count)
-    if not best.margin >= 0.0:
-        slack = Slack.of(rules, guards, floor, _TIGHT)
-        best = _search(rules, slack, tree, count)
     dropped: tuple[Dropped, ...] = ()
     if not best.margin >= 0.0:
         kept = servable(slack, best.theta, count)
@@ -172,7 +170,7 @@ def _by_margin(
             for k in np.setdiff1d(np.arange(len(rules)), kept.links)
         )
         rules = rules.only(kept.links)
-        slack = Slack.of(rules, guards, floor, _TIGHT)
+        slack = Slack.of(rules, guards, floor)
         best = _search(rules, slack, kept.theta, count)
     phases = _anchored(best.theta, senses, rules.edges + guards.edges, first_phase)
     return Synchronisation(

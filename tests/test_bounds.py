@@ -3,8 +3,15 @@
 import numpy as np
 import pytest
 
-from syncplan.bounds import arc_noise_gain, posterior_bound, steady_bound, window_bound
+from syncplan.bounds import (
+    PosteriorBound,
+    arc_noise_gain,
+    posterior_bound,
+    steady_bound,
+    window_bound,
+)
 from syncplan.contacts import Sensors, find_windows
+from syncplan.loading import scenario_from
 from syncplan.noise import Noise
 from syncplan.observability import assess, bearing_rows, link_information
 from syncplan.orbits import Orbits, heading, position
@@ -158,3 +165,54 @@ def test_a_better_sensor_never_raises_the_bound(grid: Plan) -> None:
     before = posterior_bound(grid.orbits, grid.landmarks, grid.sensors, grid.windows, NOISE, 100.0)
     after = posterior_bound(grid.orbits, grid.landmarks, sharper, windows, NOISE, 100.0)
     assert np.all(after.position_variance <= before.position_variance * (1.0 + 1e-9))
+
+
+def test_the_second_half_is_the_samples_with_twice_their_number_past_the_end() -> None:
+    for steps in (5, 6):
+        variance = np.arange(steps + 1, dtype=float)[:, None]
+        kept = [k for k in range(steps + 1) if 2 * k > steps]
+        rms = PosteriorBound(variance, variance).rms_second_half()
+        assert rms[0] == pytest.approx(np.sqrt(np.mean(kept)))
+
+
+def test_the_noise_gain_is_smooth_at_small_turns() -> None:
+    def gain(half: float) -> np.ndarray:
+        orbits = Orbits(np.zeros((1, 2)), np.ones(1), np.ones(1), np.zeros(1), 2.0 * half)
+        return np.asarray(arc_noise_gain(orbits, 1.0)[0] / [1.0, 2.0 * half])
+
+    np.testing.assert_allclose(gain(0.99e-4), gain(1.01e-4), rtol=0.03)
+
+
+def test_exact_bearings_from_a_still_platform_have_a_steady_bound() -> None:
+    made = plan(
+        scenario_from(
+            {
+                "orbit": {"radius_m": 2.0, "angular_rate_rad_s": 2.0 * np.pi / 30.0},
+                "formation": {"centers_m": [[-1.587, -1.081]]},
+                "landmarks_m": [[3, 3], [-1, 2], [-2, -1]],
+                "sensor": {"range_m": 10, "bearing_sigma_rad": 0.001, "sample_time_s": 15.0},
+                "motion": {"speed_sigma_mps": 0.0},
+                "window_s": 90.0,
+            }
+        ),
+        steady=True,
+    )
+    assert made.prediction.steady is not None
+    assert made.prediction.steady[0] < 0.02
+
+
+def test_a_short_window_does_not_hide_the_steady_bound() -> None:
+    document = example("paper-grid-same").model_dump(exclude_none=True)
+    document["window_s"] = 0.5
+    short = plan(scenario_from(document), steady=True).prediction.steady
+    whole = plan(example("paper-grid-same"), steady=True).prediction.steady
+    assert short is not None
+    assert whole is not None
+    np.testing.assert_allclose(short, whole)
+
+
+def test_unobservable_teams_have_no_steady_bound() -> None:
+    for name in ("landmark-bridge", "triangle-alternate"):
+        steady = plan(example(name), steady=True).prediction.steady
+        assert steady is not None
+        assert np.isinf(steady[-1])

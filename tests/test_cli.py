@@ -251,6 +251,8 @@ def test_an_interrupted_run_leaves_nothing_half_written(tmp_path: Path) -> None:
         stderr=subprocess.PIPE,
         text=True,
         env=environment,
+        # a parent that ignores interrupts would hand that down
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     ) as process:
         time.sleep(4.0)
         assert process.poll() is None

@@ -7,7 +7,9 @@ from hypothesis import strategies as st
 
 from syncplan.contacts import Sensors, find_windows, merge_windows, reachable_pairs
 from syncplan.orbits import Orbits, heading, position, wrap
+from syncplan.planner import plan
 from syncplan.sightings import sample_sightings
+from tests.scenarios import example as scenario_example
 
 SAMPLES = 3000
 SHORT = 1e-5
@@ -298,3 +300,30 @@ def test_a_pair_exactly_at_reach_is_found_in_large_teams_too() -> None:
         return set(zip(a.tolist(), b.tolist(), strict=True))
 
     assert {pair for pair in pairs(600) if max(pair) < 400} == pairs(400)
+
+
+@pytest.mark.parametrize("rate", [0.2, 2.0 * np.pi / 30.0, 1.0, 0.37])
+def test_a_sample_on_a_windows_edge_counts_in_every_turn(rate: float) -> None:
+    orbits = Orbits(np.zeros((1, 2)), np.array([20.0]), np.ones(1), np.zeros(1), rate)
+    sample_time = orbits.period / 12.0
+    reach = np.sqrt(2000.0 - 1600.0 * np.cos(np.pi / 6.0))
+    sensors = Sensors(
+        np.array([reach]), np.array([2.0 * np.pi]), np.zeros(1), np.full(1, 0.1), sample_time
+    )
+    windows = find_windows(orbits, np.array([[40.0, 0.0]]), sensors)
+    turns = 20
+    sightings = sample_sightings(windows, orbits.period, sample_time, 1, 12 * turns)
+    assert set((sightings.steps % 12).tolist()) == {0, 1, 11}
+    assert len(sightings.steps) == 3 * turns
+
+
+def test_the_union_of_both_ways_holds_what_either_sees() -> None:
+    made = plan(scenario_example("mixed-radii-camera"))
+    period = made.orbits.period
+    t = np.linspace(0.0, period, 5000, endpoint=False)
+    one_sided = 0
+    for link in made.links:
+        forward, backward = (_covered(w, t, period) for w in (link.forward, link.backward))
+        np.testing.assert_array_equal(_covered(link.windows, t, period), forward | backward)
+        one_sided += int(np.any(forward & ~backward)) + int(np.any(backward & ~forward))
+    assert one_sided >= 2

@@ -9,6 +9,7 @@ from syncplan.certificate import DISTINCT_LANDMARKS
 from syncplan.contacts import Sensors, find_windows
 from syncplan.document import PlanDocument
 from syncplan.graph import rpmg_at, union_over
+from syncplan.motions import name_motions
 from syncplan.observability import (
     RANK_TOLERANCE,
     assess,
@@ -342,3 +343,109 @@ def test_a_sensor_can_be_given_for_each_vehicle() -> None:
     np.testing.assert_allclose(made.sensors.ranges, [50.0, 31.0])
     assert made.links[0].forward.size != 0
     assert made.links[0].contact >= float(np.sum(np.diff(made.links[0].backward)))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_the_motions_named_span_the_null_space(seed: int) -> None:
+    team = draw_team(np.random.default_rng(seed))
+    orbits, landmarks, sensors = team.orbits, team.landmarks, team.sensors
+    windows = find_windows(orbits, landmarks, sensors)
+    sightings = sample_sightings(windows, orbits.period, sensors.sample_time, 0, 20)
+    links = link_information(orbits, landmarks, sensors, sightings)
+    verdict = assess(orbits, links)
+    names = [f"v{k}" for k in range(orbits.count)]
+    motions = name_motions(
+        verdict,
+        orbits,
+        landmarks,
+        sensors.ranges,
+        links,
+        names,
+        [f"L{k}" for k in range(len(landmarks))],
+    )
+    assert len(motions) == verdict.state_dim - verdict.rank
+    vectors = []
+    for item in motions:
+        vector = (item.motion / [verdict.scale, verdict.scale, 1.0]).ravel()
+        vectors.append(vector / np.linalg.norm(vector))
+        inside = verdict.null_space.T @ (verdict.null_space @ vectors[-1])
+        assert np.linalg.norm(vectors[-1] - inside) < 2e-3
+    if vectors:
+        assert np.linalg.svd(np.array(vectors), compute_uv=False)[-1] > 1e-3
+
+
+def test_the_cure_tells_how_far_out_of_range_the_nearest_landmark_is() -> None:
+    made = plan(small(formation={"centers_m": [[0, 0]]}, landmarks_m=[[5, 0], [150, 0]]))
+    (motion,) = made.unobservable
+    assert motion.description == "turn of v1 about L1"
+    assert "L2 from v1 comes to 130 m, 80 m out of range" in motion.cure
+    alone = plan(small(formation={"centers_m": [[0, 0]]}, landmarks_m=[[5, 0]]))
+    assert "L1" not in alone.unobservable[0].cure.replace("other than L1", "")
+    inside = plan(
+        small(formation={"centers_m": [[0, 0]]}, landmarks_m=[[5, 0]], sensor={"range_m": 9})
+    )
+    assert all("L1 from v1 comes to 15 m" in item.cure for item in inside.unobservable)
+
+
+def test_a_stretch_names_no_vehicle_that_a_landmark_holds() -> None:
+    made = plan(example("crooked-line-alternate"))
+    for item in made.unobservable:
+        assert 5 not in item.vehicles
+
+
+def test_the_two_landmarks_of_a_witness_are_distinct() -> None:
+    near = 0.01 * DISTINCT_LANDMARKS * 20.0
+    made = plan(
+        small(
+            formation={"centers_m": [[0, 0]]},
+            landmarks_m=[[30, 0], [30, near], [0, 30], [0, 30 + near]],
+        )
+    )
+    (tree,) = made.certificate.witness
+    (_, one), (_, two) = tree.landmark_links
+    places = made.landmarks[[one, two]]
+    assert np.hypot(*(places[0] - places[1])) > DISTINCT_LANDMARKS * 20.0
+
+
+def test_the_gap_is_the_ratio_round_the_rank() -> None:
+    verdict = plan(example("paper-grid-alternate")).observability
+    values = verdict.singular_values
+    assert verdict.gap == pytest.approx(values[15] / values[16])
+
+
+def test_the_window_holds_the_samples_before_its_end() -> None:
+    far = {"formation": {"centers_m": [[0, 0], [70, 0]]}, "sensor": {"range_m": 500.0}}
+    one = plan(small(**far, window_s=0.1))
+    assert one.links[0].reason == "fewer than three sightings (2)"
+    two = plan(small(**far, window_s=0.2))
+    assert "fewer" not in two.links[0].reason
+
+
+@pytest.mark.parametrize("phase", [0.0, 1e-12, 1e-9, 1e-7, 1e-4])
+def test_a_pass_at_no_distance_does_not_drown_the_other_sightings(phase: float) -> None:
+    # the circles touch, and both vehicles are there at time 0
+    touching = {"centers_m": [[0, 0], [40, 0]]}
+    orbit = {"radius_m": 20.0, "angular_rate_rad_s": 0.2, "first_phase_rad": phase}
+    made = plan(small(formation=touching, orbit=orbit, landmarks_m=[[30, 10], [-30, 5]]))
+    assert made.observability.rank == 6
+    assert made.certificate.holds
+
+
+def test_a_landmark_on_the_path_does_not_drown_the_other_sightings() -> None:
+    made = plan(
+        small(
+            formation={"centers_m": [[0, 0], [70, 0]]},
+            orbit={"radius_m": 20.0, "angular_rate_rad_s": 2.0 * np.pi / 30.0},
+            landmarks_m=[[0, 20], [90, 0], [-30, 0]],
+        )
+    )
+    assert made.observability.rank == 6
+    assert made.certificate.holds
+
+
+def test_a_team_that_certifies_only_over_more_than_two_periods_has_no_connectivity_period() -> None:
+    slow = {"range_m": 50.0, "sample_time_s": 26.0}
+    made = plan(small(sensor=slow, window_s=2000.0, landmarks_m=[[-40, 0], [-40, 30]]))
+    if made.connectivity_period is not None:
+        assert made.connectivity_period <= 2.0 * made.orbits.period + 26.0
