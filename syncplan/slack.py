@@ -90,18 +90,12 @@ class Slack:
     def intervals(self, margin: float, current: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Return (low, high, possible), each (e,): the allowed residuals nearest the current ones.
 
-        Allowed is a residual whose least distance respects the floor and, for a link, lies within
-        reach at a cost that leaves `margin`. Impossible rows have nowhere to be.
+        Allowed is a residual whose least distance respects the floor and, for a link, whose cost
+        leaves `margin` to the reach. Impossible rows have nowhere to be.
         """
         lack = self.floor - self.table
         reach = self.rules.reach[: self.links, None]
-        lack[: self.links] = np.maximum.reduce(
-            [
-                lack[: self.links],
-                self.table[: self.links] - reach,
-                self.cost - (reach - margin),
-            ]
-        )
+        lack[: self.links] = np.maximum(lack[: self.links], self.cost - (reach - margin))
         allowed = lack <= 0.0
         possible = allowed.any(axis=1)
         away = np.abs(self.residual - np.abs(current)[:, None])
@@ -149,8 +143,8 @@ def _cost(rules: Rules, residual: Array, table: Array) -> Array:
 def largest_margin(slack: Slack, start: Array, count: int) -> tuple[Array, float]:
     """Return (theta, margin in m): the largest smallest reach less cost with the turns of `start`.
 
-    The margin is -inf if contact and separation can't be had with those turns, and for a team
-    without links 0 if separation can.
+    Below zero not every link is in contact. The margin is -inf if separation can't be had with
+    those turns, and for a team without links 0 if it can.
     """
     reach = slack.rules.reach[: slack.links]
     high = float(np.min(reach - slack.cost.min(axis=1), initial=np.inf)) if slack.links else 0.0

@@ -555,3 +555,27 @@ def test_the_phase_tolerance_is_where_contact_is_lost(seed: int) -> None:
         assert met(-slip)
     if tolerance < np.pi - 0.1:
         assert not (met(tolerance + 0.03) and met(-tolerance - 0.03))
+
+
+def test_unlisted_pairs_are_kept_apart_too() -> None:
+    # v1-v2 and v3-v4 are linked; v1 and v3 pass each other at 7 m unless phases prevent it
+    for first in np.linspace(0.0, 6.0, 9):
+        made = plan(
+            small(
+                formation={
+                    "centers_m": [[0, 0], [70, 0], [0, 47], [70, 117]],
+                    "links": [["v1", "v2"], ["v3", "v4"]],
+                },
+                orbit={
+                    "radius_m": 20.0,
+                    "angular_rate_rad_s": 0.2,
+                    "direction": ["ccw", "ccw", "cw", "ccw"],
+                    "first_phase_rad": float(first),
+                },
+                sensor={"range_m": 70.0},
+                min_separation_m=10.0,
+            )
+        )
+        assert made.approach is not None
+        assert made.approach.distance >= 10.0
+        assert len(made.links) == 2
