@@ -1,6 +1,8 @@
-"""Search for a certificate that holds without full rank: python -m tests.search_counterexamples.
+"""Search for a certificate that holds without full rank.
 
-Not part of the suite; the suite runs the first 2,000 draws of the same generator.
+    python -m tests.search_counterexamples [DRAWS [FIRST]]
+
+Not part of the suite; the suite runs the first draws of the same generator.
 """
 
 import sys
@@ -28,10 +30,14 @@ def search(task: int) -> tuple[int, float, list[int]]:
     return held, closest, failures
 
 
-def main(draws: int = 100_000) -> tuple[int, float, list[int]]:
-    """Return and print what a search over `draws` random teams found."""
+def main(draws: int = 100_000, first: int = 0) -> tuple[int, float, list[int]]:
+    """Return and print what a search over `draws` random teams from number `first` on found.
+
+    Both count in thousands, rounded to whole ones.
+    """
+    begin = first // DRAWS_PER_TASK
     with ProcessPoolExecutor() as pool:
-        found = list(pool.map(search, range(-(-draws // DRAWS_PER_TASK))))
+        found = list(pool.map(search, range(begin, begin + -(-draws // DRAWS_PER_TASK))))
     held = sum(part[0] for part in found)
     closest = min(part[1] for part in found)
     failures = [number for part in found for number in part[2]]
@@ -43,4 +49,4 @@ def main(draws: int = 100_000) -> tuple[int, float, list[int]]:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 100_000)
+    main(*(int(argument) for argument in sys.argv[1:]))
