@@ -15,6 +15,7 @@ __all__ = [
     "check_names",
     "check_samples",
     "check_shared_circles",
+    "excess",
 ]
 
 MAX_LANDMARKS = 10_000
@@ -67,22 +68,25 @@ def check_samples(
             f"has sample times {', '.join(f'{t:g}' for t in times)} s: the central filter needs "
             "one common sample_time_s",
         )
-    most = min(MAX_SAMPLES, MAX_VEHICLE_SAMPLES // count)
     for key, value in {"orbit": period, **durations}.items():
-        name = "a period of " if key == "orbit" else ""
-        if value / times[0] > most:
-            raise fault(
-                key,
-                f"{name}{value:g} s at a sample time of {times[0]:g} s makes more than {most} "
-                f"samples for {count} vehicles; shorten it or sample less often",
-            )
-        if value / period > MAX_PERIODS:
-            raise fault(
-                key,
-                f"{value:g} s holds more than {MAX_PERIODS} periods of {period:g} s; shorten it",
-            )
+        problem = excess(value, times[0], period, count)
+        if problem:
+            raise fault(key, f"a period of {problem}" if key == "orbit" else problem)
     if durations["duration_s"] < times[0]:
         raise fault("duration_s", f"must be at least sample_time_s, {times[0]:g} s")
+
+
+def excess(duration: float, sample_time: float, period: float, count: int) -> str:
+    """Return what makes `duration` s too long for `count` vehicles, empty where nothing does."""
+    most = min(MAX_SAMPLES, MAX_VEHICLE_SAMPLES // count)
+    if duration / sample_time > most:
+        return (
+            f"{duration:g} s at a sample time of {sample_time:g} s makes more than {most} samples "
+            f"for {count} vehicles; shorten it or sample less often"
+        )
+    if duration / period > MAX_PERIODS:
+        return f"{duration:g} s holds more than {MAX_PERIODS} periods of {period:g} s; shorten it"
+    return ""
 
 
 def check_extent(key: str, places: Iterable[Point]) -> None:

@@ -118,10 +118,8 @@ class Slack:
     def _edge(self, lack: Array, outside: Index, inside: Index) -> Array:
         """Residual where the lack vanishes between an outside and an inside sample."""
         rows = np.arange(len(lack))
-        out, inn = (
-            np.clip(outside, 0, len(self.residual) - 1),
-            np.clip(inside, 0, len(self.residual) - 1),
-        )
+        last = len(self.residual) - 1
+        out, inn = np.clip(outside, 0, last), np.clip(inside, 0, last)
         beyond, within = lack[rows, out], lack[rows, inn]
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.where(beyond > 0.0, within / (within - beyond), 0.0)

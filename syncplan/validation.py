@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from syncplan.blas import single_threaded_blas
 from syncplan.bounds import posterior_bound
-from syncplan.checks import MAX_SAMPLES
+from syncplan.checks import excess
 from syncplan.consistency import Consistency, anees, coverage, nis
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.montecarlo import run_trials
@@ -79,7 +79,7 @@ def validate(
     check_run(trials, seed)
     flown = subject if isinstance(subject, Plan) else plan(subject)
     length = flown.scenario.duration_s if duration is None else duration
-    steps = _steps(length, flown.sensors.sample_time)
+    steps = _steps(length, flown)
     sightings = sample_sightings(
         flown.windows, flown.orbits.period, flown.sensors.sample_time, 1, steps
     )
@@ -141,15 +141,15 @@ def check_run(trials: int, seed: int) -> None:
         raise InputError(f"{seed} given; allowed are 0 to {_LARGEST_SEED}", key="seed")
 
 
-def _steps(duration: float, sample_time: float) -> int:
+def _steps(duration: float, flown: Plan) -> int:
+    """Whole samples in `duration` s, within the same limits as a scenario's."""
+    sample_time = flown.sensors.sample_time
     if not (np.isfinite(duration) and duration >= sample_time):
         raise InputError(
             f"{duration:g} s given; at least one sample time, {sample_time:g} s, is needed",
             key="duration",
         )
-    if duration / sample_time > MAX_SAMPLES:
-        raise InputError(
-            f"{duration:g} s makes more than {MAX_SAMPLES} samples of {sample_time:g} s",
-            key="duration",
-        )
+    problem = excess(duration, sample_time, flown.orbits.period, flown.orbits.count)
+    if problem:
+        raise InputError(problem, key="duration")
     return steps_within(duration, sample_time)

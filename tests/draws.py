@@ -9,7 +9,7 @@ from syncplan.certificate import Certificate, certify
 from syncplan.contacts import Sensors, find_windows
 from syncplan.observability import Observability, assess, link_information
 from syncplan.orbits import Orbits
-from syncplan.sightings import sample_sightings
+from syncplan.sightings import Sightings, sample_sightings
 
 Array = NDArray[np.float64]
 
@@ -63,12 +63,17 @@ def draw_team(generator: np.random.Generator) -> Team:
     )
 
 
+def sightings_of(team: Team, last_step: int) -> Sightings:
+    """Return what the team sees from step 0 to `last_step`."""
+    windows = find_windows(team.orbits, team.landmarks, team.sensors)
+    return sample_sightings(windows, team.orbits.period, team.sensors.sample_time, 0, last_step)
+
+
 def judge_team(team: Team) -> tuple[Certificate, Observability]:
     """Return the certificate and the verdict over one period."""
     orbits = team.orbits
-    windows = find_windows(orbits, team.landmarks, team.sensors)
     last = int(np.ceil(orbits.period / team.sensors.sample_time - 1e-9)) - 1
-    sightings = sample_sightings(windows, orbits.period, team.sensors.sample_time, 0, last)
+    sightings = sightings_of(team, last)
     links = link_information(orbits, team.landmarks, team.sensors, sightings)
     verdict = assess(orbits, links)
     return certify(orbits.count, team.landmarks, verdict, links), verdict

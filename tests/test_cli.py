@@ -180,6 +180,7 @@ def test_bad_files_exit_with_2_and_one_line(command: str, path: Path, run: Any) 
         (("validate", GRID, "--seed", "-1"), "seed"),
         (("validate", GRID, "--duration", "0"), "duration"),
         (("validate", GRID, "--duration", "nan"), "duration"),
+        (("validate", GRID, "--duration", "1e8"), "samples for 6 vehicles"),
         (("validate", GRID, "--gate", "2"), "gate"),
         (("validate", GRID, "--threads", "0"), "threads"),
         (("validate", GRID, "--model", "euler", "--substeps", "0"), "substeps"),
@@ -440,3 +441,12 @@ def test_large_teams_can_be_swept(run: Any, tmp_path: Path) -> None:
     short = ("--trials", "1", "--duration", "1", "--max-vehicles")
     assert run("sweep", str(scenario), "--spacing", "70", *short, "7")[0] == 0
     assert run("sweep", str(scenario), "--spacing", "70", *short, "6")[0] == 2
+
+
+def test_a_duration_of_endless_periods_is_refused(run: Any, tmp_path: Path) -> None:
+    scenario = tmp_path / "s.json"
+    slow = {"range_m": 50, "sample_time_s": 1000}
+    scenario.write_text(json.dumps(document(sensor=slow, duration_s=2000, window_s=2000)))
+    status, _, err = run("validate", str(scenario), "--trials", "1", "--duration", "1e7")
+    assert status == 2
+    assert "--duration: 1e+07 s holds more than 20000 periods" in err

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from syncplan.certificate import DISTINCT_LANDMARKS
-from syncplan.contacts import Sensors, find_windows
+from syncplan.contacts import Sensors
 from syncplan.document import PlanDocument
 from syncplan.graph import rpmg_at, union_over
 from syncplan.motions import name_motions
@@ -20,7 +20,7 @@ from syncplan.orbits import Orbits, heading, position
 from syncplan.plan_report import plan_document
 from syncplan.planner import Plan, judge, plan
 from syncplan.sightings import sample_sightings
-from tests.draws import draw_team, judge_team
+from tests.draws import draw_team, judge_team, sightings_of
 from tests.scenarios import example, small
 
 RANKS = {
@@ -89,8 +89,7 @@ def _measured(
 def test_bearing_rows_are_the_derivative_by_the_initial_poses(seed: int) -> None:
     team = draw_team(np.random.default_rng(seed))
     orbits, landmarks, sensors = team.orbits, team.landmarks, team.sensors
-    windows = find_windows(orbits, landmarks, sensors)
-    sightings = sample_sightings(windows, orbits.period, sensors.sample_time, 0, 40)
+    sightings = sightings_of(team, 40)
     rows = bearing_rows(orbits, landmarks, sensors, sightings)
     scale = orbits.radii.mean()
     poses = np.column_stack([position(orbits, 0.0), heading(orbits, 0.0)])
@@ -118,8 +117,7 @@ def test_bearing_rows_are_the_derivative_by_the_initial_poses(seed: int) -> None
 def test_reducing_each_link_leaves_the_singular_values_alone(seed: int) -> None:
     team = draw_team(np.random.default_rng(seed))
     orbits, landmarks, sensors = team.orbits, team.landmarks, team.sensors
-    windows = find_windows(orbits, landmarks, sensors)
-    sightings = sample_sightings(windows, orbits.period, sensors.sample_time, 0, 100)
+    sightings = sightings_of(team, 100)
     rows = bearing_rows(orbits, landmarks, sensors, sightings)
     dense = np.zeros((len(rows), 3 * orbits.count))
     for s, (a, b) in enumerate(zip(sightings.observers, sightings.targets, strict=True)):
@@ -350,8 +348,7 @@ def test_a_sensor_can_be_given_for_each_vehicle() -> None:
 def test_the_motions_named_span_the_null_space(seed: int) -> None:
     team = draw_team(np.random.default_rng(seed))
     orbits, landmarks, sensors = team.orbits, team.landmarks, team.sensors
-    windows = find_windows(orbits, landmarks, sensors)
-    sightings = sample_sightings(windows, orbits.period, sensors.sample_time, 0, 20)
+    sightings = sightings_of(team, 20)
     links = link_information(orbits, landmarks, sensors, sightings)
     verdict = assess(orbits, links)
     names = [f"v{k}" for k in range(orbits.count)]
