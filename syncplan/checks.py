@@ -3,7 +3,9 @@
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
+from syncplan.areas import polygon_fault
 from syncplan.quantities import FURTHEST_M, Pair, Point, fault
+from syncplan.refine_options import Limits, RefineOptions
 
 __all__ = [
     "MAX_SAMPLES",
@@ -11,8 +13,11 @@ __all__ = [
     "check_extent",
     "check_landmarks",
     "check_lengths",
+    "check_limits",
+    "check_link_names",
     "check_links",
     "check_names",
+    "check_polygons",
     "check_samples",
     "check_shared_circles",
     "excess",
@@ -32,6 +37,7 @@ SAME_PLACE_M = 1e-6
 """Landmarks, or centres of equal circles, nearer than this are the same."""
 
 _NAMES_SHOWN = 12
+_SLACK = 1e-9
 
 
 def check_lengths(lists: Mapping[str, object], count: int) -> None:
@@ -110,20 +116,57 @@ def check_landmarks(names: Sequence[str], places: Sequence[Point]) -> None:
         )
 
 
-def check_links(
-    links: Sequence[Pair],
-    names: Sequence[str],
-    centers: Sequence[Point],
+def check_polygons(polygons: Mapping[str, Sequence[Point]]) -> None:
+    """Raise the fault if the corners under a key make no polygon."""
+    for key, corners in polygons.items():
+        problem = polygon_fault(corners)
+        if problem:
+            raise fault(key, problem)
+
+
+def check_limits(
+    limits: Limits,
+    refine: RefineOptions | None,
+    rate: float,
     radii: Sequence[float],
-    ranges: Sequence[float],
+    names: Sequence[str],
 ) -> None:
-    """Raise the fault if a listed link names no two vehicles, stands twice, or can't be met."""
-    index = {name: k for k, name in enumerate(names)}
+    """Raise the fault if the circles ask for more than the vehicles can do, whatever is refined."""
+    if limits.turn_rate_rad_s is not None and rate > limits.turn_rate_rad_s * (1.0 + _SLACK):
+        raise fault(
+            "limits.turn_rate_rad_s",
+            f"{limits.turn_rate_rad_s:g}: the orbits turn at {rate:g} rad/s; lower their rate",
+        )
+    if limits.speed_mps is None:
+        return
+    least, most = limits.speed_mps
+    if refine is not None and refine.radius_m is not None:
+        slowest, fastest = (rate * radius for radius in refine.radius_m)
+        if slowest > most * (1.0 + _SLACK) or fastest < least * (1.0 - _SLACK):
+            raise fault(
+                "refine.radius_m",
+                f"radii of {refine.radius_m[0]:g} to {refine.radius_m[1]:g} m at {rate:g} rad/s "
+                f"mean {slowest:g} to {fastest:g} m/s; limits.speed_mps allows {least:g} to "
+                f"{most:g}",
+            )
+        return
+    for name, radius in zip(names, radii, strict=True):
+        if not least * (1.0 - _SLACK) <= rate * radius <= most * (1.0 + _SLACK):
+            raise fault(
+                "limits.speed_mps",
+                f"{name} flies {rate * radius:g} m/s on its circle of {radius:g} m; allowed are "
+                f"{least:g} to {most:g}: change its radius, or let refine vary radii",
+            )
+
+
+def check_link_names(links: Sequence[Pair], names: Sequence[str]) -> None:
+    """Raise the fault if a listed link names no two vehicles, or stands twice."""
+    known = set(names)
     seen: set[frozenset[str]] = set()
     for k, (a, b) in enumerate(links):
         key = f"formation.links[{k}]"
         for name in (a, b):
-            if name not in index:
+            if name not in known:
                 raise fault(
                     key,
                     f"link {a}-{b}: no vehicle is named {name}; vehicles are {_listed(names)}",
@@ -133,13 +176,25 @@ def check_links(
         if frozenset((a, b)) in seen:
             raise fault(key, f"link {a}-{b}: stands twice; remove one of them")
         seen.add(frozenset((a, b)))
+
+
+def check_links(
+    links: Sequence[Pair],
+    names: Sequence[str],
+    centers: Sequence[Point],
+    radii: Sequence[float],
+    ranges: Sequence[float],
+) -> None:
+    """Raise the fault if the circles of a listed link can't be met."""
+    index = {name: k for k, name in enumerate(names)}
+    for k, (a, b) in enumerate(links):
         i, j = index[a], index[b]
         distance = math.dist(centers[i], centers[j])
         gap = max(distance - radii[i] - radii[j], abs(radii[i] - radii[j]) - distance, 0.0)
         reach = max(ranges[i], ranges[j])
         if gap > reach * (1.0 + 1e-12):
             raise fault(
-                key,
+                f"formation.links[{k}]",
                 f"link {a}-{b}: the circles come no nearer than {gap:g} m, out of the sensors' "
                 f"range of {reach:g} m; bring the centres nearer, raise range_m, or remove the "
                 "link",

@@ -131,7 +131,7 @@ def _plan(
     from syncplan.loading import load_scenario
     from syncplan.plan_report import plan_document
     from syncplan.planner import plan
-    from syncplan.scenario import MAX_VEHICLES
+    from syncplan.sections import MAX_VEHICLES
 
     refuse_overwriting(scenario, output)
     loaded = load_scenario(scenario, max_vehicles=max_vehicles or MAX_VEHICLES)
@@ -179,7 +179,7 @@ def _validate(
     """Prove a plan with the filter: Monte Carlo errors beside the bound, and consistency."""
     from syncplan.planfile import load
     from syncplan.planner import judge, plan
-    from syncplan.scenario import MAX_VEHICLES
+    from syncplan.sections import MAX_VEHICLES
     from syncplan.validation import check_run, validate
     from syncplan.validation_report import validation_document
 
@@ -247,7 +247,7 @@ def _sweep(
 ) -> int:
     """Vary one key: plan and validate each value, tables like the paper's Tables 1 and 2."""
     from syncplan.loading import load_scenario
-    from syncplan.scenario import MAX_VEHICLES
+    from syncplan.sections import MAX_VEHICLES
     from syncplan.sweeps import sweep
     from syncplan.validation import check_run
     from syncplan.validation_report import sweep_document, validation_document

@@ -13,7 +13,8 @@ from typing import Any, NoReturn
 from pydantic import BaseModel, ValidationError
 
 from syncplan.errors import InputError
-from syncplan.scenario import MAX_VEHICLES, Scenario
+from syncplan.scenario import Scenario
+from syncplan.sections import MAX_VEHICLES
 
 __all__ = [
     "is_plan",

@@ -14,7 +14,8 @@ from syncplan.errors import InputError
 from syncplan.loading import is_plan, parse_document, read_text, scenario_from, validation_fault
 from syncplan.orbits import Orbits
 from syncplan.quantities import Angle, Length, Point
-from syncplan.scenario import MAX_VEHICLES, Scenario
+from syncplan.scenario import Scenario
+from syncplan.sections import MAX_VEHICLES
 
 __all__ = ["Loaded", "load", "orbits_from"]
 

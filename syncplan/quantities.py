@@ -6,7 +6,9 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import (
     AfterValidator,
+    BaseModel,
     BeforeValidator,
+    ConfigDict,
     Discriminator,
     Field,
     Strict,
@@ -24,12 +26,21 @@ __all__ = [
     "OneOrMany",
     "Pair",
     "Point",
+    "Polygon",
+    "Section",
     "StartTime",
     "Title",
     "fault",
 ]
 
 T = TypeVar("T")
+
+
+class Section(BaseModel):
+    """Base of everything a user writes: frozen, strict, no unknown keys, finite numbers."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
 
 FURTHEST_M = 1e7
 """Largest coordinate and length: beyond it the Earth is no plane."""
@@ -47,6 +58,7 @@ Name = Annotated[
 ]
 Title = Annotated[str, StringConstraints(max_length=200, pattern=rf"^{_PRINTING}*$")]
 Point = Annotated[tuple[Coordinate, Coordinate], Strict(False)]
+Polygon = list[Point]
 Pair = Annotated[tuple[Name, Name], Strict(False)]
 Sense = Literal["ccw", "cw"]
 

@@ -14,8 +14,11 @@ PACKAGE = Path(syncplan.__file__).parent
 ORDER = (
     "errors",
     "formation",
+    "areas",
     "quantities",
+    "refine_options",
     "checks",
+    "sections",
     "scenario",
     "loading",
     "blas",
@@ -61,7 +64,16 @@ LIBRARIES = {
     "cvxpy": {"relaxation", "placement"},
     "networkx": {"graph"},
     "numba": {"ekf"},
-    "pydantic": {"quantities", "scenario", "loading", "document", "planfile"},
+    "pydantic": {
+        "quantities",
+        "refine_options",
+        "sections",
+        "scenario",
+        "loading",
+        "document",
+        "planfile",
+    },
+    "shapely": {"areas"},
     "typer": {"cli"},
 }
 """The only modules that may import a library."""

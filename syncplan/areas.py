@@ -1,0 +1,112 @@
+"""Where circles may lie: inside one polygon, outside others; exact clearances by Shapely.
+
+A circle lies inside an area if its centre does and no edge is nearer than its radius; the same
+with "outside" for a keep-out. One signed number says both: distance to the boundary less radius,
+and minus that distance less radius where the centre is on the wrong side.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Area", "polygon_fault"]
+
+Array = NDArray[np.float64]
+
+_ARC_SEGMENTS = 64
+_ARC_ERROR = 1e-4
+"""Share of a radius by which such arcs, made of segments, may miss the true one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Area:
+    """Polygons in m, each (k, 2) corners in order, not closed.
+
+    Attributes
+    ----------
+    inside : the circles lie within it; None for no limit
+    outside : the circles lie clear of each
+    """
+
+    inside: Array | None = None
+    outside: tuple[Array, ...] = ()
+
+    @property
+    def limited(self) -> bool:
+        """Whether there is any polygon at all."""
+        return self.inside is not None or bool(self.outside)
+
+    def edges(self) -> Array:
+        """Return (e, 2, 2) m: start and end of every edge of every polygon."""
+        polygons = [*([] if self.inside is None else [self.inside]), *self.outside]
+        if not polygons:
+            return np.zeros((0, 2, 2))
+        return np.concatenate(
+            [np.stack([corners, np.roll(corners, -1, axis=0)], axis=1) for corners in polygons]
+        )
+
+    def clearances(self, centers: Array, radii: Array) -> Array:
+        """Return (n,) m: how far each circle lies from what it must not cross; negative if it does.
+
+        Infinite where there is no polygon.
+        """
+        import shapely
+
+        points = shapely.points(centers)
+        clear = np.full(len(radii), np.inf)
+        named = [] if self.inside is None else [(self.inside, 1.0)]
+        for corners, side in [*named, *((corners, -1.0) for corners in self.outside)]:
+            polygon = shapely.Polygon(corners)
+            away = shapely.distance(points, polygon.exterior)
+            sign = np.where(shapely.covers(polygon, points), side, -side)
+            clear = np.minimum(clear, sign * away - radii)
+        return np.asarray(clear)
+
+    def nearest_clear(self, centers: Array, radii: Array) -> Array | None:
+        """Return (n, 2) m: the centres nearest the given ones whose circles lie clear.
+
+        None where some circle fits nowhere.
+        """
+        import shapely
+
+        moved = np.array(centers, dtype=float)
+        for k in np.flatnonzero(self.clearances(centers, radii) < 0.0):
+            room = self._room(float(radii[k]) * (1.0 + _ARC_ERROR), moved[k])
+            if room.is_empty:
+                return None
+            moved[k] = shapely.get_coordinates(
+                shapely.shortest_line(room, shapely.Point(moved[k]))
+            )[0]
+        return moved
+
+    def _room(self, radius: float, near: Array) -> Any:
+        """All centres whose circle lies clear; without an outer limit, those around `near`."""
+        import shapely
+
+        corners = np.concatenate([*([] if self.inside is None else [self.inside]), *self.outside])
+        reach = 4.0 * (radius + float(np.ptp(np.concatenate([corners, near[None]]), axis=0).max()))
+        room = (
+            shapely.box(*(near - reach), *(near + reach))
+            if self.inside is None
+            else shapely.Polygon(self.inside).buffer(-radius, quad_segs=_ARC_SEGMENTS)
+        )
+        for one in self.outside:
+            room = room.difference(shapely.Polygon(one).buffer(radius, quad_segs=_ARC_SEGMENTS))
+        return room
+
+
+def polygon_fault(corners: Sequence[tuple[float, float]]) -> str:
+    """Return what keeps the corners from making a polygon that encloses something, or ""."""
+    import shapely
+
+    if len(corners) < 3:
+        return f"has {len(corners)} corners; a polygon needs at least 3, as [x, y]"
+    polygon = shapely.Polygon(corners)
+    if polygon.area <= 0.0:
+        return "encloses nothing: its corners lie on one line"
+    if not polygon.is_valid:
+        return f"is no simple polygon ({shapely.is_valid_reason(polygon)}); edges must not cross"
+    return ""
