@@ -65,6 +65,7 @@ __all__ = [
     "Validation",
     "load_scenario",
     "plan",
+    "refine",
     "sweep",
     "validate",
 ]
@@ -80,6 +81,7 @@ _HOME = {
     "Validation": "validation",
     "load_scenario": "loading",
     "plan": "planner",
+    "refine": "refinement",
     "sweep": "sweeps",
     "validate": "validation",
 }
@@ -88,6 +90,7 @@ if TYPE_CHECKING:
     from syncplan.errors import InputError, NoSolutionError, SyncplanError
     from syncplan.loading import load_scenario
     from syncplan.planner import Plan, plan
+    from syncplan.refinement import refine
     from syncplan.scenario import Scenario
     from syncplan.sweeps import sweep
     from syncplan.validation import Validation, validate

@@ -39,14 +39,10 @@ class Area:
         """Whether there is any polygon at all."""
         return self.inside is not None or bool(self.outside)
 
-    def edges(self) -> Array:
-        """Return (e, 2, 2) m: start and end of every edge of every polygon."""
-        polygons = [*([] if self.inside is None else [self.inside]), *self.outside]
-        if not polygons:
-            return np.zeros((0, 2, 2))
-        return np.concatenate(
-            [np.stack([corners, np.roll(corners, -1, axis=0)], axis=1) for corners in polygons]
-        )
+    def polygons(self) -> list[tuple[str, Array, bool]]:
+        """Return (key in the scenario, (k, 2) corners, whether circles lie within it) of each."""
+        inner = [] if self.inside is None else [("area_m", self.inside, True)]
+        return inner + [(f"keep_out_m[{k}]", one, False) for k, one in enumerate(self.outside)]
 
     def clearances(self, centers: Array, radii: Array) -> Array:
         """Return (n,) m: how far each circle lies from what it must not cross; negative if it does.
@@ -57,13 +53,27 @@ class Area:
 
         points = shapely.points(centers)
         clear = np.full(len(radii), np.inf)
-        named = [] if self.inside is None else [(self.inside, 1.0)]
-        for corners, side in [*named, *((corners, -1.0) for corners in self.outside)]:
+        for _, corners, within in self.polygons():
             polygon = shapely.Polygon(corners)
             away = shapely.distance(points, polygon.exterior)
-            sign = np.where(shapely.covers(polygon, points), side, -side)
-            clear = np.minimum(clear, sign * away - radii)
+            right = shapely.covers(polygon, points) == within
+            clear = np.minimum(clear, np.where(right, away, -away) - radii)
         return np.asarray(clear)
+
+    def has_room(self, radius: float, lower: Array, upper: Array) -> bool:
+        """Return whether a circle of `radius` m can lie clear, its centre in the box given."""
+        import shapely
+
+        middle = 0.5 * (lower + upper)
+        if self.clearances(middle[None], np.array([radius]))[0] >= 0.0:
+            return True
+        room = self._room(radius * (1.0 - _ARC_ERROR), middle)
+        box = (
+            shapely.box(*lower, *upper)
+            if np.all(lower < upper)
+            else shapely.LineString([lower, upper])
+        )
+        return bool(shapely.intersects(room, box))
 
     def nearest_clear(self, centers: Array, radii: Array) -> Array | None:
         """Return (n, 2) m: the centres nearest the given ones whose circles lie clear.

@@ -144,12 +144,19 @@ class Observability:
         return float(self.singular_values[-1] ** 2) if self.observable else 0.0
 
 
-def bearing_rows(orbits: Orbits, landmarks: Array, sensors: Sensors, sightings: Sightings) -> Array:
+def bearing_rows(
+    orbits: Orbits,
+    landmarks: Array,
+    sensors: Sensors,
+    sightings: Sightings,
+    scale: float | None = None,
+) -> Array:
     """Return (s, 6) bearing rows referred to time 0, over sigma: observer's three, target's three.
 
-    Positions in mean radii; a landmark's three are zero. A sighting from nearer than NEAREST mean
-    radii is weighted down in proportion: its bearing turns faster than any estimate can follow,
-    and one such row would drown all others in rounding. At distance zero there is no bearing.
+    Positions in mean radii, or in `scale` m; a landmark's three are zero. A sighting from nearer
+    than NEAREST mean radii is weighted down in proportion: its bearing turns faster than any
+    estimate can follow, and one such row would drown all others in rounding. At distance zero
+    there is no bearing.
     """
     n = orbits.count
     observers, targets = sightings.observers, sightings.targets
@@ -163,11 +170,12 @@ def bearing_rows(orbits: Orbits, landmarks: Array, sensors: Sensors, sightings: 
     with np.errstate(divide="ignore", invalid="ignore"):
         toward = q / squared[:, None]
     toward[squared == 0.0] = 0.0
-    scale = float(orbits.radii.mean())
-    weight = np.minimum(1.0, np.sqrt(squared) / (NEAREST * scale))
+    mean_radius = float(orbits.radii.mean())
+    weight = np.minimum(1.0, np.sqrt(squared) / (NEAREST * mean_radius))
+    unit = mean_radius if scale is None else scale
     rows = np.empty((len(tau), 6))
-    rows[:, 3] = -toward[:, 1] * scale
-    rows[:, 4] = toward[:, 0] * scale
+    rows[:, 3] = -toward[:, 1] * unit
+    rows[:, 4] = toward[:, 0] * unit
     rows[:, :2] = -rows[:, 3:5]
     rows[:, 2] = -np.sum(toward * own, axis=1) - 1.0
     rows[:, 5] = np.sum(toward * other, axis=1)
@@ -184,10 +192,14 @@ def _way_gone(orbits: Orbits, vehicles: Index, tau: Array) -> Array:
 
 
 def pair_rows(
-    orbits: Orbits, landmarks: Array, sensors: Sensors, sightings: Sightings
+    orbits: Orbits,
+    landmarks: Array,
+    sensors: Sensors,
+    sightings: Sightings,
+    scale: float | None = None,
 ) -> Iterator[PairRows]:
     """Yield the rows of each pair that is sighted at least once, ordered by (a, b)."""
-    rows = bearing_rows(orbits, landmarks, sensors, sightings)
+    rows = bearing_rows(orbits, landmarks, sensors, sightings, scale)
     swapped = (sightings.targets < orbits.count) & (sightings.targets < sightings.observers)
     rows = np.where(swapped[:, None], rows[:, [3, 4, 5, 0, 1, 2]], rows)
     a = np.where(swapped, sightings.targets, sightings.observers)
@@ -208,11 +220,18 @@ def pair_rows(
 
 
 def link_information(
-    orbits: Orbits, landmarks: Array, sensors: Sensors, sightings: Sightings
+    orbits: Orbits,
+    landmarks: Array,
+    sensors: Sensors,
+    sightings: Sightings,
+    scale: float | None = None,
 ) -> list[LinkInformation]:
-    """Return what each pair that is sighted at least once tells, ordered by (a, b)."""
+    """Return what each pair that is sighted at least once tells, ordered by (a, b).
+
+    Positions in mean radii, or in `scale` m, which `assess` is then to be told too.
+    """
     links = []
-    for pair in pair_rows(orbits, landmarks, sensors, sightings):
+    for pair in pair_rows(orbits, landmarks, sensors, sightings, scale):
         _, values, directions = np.linalg.svd(pair.rows, full_matrices=False)
         links.append(
             LinkInformation(pair.a, pair.b, len(pair.rows), pair.one_way, values, directions)
@@ -220,7 +239,9 @@ def link_information(
     return links
 
 
-def assess(orbits: Orbits, links: list[LinkInformation]) -> Observability:
+def assess(
+    orbits: Orbits, links: list[LinkInformation], scale: float | None = None
+) -> Observability:
     """Return rank, gap and unobservable directions of the windowed matrix."""
     size = 3 * orbits.count
     matrix = _stacked(links, orbits.count)
@@ -236,7 +257,7 @@ def assess(orbits: Orbits, links: list[LinkInformation]) -> Observability:
         gap=float(values[rank - 1] / below) if rank and below > 0.0 else float("inf"),
         null_space=null_space,
         variances=variances,
-        scale=float(orbits.radii.mean()),
+        scale=float(orbits.radii.mean()) if scale is None else scale,
     )
 
 

@@ -19,6 +19,7 @@ from syncplan.motions import UnobservableMotion, name_motions
 from syncplan.noise import Noise
 from syncplan.observability import Observability, assess, link_information
 from syncplan.orbits import Orbits
+from syncplan.refinement_record import RefinementRecord
 from syncplan.scenario import Scenario, per_vehicle
 from syncplan.senses import alternating_senses
 from syncplan.separation import Approach, closest_approach, pairs_nearer_than
@@ -76,6 +77,7 @@ class Plan:
     links, incidental_links, landmark_links, dropped_links : meetings, listed and not
     approach : the closest two vehicles come; None for one vehicle
     too_close : pairs nearer than min_separation_m
+    refinement : how the plan was refined, or why it could not be; None if that was not tried
     """
 
     scenario: Scenario
@@ -97,6 +99,7 @@ class Plan:
     certificate: Certificate
     unobservable: tuple[UnobservableMotion, ...]
     prediction: Prediction
+    refinement: RefinementRecord | None = None
 
     @property
     def observable(self) -> bool:

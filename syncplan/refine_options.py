@@ -51,8 +51,12 @@ class RefineOptions(Section):
     radius_m: Bounds | None = Field(
         default=None, description="Least and largest radius", examples=[[15.0, 25.0]]
     )
-    objective: Objective = Field(
-        default="logdet", description="What is improved", examples=["predicted_rms"]
+    objective: Objective | None = Field(
+        default=None,
+        description="What is improved: the predicted error of the worst vehicle (predicted_rms) or "
+        "of all (mean_predicted_rms), or the windowed information (logdet, min_eigenvalue, trace); "
+        "predicted_rms for teams up to 24 and logdet for larger ones if not given",
+        examples=["predicted_rms"],
     )
     margin_m: Annotated[float, Field(ge=0, le=1e7)] | None = Field(
         default=None,

@@ -1,0 +1,220 @@
+"""What a refinement is judged by: exact figures of merit, and exact slack of every constraint.
+
+Nothing here is smooth or relaxed: contact windows, sampled sightings, least distances, singular
+values and the posterior bound are those of the plan itself. Positions are in the mean radius of
+the plan that was refined, whatever radii have become.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.bounds import posterior_bound, window_bound
+from syncplan.certificate import certify
+from syncplan.contacts import find_windows, relative_motion
+from syncplan.errors import NoSolutionError
+from syncplan.observability import assess, link_information
+from syncplan.orbits import Orbits
+from syncplan.refine_options import Objective
+from syncplan.refine_problem import RefineProblem
+from syncplan.separation import least_distances
+from syncplan.sightings import Sightings, sample_sightings
+
+__all__ = ["WINDOW_BOUND", "Figures", "Measurement", "Slack", "measure"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+WINDOW_BOUND = "window bound of the worst vehicle"
+
+_TOLERANCE = 1e-6
+"""Relative slack of a constraint that counts as met: rounding of what is met exactly."""
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """Figures of merit of one plan.
+
+    Attributes
+    ----------
+    rank, certified : of the windowed matrix, and whether the certificate holds
+    logdet, min_eigenvalue, trace : of the windowed information, positions in the refined plan's
+        mean radius; logdet is -inf where unobservable
+    window_bound : m, worst vehicle's; infinite where unobservable
+    predicted_rms, mean_predicted_rms : m, posterior bound over the second half, worst vehicle and
+        root mean square of all; NaN where not computed
+    """
+
+    rank: int
+    certified: bool
+    logdet: float
+    min_eigenvalue: float
+    trace: float
+    window_bound: float
+    predicted_rms: float
+    mean_predicted_rms: float
+
+    def cost(self, objective: Objective) -> float:
+        """Return the figure that `objective` improves, smaller is better."""
+        value = float(getattr(self, objective))
+        falls = objective in ("predicted_rms", "mean_predicted_rms")
+        return value if falls else -value
+
+
+@dataclass(frozen=True, slots=True)
+class Slack:
+    """How far a constraint is from being violated: `room` m, negative where it is.
+
+    `size` m is what the room is to be seen against, `label` says which constraint.
+    """
+
+    label: str
+    room: float
+    size: float
+
+    @property
+    def met(self) -> bool:
+        """Whether the constraint holds, up to rounding."""
+        return self.room >= -_TOLERANCE * self.size
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """Figures of merit and the slack of every constraint of one plan."""
+
+    figures: Figures
+    slacks: tuple[Slack, ...]
+
+    def violations(self, before: "Measurement") -> list[str]:
+        """Return labels of constraints that `before` met and this does not, or that got worse."""
+        labels = [
+            after.label
+            for after, first in zip(self.slacks, before.slacks, strict=True)
+            if not after.met and (first.met or after.room < first.room - _TOLERANCE * first.size)
+        ]
+        limit = before.figures.window_bound * (1.0 + _TOLERANCE)
+        if self.figures.window_bound > limit:
+            labels.append(WINDOW_BOUND)
+        if self.figures.rank < before.figures.rank:
+            labels.append("rank")
+        if before.figures.certified and not self.figures.certified:
+            labels.append("certificate")
+        return labels
+
+
+def measure(problem: RefineProblem, orbits: Orbits, *, predict: bool = True) -> Measurement:
+    """Return the figures and slacks of orbits; `predict` computes the posterior bound."""
+    landmarks, sensors, scale = problem.landmarks, problem.sensors, problem.scale
+    windows = find_windows(orbits, landmarks, sensors)
+    last = math.ceil(problem.window / sensors.sample_time - 1e-9) - 1
+    sightings = sample_sightings(windows, orbits.period, sensors.sample_time, 0, last)
+    verdict = assess(orbits, link_information(orbits, landmarks, sensors, sightings, scale), scale)
+    # judged as the plan is: in its own mean radius
+    information = link_information(orbits, landmarks, sensors, sightings)
+    judged = assess(orbits, information)
+    bound = window_bound(judged)
+    squared = verdict.singular_values**2
+    rms = np.full(orbits.count, np.nan)
+    if predict:
+        try:
+            rms = posterior_bound(
+                orbits, landmarks, sensors, windows, problem.noise, problem.duration
+            ).rms_second_half()
+        except NoSolutionError:
+            rms = np.full(orbits.count, np.inf)
+    figures = Figures(
+        rank=judged.rank,
+        certified=certify(orbits.count, landmarks, judged, information).holds,
+        logdet=float(np.sum(np.log(squared))) if judged.observable else -math.inf,
+        min_eigenvalue=float(squared[-1]) if judged.observable else 0.0,
+        trace=float(squared.sum()),
+        window_bound=float(bound.max()) if judged.observable else math.inf,
+        predicted_rms=float(rms.max()),
+        mean_predicted_rms=float(np.sqrt(np.mean(rms**2))),
+    )
+    slacks = [
+        *_contact_slacks(problem, orbits, sightings),
+        *_separation_slacks(problem, orbits),
+        *_circle_slacks(problem, orbits),
+    ]
+    return Measurement(figures, tuple(slacks))
+
+
+def contact_margins(problem: RefineProblem, orbits: Orbits, sightings: Sightings) -> list[float]:
+    """Return by how many m each pair, then landmark, to be kept is within range for its samples.
+
+    The samples needed are the best ones: with three needed, the third best counts. Minus the
+    range where there are too few.
+    """
+    n, sensors = orbits.count, problem.sensors
+    a = np.minimum(sightings.observers, sightings.targets)
+    b = np.maximum(sightings.observers, sightings.targets)
+    tau = sightings.steps.astype(float) * (orbits.rate * sensors.sample_time)
+    motion = relative_motion(orbits, problem.landmarks, sightings.observers, sightings.targets)
+    away = motion.at(tau[:, None])[:, 0]
+    room = sensors.ranges[sightings.observers] - np.hypot(away[:, 0], away[:, 1])
+    bodies = n + len(problem.landmarks)
+    key = a * bodies + b
+    wanted = np.concatenate([problem.pairs, problem.anchors])
+    needed = np.concatenate([problem.pair_samples, problem.anchor_samples]).astype(int)
+    order = np.lexsort((sightings.steps, key))
+    key, room, steps = key[order], room[order], sightings.steps[order]
+    margins = []
+    for (one, other), samples in zip(wanted.tolist(), needed.tolist(), strict=True):
+        begin, end = np.searchsorted(key, [one * bodies + other, one * bodies + other + 1])
+        # both ways at one moment are one sample
+        _, moment = np.unique(steps[begin:end], return_inverse=True)
+        best = np.full(int(moment.max()) + 1 if end > begin else 0, -np.inf)
+        np.maximum.at(best, moment, room[begin:end])
+        best = np.sort(best)[::-1]
+        reach = float(sensors.ranges[one])
+        margins.append(float(best[samples - 1]) if len(best) >= samples else -reach)
+    return margins
+
+
+def _contact_slacks(problem: RefineProblem, orbits: Orbits, sightings: Sightings) -> list[Slack]:
+    names = problem.names
+    wanted = np.concatenate([problem.pairs, problem.anchors]).tolist()
+    asked = np.concatenate([problem.pair_margins, problem.anchor_margins]).tolist()
+    found = contact_margins(problem, orbits, sightings)
+    return [
+        Slack(f"contact of {names[a]}-{names[b]}", room - margin, float(problem.sensors.ranges[a]))
+        for (a, b), margin, room in zip(wanted, asked, found, strict=True)
+    ]
+
+
+def _separation_slacks(problem: RefineProblem, orbits: Orbits) -> list[Slack]:
+    """Of every pair that could come below the separation, however the circles move."""
+    floor, names = problem.min_separation, problem.names
+    pairs = problem.guarded_pairs()
+    if len(pairs) == 0:
+        return []
+    motion = relative_motion(orbits, np.zeros((0, 2)), pairs[:, 0], pairs[:, 1])
+    least, _ = least_distances(motion)
+    return [
+        Slack(f"separation of {names[a]}-{names[b]}", float(distance) - floor, floor)
+        for (a, b), distance in zip(pairs.tolist(), least, strict=True)
+    ]
+
+
+def _circle_slacks(problem: RefineProblem, orbits: Orbits) -> list[Slack]:
+    """Areas, boxes and radii of each vehicle."""
+    names, freedom = problem.names, problem.freedom
+    slacks = []
+    if problem.area.limited:
+        clear = problem.area.clearances(orbits.centers, orbits.radii)
+        slacks += [
+            Slack(f"area of {names[k]}", float(clear[k]), float(orbits.radii[k]))
+            for k in range(orbits.count)
+        ]
+    held = np.concatenate([orbits.centers.T, orbits.radii[None]])
+    room = np.minimum(held - freedom.lower[:3], freedom.upper[:3] - held)
+    free = freedom.free[:3]
+    for k in range(orbits.count):
+        for what, rows in (("box", slice(0, 2)), ("radius", slice(2, 3))):
+            if free[rows, k].any() and np.isfinite(room[rows, k][free[rows, k]]).any():
+                least = float(room[rows, k][free[rows, k]].min())
+                slacks.append(Slack(f"{what} of {names[k]}", least, problem.scale))
+    return slacks

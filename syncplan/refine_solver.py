@@ -1,0 +1,214 @@
+"""One start of a refinement: a nonlinear program solved by IPOPT in stages of sharper sight.
+
+Variables, objective, constraints, guess, solve: in that order. Each stage narrows the step between
+seen and unseen, the last one on as many of the sensor's own samples as can be afforded. First
+derivatives are CasADi's; second ones IPOPT's limited-memory approximation.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.refine_problem import RefineProblem
+from syncplan.refine_program import Program, Stage, program_of, stages_of
+
+__all__ = ["SolverProgress", "SolverRun", "Steering", "solve"]
+
+Array = NDArray[np.float64]
+
+_TOLERANCE = 1e-5
+_FEASIBLE = 1e-6
+_NAMED = 4
+
+
+@dataclass(frozen=True, slots=True)
+class SolverProgress:
+    """Where a solver is: stage (from 0), iteration in all, objective and largest violation."""
+
+    stage: int
+    iteration: int
+    objective: float
+    violation: float
+
+
+@dataclass(frozen=True, slots=True)
+class Steering:
+    """How a run is watched and stopped.
+
+    Attributes
+    ----------
+    deadline : time.monotonic() after which it stops
+    stopped : asked at every iteration
+    report : told of every iteration
+    """
+
+    deadline: float = float("inf")
+    stopped: Callable[[], bool] = lambda: False
+    report: Callable[[SolverProgress], None] = lambda _: None
+
+    @property
+    def over(self) -> bool:
+        """Whether to stop now."""
+        return self.stopped() or time.monotonic() >= self.deadline
+
+
+@dataclass(frozen=True, slots=True)
+class SolverRun:
+    """What one start came to.
+
+    Attributes
+    ----------
+    candidates : (4, n) circles in m and rad: the result of each stage, the last one last, and the
+        best feasible iterate of a stage that was stopped
+    status : IPOPT's, of the last stage
+    converged : whether IPOPT called it solved
+    stopped : whether time or the user ended it
+    iterations : in all stages
+    violation, dual_residual : IPOPT's own at the end, scaled
+    objectives : of the smooth problem at the end of each stage
+    unmet : names of the constraints most violated at the end, worst first; empty where all are met
+    """
+
+    candidates: tuple[Array, ...]
+    status: str
+    converged: bool
+    stopped: bool
+    iterations: int
+    violation: float
+    dual_residual: float
+    objectives: tuple[float, ...]
+    unmet: tuple[str, ...]
+
+
+def solve(problem: RefineProblem, start: Array, steering: Steering | None = None) -> SolverRun:
+    """Return what IPOPT makes of the circles `start` (4, n) in m and rad."""
+    watch = steering or Steering()
+    candidates: list[Array] = []
+    objectives: list[float] = []
+    guess, iterations = start, 0
+    status = "not started"
+    statistics: dict[str, Any] = {}
+    unmet: tuple[str, ...] = ()
+    for number, stage in enumerate(stages_of(problem)):
+        if watch.over:
+            break
+        program = program_of(problem, stage)
+        watcher = _Watcher(program, watch, number, iterations)
+        solver = _ipopt(program, stage, watcher, watch)
+        guessed = program.variables_of(guess)
+        found = solver(
+            x0=guessed,
+            lbx=program.lower,
+            ubx=program.upper,
+            lbg=program.constraint_lower,
+            ubg=program.constraint_upper,
+        )
+        statistics = solver.stats()
+        iterations += int(statistics["iter_count"])
+        status = str(statistics["return_status"])
+        variables = np.array(found["x"]).ravel()
+        if watch.over and watcher.best is not None:
+            variables = watcher.best
+        if not np.all(np.isfinite(variables)):
+            break
+        guess = program.circles_of(variables)
+        candidates.append(guess)
+        objectives.append(float(found["f"]))
+        unmet = _unmet(program, variables)
+    residuals = statistics.get("iterations", {})
+    return SolverRun(
+        candidates=tuple(candidates),
+        status=status,
+        converged=bool(statistics.get("success", False)),
+        stopped=watch.over,
+        iterations=iterations,
+        violation=_last(residuals, "inf_pr"),
+        dual_residual=_last(residuals, "inf_du"),
+        objectives=tuple(objectives),
+        unmet=unmet,
+    )
+
+
+def _ipopt(program: Program, stage: Stage, watcher: "_Watcher", watch: Steering) -> Any:
+    options: dict[str, Any] = {
+        "print_time": False,
+        "show_eval_warnings": False,
+        "jac_g": program.jacobian,
+        "iteration_callback": watcher,
+        "ipopt": {
+            "sb": "yes",
+            "print_level": 0,
+            "hessian_approximation": "limited-memory",
+            "limited_memory_max_history": 12,
+            "honor_original_bounds": "yes",
+            "linear_solver": "mumps",
+            "max_iter": stage.iterations,
+            "max_wall_time": float(np.clip(watch.deadline - time.monotonic(), 1e-3, 1e6)),
+            "tol": _TOLERANCE,
+            "acceptable_tol": 10.0 * _TOLERANCE,
+            "acceptable_iter": 8,
+            "mu_init": 1e-2,
+            "bound_push": 1e-3,
+            "bound_frac": 1e-3,
+        },
+    }
+    return ca.nlpsol("refine", "ipopt", program.as_dictionary(), options)
+
+
+def _unmet(program: Program, variables: Array) -> tuple[str, ...]:
+    excess = program.violations(variables)
+    worst = np.argsort(-excess)[:_NAMED]
+    return tuple(program.labels[k] for k in worst if excess[k] > 100.0 * _FEASIBLE)
+
+
+def _last(iterations: dict[str, Any], name: str) -> float:
+    values = iterations.get(name) or [float("nan")]
+    return float(values[-1])
+
+
+class _Watcher(ca.Callback):
+    """Called by IPOPT at every iteration: reports, keeps the best feasible iterate, may stop."""
+
+    def __init__(self, program: Program, watch: Steering, stage: int, before: int) -> None:
+        super().__init__()
+        self.program, self.watch, self.stage, self.before = program, watch, stage, before
+        self.iteration = 0
+        self.best: Array | None = None
+        self.best_objective = float("inf")
+        self.construct("watcher", {})
+
+    def get_n_in(self) -> int:
+        return int(ca.nlpsol_n_out())
+
+    def get_n_out(self) -> int:
+        return 1
+
+    def get_sparsity_in(self, index: int) -> ca.Sparsity:
+        name = ca.nlpsol_out(index)
+        if name == "f":
+            return ca.Sparsity.scalar()
+        size = {"x": self.program.size, "lam_x": self.program.size}.get(name)
+        if name in ("g", "lam_g"):
+            size = len(self.program.labels)
+        return ca.Sparsity.dense(size) if size else ca.Sparsity(0, 0)
+
+    def eval(self, arguments: Sequence[ca.DM]) -> list[ca.DM]:
+        """Take note of an iterate; return 1 to stop."""
+        values = dict(
+            zip((ca.nlpsol_out(k) for k in range(len(arguments))), arguments, strict=True)
+        )
+        objective = float(values["f"])
+        excess = self.program.excess(np.array(values["g"]).ravel())
+        violation = float(excess.max(initial=0.0))
+        if violation <= _FEASIBLE and objective < self.best_objective:
+            self.best, self.best_objective = np.array(values["x"]).ravel(), objective
+        self.iteration += 1
+        self.watch.report(
+            SolverProgress(self.stage, self.before + self.iteration, objective, violation)
+        )
+        return [ca.DM(int(self.watch.over))]

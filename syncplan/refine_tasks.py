@@ -1,0 +1,298 @@
+"""The starts of a refinement, each solved and measured: here, or in child processes.
+
+A child is a plain Python process that reads tasks from its standard input and writes messages to
+its standard output, both pickled. It needs nothing of the program that started it, ignores Ctrl-C
+(the parent tells it to stop, and it hands over the best it has), and ends when its parent does.
+"""
+
+import contextlib
+import os
+import pickle
+import queue
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.errors import SyncplanError
+from syncplan.measures import Measurement, measure
+from syncplan.refine_problem import RefineProblem, orbits_of
+from syncplan.refine_solver import SolverProgress, SolverRun, Steering, solve
+from syncplan.refine_starts import starting_circles
+
+__all__ = ["Attempt", "RefineTask", "run_starts"]
+
+Array = NDArray[np.float64]
+
+_GRACE_S = 10.0
+_CHILD = "from syncplan.refine_tasks import serve_tasks; serve_tasks()"
+
+
+@dataclass(frozen=True, slots=True)
+class RefineTask:
+    """What all starts share.
+
+    Attributes
+    ----------
+    rule_phases : (n,) rad that meet the rules
+    nudged : whether the plan itself is moved a little before it is a start
+    before : the plan's own measurement, that a result is compared with
+    seed : of all starts
+    predict : whether the posterior bound is worth its time
+    """
+
+    problem: RefineProblem
+    rule_phases: Array
+    nudged: bool
+    before: Measurement
+    seed: int
+    predict: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """What one start came to: IPOPT's account, and the best candidate by the exact measure.
+
+    Attributes
+    ----------
+    circles, after : (4, n) and its measurement; None where the solver had no result
+    violations : constraints that the plan met and this candidate does not
+    """
+
+    start: int
+    run: SolverRun
+    circles: Array | None
+    after: Measurement | None
+    violations: tuple[str, ...]
+
+
+Report = Callable[[int, SolverProgress], None]
+
+
+def attempt(task: RefineTask, start: int, steering: Steering) -> Attempt:
+    """Return what start number `start` comes to."""
+    problem = task.problem
+    first = starting_circles(problem, task.rule_phases, task.nudged, start, task.seed)
+    run = solve(problem, first, steering)
+    best: Attempt | None = None
+    for circles in reversed(run.candidates):
+        after = measure(problem, orbits_of(circles, problem.orbits), predict=task.predict)
+        violations = tuple(after.violations(task.before))
+        found = Attempt(start, run, circles, after, violations)
+        best = found if best is None else _better(problem, best, found)
+    return best or Attempt(start, run, None, None, ())
+
+
+def _better(problem: RefineProblem, one: Attempt, other: Attempt) -> Attempt:
+    """The attempt that violates nothing, then the one of lower cost; the first of equals."""
+    return min(one, other, key=lambda item: rank_of(problem, item))
+
+
+def rank_of(problem: RefineProblem, item: Attempt) -> tuple[bool, float]:
+    """Return what attempts are ordered by: violations first, then the exact objective."""
+    if item.after is None:
+        return True, float("inf")
+    return bool(item.violations), item.after.figures.cost(problem.objective)
+
+
+def run_starts(
+    task: RefineTask,
+    starts: int,
+    *,
+    workers: int,
+    time_limit: float,
+    report: Report | None = None,
+) -> tuple[list[Attempt], bool]:
+    """Return the attempts of all starts, by number, and whether Ctrl-C cut them short.
+
+    After `time_limit` s, and on Ctrl-C, solvers stop and hand over the best they have; starts that
+    had not begun are left out.
+    """
+    deadline = time.monotonic() + time_limit
+    if min(workers, starts) <= 1:
+        return _run_here(task, starts, deadline, report)
+    return _run_in_children(task, starts, min(workers, starts), deadline, report)
+
+
+def _run_here(
+    task: RefineTask, starts: int, deadline: float, report: Report | None
+) -> tuple[list[Attempt], bool]:
+    done: list[Attempt] = []
+    with _interruption() as interrupted:
+        for start in range(starts):
+            if interrupted.is_set() or (done and time.monotonic() >= deadline):
+                break
+
+            def told(progress: SolverProgress, number: int = start) -> None:
+                if report is not None:
+                    report(number, progress)
+
+            done.append(attempt(task, start, Steering(deadline, interrupted.is_set, told)))
+        return done, interrupted.is_set()
+
+
+@contextlib.contextmanager
+def _interruption() -> Iterator[threading.Event]:
+    """An event that Ctrl-C sets, where this thread may catch it."""
+    event = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield event
+        return
+    before = signal.signal(signal.SIGINT, lambda *_: event.set())
+    try:
+        yield event
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+# --- child processes ----------------------------------------------------------------------------
+
+
+class _Child:
+    """A process that works off starts, one after the other."""
+
+    def __init__(self, number: int, task: RefineTask, messages: "queue.Queue[Any]") -> None:
+        self.number, self.messages = number, messages
+        self.errors = tempfile.TemporaryFile()  # noqa: SIM115
+        environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", _CHILD],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self.errors,
+            env=environment,
+        )
+        self.tell(task)
+        threading.Thread(target=self._listen, daemon=True).start()
+
+    def tell(self, message: Any) -> None:
+        """Send a task, (start, seconds left), or "stop"."""
+        with contextlib.suppress(BrokenPipeError):
+            assert self.process.stdin is not None
+            pickle.dump(message, self.process.stdin)
+            self.process.stdin.flush()
+
+    def _listen(self) -> None:
+        assert self.process.stdout is not None
+        with contextlib.suppress(EOFError, pickle.UnpicklingError, OSError):
+            while True:
+                self.messages.put((self.number, *pickle.load(self.process.stdout)))
+        self.messages.put((self.number, "gone", None))
+
+    def complaint(self) -> str:
+        """Return the last line the process wrote to standard error."""
+        self.errors.seek(0)
+        lines = self.errors.read().decode(errors="replace").strip().splitlines()
+        return lines[-1] if lines else f"exit status {self.process.poll()}"
+
+    def end(self) -> None:
+        """Close the process for good."""
+        with contextlib.suppress(BrokenPipeError, OSError):
+            assert self.process.stdin is not None
+            self.process.stdin.close()
+        try:
+            self.process.wait(timeout=_GRACE_S)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        self.errors.close()
+        if self.process.stdout is not None:
+            self.process.stdout.close()
+
+
+def _run_in_children(
+    task: RefineTask, starts: int, workers: int, deadline: float, report: Report | None
+) -> tuple[list[Attempt], bool]:
+    messages: queue.Queue[Any] = queue.Queue()
+    waiting = list(range(starts))
+    done: dict[int, Attempt] = {}
+    children: list[_Child] = []
+    busy: set[int] = set()
+
+    def give(child: _Child) -> None:
+        left = deadline - time.monotonic()
+        if waiting and (left > 0.0 or not (done or busy)):
+            child.tell((waiting.pop(0), left))
+            busy.add(child.number)
+
+    with _interruption() as interrupted:
+        try:
+            for number in range(workers):
+                children.append(_Child(number, task, messages))
+                give(children[-1])
+            told = False
+            while busy:
+                if interrupted.is_set() and not told:
+                    told = True
+                    waiting.clear()
+                    for child in children:
+                        child.tell("stop")
+                try:
+                    number, kind, value = messages.get(timeout=0.05)
+                except queue.Empty:
+                    continue
+                if kind == "progress" and report is not None:
+                    report(*value)
+                elif kind == "done":
+                    done[value.start] = value
+                    busy.discard(number)
+                    give(children[number])
+                elif kind == "gone" and number in busy:
+                    raise SyncplanError(
+                        f"a process of the refinement ended: {children[number].complaint()}"
+                    )
+        finally:
+            for child in children:
+                child.end()
+        return [done[start] for start in sorted(done)], interrupted.is_set()
+
+
+def serve_tasks() -> None:
+    """Work off tasks from standard input until it closes: what a child process runs."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    tasks = os.fdopen(os.dup(0), "rb")
+    answers = os.fdopen(os.dup(1), "wb")
+    # whatever else is printed must not get between the messages
+    os.dup2(2, 1)
+    task: RefineTask = pickle.load(tasks)
+    orders: queue.Queue[tuple[int, float]] = queue.Queue()
+    stop = threading.Event()
+    threading.Thread(target=_take_orders, args=(tasks, orders, stop), daemon=True).start()
+    while True:
+        start, left = orders.get()
+
+        def told(progress: SolverProgress, number: int = start) -> None:
+            _answer(answers, ("progress", (number, progress)))
+
+        steering = Steering(time.monotonic() + left, stop.is_set, told)
+        _answer(answers, ("done", attempt(task, start, steering)))
+
+
+def _take_orders(
+    tasks: IO[bytes], orders: "queue.Queue[tuple[int, float]]", stop: threading.Event
+) -> None:
+    """Pass orders on; the end of the stream means that nobody waits for an answer."""
+    with contextlib.suppress(EOFError, OSError):
+        while True:
+            order = pickle.load(tasks)
+            if order == "stop":
+                stop.set()
+            else:
+                orders.put(order)
+    os._exit(0)
+
+
+def _answer(stream: IO[bytes], message: Any) -> None:
+    try:
+        pickle.dump(message, stream)
+        stream.flush()
+    except BrokenPipeError:
+        os._exit(0)
