@@ -43,7 +43,7 @@ class Figures:
     logdet, min_eigenvalue, trace : of the windowed information, positions in the refined plan's
         mean radius; logdet is -inf where unobservable
     window_bound : m, worst vehicle's; infinite where unobservable
-    predicted_rms, mean_predicted_rms : m, posterior bound over the second half, worst vehicle and
+    worst_predicted_rms, predicted_rms : m, posterior bound over the second half, worst vehicle and
         root mean square of all; NaN where not computed
     """
 
@@ -53,13 +53,13 @@ class Figures:
     min_eigenvalue: float
     trace: float
     window_bound: float
+    worst_predicted_rms: float
     predicted_rms: float
-    mean_predicted_rms: float
 
     def cost(self, objective: Objective) -> float:
         """Return the figure that `objective` improves, smaller is better."""
         value = float(getattr(self, objective))
-        falls = objective in ("predicted_rms", "mean_predicted_rms")
+        falls = objective in ("worst_predicted_rms", "predicted_rms")
         return value if falls else -value
 
 
@@ -131,8 +131,8 @@ def measure(problem: RefineProblem, orbits: Orbits, *, predict: bool = True) -> 
         min_eigenvalue=float(squared[-1]) if judged.observable else 0.0,
         trace=float(squared.sum()),
         window_bound=float(bound.max()) if judged.observable else math.inf,
-        predicted_rms=float(rms.max()),
-        mean_predicted_rms=float(np.sqrt(np.mean(rms**2))),
+        worst_predicted_rms=float(rms.max()),
+        predicted_rms=float(np.sqrt(np.mean(rms**2))),
     )
     slacks = [
         *_contact_slacks(problem, orbits, sightings),

@@ -12,7 +12,7 @@ DEFAULT_BOX_M = 5.0
 """How far a centre may move each way where neither a box nor an area is given."""
 
 Variable = Literal["phases", "centers", "radii"]
-Objective = Literal["logdet", "min_eigenvalue", "trace", "predicted_rms", "mean_predicted_rms"]
+Objective = Literal["predicted_rms", "worst_predicted_rms", "logdet", "min_eigenvalue", "trace"]
 Bounds = Annotated[tuple[Length, Length], Strict(False)]
 Speed = Annotated[float, Field(ge=1e-9, le=1e6)]
 Speeds = Annotated[tuple[Speed, Speed], Strict(False)]
@@ -53,9 +53,9 @@ class RefineOptions(Section):
     )
     objective: Objective | None = Field(
         default=None,
-        description="What is improved: the predicted error of the worst vehicle (predicted_rms) or "
-        "of all (mean_predicted_rms), or the windowed information (logdet, min_eigenvalue, trace); "
-        "predicted_rms for teams up to 24 and logdet for larger ones if not given",
+        description="What is improved: the predicted error of all (predicted_rms) or of the worst "
+        "vehicle (worst_predicted_rms), or the windowed information (logdet, min_eigenvalue, "
+        "trace); predicted_rms for teams up to 24 and logdet for larger ones if not given",
         examples=["predicted_rms"],
     )
     margin_m: Annotated[float, Field(ge=0, le=1e7)] | None = Field(

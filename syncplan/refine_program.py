@@ -234,7 +234,7 @@ def _objective(
     width = max(stage.width, _coarse_width(problem, run.times.spacing))
     each = seen.information(circles, width)
     rms = smooth_rms(problem, run, seen.sparsity, each, circles)
-    if problem.objective == "mean_predicted_rms":
+    if problem.objective == "predicted_rms":
         return chosen, 0.5 * ca.log(ca.sumsqr(rms) / rms.numel()), False
     norm = ca.logsumexp(_WORST_POWER * ca.log(rms)) / _WORST_POWER
     return chosen, norm, False

@@ -351,10 +351,9 @@ def _best(
     passed = [one for one in attempts if one.after is not None and not one.violations]
     best = min(passed, key=lambda one: rank_of(problem, one), default=None)
     cost = before.figures.cost(objective)
+    allowed = cost - _IMPROVED * abs(cost) if math.isfinite(cost) else cost
     better = (
-        best is not None
-        and best.after is not None
-        and best.after.figures.cost(objective) < cost - _IMPROVED * abs(cost)
+        best is not None and best.after is not None and best.after.figures.cost(objective) < allowed
     )
     record = RefinementRecord(
         options=options,
