@@ -168,6 +168,49 @@ class SynchronisationRecord(_Part):
     alternating_proven_largest: bool | None
 
 
+class FiguresOfMerit(_Part):
+    """What a plan is measured by; positions in the mean radius of the plan that was refined."""
+
+    rank: int
+    certified: bool
+    logdet: float | None = Field(description="Of the windowed information; null if unobservable")
+    min_eigenvalue: float
+    trace: float
+    window_bound_m: float | None = Field(description="Of the worst vehicle; null if unobservable")
+    predicted_rms_m: float | None = Field(description="Of all vehicles, over the second half")
+    worst_predicted_rms_m: float | None = Field(description="Of the worst vehicle")
+    least_distance_m: float | None = Field(description="The closest two vehicles come")
+    contact_margin_m: float | None = Field(
+        description="By how much the link or landmark nearest to being lost stays within range"
+    )
+
+
+class StartResult(_Part):
+    """What one start of the solver came to."""
+
+    start: int = Field(description="0 the plan, 1 the rules desynchronised, then random ones")
+    status: str = Field(description="IPOPT's")
+    iterations: int
+    constraint_violation: float | None = Field(description="IPOPT's, scaled")
+    dual_infeasibility: float | None = Field(description="IPOPT's, scaled")
+    value: float | None = Field(description="Exact objective of the best candidate")
+    violations: list[str] = Field(description="What the input met and the candidate does not")
+    unmet: list[str] = Field(description="What the solver could not meet")
+
+
+class RefinementResult(_Part):
+    """How a plan was refined; `improved` says whether this is a better plan or the input."""
+
+    objective: str
+    improved: bool
+    reason: str
+    cut_short: bool = Field(description="Whether time or an interrupt ended the search early")
+    before: FiguresOfMerit
+    after: FiguresOfMerit
+    active_constraints: list[str]
+    starts: list[StartResult]
+
+
 class PlanDocument(_Part):
     """A plan: orbits, meetings and the verdict on observability."""
 
@@ -187,11 +230,15 @@ class PlanDocument(_Part):
     predicted_rms_m: ErrorPrediction
     steady_rms_m: ErrorPrediction | None
     window_bound_m: ErrorPrediction
+    refinement: RefinementResult | None = Field(
+        default=None, description="How the plan was refined, where it was"
+    )
     notes: list[str]
 
     def as_json(self) -> dict[str, Any]:
         """Return the document as JSON values, unset keys of the scenario left out."""
-        values = self.model_dump(mode="json", by_alias=True, exclude={"scenario"})
+        left_out = {"scenario"} if self.refinement else {"scenario", "refinement"}
+        values = self.model_dump(mode="json", by_alias=True, exclude=left_out)
         scenario = self.scenario.model_dump(mode="json", exclude_none=True)
         return {"version": values.pop("version"), "scenario": scenario, **values}
 

@@ -19,7 +19,7 @@ from syncplan.observability import assess, link_information
 from syncplan.orbits import Orbits
 from syncplan.refine_options import Objective
 from syncplan.refine_problem import RefineProblem
-from syncplan.separation import least_distances
+from syncplan.separation import closest_approach, least_distances
 from syncplan.sightings import Sightings, sample_sightings
 
 __all__ = ["WINDOW_BOUND", "Figures", "Measurement", "Slack", "measure"]
@@ -45,6 +45,9 @@ class Figures:
     window_bound : m, worst vehicle's; infinite where unobservable
     worst_predicted_rms, predicted_rms : m, posterior bound over the second half, worst vehicle and
         root mean square of all; NaN where not computed
+    least_distance : m, the closest two vehicles come; infinite for one vehicle
+    contact_margin : m, by which the link or landmark that is nearest to being lost stays within
+        range for the samples it needs; infinite where none is to be kept
     """
 
     rank: int
@@ -55,6 +58,8 @@ class Figures:
     window_bound: float
     worst_predicted_rms: float
     predicted_rms: float
+    least_distance: float
+    contact_margin: float
 
     def cost(self, objective: Objective) -> float:
         """Return the figure that `objective` improves, smaller is better."""
@@ -124,6 +129,8 @@ def measure(problem: RefineProblem, orbits: Orbits, *, predict: bool = True) -> 
             ).rms_second_half()
         except NoSolutionError:
             rms = np.full(orbits.count, np.inf)
+    nearest = closest_approach(orbits)
+    margins = contact_margins(problem, orbits, sightings)
     figures = Figures(
         rank=judged.rank,
         certified=certify(orbits.count, landmarks, judged, information).holds,
@@ -133,9 +140,11 @@ def measure(problem: RefineProblem, orbits: Orbits, *, predict: bool = True) -> 
         window_bound=float(bound.max()) if judged.observable else math.inf,
         worst_predicted_rms=float(rms.max()),
         predicted_rms=float(np.sqrt(np.mean(rms**2))),
+        least_distance=nearest.distance if nearest is not None else math.inf,
+        contact_margin=min(margins, default=math.inf),
     )
     slacks = [
-        *_contact_slacks(problem, orbits, sightings),
+        *_contact_slacks(problem, margins),
         *_separation_slacks(problem, orbits),
         *_circle_slacks(problem, orbits),
     ]
@@ -174,11 +183,10 @@ def contact_margins(problem: RefineProblem, orbits: Orbits, sightings: Sightings
     return margins
 
 
-def _contact_slacks(problem: RefineProblem, orbits: Orbits, sightings: Sightings) -> list[Slack]:
+def _contact_slacks(problem: RefineProblem, found: list[float]) -> list[Slack]:
     names = problem.names
     wanted = np.concatenate([problem.pairs, problem.anchors]).tolist()
     asked = np.concatenate([problem.pair_margins, problem.anchor_margins]).tolist()
-    found = contact_margins(problem, orbits, sightings)
     return [
         Slack(f"contact of {names[a]}-{names[b]}", room - margin, float(problem.sensors.ranges[a]))
         for (a, b), margin, room in zip(wanted, asked, found, strict=True)

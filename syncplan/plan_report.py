@@ -28,6 +28,7 @@ from syncplan.document import (
 from syncplan.meetings import Meeting
 from syncplan.orbits import heading, position
 from syncplan.planner import Plan
+from syncplan.refinement_report import refinement_result
 
 __all__ = ["certificate_reason", "plan_document", "separation_notes"]
 
@@ -74,6 +75,7 @@ def plan_document(plan: Plan) -> PlanDocument:
             None if plan.prediction.steady is None else _errors(plan.prediction.steady, names)
         ),
         window_bound_m=_errors(plan.prediction.window, names),
+        refinement=None if plan.refinement is None else refinement_result(plan.refinement),
         notes=_notes(plan, names),
     )
 
@@ -243,6 +245,10 @@ def _errors(values: Array | None, names: list[str], note: str = "") -> ErrorPred
 def _notes(plan: Plan, names: list[str]) -> list[str]:
     """What the reader must not miss, in plain words."""
     notes = []
+    if plan.refinement is not None and not plan.refinement.improved:
+        notes.append(f"not refined: {plan.refinement.reason}; this is the plan that was given")
+    elif plan.refinement is not None and plan.refinement.cut_short:
+        notes.append("refined as far as time allowed: the search was cut short")
     verdict = plan.observability
     if not verdict.observable:
         notes.append(

@@ -40,7 +40,7 @@ __all__ = ["RefineProgress", "options_for", "refine"]
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 RefineProgress = Callable[[int, int, float], None]
-"""Told of (start, iteration, objective of the solver), smaller is better."""
+"""Told of (start, iteration, the objective as the solver sees it)."""
 
 PAIR_SAMPLES, ANCHOR_SAMPLES = 3, 2
 """Samples in contact that rank 3 of a vehicle link, rank 2 of a landmark link need."""
@@ -90,14 +90,17 @@ def refine(
 def options_for(
     scenario: Scenario, options: RefineOptions | None, changes: dict[str, Any]
 ) -> RefineOptions:
-    """Return the options to use, checked: those given or the scenario's, with some replaced."""
+    """Return the options to use, checked: those given or the scenario's, with some replaced.
+
+    Raises InputError naming the option at fault.
+    """
     base = options or scenario.refine or RefineOptions()
     values = base.model_dump(exclude_none=True, exclude_defaults=True)
     values.update({key: value for key, value in changes.items() if value is not None})
     try:
         return RefineOptions.model_validate(values)
     except ValidationError as error:
-        validation_fault(error, RefineOptions, "refine")
+        validation_fault(error, RefineOptions, "")
 
 
 def _objective(options: RefineOptions, count: int) -> Objective:
@@ -289,7 +292,7 @@ def _search(
 
     def report(start: int, at: "SolverProgress") -> None:
         if progress is not None:
-            progress(start, at.iteration, at.objective)
+            progress(start, at.iteration, _natural(problem, at.objective))
 
     def run(one: RefineTask) -> tuple[list["Attempt"], bool]:
         left = max(options.time_limit_s - (time.monotonic() - began), 0.0)
@@ -304,6 +307,17 @@ def _search(
         again, interrupted = run(replace(task, problem=limited))
         attempts += again
     return attempts, interrupted or time.monotonic() - began >= options.time_limit_s
+
+
+def _natural(problem: RefineProblem, objective: float) -> float:
+    """The solver's objective, see syncplan.smooth_objectives, in the units of the figure."""
+    if problem.objective == "logdet":
+        return -objective * 3 * problem.orbits.count
+    if problem.objective == "trace":
+        return math.exp(min(-objective, 700.0))
+    if problem.objective == "min_eigenvalue":
+        return -objective * float(np.mean(1.0 / problem.sensors.bearing_sigmas**2))
+    return math.exp(min(objective, 700.0)) * problem.scale
 
 
 def _stopped_by_window_bound(attempts: list["Attempt"], before: Measurement) -> bool:

@@ -13,6 +13,7 @@ from syncplan.document import (
     LandmarkLink,
     Link,
     PlanDocument,
+    RefinementResult,
     Spread,
     ValidationDocument,
 )
@@ -20,6 +21,7 @@ from syncplan.document import (
 __all__ = ["show_plan", "show_sweep", "show_validation"]
 
 MOST_ROWS = 40
+MOST_NAMED = 12
 
 
 def show_plan(document: PlanDocument, console: Console) -> None:
@@ -45,6 +47,11 @@ def show_plan(document: PlanDocument, console: Console) -> None:
     console.print(_synchronisation(document))
     console.print(_vehicle_table(document))
     _print_links(document, console)
+    if document.refinement is not None:
+        console.print(_refinement_table(document.refinement))
+        held = document.refinement.active_constraints
+        if held:
+            console.print(f"held by: {escape(', '.join(held[:MOST_NAMED]))}")
     for motion in verdict.unobservable:
         console.print(
             f"[red]unobservable[/]: {escape(motion.description)}\n   cure: {escape(motion.cure)}"
@@ -153,6 +160,35 @@ def _print_links(document: PlanDocument, console: Console) -> None:
     for reason, names in short.items():
         if reason:
             console.print(f"[yellow]not certified[/]: {', '.join(names)}: {reason}")
+
+
+def _refinement_table(result: RefinementResult) -> Table:
+    before, after = result.before, result.after
+    table = _table(
+        f"refined for {result.objective}, {len(result.starts)} starts", ("", "before", "after")
+    )
+    for label, name in (
+        ("rank", "rank"),
+        ("certificate", "certified"),
+        ("predicted error, all, m", "predicted_rms_m"),
+        ("predicted error, worst, m", "worst_predicted_rms_m"),
+        ("window bound, worst, m", "window_bound_m"),
+        ("log determinant", "logdet"),
+        ("smallest eigenvalue", "min_eigenvalue"),
+        ("trace", "trace"),
+        ("least distance, m", "least_distance_m"),
+        ("contact margin, m", "contact_margin_m"),
+    ):
+        table.add_row(label, *(_figure(getattr(one, name)) for one in (before, after)))
+    return table
+
+
+def _figure(value: float | None) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, bool):
+        return "holds" if value else "does not hold"
+    return f"{value:.4g}"
 
 
 def _add_meeting(

@@ -63,6 +63,7 @@ ORDER = (
     "validation",
     "sweeps",
     "document",
+    "refinement_report",
     "plan_report",
     "validation_report",
     "planfile",
