@@ -34,6 +34,12 @@ ORDER = (
     "relaxation",
     "senses",
     "sync",
+    "demands",
+    "programme",
+    "drawing",
+    "layouts",
+    "obstacles",
+    "placement",
     "observability",
     "certificate",
     "motions",
@@ -61,7 +67,7 @@ ORDER = (
 
 LIBRARIES = {
     "casadi": {"refine"},
-    "cvxpy": {"relaxation", "placement"},
+    "cvxpy": {"programme", "relaxation"},
     "networkx": {"graph"},
     "numba": {"ekf"},
     "pydantic": {
