@@ -26,6 +26,8 @@ _NEARBY = 1.5
 
 _TRUST = 0.5
 _LEAST_TRUST = 1e-6
+_PATIENCE = {True: 2, False: 5}
+"""Rounds of hardly any gain after which to stop, by whether all demands are met."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,15 +44,15 @@ def improve(
 ) -> Drawing:
     """Return a drawing no worse than the given (n, 2) centres.
 
-    Ends when all demands are met and a round gains less than `accuracy` of what is still wanted,
-    or when no step helps.
+    Ends when some rounds in turn gain less than `accuracy` of what is still charged, more of them
+    where demands are not met yet, or when no step helps.
     """
     unit = demands.unit
     place = np.array(centers, dtype=float)
     worth, missed = _merit(demands, place)
-    trust, done = _TRUST, 0
+    trust, done, stalled = _TRUST, 0, 0
     programme: Programme | None = None
-    while done < rounds and trust >= _LEAST_TRUST:
+    while done < rounds and trust >= _LEAST_TRUST and stalled < _PATIENCE[missed == 0.0]:
         done += 1
         if programme is None or _strangers_near(demands, place, programme.free, trust * unit):
             programme = compiled(demands, _near(demands, place, _NEARBY * unit))
@@ -63,10 +65,9 @@ def improve(
             value, shortfall = _merit(demands, tried)
             gain, hoped = worth - value, worth - promised
             if gain > 0.05 * hoped and gain > 0.0:
+                stalled = stalled + 1 if gain < accuracy * worth else 0
                 place, worth, missed = tried, value, shortfall
                 trust = min(2.0 * trust, _TRUST) if gain > 0.5 * hoped else trust
-                if missed == 0.0 and gain < accuracy * worth:
-                    break
             else:
                 trust = 0.35 * min(trust, max(float(np.max(np.abs(step))), 1e-9))
     return Drawing(place, missed, done)
@@ -87,7 +88,7 @@ def _merit(demands: Demands, centers: Array) -> tuple[float, float]:
     soft = (
         np.sum((gaps - demands.wanted) ** 2)
         + APART_WEIGHT * np.sum(np.maximum(near, 0.0) ** 2)
-        + np.sum((away - aim) ** 2)
+        + APART_WEIGHT * np.sum((away - aim) ** 2)
     )
     firm = missed.total - float(missed.links.sum())
     price = PRICE * (float(missed.links.sum()) + FIRM * firm)

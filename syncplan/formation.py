@@ -65,7 +65,7 @@ def gap_centers(
     In closed form for equal radii (n,), and for lines and rings of any; None for others. An
     unequal ring is the polygon with sides R_k + R_(k+1) + gap inscribed in a circle.
     """
-    if np.ptp(radii) == 0.0:
+    if len(radii) == 1 or np.ptp(radii) == 0.0:
         return shape_centers(shape, len(radii), 2.0 * float(radii[0]) + gap, columns)
     sides = radii + np.roll(radii, -1) + gap
     if shape == "line":
@@ -80,7 +80,8 @@ def neighbours(shape: str, count: int, columns: int | None = None) -> Pairs:
         return np.column_stack([np.arange(count - 1), np.arange(1, count)])
     if shape == "ring":
         closing = [[0, count - 1]] if count > 2 else []
-        return np.array([*([k, k + 1] for k in range(count - 1)), *closing]).reshape(-1, 2)
+        pairs = [*([k, k + 1] for k in range(count - 1)), *closing]
+        return np.array(pairs, dtype=np.int64).reshape(-1, 2)
     width = _width(count, columns)
     row, column = np.divmod(np.arange(count), width)
     # The next in the row; the one above; in hex rows also the one above left or right.
@@ -91,8 +92,8 @@ def neighbours(shape: str, count: int, columns: int | None = None) -> Pairs:
         leftward = np.flatnonzero(~odd & (column > 0))
         rightward = np.flatnonzero(odd & (column < width - 1))
         steps += [(leftward, leftward + width - 1), (rightward, rightward + width + 1)]
-    pairs = np.concatenate([np.column_stack(step) for step in steps])
-    return np.array(np.unique(pairs[pairs[:, 1] < count], axis=0), dtype=np.int64)
+    every = np.concatenate([np.column_stack(step) for step in steps])
+    return np.array(np.unique(every[every[:, 1] < count], axis=0), dtype=np.int64)
 
 
 def _width(count: int, columns: int | None) -> int:
@@ -109,7 +110,7 @@ def _inscribed(sides: Centers) -> Centers:
     from scipy.optimize import brentq
 
     if len(sides) == 2:
-        return np.array([[0.5, 0.0], [-0.5, 0.0]]) * sides[0]
+        return np.array([[0.5 * sides[0], 0.0], [-0.5 * sides[0], 0.0]])
     longest = int(np.argmax(sides))
     share = sides / sides[longest]
     others = np.delete(share, longest)

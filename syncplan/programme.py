@@ -34,7 +34,7 @@ FIRM = 3.0
 """Price of missing all but links, relative to links: what can't be drawn shows in its links."""
 
 APART_WEIGHT = 0.1
-"""Weight of keeping unlinked circles apart, relative to the gaps of links."""
+"""Weight of unlinked circles apart and of landmarks aside, relative to the gaps of links."""
 
 _FACET = 0.3
 """Turn of the outer facets of a link, rad."""
@@ -118,7 +118,7 @@ def compiled(demands: Demands, free: Index) -> Programme:
         limits += [along(name, each) + miss >= given[f"{name}_limit"]]
         cost += FIRM * PRICE * cp.sum(miss)
         if name == "mark":
-            cost += cp.sum_squares(along(name, each) - given["mark_wanted"])
+            cost += APART_WEIGHT * cp.sum_squares(along(name, each) - given["mark_wanted"])
     return Programme(cp.Problem(cp.Minimize(cost), limits), step, given, free)
 
 
