@@ -62,18 +62,8 @@ def compiled(demands: Demands, free: Index) -> Programme:
     from scipy import sparse
 
     n, e, p = demands.count, len(demands.links), len(free)
-    holds = {"edge": n * min(_EDGES, len(demands.area.edges()))}
-    if len(demands.landmarks):
-        holds.update({"mark": 2 * n, "mark_left": 2 * n, "mark_right": 2 * n, "mark_in": 2 * n})
-    shapes = {"link": e, "link_left": e, "link_right": e, "free": p, **holds}
-    given = {name: cp.Parameter((size, 2)) for name, size in shapes.items() if size}
-    given |= {f"{name}_limit": cp.Parameter(size) for name, size in shapes.items() if size}
-    given |= {name: cp.Parameter(e) for name in ("link_least", "link_wanted") if e}
-    if p:
-        given["free_wanted"] = cp.Parameter(p)
-    if len(demands.landmarks):
-        given["mark_wanted"] = cp.Parameter(2 * n)
-    given["trust"] = cp.Parameter(nonneg=True)
+    holds = _holds(demands)
+    given = _parameters(demands, p, holds)
 
     # Variables
     step = cp.Variable((n, 2))
@@ -81,19 +71,11 @@ def compiled(demands: Demands, free: Index) -> Programme:
     def along(name: str, matrix: Any) -> Any:
         return cp.sum(cp.multiply(given[name], matrix @ step), axis=1)
 
-    def difference(pairs: Index) -> Any:
-        rows = np.arange(len(pairs))
-        ones = np.ones(len(pairs))
-        shape = (len(pairs), n)
-        return sparse.csr_matrix((ones, (rows, pairs[:, 0])), shape) - sparse.csr_matrix(
-            (ones, (rows, pairs[:, 1])), shape
-        )
-
     # Objective and constraints
     cost = 1e-4 * cp.sum_squares(step)
     limits = [step <= given["trust"], step >= -given["trust"]]
     if e:
-        linked = difference(demands.links)
+        linked = _differences(demands.links, n)
         over, under, off = cp.Variable(e, nonneg=True), cp.Variable(e, nonneg=True), cp.Variable(e)
         limits += [
             along(name, linked) <= given[f"{name}_limit"] + over
@@ -104,15 +86,13 @@ def compiled(demands: Demands, free: Index) -> Programme:
         cost += cp.sum_squares(off) + PRICE * (cp.sum(over) + FIRM * cp.sum(under))
     if p:
         crossing, close = cp.Variable(p, nonneg=True), cp.Variable(p, nonneg=True)
-        stretch = along("free", difference(free))
+        stretch = along("free", _differences(free, n))
         limits += [
             stretch + crossing >= given["free_limit"],
             stretch + close >= given["free_wanted"],
         ]
         cost += APART_WEIGHT * cp.sum_squares(close) + FIRM * PRICE * cp.sum(crossing)
     for name, size in holds.items():
-        if not size:
-            continue
         each = sparse.vstack([sparse.identity(n)] * (size // n), format="csr")
         miss = cp.Variable(size, nonneg=True)
         limits += [along(name, each) + miss >= given[f"{name}_limit"]]
@@ -120,6 +100,41 @@ def compiled(demands: Demands, free: Index) -> Programme:
         if name == "mark":
             cost += APART_WEIGHT * cp.sum_squares(along(name, each) - given["mark_wanted"])
     return Programme(cp.Problem(cp.Minimize(cost), limits), step, given, free)
+
+
+def _holds(demands: Demands) -> dict[str, int]:
+    """Rows that hold one circle each: a whole number of them for every circle."""
+    n = demands.count
+    holds = {"edge": n * min(_EDGES, len(demands.area.edges()))}
+    if len(demands.landmarks):
+        holds |= {"mark": 2 * n, "mark_left": 2 * n, "mark_right": 2 * n, "mark_in": 2 * n}
+    return {name: size for name, size in holds.items() if size}
+
+
+def _parameters(demands: Demands, free: int, holds: dict[str, int]) -> dict[str, Any]:
+    """Directions (k, 2) and limits (k,) of every kind of row, and the trust region."""
+    cp = _cvxpy()
+    e = len(demands.links)
+    sizes = {"link": e, "link_left": e, "link_right": e, "free": free, **holds}
+    sizes = {name: size for name, size in sizes.items() if size}
+    given = {name: cp.Parameter((size, 2)) for name, size in sizes.items()}
+    given |= {f"{name}_limit": cp.Parameter(size) for name, size in sizes.items()}
+    for name in ("link", "free", "mark"):
+        if name in sizes:
+            given[f"{name}_wanted"] = cp.Parameter(sizes[name])
+    if e:
+        given["link_least"] = cp.Parameter(e)
+    given["trust"] = cp.Parameter(nonneg=True)
+    return given
+
+
+def _differences(pairs: Index, count: int) -> Any:
+    """Sparse (p, n) matrix that takes the second of each pair from the first."""
+    from scipy import sparse
+
+    rows, ones = np.arange(len(pairs)), np.ones(len(pairs))
+    first = sparse.csr_matrix((ones, (rows, pairs[:, 0])), (len(pairs), count))
+    return first - sparse.csr_matrix((ones, (rows, pairs[:, 1])), (len(pairs), count))
 
 
 def _cvxpy() -> Any:
