@@ -26,6 +26,9 @@ _NEARBY = 1.5
 
 _TRUST = 0.5
 _LEAST_TRUST = 1e-6
+_PERFECT = 0.01
+"""Charge for each circle below which a drawing is as good as perfect."""
+
 _PATIENCE = {True: 2, False: 5}
 """Rounds of hardly any gain after which to stop, by whether all demands are met."""
 
@@ -60,16 +63,17 @@ def improve(
         step, promised = solved(programme)
         if step is None:
             trust *= 0.25
+            continue
+        tried = place + unit * step
+        value, shortfall = _merit(demands, tried)
+        gain, hoped = worth - value, worth - promised
+        enough = accuracy * (worth + _PERFECT * demands.count)
+        stalled = stalled + 1 if max(gain, hoped) < enough else 0
+        if gain > 0.05 * hoped and gain > 0.0:
+            place, worth, missed = tried, value, shortfall
+            trust = min(2.0 * trust, _TRUST) if gain > 0.5 * hoped else trust
         else:
-            tried = place + unit * step
-            value, shortfall = _merit(demands, tried)
-            gain, hoped = worth - value, worth - promised
-            if gain > 0.05 * hoped and gain > 0.0:
-                stalled = stalled + 1 if gain < accuracy * worth else 0
-                place, worth, missed = tried, value, shortfall
-                trust = min(2.0 * trust, _TRUST) if gain > 0.5 * hoped else trust
-            else:
-                trust = 0.35 * min(trust, max(float(np.max(np.abs(step))), 1e-9))
+            trust = 0.35 * min(trust, max(float(np.max(np.abs(step))), 1e-9))
     return Drawing(place, missed, done)
 
 

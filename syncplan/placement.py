@@ -36,7 +36,7 @@ _LEAST_SHARE = 0.01
 _APART_SHARE = 1.1
 """Gap of unlinked circles aimed for, in ranges: just too far to meet."""
 
-_SHAPE_ACCURACY = 1e-6
+_SHAPE_ACCURACY = 1e-12
 _CROSSING = 1e-9
 
 

@@ -154,9 +154,9 @@ def solved(programme: Programme) -> tuple[Array | None, float]:
             programme.problem.solve(
                 solver=cp.OSQP,
                 warm_start=False,
-                eps_abs=1e-6,
-                eps_rel=1e-6,
-                max_iter=20000,
+                eps_abs=1e-5,
+                eps_rel=1e-5,
+                max_iter=4000,
                 polishing=True,
                 adaptive_rho_interval=50,
             )
