@@ -59,7 +59,8 @@ def complaint(demands: Demands, names: Names, centers: Array, missed: Shortfalls
     for k in _worst(missed.gaps):
         a, b = (names.vehicles[int(v)] for v in missed.pairs[k])
         gap = demands.least - missed.gaps[k]
-        faults.append(f"{a} and {b}: circles {gap:.3g} m apart, at least {demands.least:.3g} m")
+        near = f"{gap:.3g} m apart" if gap >= 0.0 else f"cross by {-gap:.3g} m"
+        faults.append(f"{a} and {b}: circles {near}, to be {demands.least:.3g} m apart at least")
     rows = sightings(demands, centers)
     for k in _worst(missed.landmarks):
         vehicle, landmark = rows[k]

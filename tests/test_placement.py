@@ -314,7 +314,7 @@ def test_a_ring_about_one_huge_circle_has_its_centre_beyond_the_longest_side() -
 
 def test_a_ring_that_folds_circles_over_each_other_is_refused() -> None:
     message = refusal(gapped("ring", [100.0, 1.0, 100.0, 1.0], 4, 1.0))
-    assert "v1 and v3: circles" in message
+    assert "v1 and v3: circles cross by" in message
 
 
 @pytest.mark.parametrize("shape", ["grid", "hex"])
