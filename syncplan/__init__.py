@@ -37,6 +37,8 @@ Modules, each using only those before it
     orbits, trigpoly, contacts, separation    circles, exact contact windows, least distances
     sightings, noise, graph                   samples, sigmas, who sees whom
     rules, slack, relaxation, senses, sync    phases and senses
+    demands, programme, drawing, layouts,
+    obstacles, placement                      centres, from links or from a gap
     observability, certificate, motions       rank, why it holds, what is lost
     connectivity, bounds, meetings            how often, how well, each pair
     arcs, ekf, consistency                    the filter, and whether it is honest

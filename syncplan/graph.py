@@ -1,6 +1,6 @@
 """Graphs of the team: who sees whom (the RPMG), its union, colourings, cycles and trees."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
 import networkx as nx
@@ -14,6 +14,7 @@ __all__ = [
     "components",
     "contraction",
     "disjoint_sets",
+    "drawings",
     "odd_cycle",
     "rpmg_at",
     "spanning_forest",
@@ -23,6 +24,9 @@ __all__ = [
 ]
 
 Edge = tuple[int, int]
+
+_LARGEST_ENERGY_DRAWING = 120
+"""Most vertices that Kamada-Kawai, cubic in their number, is asked to draw."""
 
 
 def rpmg_at(windows: Windows, period: float, time: float) -> Any:
@@ -137,6 +141,37 @@ def contraction(count: int, same: Iterable[Edge]) -> list[int]:
         for vertex in part:
             label[vertex] = number
     return label
+
+
+def drawings(
+    count: int, edges: Iterable[Edge], amount: int, seed: int
+) -> Iterator[NDArray[np.float64]]:
+    """Yield `amount` drawings (count, 2) of a connected graph, in no unit; the likeliest first.
+
+    Kamada-Kawai, the same begun at a planar drawing where there is one, spectral, then springs
+    from random places. All are shaken a little, so that no two vertices fall on one point.
+    """
+    generator = np.random.default_rng(seed)
+    if count <= 2:
+        yield from [np.arange(count)[:, None] * np.array([[1.0, 0.0]])] * amount
+        return
+    graph = _graph(count, edges)
+    makers: list[Callable[[], Any]] = [lambda: nx.spectral_layout(graph)]
+    if count <= _LARGEST_ENERGY_DRAWING:
+        makers.insert(0, lambda: nx.kamada_kawai_layout(graph))
+        planar, embedding = nx.check_planarity(graph)
+        if planar:
+            flat = nx.combinatorial_embedding_to_pos(embedding)
+            makers.insert(1, lambda: nx.kamada_kawai_layout(graph, pos=flat))
+    for number in range(amount):
+        drawn = (
+            makers[number]()
+            if number < len(makers)
+            else nx.spring_layout(graph, seed=int(generator.integers(2**31)))
+        )
+        places = np.array([drawn[k] for k in range(count)], dtype=float)
+        places /= max(float(np.ptp(places, axis=0).max()), 1e-12)
+        yield places + 0.01 / np.sqrt(count) * generator.standard_normal((count, 2))
 
 
 def _graph(count: int, edges: Iterable[Edge]) -> Any:
