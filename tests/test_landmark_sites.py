@@ -83,7 +83,8 @@ def test_the_paper_grid_gets_the_three_best_of_eight_sites_round_it() -> None:
     assert proven.value == pytest.approx(found.value, rel=1e-9)
     assert proven.proven
     assert not found.proven
-    assert 0.0 <= found.gap < 0.5
+    assert found.bound <= found.value
+    assert found.gap > 0.1
 
 
 def test_the_value_is_the_judged_plans_own() -> None:
@@ -125,24 +126,24 @@ def test_the_bound_holds_however_poor_the_solvers_multipliers(
 
 
 def test_cutting_planes_reach_the_semidefinite_programs_optimum() -> None:
+    """In coordinates that whiten the information: without, Clarabel is 15 % off, "optimal"."""
     cp: Any = pytest.importorskip("cvxpy")
     made = _without_landmarks("paper-grid-same")
     information = candidate_information(made, _scattered(made, 8, 1))
-    size = 3 * information.count
-    none = np.zeros(8)
-    fixed = information.rows(none).T @ information.rows(none)
+    everything = information.rows(np.ones(8))
+    white = np.linalg.inv(np.linalg.cholesky(everything.T @ everything))
+    grams = [rows.T @ rows for rows in map(information.rows, [np.zeros(8), *np.eye(8)])]
+    fixed, *grown = [white @ gram @ white.T for gram in grams]
     shares, worst = cp.Variable(8), cp.Variable()
-    total = fixed
-    for k, one in enumerate(np.eye(8)):
-        total = total + shares[k] * (information.rows(one).T @ information.rows(one) - fixed)
+    total = fixed + sum(shares[k] * (one - fixed) for k, one in enumerate(grown))
     constraints = [cp.sum(shares) == 3, shares >= 0, shares <= 1]
-    for vehicle in range(information.count):
-        parts = [cp.matrix_frac(np.eye(size)[3 * vehicle + axis] * 10.0, total) for axis in (0, 1)]
+    for at in range(0, len(white), 3):
+        parts = [cp.matrix_frac(10.0 * white[:, at + axis], total) for axis in (0, 1)]
         constraints.append(cp.sum(parts) <= worst)
     cp.Problem(cp.Minimize(worst), constraints).solve(solver=cp.CLARABEL)
     found = relax(information, 3)
-    assert 100.0 / float(worst.value) == pytest.approx(found.precision, rel=2e-4)
-    assert 100.0 / float(worst.value) <= found.ceiling * (1.0 + 1e-6)
+    assert found.precision <= 100.0 / worst.value * (1.0 + 1e-6)
+    assert found.ceiling == pytest.approx(100.0 / worst.value, rel=1e-4)
 
 
 @pytest.mark.parametrize("team", TEAMS)
