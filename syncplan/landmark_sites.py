@@ -10,7 +10,7 @@ Every evaluation yields cuts: lines above the precision of any choice. A choice 
 below the best known can't be better and is passed over, so searches lose nothing by being quick.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from math import comb
@@ -36,10 +36,18 @@ Index = NDArray[np.int64]
 MOST_LISTED = 50_000
 """Choices are tried exhaustively, less those ruled out, up to this many."""
 
+CUT_VEHICLES = 2
+"""Each evaluation of a choice adds cuts of this many vehicles, the worst."""
+
 MOST_EVALUATIONS = 1500
 """A proof or a round of swaps is given up after this many exact evaluations."""
 
 DRAWS = 20
+"""Seeded choices drawn in proportion to the shares."""
+
+CLIMBS = 6
+"""Swaps begin from this many of the best starts."""
+
 _SPARE = 12
 _BETTER = 1.0 + 1e-9
 
@@ -164,11 +172,28 @@ class _Search:
         """Evaluate one choice, keep it if it is the best, and return its cuts."""
         shares = np.zeros(self.information.site_count)
         shares[subset] = 1.0
-        at = evaluate(self.information, shares)
+        at = evaluate(self.information, shares, CUT_VEHICLES)
         self.cuts = self.cuts.joined(at.cuts)
-        if at.least > self.key[0] * _BETTER or (at.least == self.key[0] and at.rank > self.key[1]):
-            self.best, self.key = np.sort(subset), (at.least, at.rank)
+        self.keep(np.sort(subset), (at.least, at.rank))
         return at.cuts
+
+    def keep(self, subset: Index, key: tuple[float, int]) -> None:
+        """Take a choice for the best if it is."""
+        level = key[0] == self.key[0] and key[1] > self.key[1]
+        if key[0] > self.key[0] * _BETTER or level:
+            self.best, self.key = subset, key
+
+    def swap(self, relaxation: Relaxation, count: int, passed: set[tuple[int, ...]]) -> bool:
+        """Exchange `count` of the best choice's sites while that helps; return whether it did.
+
+        Ends at a choice already `passed`: what follows it is known.
+        """
+        begun, known = self.key, None
+        while self.key != known and tuple(self.best.tolist()) not in passed:
+            passed.add(tuple(self.best.tolist()))
+            known = self.key
+            self.offer(_swaps(self.best, self.useful(relaxation), count))
+        return self.key != begun
 
     def useful(self, relaxation: Relaxation) -> Index:
         """Sites that a better choice than the best known may hold."""
@@ -177,18 +202,20 @@ class _Search:
 
 
 def _improve(search: _Search, relaxation: Relaxation, generator: np.random.Generator) -> None:
-    """Round the shares, then swap one site, then two, while any swap helps."""
+    """Swap single sites from the best starts, then pairs of the best, while any swap helps."""
     rounded = _rounded(relaxation.shares, search.choose, generator)
-    search.reached(rounded[0])
-    search.offer(rounded[1:])
-    search.offer(_dropped_one_by_one(search, relaxation.shares)[None])
-    while True:
-        known = search.key
-        search.offer(_swaps(search.best, search.useful(relaxation), 1))
-        if search.key == known:
-            search.offer(_swaps(search.best, search.useful(relaxation), 2))
-        if search.key == known:
-            return
+    dropped = _dropped_one_by_one(search.information, relaxation.shares, search.choose)
+    climbs = []
+    for start in np.unique(np.concatenate([dropped[None], rounded]), axis=0):
+        climbs.append(_Search(search.information, search.choose, relaxation.cuts))
+        climbs[-1].reached(start)
+    climbs.sort(key=lambda climb: climb.key, reverse=True)
+    passed: set[tuple[int, ...]] = set()
+    for climb in climbs[:CLIMBS]:
+        climb.swap(relaxation, 1, passed)
+        search.keep(climb.best, climb.key)
+    while search.swap(relaxation, 2, set()):
+        search.swap(relaxation, 1, set())
 
 
 def _prove(search: _Search, relaxation: Relaxation) -> bool:
@@ -196,7 +223,7 @@ def _prove(search: _Search, relaxation: Relaxation) -> bool:
     useful = search.useful(relaxation)
     if comb(len(useful), search.choose) > MOST_LISTED:
         return False
-    return search.offer(_listed(combinations(useful.tolist(), search.choose), search.choose))
+    return search.offer(_listed(useful, search.choose))
 
 
 def _rounded(shares: Array, choose: int, generator: np.random.Generator) -> Index:
@@ -208,16 +235,16 @@ def _rounded(shares: Array, choose: int, generator: np.random.Generator) -> Inde
     return np.sort(np.argsort(-scores, axis=1, kind="stable")[:, :choose], axis=1)
 
 
-def _dropped_one_by_one(search: _Search, shares: Array) -> Index:
+def _dropped_one_by_one(information: SiteInformation, shares: Array, choose: int) -> Index:
     """The choice left when, of the largest shares, the site missed least is dropped in turn."""
-    left = np.argsort(-shares, kind="stable")[: search.choose + _SPARE]
+    left = np.argsort(-shares, kind="stable")[: choose + _SPARE]
     left = np.sort(left)
-    while len(left) > search.choose:
+    while len(left) > choose:
         keys = []
         for k in range(len(left)):
             trial = np.zeros(len(shares))
             trial[np.delete(left, k)] = 1.0
-            at = evaluate(search.information, trial)
+            at = evaluate(information, trial)
             keys.append((at.least, at.rank))
         left = np.delete(left, max(range(len(left)), key=keys.__getitem__))
     return left
@@ -226,21 +253,15 @@ def _dropped_one_by_one(search: _Search, shares: Array) -> Index:
 def _swaps(chosen: Index, useful: Index, count: int) -> Index:
     """(b, k) choices that exchange `count` of the chosen for useful ones; none if too many."""
     others = np.setdiff1d(useful, chosen)
-    number = comb(len(chosen), count) * comb(len(others), count)
-    if number > MOST_LISTED:
+    if comb(len(chosen), count) * comb(len(others), count) > MOST_LISTED:
         return np.zeros((0, len(chosen)), dtype=np.int64)
-    return _listed(
-        (
-            (*np.delete(chosen, out).tolist(), *into)
-            for out in combinations(range(len(chosen)), count)
-            for into in combinations(others.tolist(), count)
-        ),
-        len(chosen),
-    )
+    kept, into = _listed(chosen, len(chosen) - count), _listed(others, count)
+    return np.hstack([np.repeat(kept, len(into), axis=0), np.tile(into, (len(kept), 1))])
 
 
-def _listed(subsets: Iterator[tuple[int, ...]], choose: int) -> Index:
-    return np.array(list(subsets), dtype=np.int64).reshape(-1, choose)
+def _listed(sites: Index, choose: int) -> Index:
+    """(b, choose) all choices of some of the sites."""
+    return np.array(list(combinations(sites.tolist(), choose)), dtype=np.int64).reshape(-1, choose)
 
 
 # --- judgement --------------------------------------------------------------------------------

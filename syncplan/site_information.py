@@ -30,8 +30,8 @@ __all__ = ["Cuts", "Evaluation", "SiteInformation", "candidate_information", "ev
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-CUT_VEHICLES = 8
-"""Each evaluation makes cuts for this many vehicles, those of least precision."""
+MOST_CUTS = 8
+"""Cuts are made for this many vehicles, those of least precision, unless fewer are asked for."""
 
 SAFE_CONDITION = 0.1 / RANK_TOLERANCE
 """Below this condition number the rank is full by any measure, and no SVD is needed."""
@@ -157,8 +157,8 @@ def candidate_information(plan: Plan, candidates: Array) -> SiteInformation:
     )
 
 
-def evaluate(information: SiteInformation, shares: Array) -> Evaluation:
-    """Return the exact precision of every vehicle at shares (S,) in [0, 1], with its cuts."""
+def evaluate(information: SiteInformation, shares: Array, most_cuts: int = MOST_CUTS) -> Evaluation:
+    """Return the exact precision of every vehicle at shares (S,) in [0, 1], with some cuts."""
     matrix = information.rows(shares)
     size = 3 * information.count
     root = _inverse_root(matrix, size)
@@ -173,7 +173,7 @@ def evaluate(information: SiteInformation, shares: Array) -> Evaluation:
     precision = np.zeros(information.count)
     precision[~lost] = 1.0 / variance[~lost]
     cuts = []
-    for vehicle in np.argsort(precision, kind="stable")[:CUT_VEHICLES].tolist():
+    for vehicle in np.argsort(precision, kind="stable")[:most_cuts].tolist():
         position = slice(3 * vehicle, 3 * vehicle + 2)
         directions = null.T @ null[:, position] if lost[vehicle] else root @ root[position].T
         cuts.append(information.cut(directions, vehicle))
