@@ -49,6 +49,7 @@ ORDER = (
     "planner",
     "site_information",
     "site_relaxation",
+    "site_search",
     "landmark_sites",
     "validation",
     "sweeps",
