@@ -32,7 +32,7 @@ symbols in bodies:
 Modules, each using only those before it
 ----------------------------------------
     errors, formation, quantities, checks     what the user says, checked
-    scenario, loading
+    scenario, loading, candidates
     blas                                      one thread for linear algebra
     orbits, trigpoly, contacts, separation    circles, exact contact windows, least distances
     sightings, noise, graph                   samples, sigmas, who sees whom
@@ -44,7 +44,10 @@ Modules, each using only those before it
     arcs, ekf, consistency                    the filter, and whether it is honest
     trials, montecarlo                        many runs of it
     planner, validation, sweeps               the chain
+    site_information, site_relaxation         what landmark sites would tell, and a bound
+    site_search, landmark_sites               which of them to choose
     document, plan_report, validation_report  contracts
+    sites_report
     planfile, output                          files
     streams, tables, cli                      the command line
 

@@ -20,6 +20,7 @@ __all__ = [
     "is_plan",
     "load_scenario",
     "parse_document",
+    "parse_values",
     "read_text",
     "scenario_from",
     "validation_fault",
@@ -83,6 +84,18 @@ def read_text(path: str | Path) -> tuple[str, str]:
 
 def parse_document(text: str, source: str) -> dict[str, Any]:
     """Return the mapping a JSON or YAML 1.2 text holds."""
+    document = parse_values(text, source)
+    if not isinstance(document, dict):
+        raise InputError(
+            f"holds {_describe(document)} where a mapping of keys is expected; "
+            "see 'syncplan schema'",
+            source=source,
+        )
+    return document
+
+
+def parse_values(text: str, source: str) -> Any:
+    """Return what a JSON or YAML 1.2 text holds, a mapping or not."""
     document = None
     if source.endswith(".json"):
         document = _parse_json(text, source)
@@ -92,12 +105,6 @@ def parse_document(text: str, source: str) -> dict[str, Any]:
             document = _parse_json(text, source)
     if document is None:
         document = _parse_yaml(text, source)
-    if not isinstance(document, dict):
-        raise InputError(
-            f"holds {_describe(document)} where a mapping of keys is expected; "
-            "see 'syncplan schema'",
-            source=source,
-        )
     return document
 
 

@@ -35,6 +35,7 @@ __all__ = [
     "bearing_rows",
     "link_information",
     "pair_rows",
+    "stacked_rows",
 ]
 
 Array = NDArray[np.float64]
@@ -244,7 +245,7 @@ def assess(
 ) -> Observability:
     """Return rank, gap and unobservable directions of the windowed matrix."""
     size = 3 * orbits.count
-    matrix = _stacked(links, orbits.count)
+    matrix = stacked_rows(links, orbits.count)
     if len(matrix) > size:
         matrix = np.asarray(np.linalg.qr(matrix, mode="r"))
     values, null_space, variances = _decomposed(matrix, size)
@@ -278,8 +279,8 @@ def _decomposed(matrix: Array, size: int) -> tuple[Array, Array, Array]:
     return values, right[rank:], variances
 
 
-def _stacked(links: list[LinkInformation], count: int) -> Array:
-    """The reduced rows of all links in the team's columns, about three a link."""
+def stacked_rows(links: list[LinkInformation], count: int) -> Array:
+    """Return the (r, 3 n) reduced rows of all links in the team's columns, about three a link."""
     largest = max((float(link.singular_values[0]) for link in links), default=0.0)
     blocks = []
     for link in links:
