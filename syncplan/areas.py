@@ -34,6 +34,18 @@ class Area:
     inside: Array | None = None
     outside: tuple[Array, ...] = ()
 
+    @classmethod
+    def of(
+        cls,
+        inside: Sequence[tuple[float, float]] | None,
+        outside: Sequence[Sequence[tuple[float, float]]] | None,
+    ) -> "Area":
+        """Return the area of corners in m, as a scenario states them."""
+        return cls(
+            None if inside is None else np.array(inside, dtype=float),
+            tuple(np.array(corners, dtype=float) for corners in outside or []),
+        )
+
     @property
     def limited(self) -> bool:
         """Whether there is any polygon at all."""
@@ -43,6 +55,12 @@ class Area:
         """Return (key in the scenario, (k, 2) corners, whether circles lie within it) of each."""
         inner = [] if self.inside is None else [("area_m", self.inside, True)]
         return inner + [(f"keep_out_m[{k}]", one, False) for k, one in enumerate(self.outside)]
+
+    def edges(self) -> Array:
+        """Return (e, 2, 2) m: start and end of every edge of every polygon."""
+        polygons = [corners for _, corners, _ in self.polygons()]
+        edges = [np.stack([one, np.roll(one, -1, axis=0)], axis=1) for one in polygons]
+        return np.concatenate([np.zeros((0, 2, 2)), *edges])
 
     def clearances(self, centers: Array, radii: Array) -> Array:
         """Return (n,) m: how far each circle lies from what it must not cross; negative if it does.

@@ -1,33 +1,23 @@
-"""The command line: plan, validate, sweep, schema. Heavy packages load inside the commands."""
+"""The command line: its commands, and what each error means for the exit status."""
 
 import os
 import sys
 from enum import StrEnum
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import Annotated, NoReturn
 
 import typer
 from typer.exceptions import TyperException
 
 from syncplan import __version__
+from syncplan.arguments import Output
 from syncplan.errors import InputError, SyncplanError
-from syncplan.streams import (
-    Format,
-    deliver,
-    open_closed_streams,
-    progress_bar,
-    refuse_overwriting,
-    say,
-    say_notes,
-)
-
-if TYPE_CHECKING:
-    from rich.console import Console
+from syncplan.plan_commands import plans
+from syncplan.run_commands import runs
+from syncplan.streams import Format, deliver, open_closed_streams, say
 
 __all__ = ["main"]
 
 INTERNAL_FAULT = 1
-NOT_OBSERVABLE = 3
 INTERRUPTED = 130
 
 OPTIONS = {
@@ -37,13 +27,19 @@ OPTIONS = {
     "substeps": "--substeps",
     "threads": "--threads",
     "gate_probability": "--gate",
+    "vary": "--vary",
+    "center_box_m": "--center-box-m",
+    "radius_m": "--radius-m",
+    "objective": "--objective",
+    "margin_m": "--margin-m",
+    "margin": "--margin-m",
+    "time_limit_s": "--time-limit-s",
+    "starts": "--starts",
+    "choose": "--choose",
 }
 """Options by the name of the library's argument that they set."""
 
 JSON_SCHEMA = "https://json-schema.org/draft/2020-12/schema"
-
-LARGE_TEAM = 500
-"""Teams above this size take several seconds to judge: people are told."""
 
 app = typer.Typer(
     name="syncplan",
@@ -56,19 +52,7 @@ app = typer.Typer(
 )
 
 
-class Bound(StrEnum):
-    """When the posterior bound is computed."""
-
-    auto = "auto"
-    always = "always"
-    never = "never"
-
-
-class Model(StrEnum):
-    """How the filter integrates its readings."""
-
-    arc = "arc"
-    euler = "euler"
+schemas = typer.Typer()
 
 
 class Contract(StrEnum):
@@ -79,220 +63,7 @@ class Contract(StrEnum):
     validation = "validation"
 
 
-Scenario = Annotated[
-    str, typer.Argument(metavar="SCENARIO", help="Scenario file, YAML or JSON; - is standard input")
-]
-Subject = Annotated[
-    str, typer.Argument(metavar="PLAN|SCENARIO", help="Plan or scenario file; - is standard input")
-]
-Output = Annotated[
-    Path | None,
-    typer.Option("-o", "--output", help="File to write the JSON to", show_default=False),
-]
-Shown = Annotated[
-    Format,
-    typer.Option("--format", help="Standard output: auto is a table at a terminal, JSON elsewhere"),
-]
-Trials = Annotated[int, typer.Option(help="Number of Monte Carlo trials")]
-Seed = Annotated[int, typer.Option(help="Seed of all random numbers")]
-Duration = Annotated[
-    float | None,
-    typer.Option(help="Length of each run in s; the scenario's if not given", show_default=False),
-]
-Threads = Annotated[
-    int | None, typer.Option(help="Threads; all cores if not given", show_default=False)
-]
-MaxVehicles = Annotated[
-    int | None,
-    typer.Option(min=1, help="Accept teams up to this size (default 2000)", show_default=False),
-]
-RequireObservable = Annotated[
-    bool, typer.Option("--require-observable", help="Exit with 3 if the plan is not observable")
-]
-
-
-@app.command(
-    name="plan", epilog="Example: syncplan plan scenario.yaml -o plan.json --require-observable"
-)
-def _plan(
-    scenario: Scenario,
-    output: Output = None,
-    format_: Shown = Format.auto,
-    bound: Annotated[
-        Bound, typer.Option(help="Compute the posterior bound: auto leaves very large teams out")
-    ] = Bound.auto,
-    steady: Annotated[
-        bool, typer.Option("--steady", help="Add the error once it has become periodic")
-    ] = False,
-    require_observable: RequireObservable = False,
-    max_vehicles: MaxVehicles = None,
-) -> int:
-    """Find phases for a scenario and judge the plan: meetings, observability, predicted error."""
-    from syncplan.loading import load_scenario
-    from syncplan.plan_report import plan_document
-    from syncplan.planner import plan
-    from syncplan.sections import MAX_VEHICLES
-
-    refuse_overwriting(scenario, output)
-    loaded = load_scenario(scenario, max_vehicles=max_vehicles or MAX_VEHICLES)
-    if loaded.size > LARGE_TEAM and sys.stderr.isatty():
-        say(f"judging the rank of {3 * loaded.size} states takes some time ...")
-    made = plan(loaded, bound=bound.value, steady=steady)
-    document = plan_document(made)
-
-    def show(console: "Console") -> None:
-        from syncplan.tables import show_plan
-
-        show_plan(document, console)
-
-    if deliver(document.as_json(), output, format_, show) is Format.json:
-        say_notes(document.notes)
-    return _verdict(made.observable, require_observable)
-
-
-@app.command(
-    name="validate",
-    epilog="Example: syncplan validate plan.json --trials 500 --seed 1 -o report.json",
-)
-def _validate(
-    subject: Subject,
-    output: Output = None,
-    format_: Shown = Format.auto,
-    trials: Trials = 200,
-    seed: Seed = 0,
-    duration: Duration = None,
-    model: Annotated[
-        Model, typer.Option(help="How the filter integrates its readings")
-    ] = Model.arc,
-    substeps: Annotated[int, typer.Option(help="Euler sub-steps per sample")] = 10,
-    gate: Annotated[
-        float | None,
-        typer.Option(help="Probability of the innovation gate, such as 0.999", show_default=False),
-    ] = None,
-    series: Annotated[
-        bool, typer.Option("--series", help="Add errors and sigmas over time to the report")
-    ] = False,
-    threads: Threads = None,
-    require_observable: RequireObservable = False,
-    max_vehicles: MaxVehicles = None,
-) -> int:
-    """Prove a plan with the filter: Monte Carlo errors beside the bound, and consistency."""
-    from syncplan.planfile import load
-    from syncplan.planner import judge, plan
-    from syncplan.sections import MAX_VEHICLES
-    from syncplan.validation import check_run, validate
-    from syncplan.validation_report import validation_document
-
-    check_run(trials, seed)
-    refuse_overwriting(subject, output)
-    loaded = load(subject, max_vehicles=max_vehicles or MAX_VEHICLES)
-    flown = (
-        plan(loaded.scenario) if loaded.orbits is None else judge(loaded.scenario, loaded.orbits)
-    )
-    _announce_compilation(flown.orbits.count)
-    with progress_bar("trials", trials) as progress:
-        result = validate(
-            flown,
-            trials=trials,
-            seed=seed,
-            duration=duration,
-            model=model.value,
-            substeps=substeps,
-            gate_probability=gate,
-            with_series=series,
-            threads=threads,
-            progress=progress,
-        )
-    document = validation_document(result)
-
-    def show(console: "Console") -> None:
-        from syncplan.tables import show_validation
-
-        show_validation(document, console)
-
-    if deliver(document.as_json(), output, format_, show) is Format.json:
-        say_notes(document.notes)
-    return _verdict(flown.observable, require_observable)
-
-
-@app.command(
-    name="sweep",
-    epilog="Example: syncplan sweep scenario.yaml --angular-rate 0.2,0.4,0.6,0.8,1.0 --connected",
-)
-def _sweep(
-    scenario: Scenario,
-    output: Output = None,
-    format_: Shown = Format.auto,
-    angular_rate: Annotated[
-        str | None, typer.Option(help="Rates in rad/s, such as 0.2,0.4", show_default=False)
-    ] = None,
-    range_: Annotated[
-        str | None, typer.Option("--range", help="Sensor ranges in m", show_default=False)
-    ] = None,
-    radius: Annotated[str | None, typer.Option(help="Radii in m", show_default=False)] = None,
-    spacing: Annotated[
-        str | None, typer.Option(help="Spacings of the shape in m", show_default=False)
-    ] = None,
-    connected: Annotated[
-        bool,
-        typer.Option(
-            "--connected", help="Add a row with a range that connects the team at every instant"
-        ),
-    ] = False,
-    trials: Trials = 200,
-    seed: Seed = 0,
-    duration: Duration = None,
-    threads: Threads = None,
-    max_vehicles: MaxVehicles = None,
-) -> int:
-    """Vary one key: plan and validate each value, tables like the paper's Tables 1 and 2."""
-    from syncplan.loading import load_scenario
-    from syncplan.sections import MAX_VEHICLES
-    from syncplan.sweeps import sweep
-    from syncplan.validation import check_run
-    from syncplan.validation_report import sweep_document, validation_document
-
-    given = {
-        "angular_rate": angular_rate,
-        "range": range_,
-        "radius": radius,
-        "spacing": spacing,
-    }
-    chosen = [(name, text) for name, text in given.items() if text is not None]
-    if len(chosen) != 1:
-        raise InputError(
-            "give exactly one of --angular-rate, --range, --radius, --spacing", key="sweep"
-        )
-    name, text = chosen[0]
-    values = _numbers(text, f"--{name.replace('_', '-')}")
-    check_run(trials, seed)
-    refuse_overwriting(scenario, output)
-    loaded = load_scenario(scenario, max_vehicles=max_vehicles or MAX_VEHICLES)
-    _announce_compilation(loaded.size)
-    with progress_bar("trials", trials * (len(values) + connected)) as progress:
-        rows = sweep(
-            loaded,
-            name,
-            values,
-            trials=trials,
-            seed=seed,
-            duration=duration,
-            connected=connected,
-            threads=threads,
-            progress=progress,
-        )
-    reports = [validation_document(row.validation) for row in rows]
-
-    def show(console: "Console") -> None:
-        from syncplan.tables import show_sweep
-
-        show_sweep(name.replace("_", " "), [row.label for row in rows], reports, console)
-
-    deliver(sweep_document(name, rows, reports), output, format_, show)
-    return 0
-
-
-@app.command(name="schema", epilog="Example: syncplan schema scenario")
+@schemas.command(name="schema", epilog="Example: syncplan schema scenario")
 def _schema(
     contract: Annotated[Contract, typer.Argument(help="Which document")] = Contract.scenario,
     output: Output = None,
@@ -312,6 +83,11 @@ def _schema(
         schema = ValidationDocument.model_json_schema(mode="serialization")
     deliver({"$schema": JSON_SCHEMA, **schema}, output, Format.json, None)
     return 0
+
+
+app.add_typer(plans)
+app.add_typer(runs)
+app.add_typer(schemas)
 
 
 @app.callback(invoke_without_command=True)
@@ -378,26 +154,3 @@ def _usage_fault(error: TyperException, arguments: list[str]) -> str:
             if value is not None and repr(value) not in message:
                 return f"{name}: {value!r}: {message}"
     return message
-
-
-def _verdict(observable: bool, required: bool) -> int:
-    if required and not observable:
-        say("the plan is not observable (--require-observable)")
-        return NOT_OBSERVABLE
-    return 0
-
-
-def _announce_compilation(count: int) -> None:
-    from syncplan.ekf import kernels_are_compiled
-
-    if not kernels_are_compiled(count):
-        say("compiling the filter's kernels, once; this takes some seconds ...")
-
-
-def _numbers(text: str, option: str) -> list[float]:
-    try:
-        return [float(part) for part in text.split(",")]
-    except ValueError:
-        raise InputError(
-            f"{text!r}: must be numbers with commas between, such as 0.2,0.4", key=option
-        ) from None

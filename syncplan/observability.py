@@ -27,6 +27,7 @@ from syncplan.sightings import Sightings
 
 __all__ = [
     "LINK_TOLERANCE",
+    "NEAREST",
     "RANK_TOLERANCE",
     "LinkInformation",
     "Observability",

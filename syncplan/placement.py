@@ -142,11 +142,6 @@ def _ranges(scenario: Scenario) -> Array:
     return np.array([sensor.range_m for sensor in scenario.sensors])
 
 
-def _area(scenario: Scenario) -> Area:
-    inside = None if scenario.area_m is None else np.array(scenario.area_m, dtype=float)
-    return Area(inside, tuple(np.array(one, dtype=float) for one in scenario.keep_out_m or []))
-
-
 def _listed(scenario: Scenario) -> Index:
     """(e, 2) pairs a < b as listed."""
     index = {name: k for k, name in enumerate(scenario.vehicle_names)}
@@ -169,7 +164,7 @@ def _demands(scenario: Scenario, margin: float) -> Demands:
         landmarks=np.array(scenario.landmarks, dtype=float).reshape(-1, 2),
         sight=ranges - margin,
         groups=tuple(np.array(part) for part in components(scenario.size, edges)),
-        area=_area(scenario),
+        area=Area.of(scenario.area_m, scenario.keep_out_m),
     )
 
 
@@ -204,7 +199,7 @@ def _shaped(scenario: Scenario, margin: float, seed: int) -> Placement:
         start = shape_centers(shape, len(radii), 2.0 * float(radii.mean()) + gap, columns)
         drawing = improve(demands, start, accuracy=_SHAPE_ACCURACY)
         centers, rounds = _stood(drawing.centers, start), drawing.iterations
-    demands = replace(demands, area=_area(scenario))
+    demands = replace(demands, area=Area.of(scenario.area_m, scenario.keep_out_m))
     return _certified(scenario, demands, centers, margin, int(rounds > 0), rounds, seed)
 
 

@@ -35,6 +35,8 @@ __all__ = ["certificate_reason", "plan_document", "separation_notes"]
 NEAR_MISS = 0.05
 """Vehicles that come nearer than this share of the mean radius are told of in any case."""
 
+GIVEN = "the phases were given and judged as they are"
+
 Array = NDArray[np.float64]
 Point = tuple[float, float]
 
@@ -165,11 +167,12 @@ def _landmark_link(
 def _synchronisation(plan: Plan, names: list[str]) -> SynchronisationRecord:
     found = plan.synchronisation
     if found is None:
+        refined = plan.refinement is not None
         return SynchronisationRecord(
-            method="given",
+            method="refined" if refined else "given",
             smallest_margin_m=None,
             bound_m=None,
-            bound_note="the phases were given and judged as they are",
+            bound_note="the phases were refined" if refined else GIVEN,
             odd_cycle=[],
             alternating_proven_largest=None,
         )
@@ -245,6 +248,11 @@ def _errors(values: Array | None, names: list[str], note: str = "") -> ErrorPred
 def _notes(plan: Plan, names: list[str]) -> list[str]:
     """What the reader must not miss, in plain words."""
     notes = []
+    if plan.placement is not None:
+        notes.append(
+            "the centres were found by placement; formation.centers_m of the plan's scenario has "
+            "them"
+        )
     if plan.refinement is not None and not plan.refinement.improved:
         notes.append(f"not refined: {plan.refinement.reason}; this is the plan that was given")
     elif plan.refinement is not None and plan.refinement.cut_short:

@@ -19,6 +19,7 @@ from syncplan.motions import UnobservableMotion, name_motions
 from syncplan.noise import Noise
 from syncplan.observability import Observability, assess, link_information
 from syncplan.orbits import Orbits
+from syncplan.placement import Placement, place
 from syncplan.refinement_record import RefinementRecord
 from syncplan.scenario import Scenario, per_vehicle
 from syncplan.senses import alternating_senses
@@ -78,6 +79,7 @@ class Plan:
     approach : the closest two vehicles come; None for one vehicle
     too_close : pairs nearer than min_separation_m
     refinement : how the plan was refined, or why it could not be; None if that was not tried
+    placement : how the centres were found; None where they were given
     """
 
     scenario: Scenario
@@ -100,6 +102,7 @@ class Plan:
     unobservable: tuple[UnobservableMotion, ...]
     prediction: Prediction
     refinement: RefinementRecord | None = None
+    placement: Placement | None = None
 
     @property
     def observable(self) -> bool:
@@ -111,12 +114,15 @@ class Plan:
 def plan(scenario: Scenario, *, bound: BoundChoice = "auto", steady: bool = False) -> Plan:
     """Return the plan of a scenario: senses, phases, meetings and the verdict on observability.
 
+    Centres that are not given are found first, see syncplan.placement.
+
     `bound` says whether the posterior bound is computed: for teams up to a stated amount of work
     (auto), always or never. `steady` adds its periodic limit.
     """
     if bound not in ("auto", "always", "never"):
         raise InputError(f"{bound!r}: must be auto, always or never", key="bound")
-    resolved = scenario.resolved()
+    placed = None if scenario.formation.placed else place(scenario)
+    resolved = (scenario if placed is None else placed.scenario).resolved()
     centers = np.array(resolved.centers, dtype=float)
     radii = _radii(resolved)
     sensors = _sensors(resolved)
@@ -135,7 +141,7 @@ def plan(scenario: Scenario, *, bound: BoundChoice = "auto", steady: bool = Fals
     phases = (found.phases + off) % (2.0 * np.pi) if off.any() else found.phases
     orbits = Orbits(centers, radii, senses, phases, resolved.orbit.rate)
     judged = judge(resolved, orbits, bound=bound, steady=steady, given=pairs, found=found)
-    return replace(judged, synchronisation=found, alternating_proven=proven)
+    return replace(judged, synchronisation=found, alternating_proven=proven, placement=placed)
 
 
 @single_threaded_blas

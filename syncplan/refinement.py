@@ -114,10 +114,7 @@ def _objective(options: RefineOptions, count: int) -> Objective:
 
 def _problem(given: Plan, options: RefineOptions) -> RefineProblem:
     scenario, sensors = given.scenario, given.sensors
-    area = Area(
-        None if scenario.area_m is None else np.array(scenario.area_m, dtype=float),
-        tuple(np.array(corners, dtype=float) for corners in scenario.keep_out_m or []),
-    )
+    area = Area.of(scenario.area_m, scenario.keep_out_m)
     samples = _samples_in_contact(given)
     listed = [(link.a, link.b) for link in given.links]
     pairs = _as_pairs([pair for pair in listed if pair in samples])

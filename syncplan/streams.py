@@ -21,6 +21,7 @@ __all__ = [
     "refuse_overwriting",
     "say",
     "say_notes",
+    "search_progress",
 ]
 
 
@@ -111,6 +112,34 @@ def progress_bar(unit: str, total: int) -> Iterator[Callable[[int], None] | None
     with bar:
         task = bar.add_task(unit, total=total)
         yield lambda done: bar.update(task, completed=done)
+
+
+@contextmanager
+def search_progress() -> Iterator[Callable[[int, int, float], None] | None]:
+    """A line for each start of a search, with its objective at every iteration, at a terminal."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
+
+    lines: dict[int, TaskID] = {}
+    shown = Progress(
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        TimeElapsedColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    )
+
+    def tell(start: int, iteration: int, objective: float) -> None:
+        text = f"start {start + 1}, iteration {iteration}: objective {objective:.6g}"
+        if start not in lines:
+            lines[start] = shown.add_task(text, total=None)
+        shown.update(lines[start], description=text)
+
+    with shown:
+        yield tell
 
 
 def say(message: str) -> None:

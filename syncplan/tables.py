@@ -17,8 +17,9 @@ from syncplan.document import (
     Spread,
     ValidationDocument,
 )
+from syncplan.placement import Placement
 
-__all__ = ["show_plan", "show_sweep", "show_validation"]
+__all__ = ["show_placement", "show_plan", "show_sweep", "show_validation"]
 
 MOST_ROWS = 40
 MOST_NAMED = 12
@@ -77,6 +78,22 @@ def show_validation(report: ValidationDocument, console: Console) -> None:
     console.print(f"NIS   {_spread(report.nis)}")
     for note in report.notes:
         console.print(f"[yellow]note[/]: {escape(note)}")
+
+
+def show_placement(placed: Placement, console: Console) -> None:
+    """Print a placement: centres and what they attain."""
+    names = placed.scenario.vehicle_names
+    table = _table("centres found", ("vehicle", "centre m"))
+    for name, center in list(zip(names, placed.centers.tolist(), strict=True))[:MOST_ROWS]:
+        table.add_row(escape(name), _point((center[0], center[1])))
+    _count_rest(table, len(names))
+    console.print(table)
+    if len(placed.gaps):
+        console.print(
+            f"linked circles are {placed.gaps.min():.4g} to {placed.gaps.max():.4g} m apart"
+        )
+    if np.isfinite(placed.smallest_gap):
+        console.print(f"no two circles are nearer than {placed.smallest_gap:.4g} m")
 
 
 def show_sweep(

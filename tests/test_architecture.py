@@ -82,6 +82,9 @@ ORDER = (
     "output",
     "streams",
     "tables",
+    "arguments",
+    "plan_commands",
+    "run_commands",
     "cli",
 )
 """Modules in the order of data flow: each imports only those before it."""
@@ -113,7 +116,7 @@ LIBRARIES = {
         "refinement",
     },
     "shapely": {"areas"},
-    "typer": {"cli"},
+    "typer": {"arguments", "plan_commands", "run_commands", "cli"},
 }
 """The only modules that may import a library."""
 

@@ -11,6 +11,7 @@ from syncplan.document import PlanDocument
 from syncplan.graph import rpmg_at, union_over
 from syncplan.motions import name_motions
 from syncplan.observability import (
+    NEAREST,
     RANK_TOLERANCE,
     assess,
     bearing_rows,
@@ -96,6 +97,9 @@ def test_bearing_rows_are_the_derivative_by_the_initial_poses(seed: int) -> None
     for s in range(0, len(rows), max(len(rows) // 10, 1)):
         a, b = int(sightings.observers[s]), int(sightings.targets[s])
         time = float(sightings.steps[s]) * sensors.sample_time
+        if np.hypot(*rows[s, :2]) * sensors.bearing_sigmas[a] > 0.5 / NEAREST:
+            # so near that the row is weighted down, and is no derivative any more
+            continue
         for column in range(6):
             vehicle = a if column < 3 else b
             if vehicle >= orbits.count:

@@ -1,0 +1,186 @@
+"""The commands that fly a plan: validate, sweep."""
+
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from syncplan.arguments import (
+    Duration,
+    MaxVehicles,
+    Output,
+    RequireObservable,
+    ScenarioFile,
+    Seed,
+    Shown,
+    SubjectFile,
+    Threads,
+    Trials,
+    numbers,
+    verdict_status,
+)
+from syncplan.errors import InputError
+from syncplan.streams import Format, deliver, progress_bar, refuse_overwriting, say, say_notes
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+__all__ = ["runs"]
+
+runs = typer.Typer()
+
+
+class Model(StrEnum):
+    """How the filter integrates its readings."""
+
+    arc = "arc"
+    euler = "euler"
+
+
+@runs.command(
+    name="validate",
+    epilog="Example: syncplan validate plan.json --trials 500 --seed 1 -o report.json",
+)
+def _validate(
+    subject: SubjectFile,
+    output: Output = None,
+    format_: Shown = Format.auto,
+    trials: Trials = 200,
+    seed: Seed = 0,
+    duration: Duration = None,
+    model: Annotated[
+        Model, typer.Option(help="How the filter integrates its readings")
+    ] = Model.arc,
+    substeps: Annotated[int, typer.Option(help="Euler sub-steps per sample")] = 10,
+    gate: Annotated[
+        float | None,
+        typer.Option(help="Probability of the innovation gate, such as 0.999", show_default=False),
+    ] = None,
+    series: Annotated[
+        bool, typer.Option("--series", help="Add errors and sigmas over time to the report")
+    ] = False,
+    threads: Threads = None,
+    require_observable: RequireObservable = False,
+    max_vehicles: MaxVehicles = None,
+) -> int:
+    """Prove a plan with the filter: Monte Carlo errors beside the bound, and consistency."""
+    from syncplan.planfile import load
+    from syncplan.planner import judge, plan
+    from syncplan.sections import MAX_VEHICLES
+    from syncplan.validation import check_run, validate
+    from syncplan.validation_report import validation_document
+
+    check_run(trials, seed)
+    refuse_overwriting(subject, output)
+    loaded = load(subject, max_vehicles=max_vehicles or MAX_VEHICLES)
+    flown = (
+        plan(loaded.scenario) if loaded.orbits is None else judge(loaded.scenario, loaded.orbits)
+    )
+    _announce_compilation(flown.orbits.count)
+    with progress_bar("trials", trials) as progress:
+        result = validate(
+            flown,
+            trials=trials,
+            seed=seed,
+            duration=duration,
+            model=model.value,
+            substeps=substeps,
+            gate_probability=gate,
+            with_series=series,
+            threads=threads,
+            progress=progress,
+        )
+    document = validation_document(result)
+
+    def show(console: "Console") -> None:
+        from syncplan.tables import show_validation
+
+        show_validation(document, console)
+
+    if deliver(document.as_json(), output, format_, show) is Format.json:
+        say_notes(document.notes)
+    return verdict_status(flown.observable, require_observable)
+
+
+@runs.command(
+    name="sweep",
+    epilog="Example: syncplan sweep scenario.yaml --angular-rate 0.2,0.4,0.6,0.8,1.0 --connected",
+)
+def _sweep(
+    scenario: ScenarioFile,
+    output: Output = None,
+    format_: Shown = Format.auto,
+    angular_rate: Annotated[
+        str | None, typer.Option(help="Rates in rad/s, such as 0.2,0.4", show_default=False)
+    ] = None,
+    range_: Annotated[
+        str | None, typer.Option("--range", help="Sensor ranges in m", show_default=False)
+    ] = None,
+    radius: Annotated[str | None, typer.Option(help="Radii in m", show_default=False)] = None,
+    spacing: Annotated[
+        str | None, typer.Option(help="Spacings of the shape in m", show_default=False)
+    ] = None,
+    connected: Annotated[
+        bool,
+        typer.Option(
+            "--connected", help="Add a row with a range that connects the team at every instant"
+        ),
+    ] = False,
+    trials: Trials = 200,
+    seed: Seed = 0,
+    duration: Duration = None,
+    threads: Threads = None,
+    max_vehicles: MaxVehicles = None,
+) -> int:
+    """Vary one key: plan and validate each value, tables like the paper's Tables 1 and 2."""
+    from syncplan.loading import load_scenario
+    from syncplan.sections import MAX_VEHICLES
+    from syncplan.sweeps import sweep
+    from syncplan.validation import check_run
+    from syncplan.validation_report import sweep_document, validation_document
+
+    given = {
+        "angular_rate": angular_rate,
+        "range": range_,
+        "radius": radius,
+        "spacing": spacing,
+    }
+    chosen = [(name, text) for name, text in given.items() if text is not None]
+    if len(chosen) != 1:
+        raise InputError(
+            "give exactly one of --angular-rate, --range, --radius, --spacing", key="sweep"
+        )
+    name, text = chosen[0]
+    values = numbers(text, f"--{name.replace('_', '-')}")
+    check_run(trials, seed)
+    refuse_overwriting(scenario, output)
+    loaded = load_scenario(scenario, max_vehicles=max_vehicles or MAX_VEHICLES)
+    _announce_compilation(loaded.size)
+    with progress_bar("trials", trials * (len(values) + connected)) as progress:
+        rows = sweep(
+            loaded,
+            name,
+            values,
+            trials=trials,
+            seed=seed,
+            duration=duration,
+            connected=connected,
+            threads=threads,
+            progress=progress,
+        )
+    reports = [validation_document(row.validation) for row in rows]
+
+    def show(console: "Console") -> None:
+        from syncplan.tables import show_sweep
+
+        show_sweep(name.replace("_", " "), [row.label for row in rows], reports, console)
+
+    deliver(sweep_document(name, rows, reports), output, format_, show)
+    return 0
+
+
+def _announce_compilation(count: int) -> None:
+    from syncplan.ekf import kernels_are_compiled
+
+    if not kernels_are_compiled(count):
+        say("compiling the filter's kernels, once; this takes some seconds ...")
