@@ -69,6 +69,7 @@ __all__ = [
     "SyncplanError",
     "Validation",
     "load_scenario",
+    "place",
     "plan",
     "refine",
     "sweep",
@@ -85,6 +86,7 @@ _HOME = {
     "SyncplanError": "errors",
     "Validation": "validation",
     "load_scenario": "loading",
+    "place": "placement",
     "plan": "planner",
     "refine": "refinement",
     "sweep": "sweeps",
@@ -94,6 +96,7 @@ _HOME = {
 if TYPE_CHECKING:
     from syncplan.errors import InputError, NoSolutionError, SyncplanError
     from syncplan.loading import load_scenario
+    from syncplan.placement import place
     from syncplan.planner import Plan, plan
     from syncplan.refinement import refine
     from syncplan.scenario import Scenario

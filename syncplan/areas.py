@@ -133,7 +133,7 @@ def polygon_fault(corners: Sequence[tuple[float, float]]) -> str:
     if len(corners) < 3:
         return f"has {len(corners)} corners; a polygon needs at least 3, as [x, y]"
     polygon = shapely.Polygon(corners)
-    if polygon.area <= 0.0:
+    if polygon.convex_hull.area <= 0.0:
         return "encloses nothing: its corners lie on one line"
     if not polygon.is_valid:
         return f"is no simple polygon ({shapely.is_valid_reason(polygon)}); edges must not cross"

@@ -106,7 +106,7 @@ def main(arguments: list[str] | None = None) -> NoReturn:
         status = app(arguments, standalone_mode=False)
         sys.stdout.flush()
     except InputError as error:
-        option = OPTIONS.get(error.key)
+        option = OPTIONS.get(error.key.partition("[")[0])
         say(f"{option}: {error.problem}" if option else str(error))
         status = error.exit_code
     except SyncplanError as error:

@@ -19,6 +19,7 @@ from pydantic import ValidationError
 
 from syncplan.areas import Area
 from syncplan.blas import single_threaded_blas
+from syncplan.contacts import reachable_pairs
 from syncplan.errors import NoSolutionError
 from syncplan.loading import scenario_from, validation_fault
 from syncplan.measures import WINDOW_BOUND, Measurement, measure
@@ -77,7 +78,7 @@ def refine(
     given = subject if isinstance(subject, Plan) else plan(subject)
     chosen = options_for(given.scenario, options, changes)
     problem = _problem(given, chosen)
-    _refuse_conflicts(problem, chosen)
+    _refuse_conflicts(given, problem, chosen)
     predict = "rms" in problem.objective or bound_is_affordable(
         given.orbits.count, problem.duration, problem.sensors.sample_time
     )
@@ -201,23 +202,37 @@ def _radius_limits(given: Plan, radii: tuple[float, float]) -> tuple[float, floa
     return least, max(least, most)
 
 
-def _refuse_conflicts(problem: RefineProblem, options: RefineOptions) -> None:
+def _refuse_conflicts(given: Plan, problem: RefineProblem, options: RefineOptions) -> None:
     """Raise NoSolutionError if constraints rule each other out, whatever the circles."""
-    names, ranges = problem.names, problem.sensors.ranges
-    conflicts = []
-    for (a, b), margin in zip(problem.pairs.tolist(), problem.pair_margins, strict=True):
-        reach = float(ranges[[a, b]].max())
-        least = reach - (margin if options.margin_m is not None else 0.0)
-        if problem.min_separation > least:
-            conflicts.append(
-                f"link {names[a]}-{names[b]}: separation {problem.min_separation:g} m against "
-                f"range {reach:g} m" + (f" less margin {margin:g} m" if least < reach else "")
-            )
+    conflicts = _link_conflicts(given, problem, options)
     if problem.area.limited:
         conflicts += _area_conflicts(problem)
     if conflicts:
         rest = f" (and {len(conflicts) - 3} more)" if len(conflicts) > 3 else ""
         raise NoSolutionError(f"constraints conflict: {'; '.join(conflicts[:3])}{rest}")
+
+
+def _link_conflicts(given: Plan, problem: RefineProblem, options: RefineOptions) -> list[str]:
+    """Links, kept or dropped, that range, margin and separation leave no distance for."""
+    names, ranges = problem.names, problem.sensors.ranges
+    wanted = [(one.a, one.b) for one in given.links]
+    wanted += [(one.a, one.b) for one in given.dropped_links]
+    conflicts = []
+    for a, b in sorted(wanted):
+        reach = float(ranges[[a, b]].max())
+        margin = options.margin_m or 0.0
+        less = f" less margin {margin:g} m" if margin else ""
+        if margin >= reach:
+            conflicts.append(
+                f"link {names[a]}-{names[b]}: margin {margin:g} m leaves nothing of "
+                f"range {reach:g} m"
+            )
+        elif problem.min_separation > reach - margin:
+            conflicts.append(
+                f"link {names[a]}-{names[b]}: separation {problem.min_separation:g} m against "
+                f"range {reach:g} m{less}"
+            )
+    return conflicts
 
 
 def _area_conflicts(problem: RefineProblem) -> list[str]:
@@ -403,7 +418,8 @@ def _why_not(attempts: list["Attempt"], cut_short: bool) -> str:
     if not attempts or all(one.after is None for one in attempts):
         return "time ran out before any start had a result" if cut_short else "no start converged"
     if any(not one.violations for one in attempts if one.after is not None):
-        return "no start found a better plan than the one given"
+        within = " in the time there was" if cut_short else ""
+        return f"no start found a better plan than the one given{within}"
     named = Counter(label for one in attempts for label in (*one.run.unmet, *one.violations))
     worst = ", ".join(label for label, _ in named.most_common(3))
     return f"every result violates what the plan met or can't be had: {worst}"
@@ -411,6 +427,13 @@ def _why_not(attempts: list["Attempt"], cut_short: bool) -> str:
 
 def _active(after: Measurement) -> tuple[str, ...]:
     return tuple(one.label for one in after.slacks if one.room <= _ACTIVE * one.size)
+
+
+def _still_reachable(given: Plan, orbits: Orbits) -> list[tuple[int, int]]:
+    """Dropped links whose circles still come within range."""
+    a, b = reachable_pairs(orbits, np.zeros((0, 2)), given.sensors.ranges)
+    near = {(min(i, j), max(i, j)) for i, j in zip(a.tolist(), b.tolist(), strict=True)}
+    return [(one.a, one.b) for one in given.dropped_links if (one.a, one.b) in near]
 
 
 def _moved(given: Plan, options: RefineOptions, orbits: Orbits) -> Scenario:
@@ -423,7 +446,7 @@ def _moved(given: Plan, options: RefineOptions, orbits: Orbits) -> Scenario:
     named = isinstance(scenario.formation.centers_m, dict)
     formation["centers_m"] = dict(zip(names, centers, strict=True)) if named else centers
     listed = [(one.a, one.b) for one in given.links]
-    listed += [(one.a, one.b) for one in given.dropped_links]
+    listed += _still_reachable(given, orbits)
     formation["links"] = [(names[a], names[b]) for a, b in sorted(listed)]
     if "radii" in options.vary:
         document["orbit"].pop("speed_mps", None)

@@ -37,7 +37,42 @@ PINS: dict[str, Callable[[Any], bool]] = {
     "alternating_shortens_meetings": lambda periods: (
         abs(periods.same - 24.1) < 0.2 and abs(periods.alternate - 21.8) < 0.2
     ),
+    # issue: rank 18, certificate, 10 m apart, worst vehicle from about 5.3 m to under 1.9 m
+    "degenerate_grid_refined": lambda cure: (
+        _observable_and_certified(cure.after.plan)
+        and cure.after.plan.approach.distance >= 10.0
+        and cure.before.accuracy.late_position.max() > 4.5
+        and cure.after.accuracy.late_position.max() < 1.9
+    ),
+    # issue: v1 to v5 together at least halved, v6 no worse
+    "crooked_line_refined": lambda cure: (
+        _observable_and_certified(cure.after.plan)
+        and cure.after.accuracy.late_position[:5].sum()
+        < 0.5 * cure.before.accuracy.late_position[:5].sum()
+        and cure.after.accuracy.late_position[5] <= cure.before.accuracy.late_position[5]
+    ),
+    "camera_team_refined": lambda plan: (
+        abs(plan.refinement.before.predicted_rms - 1.526) < 0.01
+        and plan.refinement.after.predicted_rms < 0.5
+        and bool(np.all(plan.orbits.speeds <= 6.5 * (1.0 + 1e-9)))
+        and len(plan.links) == 3
+    ),
+    "team_placed": lambda plan: (
+        _observable_and_certified(plan)
+        and plan.refinement.improved
+        and len(plan.links) == 6
+        and plan.prediction.rms.max() < 0.8
+    ),
+    "landmark_sites_chosen": lambda choice: (
+        [choice.names[k] for k in choice.chosen] == ["inner0", "inner1"]
+        and choice.proven
+        and abs(choice.value - 0.93) < 0.01
+    ),
 }
+
+
+def _observable_and_certified(plan: Any) -> bool:
+    return bool(plan.observable and plan.certificate.holds)
 
 
 def _falls_and_compares(rows: Any) -> bool:
