@@ -48,6 +48,7 @@ class Stage:
     width : of the step between seen and unseen, as a share of the range
     barrier : weight of the barrier of min_eigenvalue
     iterations : most that IPOPT may take
+    tolerance : at which IPOPT calls it solved
     last : whether contact is to hold with some safety
     """
 
@@ -55,6 +56,7 @@ class Stage:
     width: float
     barrier: float
     iterations: int
+    tolerance: float
     last: bool
 
 
@@ -133,9 +135,9 @@ def stages_of(problem: RefineProblem) -> tuple[Stage, ...]:
     share = _STEP_OF_SPACING * passed / problem.sensors.ranges.max()
     last = float(np.clip(share, _LEAST_WIDTH, _LARGEST_WIDTH))
     return (
-        Stage(_FEW, 0.1, 0.3, 150, False),
-        Stage(_FEW, max(0.04, last), 0.05, 150, False),
-        Stage(most, last, 0.01, 100, True),
+        Stage(_FEW, 0.1, 0.3, 60, 1e-3, False),
+        Stage(_FEW, max(0.04, last), 0.05, 60, 1e-3, False),
+        Stage(most, last, 0.01, 150, 1e-5, True),
     )
 
 

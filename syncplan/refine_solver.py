@@ -21,7 +21,6 @@ __all__ = ["SolverProgress", "SolverRun", "Steering", "solve"]
 
 Array = NDArray[np.float64]
 
-_TOLERANCE = 1e-5
 _FEASIBLE = 1e-6
 _NAMED = 4
 
@@ -149,8 +148,8 @@ def _ipopt(program: Program, stage: Stage, watcher: "_Watcher", watch: Steering)
             "linear_solver": "mumps",
             "max_iter": stage.iterations,
             "max_wall_time": float(np.clip(watch.deadline - time.monotonic(), 1e-3, 1e6)),
-            "tol": _TOLERANCE,
-            "acceptable_tol": 10.0 * _TOLERANCE,
+            "tol": stage.tolerance,
+            "acceptable_tol": 10.0 * stage.tolerance,
             "acceptable_iter": 8,
             "mu_init": 1e-2,
             "bound_push": 1e-3,
