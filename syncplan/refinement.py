@@ -385,7 +385,7 @@ def _best(
         options=options,
         objective=objective,
         improved=better,
-        reason="" if better else _why_not(attempts, cut_short),
+        reason="" if better else _why_not(attempts, objective, cut_short),
         cut_short=cut_short,
         before=before.figures,
         after=before.figures,
@@ -414,9 +414,17 @@ def _record(attempt: "Attempt", objective: Objective) -> StartRecord:
     )
 
 
-def _why_not(attempts: list["Attempt"], cut_short: bool) -> str:
+def _why_not(attempts: list["Attempt"], objective: Objective, cut_short: bool) -> str:
     if not attempts or all(one.after is None for one in attempts):
         return "time ran out before any start had a result" if cut_short else "no start converged"
+    lost = [one.after.figures.rank for one in attempts if one.after is not None]
+    if objective in ("logdet", "min_eigenvalue") and all(
+        not math.isfinite(one.after.figures.logdet) for one in attempts if one.after is not None
+    ):
+        return (
+            f"no result is observable (rank {max(lost)}), so {objective} can't tell them apart; "
+            "give landmarks, or the objective predicted_rms"
+        )
     if any(not one.violations for one in attempts if one.after is not None):
         within = " in the time there was" if cut_short else ""
         return f"no start found a better plan than the one given{within}"
