@@ -202,7 +202,7 @@ def _pair_parameters(problem: RefineProblem, pairs: Index, views: bool) -> Array
         half, boresights = 0.5 * sensors.fields_of_view, sensors.boresights
         half = np.where(half >= np.pi, _ALL_ROUND, half)
         rows += [half[a], half[b], boresights[a], boresights[b]]
-    return np.array(rows, dtype=float).reshape(-1, len(pairs))
+    return np.array(rows, dtype=float).reshape(len(rows), len(pairs))
 
 
 def _shares(problem: RefineProblem, pairs: Index) -> tuple[Array, Array]:
@@ -224,7 +224,7 @@ def _anchor_parameters(problem: RefineProblem, vehicles: Index, views: bool) -> 
     if views:
         half = 0.5 * sensors.fields_of_view[vehicles]
         rows += [np.where(half >= np.pi, _ALL_ROUND, half), sensors.boresights[vehicles]]
-    return np.array(rows, dtype=float).reshape(-1, len(vehicles))
+    return np.array(rows, dtype=float).reshape(len(rows), len(vehicles))
 
 
 def _places(sighted: Sighted, count: int) -> tuple[ca.Sparsity, ca.DM]:
