@@ -326,7 +326,7 @@ def _sighting_rows(given: Plan, times: Array) -> list[Array]:
         for row, (i, j) in zip(rows, seen, strict=True):
             target = path[k, j] if j < n else given.landmarks[j - n]
             qx, qy = target - path[k, i]
-            squared = qx**2 + qy**2
+            squared = max(qx**2 + qy**2, 1e-20)
             by_target = np.array([-qy, qx]) / squared
             gone = path[k, i] - first[i]
             row[3 * i : 3 * i + 2] = -by_target
