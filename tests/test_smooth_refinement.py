@@ -124,7 +124,7 @@ def test_the_information_approaches_the_exact_one_as_the_step_narrows(
 def test_samples_counted_together_tell_nearly_as_much_as_one_by_one() -> None:
     problem = _problem(sensor=UNEQUAL)
     each, together = (_smooth_information(problem, 0.03, most) for most in (10_000, 64))
-    assert np.abs(together - each).max() < 0.01 * np.abs(each).max()
+    assert np.abs(together - each).max() < 3e-4 * np.abs(each).max()
 
 
 def _differences(function: ca.Function, at: Array, step: float = 1e-6) -> Array:
@@ -285,17 +285,28 @@ def _exact_rms(problem: RefineProblem) -> Array:
 def test_the_smooth_error_of_the_paper_grid_is_near_the_posterior_bound() -> None:
     given = plan(example("paper-grid-same"))
     problem = problem_of(given, options_for(given.scenario, None, {}))
-    np.testing.assert_allclose(_smooth_rms(problem, 0.02), _exact_rms(problem), rtol=0.03)
+    np.testing.assert_allclose(_smooth_rms(problem, 0.02), _exact_rms(problem), rtol=0.01)
 
 
 def test_the_smooth_error_of_mixed_radii_is_near_the_posterior_bound() -> None:
     problem = replace(_problem(sensor=VIEWS), duration=120.0)
-    np.testing.assert_allclose(_smooth_rms(problem, 0.02), _exact_rms(problem), rtol=0.03)
+    np.testing.assert_allclose(_smooth_rms(problem, 0.02), _exact_rms(problem), rtol=0.01)
 
 
-def test_the_smooth_error_follows_radii_that_change() -> None:
+@pytest.mark.parametrize(
+    ("motion", "sample_time", "tolerance"),
+    [
+        ({"speed_sigma_mps": 0.1, "turn_rate_sigma_rad_s": 0.01}, 0.2, 0.02),
+        ({"speed_sigma_mps": 0.01, "turn_rate_sigma_rad_s": 0.1}, 1.0, 0.08),
+    ],
+    ids=["mostly of speed", "mostly of turn rate"],
+)
+def test_the_smooth_error_follows_radii_that_change(
+    motion: dict[str, float], sample_time: float, tolerance: float
+) -> None:
     # the noise of a turn grows with the radius, though it is formed for those of the plan
-    problem = _problem("predicted_rms", RADII, sensor=UNEQUAL)
+    sensor = [dict(one, sample_time_s=sample_time) for one in UNEQUAL]
+    problem = _problem("predicted_rms", RADII, sensor=sensor, motion=motion)
     wider = circles_of(problem.orbits)
     wider[2] *= [1.15, 0.9, 1.1]
     moved = replace(problem, orbits=orbits_of(wider, problem.orbits))
@@ -306,7 +317,7 @@ def test_the_smooth_error_follows_radii_that_change() -> None:
     scaled = wider.copy()
     scaled[:3] /= problem.scale
     found = np.array(ca.Function("r", [circles], [rms])(scaled)).ravel() * problem.scale
-    np.testing.assert_allclose(found, _exact_rms(moved), rtol=0.03)
+    np.testing.assert_allclose(found, _exact_rms(moved), rtol=tolerance)
 
 
 def test_variables_and_circles_are_each_others_inverse() -> None:
