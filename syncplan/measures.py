@@ -115,10 +115,13 @@ def measure(problem: RefineProblem, orbits: Orbits, *, predict: bool = True) -> 
     windows = find_windows(orbits, landmarks, sensors)
     last = math.ceil(problem.window / sensors.sample_time - 1e-9) - 1
     sightings = sample_sightings(windows, orbits.period, sensors.sample_time, 0, last)
-    verdict = assess(orbits, link_information(orbits, landmarks, sensors, sightings, scale), scale)
-    # judged as the plan is: in its own mean radius
+    # judged as the plan is, in its own mean radius; measured in that of the plan refined
     information = link_information(orbits, landmarks, sensors, sightings)
     judged = assess(orbits, information)
+    verdict = judged
+    if judged.scale != scale:
+        measured = link_information(orbits, landmarks, sensors, sightings, scale)
+        verdict = assess(orbits, measured, scale)
     bound = window_bound(judged)
     squared = verdict.singular_values**2
     rms = np.full(orbits.count, np.nan)

@@ -105,7 +105,8 @@ class Program:
         if self.information is None:
             return variables
         smallest = np.linalg.eigvalsh(np.array(ca.DM(self.information(variables))))[0]
-        return np.append(variables, _INSIDE * smallest / _spread(self.problem))
+        share = max(smallest / _spread(self.problem) + _SHIFT, 0.5 * _SHIFT)
+        return np.append(variables, np.log(_INSIDE * share))
 
     def circles_of(self, variables: Array) -> Array:
         """Return the circles (4, n) in m and rad."""
@@ -225,9 +226,9 @@ def _objective(
         diagonal = ca.diag(ca.MX(team.sparsity, information))
         return chosen, -ca.log(ca.sum1(diagonal)), False
     if problem.objective == "min_eigenvalue":
-        below = ca.MX.sym("t")
-        unit = _spread(problem)
-        inside = log_determinant(team.sparsity)(information, -below * unit)
+        below = ca.MX.sym("log_t")
+        least = ca.exp(below) * _spread(problem)
+        inside = log_determinant(team.sparsity)(information, shift - least)
         return ca.vertcat(chosen, below), -below - stage.barrier * inside / size, True
     if problem.objective == "logdet":
         return chosen, -log_determinant(team.sparsity)(information, shift) / size, False

@@ -16,19 +16,20 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from syncplan.errors import SyncplanError
+from syncplan.exact_search import improved_nearby
 from syncplan.measures import Measurement, measure
-from syncplan.refine_problem import RefineProblem, orbits_of
+from syncplan.refine_problem import RefineProblem, circles_of, orbits_of
 from syncplan.refine_solver import SolverProgress, SolverRun, Steering, solve
 from syncplan.refine_starts import starting_circles
 
-__all__ = ["Attempt", "RefineTask", "run_starts"]
+__all__ = ["Attempt", "RefineTask", "rank_of", "run_starts", "searched_nearby"]
 
 Array = NDArray[np.float64]
 
@@ -151,6 +152,37 @@ def _interruption() -> Iterator[threading.Event]:
         yield event
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def searched_nearby(
+    task: RefineTask, attempts: list[Attempt], deadline: float
+) -> tuple[list[Attempt], bool]:
+    """Return the attempts, the best improved by an exact search, and whether Ctrl-C cut it short.
+
+    Where the plan itself is better than all of them, the search begins with the plan, and what it
+    finds takes the place of the best attempt's candidate.
+    """
+    if not attempts:
+        return attempts, False
+    problem, before = task.problem, task.before
+    number = min(range(len(attempts)), key=lambda k: rank_of(problem, attempts[k]))
+    best = attempts[number]
+    circles, own = best.circles, (False, before.figures.cost(problem.objective))
+    if circles is None or rank_of(problem, best) >= own:
+        circles = circles_of(problem.orbits)
+    generator = np.random.default_rng(task.seed)
+    with _interruption() as interrupted:
+
+        def over() -> bool:
+            return interrupted.is_set() or time.monotonic() >= deadline
+
+        found = improved_nearby(
+            problem, before, circles, generator, predict=task.predict, over=over
+        )
+        if found is None:
+            return attempts, interrupted.is_set()
+        improved = replace(best, circles=found[0], after=found[1], violations=())
+        return [*attempts[:number], improved, *attempts[number + 1 :]], interrupted.is_set()
 
 
 # --- child processes ----------------------------------------------------------------------------

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from syncplan.refine_solver import SolverProgress
     from syncplan.refine_tasks import Attempt
 
-__all__ = ["RefineProgress", "options_for", "refine"]
+__all__ = ["RefineProgress", "options_for", "problem_of", "refine"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -77,12 +77,11 @@ def refine(
     """
     given = subject if isinstance(subject, Plan) else plan(subject)
     chosen = options_for(given.scenario, options, changes)
-    problem = _problem(given, chosen)
+    problem = problem_of(given, chosen)
     _refuse_conflicts(given, problem, chosen)
     predict = "rms" in problem.objective or bound_is_affordable(
         given.orbits.count, problem.duration, problem.sensors.sample_time
     )
-    problem = _with_limits(problem, measure(problem, given.orbits, predict=False), chosen)
     before = measure(problem, given.orbits, predict=predict)
     attempts, cut_short = _search(given, chosen, problem, before, predict, workers, progress)
     return _best(given, chosen, problem, before, attempts, cut_short)
@@ -113,7 +112,13 @@ def _objective(options: RefineOptions, count: int) -> Objective:
 # --- the problem ----------------------------------------------------------------------------------
 
 
-def _problem(given: Plan, options: RefineOptions) -> RefineProblem:
+def problem_of(given: Plan, options: RefineOptions) -> RefineProblem:
+    """Return what `options` ask of a plan as arrays; margins no larger than it has them."""
+    problem = _problem_as_asked(given, options)
+    return _with_limits(problem, measure(problem, given.orbits, predict=False), options)
+
+
+def _problem_as_asked(given: Plan, options: RefineOptions) -> RefineProblem:
     scenario, sensors = given.scenario, given.sensors
     area = Area.of(scenario.area_m, scenario.keep_out_m)
     samples = _samples_in_contact(given)
@@ -290,7 +295,7 @@ def _search(
     progress: RefineProgress | None,
 ) -> tuple[list["Attempt"], bool]:
     """Attempts from all starts; once more with the window bound as a limit if it got in the way."""
-    from syncplan.refine_tasks import RefineTask, run_starts
+    from syncplan.refine_tasks import RefineTask, run_starts, searched_nearby
 
     began = time.monotonic()
     task = RefineTask(
@@ -318,6 +323,8 @@ def _search(
         limited = replace(problem, window_limit=before.figures.window_bound)
         again, interrupted = run(replace(task, problem=limited))
         attempts += again
+    if not interrupted:
+        attempts, interrupted = searched_nearby(task, attempts, began + options.time_limit_s)
     return attempts, interrupted or time.monotonic() - began >= options.time_limit_s
 
 
@@ -328,7 +335,8 @@ def _natural(problem: RefineProblem, objective: float) -> float:
     if problem.objective == "trace":
         return math.exp(min(-objective, 700.0))
     if problem.objective == "min_eigenvalue":
-        return -objective * float(np.mean(1.0 / problem.sensors.bearing_sigmas**2))
+        spread = float(np.mean(1.0 / problem.sensors.bearing_sigmas**2))
+        return math.exp(min(-objective, 700.0)) * spread
     return math.exp(min(objective, 700.0)) * problem.scale
 
 

@@ -3,8 +3,8 @@
 All are minimised and free of scale, so that one solver tolerance serves all:
 
     logdet            -(log det W) / 3n
-    trace             -(tr W) / (tr W at the start)
-    min_eigenvalue    -t / t0 - mu (log det (W - t I)) / 3n, with t a variable: as mu falls, t
+    trace             -log tr W
+    min_eigenvalue    -log t - mu (log det (W - t I)) / 3n, with log t a variable: as mu falls, t
                       approaches the smallest eigenvalue from below (Nesterov and Nemirovskii's
                       barrier of the linear matrix inequality W >= t I)
     predicted_rms     log of the posterior bound's RMS, see syncplan.smooth_bound

@@ -54,6 +54,7 @@ ORDER = (
     "montecarlo",
     "refine_problem",
     "measures",
+    "exact_search",
     "refinement_record",
     "blocks",
     "smooth_sightings",
