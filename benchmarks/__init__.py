@@ -13,9 +13,10 @@ class Figure:
     Attributes
     ----------
     what : what was measured
-    value : s where the unit is "s", times as fast where it is "x", a plain number where empty
-    unit : "s", "x" or empty
-    target : a most for seconds, a least for ratios; None where there is none
+    value : s where the unit is "s", times as fast where it is "x", megabytes where it is "MB",
+        the exponent of n where it is "power", a plain number where empty
+    unit : "s", "x", "MB", "power" or empty
+    target : a least for ratios, a most for all else; None where there is none
     """
 
     what: str
@@ -42,6 +43,8 @@ class Figure:
 def _text(value: float, unit: str) -> str:
     if unit == "s":
         return f"{value:.2f} s" if value >= 1.0 else f"{1e3 * value:.3g} ms"
+    if unit == "power":
+        return f"n^{value:.2f}"
     number = f"{value:,.0f}" if value >= 100.0 or not unit else f"{value:.2g}"
     return f"{number} {unit}".strip()
 

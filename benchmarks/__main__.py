@@ -6,10 +6,20 @@ import platform
 import sys
 from pathlib import Path
 
-from benchmarks import Figure, contacts, montecarlo, observability, print_figures, startup
+from benchmarks import (
+    Figure,
+    contacts,
+    montecarlo,
+    objectives,
+    observability,
+    print_figures,
+    refinement,
+    startup,
+)
 
 README = Path(__file__).with_name("README.md")
 BEGIN, END = "<!-- figures: python -m benchmarks --write -->", "<!-- end of figures -->"
+BEGIN_ERRORS, END_ERRORS = "<!-- errors: python -m benchmarks --write -->", "<!-- end of errors -->"
 
 
 def montecarlo_figures(result: dict[str, float]) -> list[Figure]:
@@ -25,7 +35,7 @@ def montecarlo_figures(result: dict[str, float]) -> list[Figure]:
 
 
 def main() -> list[Figure]:
-    """Run the four benchmarks and return all their figures."""
+    """Run all benchmarks with figures and return these."""
     figures = []
     _announce("startup")
     figures += startup.figures(startup.main())
@@ -35,6 +45,8 @@ def main() -> list[Figure]:
     figures += observability.figures(observability.main())
     _announce("montecarlo")
     figures += montecarlo_figures(montecarlo.main())
+    _announce("refinement")
+    figures += refinement.main()
     return figures
 
 
@@ -49,15 +61,32 @@ def machine() -> str:
 
 def write_table(figures: list[Figure], readme: Path) -> None:
     """Put the table between the markers of `readme`. Raises ValueError where they are missing."""
+    rows = [["", "Measured", "Target"]]
+    rows += [[figure.what, figure.text, figure.target_text] for figure in figures]
+    table = _markdown(rows, ["---", "---:", "---"])
+    _write_between(BEGIN, END, f"Measured on {machine()}.\n\n{table}", readme)
+
+
+def write_errors(errors: objectives.Errors, readme: Path) -> None:
+    """As `write_table`, for the errors by objective."""
+    rows = objectives.rows(errors)
+    table = _markdown(rows, ["---"] * len(rows[0]))
+    _write_between(BEGIN_ERRORS, END_ERRORS, table, readme)
+
+
+def _markdown(rows: list[list[str]], rule: list[str]) -> str:
+    header = "|" + "|".join(rule) + "|"
+    lines = [f"| {' | '.join(row)} |" for row in rows]
+    return "\n".join([lines[0], header, *lines[1:]])
+
+
+def _write_between(begin: str, end: str, block: str, readme: Path) -> None:
     text = readme.read_text(encoding="utf-8")
-    before, begin, rest = text.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not begin or not end:
-        raise ValueError(f"{readme.name}: the table goes between the lines {BEGIN} and {END}")
-    rows = [f"| {figure.what} | {figure.text} | {figure.target_text} |" for figure in figures]
-    table = "\n".join(["| | Measured | Target |", "|---|---:|---|", *rows])
-    block = f"{BEGIN}\n\nMeasured on {machine()}.\n\n{table}\n\n{END}"
-    readme.write_text(before + block + after, encoding="utf-8")
+    before, found, rest = text.partition(begin)
+    _, ended, after = rest.partition(end)
+    if not found or not ended:
+        raise ValueError(f"{readme.name}: the table goes between the lines {begin} and {end}")
+    readme.write_text(f"{before}{begin}\n\n{block}\n\n{end}{after}", encoding="utf-8")
 
 
 if __name__ == "__main__":
@@ -66,5 +95,9 @@ if __name__ == "__main__":
     wanted = parser.parse_args()
     measured = main()
     print_figures(measured)
+    _announce("objectives")
+    errors = objectives.main()
+    print(_markdown(objectives.rows(errors), ["---"] * (1 + len(errors))))
     if wanted.write:
         write_table(measured, README)
+        write_errors(errors, README)
