@@ -18,7 +18,7 @@ from scipy.special import expit, logsumexp
 from syncplan.observability import NEAREST
 from syncplan.refine_problem import RefineProblem
 from syncplan.refine_program import Stage
-from syncplan.smooth_sightings import sample_times
+from syncplan.sample_times import samples_of
 from syncplan.smooth_team import sighted_pairs
 
 __all__ = ["VectorisedTeam"]
@@ -111,9 +111,7 @@ class VectorisedTeam:
         )
         if not plain:
             raise ValueError("written for logdet, equal sensors that see all round, free circles")
-        times = sample_times(
-            problem.window, sensors.sample_time, problem.orbits.rate, stage.samples
-        )
+        times = samples_of(problem.window, sensors.sample_time, problem.orbits.rate, stage.samples)
         sighted = sighted_pairs(problem)
         first, second = np.concatenate([sighted.pairs, sighted.anchors]).T
         kept = np.concatenate([problem.pairs, problem.anchors])

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from syncplan.blocks import Blocks, stacked_blocks
 from syncplan.clearances import area_clearances, separations
 from syncplan.refine_problem import RefineProblem
+from syncplan.sample_times import samples_of
 from syncplan.smooth_bound import coarse_run, smooth_rms
 from syncplan.smooth_objectives import log_determinant, window_excess
-from syncplan.smooth_sightings import sample_times
 from syncplan.smooth_team import SmoothTeam
 
 __all__ = ["Program", "Stage", "program_of", "stages_of"]
@@ -131,7 +131,7 @@ class Program:
 def stages_of(problem: RefineProblem) -> tuple[Stage, ...]:
     """Return soft, sharper, nearly hard: the last step as wide as what passes between samples."""
     most = int(np.clip(12_000 // max(problem.orbits.count, 1), 2 * _FEW, _MANY))
-    times = sample_times(problem.window, problem.sensors.sample_time, problem.orbits.rate, most)
+    times = samples_of(problem.window, problem.sensors.sample_time, problem.orbits.rate, most)
     passed = 2.0 * problem.orbits.radii.max() * times.spacing
     share = _STEP_OF_SPACING * passed / problem.sensors.ranges.max()
     last = float(np.clip(share, _LEAST_WIDTH, _LARGEST_WIDTH))
@@ -148,7 +148,7 @@ def program_of(problem: RefineProblem, stage: Stage) -> Program:
     free = np.flatnonzero(freedom.free.ravel(order="F"))
     chosen = ca.MX.sym("x", len(free))
     circles = _circles(problem, chosen, free)
-    times = sample_times(
+    times = samples_of(
         problem.window, problem.sensors.sample_time, problem.orbits.rate, stage.samples
     )
     team = SmoothTeam.of(problem, times)
@@ -233,9 +233,9 @@ def _objective(
     if problem.objective == "logdet":
         return chosen, -log_determinant(team.sparsity)(information, shift) / size, False
     run = coarse_run(problem)
-    seen = SmoothTeam.of(problem, run.times, each=True)
+    seen = SmoothTeam.of(problem, run.times)
     width = max(stage.width, _coarse_width(problem, run.times.spacing))
-    each = seen.information(circles, width)
+    each = seen.information(circles, width, each=True)
     rms = smooth_rms(problem, run, seen.sparsity, each, circles)
     if problem.objective == "predicted_rms":
         return chosen, 0.5 * ca.log(ca.sumsqr(rms) / rms.numel()), False

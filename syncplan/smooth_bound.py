@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from syncplan.bounds import arc_noise_gain
 from syncplan.refine_problem import RefineProblem
-from syncplan.smooth_sightings import SampleTimes
+from syncplan.sample_times import SampleTimes
 
 __all__ = ["CoarseRun", "coarse_run", "smooth_rms"]
 

@@ -5,7 +5,7 @@ enter. Each pair's ten sums land in fixed places of the sparse information matri
 factorisation CasADi carries out symbolically once; its derivative is the selected inverse.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 
 from syncplan.blocks import Blocks, pair_blocks, single_blocks, stacked_blocks
 from syncplan.refine_problem import RefineProblem
+from syncplan.sample_times import SampleTimes
+from syncplan.smooth_contacts import anchor_contact, pair_contact
 from syncplan.smooth_sightings import (
     ANCHOR_SUMS,
     PAIR_SUMS,
-    SampleTimes,
-    anchor_function,
-    pair_function,
+    Paths,
+    anchor_information,
+    pair_information,
 )
 
 __all__ = ["Sighted", "SmoothTeam", "sighted_pairs"]
@@ -49,104 +51,76 @@ class Sighted:
 
 @dataclass(frozen=True, slots=True)
 class SmoothTeam:
-    """The functions of all pairs that may meet, for the circles X (4, n) of a team, scaled.
+    """A team's information and contacts for its circles X (4, n), scaled.
 
     Attributes
     ----------
+    problem, sighted : what may be seen
+    times : samples that information is summed over
     sparsity : of the (3 n, 3 n) information matrix, all of it
     place : (nnz, sums) where each pair's sums go
-    pair, anchor : functions of one pair, see syncplan.smooth_sightings
     """
 
     problem: RefineProblem
     sighted: Sighted
+    times: SampleTimes
     sparsity: ca.Sparsity
     place: ca.DM
-    pair: ca.Function
-    anchor: ca.Function
-    pair_parameters: Array
-    anchor_parameters: Array
 
     @classmethod
-    def of(cls, problem: RefineProblem, times: SampleTimes, *, each: bool = False) -> "SmoothTeam":
-        """Return the team of a problem, seen at `times`; with `each`, sample by sample."""
+    def of(cls, problem: RefineProblem, times: SampleTimes) -> "SmoothTeam":
+        """Return the team of a problem, seen at `times`."""
         sighted = sighted_pairs(problem)
-        sensors = problem.sensors
-        views = bool(np.any(sensors.fields_of_view < 2.0 * np.pi))
         sparsity, place = _places(sighted, problem.orbits.count)
-        return cls(
-            problem,
-            sighted,
-            sparsity,
-            place,
-            pair_function(times, views, each),
-            anchor_function(times, views, each),
-            _pair_parameters(problem, sighted.pairs, views),
-            _anchor_parameters(problem, sighted.anchors[:, 0], views),
-        )
+        return cls(problem, sighted, times, sparsity, place)
 
-    def information(self, circles: ca.MX, width: float) -> ca.MX:
-        """Return the non-zeros of the information, (nnz, 1), or (nnz, k) sample by sample."""
-        widths = ca.DM([width, width, 0.0])
+    def information(self, circles: ca.MX, width: float, *, each: bool = False) -> ca.MX:
+        """Return the non-zeros of the information, (nnz, 1), or (nnz, k) for each sample."""
+        problem = self.problem
+        sensors = replace(problem.sensors, ranges=problem.sensors.ranges / problem.scale)
+        paths = Paths.of(circles, problem.orbits.senses, sensors, self.times)
         pairs, anchors = self.sighted.pairs, self.sighted.anchors
         parts = []
         if len(pairs):
-            function = self.pair.slice("pair_information", [0, 1, 2, 3], [0]).map(len(pairs))
-            parts.append(
-                function(
-                    circles[:, pairs[:, 0].tolist()],
-                    circles[:, pairs[:, 1].tolist()],
-                    self.pair_parameters,
-                    ca.repmat(widths, 1, len(pairs)),
-                )
-            )
+            parts.append(pair_information(paths, pairs, width, each))
         if len(anchors):
-            function = self.anchor.slice("anchor_information", [0, 1, 2, 3], [0]).map(len(anchors))
-            parts.append(
-                function(
-                    circles[:, anchors[:, 0].tolist()],
-                    self._places_of(anchors[:, 1]),
-                    self.anchor_parameters,
-                    ca.repmat(widths, 1, len(anchors)),
-                )
-            )
-        samples = self.pair.size2_out(0)
-        # each pair's columns stand side by side: bring them below each other, one column a sample
-        stacked = [
-            ca.vertcat(*ca.horzsplit(part, samples)) if samples > 1 else ca.vec(part)
-            for part in parts
-        ]
-        if not stacked:
-            return ca.MX.zeros(self.sparsity.nnz(), samples)
-        return self.place @ ca.vertcat(*stacked)
+            places = self._places_of(anchors[:, 1])
+            parts.append(anchor_information(paths, anchors[:, 0], places, width, each))
+        if not parts:
+            return ca.MX.zeros(self.sparsity.nnz(), len(self.times.angles) if each else 1)
+        return self.place @ ca.vertcat(*parts)
 
     def contacts(self, circles: ca.MX, width: float, safety: float) -> Blocks:
         """Return the logarithm of the samples in contact of what is to be kept.
 
-        `safety` in m is added to the margins.
+        `width` is that of the step; `safety` in m is added to the margins.
         """
         problem = self.problem
         kept, held = problem.pairs, problem.anchors
+        views = bool(np.any(problem.sensors.fields_of_view < 2.0 * np.pi))
         blocks = []
         if len(kept):
-            parameters = ca.DM(self.pair_parameters[:, : len(kept)])
-            widths = self._widths(width, problem.pair_margins + safety)
-            function = self.pair.slice("pair_contact", [0, 1, 2, 3], [1])
+            inputs = [
+                ca.DM(_pair_parameters(problem, kept, views)),
+                self._steps(width, problem.pair_margins + safety),
+            ]
             lower, labels = np.log(problem.pair_samples), self._labels(kept, problem.pair_margins)
-            blocks.append(pair_blocks(function, circles, kept, [parameters, widths], lower, labels))
+            function = pair_contact(self.times, views)
+            blocks.append(pair_blocks(function, circles, kept, inputs, lower, labels))
         if len(held):
-            parameters = ca.DM(self.anchor_parameters[:, : len(held)])
-            widths = self._widths(width, problem.anchor_margins + safety)
-            function = self.anchor.slice("anchor_contact", [0, 1, 2, 3], [1])
+            inputs = [
+                ca.DM(self._places_of(held[:, 1]).T),
+                ca.DM(_anchor_parameters(problem, held[:, 0], views)),
+                self._steps(width, problem.anchor_margins + safety),
+            ]
             lower = np.log(problem.anchor_samples)
             labels = self._labels(held, problem.anchor_margins)
-            inputs = [self._places_of(held[:, 1]), parameters, widths]
+            function = anchor_contact(self.times, views)
             blocks.append(single_blocks(function, circles, held[:, 0], inputs, lower, labels))
         return stacked_blocks(blocks, problem.orbits.count)
 
-    def _widths(self, width: float, margins: Array) -> ca.DM:
-        steps = np.full((2, len(margins)), width)
-        return ca.DM(np.concatenate([steps, margins[None] / self.problem.scale]))
+    def _steps(self, width: float, margins: Array) -> ca.DM:
+        return ca.DM(np.stack([np.full(len(margins), width), margins / self.problem.scale]))
 
     def _labels(self, pairs: Index, margins: Array) -> list[str]:
         names = self.problem.names
@@ -155,9 +129,9 @@ class SmoothTeam:
             for (a, b), margin in zip(pairs.tolist(), margins, strict=True)
         ]
 
-    def _places_of(self, landmarks: Index) -> ca.DM:
-        chosen = self.problem.landmarks[landmarks - self.problem.orbits.count]
-        return ca.DM(chosen.T / self.problem.scale)
+    def _places_of(self, landmarks: Index) -> Array:
+        """(k, 2) scaled."""
+        return self.problem.landmarks[landmarks - self.problem.orbits.count] / self.problem.scale
 
 
 def sighted_pairs(problem: RefineProblem) -> Sighted:
@@ -191,13 +165,11 @@ def _as_pairs(pairs: list[tuple[int, ...]]) -> Index:
 
 
 def _pair_parameters(problem: RefineProblem, pairs: Index, views: bool) -> Array:
-    """(8 or 12, e) as `pair_function` wants them."""
+    """(6 or 10, e) as `pair_contact` wants them."""
     sensors, senses = problem.sensors, problem.orbits.senses
     a, b = pairs[:, 0], pairs[:, 1]
     ranges = sensors.ranges / problem.scale
-    inverse = 1.0 / sensors.bearing_sigmas**2
-    share = _shares(problem, pairs)
-    rows = [senses[a], senses[b], ranges[a], ranges[b], inverse[a], inverse[b], *share]
+    rows = [senses[a], senses[b], ranges[a], ranges[b], *_shares(problem, pairs)]
     if views:
         half, boresights = 0.5 * sensors.fields_of_view, sensors.boresights
         half = np.where(half >= np.pi, _ALL_ROUND, half)
@@ -214,13 +186,9 @@ def _shares(problem: RefineProblem, pairs: Index) -> tuple[Array, Array]:
 
 
 def _anchor_parameters(problem: RefineProblem, vehicles: Index, views: bool) -> Array:
-    """(3 or 5, k) as `anchor_function` wants them."""
+    """(2 or 4, k) as `anchor_contact` wants them."""
     sensors = problem.sensors
-    rows = [
-        problem.orbits.senses[vehicles],
-        sensors.ranges[vehicles] / problem.scale,
-        1.0 / sensors.bearing_sigmas[vehicles] ** 2,
-    ]
+    rows = [problem.orbits.senses[vehicles], sensors.ranges[vehicles] / problem.scale]
     if views:
         half = 0.5 * sensors.fields_of_view[vehicles]
         rows += [np.where(half >= np.pi, _ALL_ROUND, half), sensors.boresights[vehicles]]
@@ -229,19 +197,18 @@ def _anchor_parameters(problem: RefineProblem, vehicles: Index, views: bool) -> 
 
 def _places(sighted: Sighted, count: int) -> tuple[ca.Sparsity, ca.DM]:
     """Sparsity of the information, and the matrix that adds each pair's sums into its non-zeros."""
+    pairs, anchors = len(sighted.pairs), len(sighted.anchors)
     entries: list[tuple[int, int, int, float]] = []
     for k, (a, b) in enumerate((3 * sighted.pairs).tolist()):
         entries += [
-            (row, column, PAIR_SUMS * k + source, sign)
-            for row, column, source, sign in _pair_entries(a, b)
+            (row, column, pairs * one + k, sign) for row, column, one, sign in _pair_entries(a, b)
         ]
-    offset = PAIR_SUMS * len(sighted.pairs)
+    offset = PAIR_SUMS * pairs
     for k, a in enumerate((3 * sighted.anchors[:, 0]).tolist()):
-        for source, (i, j) in enumerate(((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))):
-            entries.append((a + i, a + j, offset + ANCHOR_SUMS * k + source, 1.0))
-    entries += [
-        (column, row, source, sign) for row, column, source, sign in entries if row != column
-    ]
+        for one, (i, j) in enumerate(((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))):
+            entries.append((a + i, a + j, offset + anchors * one + k, 1.0))
+    mirrored = [(column, row, one, sign) for row, column, one, sign in entries if row != column]
+    entries += mirrored
     size = 3 * count
     rows, columns = [one[0] for one in entries], [one[1] for one in entries]
     sparsity = ca.Sparsity.triplet(size, size, rows, columns) + ca.Sparsity.diag(size)
@@ -251,7 +218,7 @@ def _places(sighted: Sighted, count: int) -> tuple[ca.Sparsity, ca.DM]:
         [one[2] for one in entries],
         ca.DM([one[3] for one in entries]),
         sparsity.nnz(),
-        offset + ANCHOR_SUMS * len(sighted.anchors),
+        offset + ANCHOR_SUMS * anchors,
     )
     return sparsity, place
 

@@ -57,7 +57,9 @@ ORDER = (
     "exact_search",
     "refinement_record",
     "blocks",
+    "sample_times",
     "smooth_sightings",
+    "smooth_contacts",
     "smooth_team",
     "smooth_bound",
     "smooth_objectives",
@@ -94,6 +96,7 @@ LIBRARIES = {
     "casadi": {
         "blocks",
         "smooth_sightings",
+        "smooth_contacts",
         "smooth_team",
         "smooth_bound",
         "smooth_objectives",

@@ -17,10 +17,10 @@ from syncplan.refine_options import Objective
 from syncplan.refine_problem import RefineProblem, circles_of, orbits_of
 from syncplan.refine_program import Program, Stage, program_of
 from syncplan.refinement import options_for, problem_of
+from syncplan.sample_times import samples_of
 from syncplan.separation import least_distances
 from syncplan.sightings import sample_sightings
 from syncplan.smooth_bound import coarse_run, smooth_rms
-from syncplan.smooth_sightings import sample_times
 from syncplan.smooth_team import SmoothTeam
 from tests.scenarios import example, small
 
@@ -33,7 +33,7 @@ OBJECTIVES: tuple[Objective, ...] = (
     "predicted_rms",
     "worst_predicted_rms",
 )
-STAGE = Stage(samples=64, width=0.05, barrier=0.1, iterations=1, last=True)
+STAGE = Stage(samples=64, width=0.05, barrier=0.1, iterations=1, tolerance=1e-5, last=True)
 PERIOD_S = 2.0 * np.pi / 0.2
 
 MIXED: dict[str, Any] = {
@@ -72,7 +72,7 @@ def _scaled(problem: RefineProblem) -> Array:
 
 
 def _smooth_information(problem: RefineProblem, width: float, most: int = 10_000) -> Array:
-    times = sample_times(problem.window, problem.sensors.sample_time, problem.orbits.rate, most)
+    times = samples_of(problem.window, problem.sensors.sample_time, problem.orbits.rate, most)
     team = SmoothTeam.of(problem, times)
     circles = ca.MX.sym("X", 4, problem.orbits.count)
     entries = ca.MX(team.sparsity, team.information(circles, width))
@@ -268,9 +268,11 @@ def test_the_smooth_separation_of_opposite_senses_is_close_to_the_true_one() -> 
 
 def _smooth_rms(problem: RefineProblem, width: float) -> Array:
     run = coarse_run(problem)
-    team = SmoothTeam.of(problem, run.times, each=True)
+    team = SmoothTeam.of(problem, run.times)
     circles = ca.MX.sym("X", 4, problem.orbits.count)
-    rms = smooth_rms(problem, run, team.sparsity, team.information(circles, width), circles)
+    rms = smooth_rms(
+        problem, run, team.sparsity, team.information(circles, width, each=True), circles
+    )
     return np.array(ca.Function("r", [circles], [rms])(_scaled(problem))).ravel() * problem.scale
 
 
@@ -311,9 +313,11 @@ def test_the_smooth_error_follows_radii_that_change(
     wider[2] *= [1.15, 0.9, 1.1]
     moved = replace(problem, orbits=orbits_of(wider, problem.orbits))
     run = coarse_run(problem)
-    team = SmoothTeam.of(problem, run.times, each=True)
+    team = SmoothTeam.of(problem, run.times)
     circles = ca.MX.sym("X", 4, 3)
-    rms = smooth_rms(problem, run, team.sparsity, team.information(circles, 0.02), circles)
+    rms = smooth_rms(
+        problem, run, team.sparsity, team.information(circles, 0.02, each=True), circles
+    )
     scaled = wider.copy()
     scaled[:3] /= problem.scale
     found = np.array(ca.Function("r", [circles], [rms])(scaled)).ravel() * problem.scale
