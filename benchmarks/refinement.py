@@ -118,9 +118,8 @@ class Posed:
         """Return the problem that `refine` poses itself."""
         given = plan(scenario_from(scenario))
         options = refinement.options_for(given.scenario, None, {"objective": "logdet", "starts": 1})
-        problem = refinement._problem(given, options)
-        before = measure(problem, given.orbits, predict=False)
-        return cls(refinement._with_limits(problem, before, options), before)
+        problem = refinement.problem_of(given, options)
+        return cls(problem, measure(problem, given.orbits, predict=False))
 
     def best(self, candidates: list[Array]) -> float:
         """Return the largest exact log det of candidates (4, n) that violate nothing."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from syncplan.blocks import Blocks, stacked_blocks
 from syncplan.clearances import area_clearances, separations
 from syncplan.refine_problem import RefineProblem
-from syncplan.sample_times import samples_of
+from syncplan.sample_times import SampleTimes, samples_of
 from syncplan.smooth_bound import coarse_run, smooth_rms
 from syncplan.smooth_objectives import log_determinant, window_excess
 from syncplan.smooth_team import SmoothTeam
@@ -28,6 +28,9 @@ _SAFETY_WIDTHS = 3.0
 """Steps of contact by which kept links stay inside their margin in the last stage."""
 
 _FEW, _MANY = 64, 400
+_CONTACT_SAMPLES = 96
+"""Contact asks for few samples, and where the distance is least it hardly changes between them."""
+
 _SHIFT = 1e-9
 """Added to the information, relative to its mean diagonal: a team that is not observable yet."""
 
@@ -131,15 +134,20 @@ class Program:
 def stages_of(problem: RefineProblem) -> tuple[Stage, ...]:
     """Return soft, sharper, nearly hard: the last step as wide as what passes between samples."""
     most = int(np.clip(12_000 // max(problem.orbits.count, 1), 2 * _FEW, _MANY))
-    times = samples_of(problem.window, problem.sensors.sample_time, problem.orbits.rate, most)
+    times = _times(problem, most)
     passed = 2.0 * problem.orbits.radii.max() * times.spacing
     share = _STEP_OF_SPACING * passed / problem.sensors.ranges.max()
     last = float(np.clip(share, _LEAST_WIDTH, _LARGEST_WIDTH))
     return (
         Stage(_FEW, 0.1, 0.3, 60, 1e-3, False),
         Stage(_FEW, max(0.04, last), 0.05, 60, 1e-3, False),
-        Stage(most, last, 0.01, 150, 1e-5, True),
+        Stage(most, last, 0.01, 150, 1e-4, True),
     )
+
+
+def _times(problem: RefineProblem, most: int) -> SampleTimes:
+    sample_time, rate = problem.sensors.sample_time, problem.orbits.rate
+    return samples_of(problem.window, sample_time, rate, most)
 
 
 def program_of(problem: RefineProblem, stage: Stage) -> Program:
@@ -148,10 +156,7 @@ def program_of(problem: RefineProblem, stage: Stage) -> Program:
     free = np.flatnonzero(freedom.free.ravel(order="F"))
     chosen = ca.MX.sym("x", len(free))
     circles = _circles(problem, chosen, free)
-    times = samples_of(
-        problem.window, problem.sensors.sample_time, problem.orbits.rate, stage.samples
-    )
-    team = SmoothTeam.of(problem, times)
+    team = SmoothTeam.of(problem, _times(problem, stage.samples))
     information = team.information(circles, stage.width)
     variables, objective, told = _objective(problem, stage, team, information, circles, chosen)
     blocks = _constraints(problem, stage, team, circles)
@@ -253,6 +258,7 @@ def _constraints(problem: RefineProblem, stage: Stage, team: SmoothTeam, circles
     """Contacts kept, separation, areas."""
     width = _CONTACT_WIDTH * stage.width
     safety = _SAFETY_WIDTHS * width * float(problem.sensors.ranges.mean())
-    contacts = team.contacts(circles, width, safety if stage.last else 0.0)
+    times = _times(problem, min(stage.samples, _CONTACT_SAMPLES))
+    contacts = team.contacts(circles, times, width, safety if stage.last else 0.0)
     limits = [contacts, separations(problem, circles), area_clearances(problem, circles)]
     return stacked_blocks(limits, problem.orbits.count)

@@ -143,7 +143,7 @@ def _ipopt(program: Program, stage: Stage, watcher: "_Watcher", watch: Steering)
             "sb": "yes",
             "print_level": 0,
             "hessian_approximation": "limited-memory",
-            "limited_memory_max_history": 12,
+            "limited_memory_max_history": 50,
             "honor_original_bounds": "yes",
             "linear_solver": "mumps",
             "max_iter": stage.iterations,

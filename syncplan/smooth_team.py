@@ -90,8 +90,10 @@ class SmoothTeam:
             return ca.MX.zeros(self.sparsity.nnz(), len(self.times.angles) if each else 1)
         return self.place @ ca.vertcat(*parts)
 
-    def contacts(self, circles: ca.MX, width: float, safety: float) -> Blocks:
-        """Return the logarithm of the samples in contact of what is to be kept.
+    def contacts(
+        self, circles: ca.MX, times: SampleTimes, width: float, safety: float
+    ) -> Blocks:
+        """Return the logarithm of the samples in contact, of `times`, of what is to be kept.
 
         `width` is that of the step; `safety` in m is added to the margins.
         """
@@ -105,7 +107,7 @@ class SmoothTeam:
                 self._steps(width, problem.pair_margins + safety),
             ]
             lower, labels = np.log(problem.pair_samples), self._labels(kept, problem.pair_margins)
-            function = pair_contact(self.times, views)
+            function = pair_contact(times, views)
             blocks.append(pair_blocks(function, circles, kept, inputs, lower, labels))
         if len(held):
             inputs = [
@@ -115,7 +117,7 @@ class SmoothTeam:
             ]
             lower = np.log(problem.anchor_samples)
             labels = self._labels(held, problem.anchor_margins)
-            function = anchor_contact(self.times, views)
+            function = anchor_contact(times, views)
             blocks.append(single_blocks(function, circles, held[:, 0], inputs, lower, labels))
         return stacked_blocks(blocks, problem.orbits.count)
 
