@@ -36,7 +36,7 @@ from syncplan.measures import Measurement, measure
 from syncplan.planner import plan
 from syncplan.refine_problem import RefineProblem, circles_of, orbits_of
 from syncplan.refine_program import Stage, program_of, stages_of
-from syncplan.refine_solver import solve
+from syncplan.refine_solver import StagedSolver
 
 Array = NDArray[np.float64]
 
@@ -157,7 +157,7 @@ def check_agreement(posed: Posed) -> float:
 def by_ipopt(posed: Posed) -> Outcome:
     """Return what syncplan comes to; building its expressions counts."""
     begin = time.perf_counter()
-    run = solve(posed.problem, circles_of(posed.problem.orbits))
+    run = StagedSolver(posed.problem).solve(circles_of(posed.problem.orbits))
     seconds = time.perf_counter() - begin
     return Outcome(seconds, posed.best(list(run.candidates)), run.iterations, False)
 

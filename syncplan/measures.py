@@ -72,12 +72,14 @@ class Figures:
 class Slack:
     """How far a constraint is from being violated: `room` m, negative where it is.
 
-    `size` m is what the room is to be seen against, `label` says which constraint.
+    `size` m is what the room is to be seen against, `label` says which constraint. What the user
+    asked for is `required`; the rest only has to be met where the plan to be refined met it.
     """
 
     label: str
     room: float
     size: float
+    required: bool
 
     @property
     def met(self) -> bool:
@@ -93,11 +95,15 @@ class Measurement:
     slacks: tuple[Slack, ...]
 
     def violations(self, before: "Measurement") -> list[str]:
-        """Return labels of constraints that `before` met and this does not, or that got worse."""
+        """Return labels of constraints that this violates though it must not.
+
+        Those that are required or that `before` met, and those that it violates more than `before`.
+        """
         labels = [
             after.label
             for after, first in zip(self.slacks, before.slacks, strict=True)
-            if not after.met and (first.met or after.room < first.room - _TOLERANCE * first.size)
+            if not after.met
+            and (after.required or first.met or after.room < first.room - _TOLERANCE * first.size)
         ]
         limit = before.figures.window_bound * (1.0 + _TOLERANCE)
         if self.figures.window_bound > limit:
@@ -191,7 +197,12 @@ def _contact_slacks(problem: RefineProblem, found: list[float]) -> list[Slack]:
     wanted = np.concatenate([problem.pairs, problem.anchors]).tolist()
     asked = np.concatenate([problem.pair_margins, problem.anchor_margins]).tolist()
     return [
-        Slack(f"contact of {names[a]}-{names[b]}", room - margin, float(problem.sensors.ranges[a]))
+        Slack(
+            f"contact of {names[a]}-{names[b]}",
+            room - margin,
+            float(problem.sensors.ranges[a]),
+            problem.margins_required,
+        )
         for (a, b), margin, room in zip(wanted, asked, found, strict=True)
     ]
 
@@ -205,7 +216,12 @@ def _separation_slacks(problem: RefineProblem, orbits: Orbits) -> list[Slack]:
     motion = relative_motion(orbits, np.zeros((0, 2)), pairs[:, 0], pairs[:, 1])
     least, _ = least_distances(motion)
     return [
-        Slack(f"separation of {names[a]}-{names[b]}", float(distance) - floor, floor)
+        Slack(
+            f"separation of {names[a]}-{names[b]} ({floor:.3g} m)",
+            float(distance) - floor,
+            floor,
+            problem.separation_required,
+        )
         for (a, b), distance in zip(pairs.tolist(), least, strict=True)
     ]
 
@@ -217,7 +233,7 @@ def _circle_slacks(problem: RefineProblem, orbits: Orbits) -> list[Slack]:
     if problem.area.limited:
         clear = problem.area.clearances(orbits.centers, orbits.radii)
         slacks += [
-            Slack(f"area of {names[k]}", float(clear[k]), float(orbits.radii[k]))
+            Slack(f"area of {names[k]}", float(clear[k]), float(orbits.radii[k]), True)
             for k in range(orbits.count)
         ]
     held = np.concatenate([orbits.centers.T, orbits.radii[None]])
@@ -227,5 +243,5 @@ def _circle_slacks(problem: RefineProblem, orbits: Orbits) -> list[Slack]:
         for what, rows in (("box", slice(0, 2)), ("radius", slice(2, 3))):
             if free[rows, k].any() and np.isfinite(room[rows, k][free[rows, k]]).any():
                 least = float(room[rows, k][free[rows, k]].min())
-                slacks.append(Slack(f"{what} of {names[k]}", least, problem.scale))
+                slacks.append(Slack(f"{what} of {names[k]}", least, problem.scale, True))
     return slacks

@@ -61,7 +61,9 @@ class RefineProblem:
     anchors : (k, 2) vehicle, landmark (from n on) whose contact is kept
     pair_samples, anchor_samples : (e,), (k,) samples in contact that are kept at least
     pair_margins, anchor_margins : (e,), (k,) m that contact stays within range by
+    margins_required : whether the margins were asked for, or only are what the plan has
     min_separation : m
+    separation_required : the same of the separation
     area : polygons that limit the circles
     objective : see RefineOptions
     window_limit : m, that no vehicle's window bound may exceed; infinite for no limit
@@ -81,7 +83,9 @@ class RefineProblem:
     anchor_samples: Array
     pair_margins: Array
     anchor_margins: Array
+    margins_required: bool
     min_separation: float
+    separation_required: bool
     area: Area
     objective: Objective
     window_limit: float

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from syncplan.refine_problem import RefineProblem
 from syncplan.refine_program import Program, Stage, program_of, stages_of
 
-__all__ = ["SolverProgress", "SolverRun", "Steering", "solve"]
+__all__ = ["SolverProgress", "SolverRun", "StagedSolver", "Steering"]
 
 Array = NDArray[np.float64]
 
@@ -84,56 +84,74 @@ class SolverRun:
     unmet: tuple[str, ...]
 
 
-def solve(problem: RefineProblem, start: Array, steering: Steering | None = None) -> SolverRun:
-    """Return what IPOPT makes of the circles `start` (4, n) in m and rad."""
-    watch = steering or Steering()
-    candidates: list[Array] = []
-    objectives: list[float] = []
-    guess, iterations = start, 0
-    status = "not started"
-    statistics: dict[str, Any] = {}
-    unmet: tuple[str, ...] = ()
-    for number, stage in enumerate(stages_of(problem)):
-        if watch.over:
-            break
-        program = program_of(problem, stage)
-        watcher = _Watcher(program, watch, number, iterations)
-        solver = _ipopt(program, stage, watcher, watch)
-        guessed = program.variables_of(guess)
-        found = solver(
-            x0=guessed,
-            lbx=program.lower,
-            ubx=program.upper,
-            lbg=program.constraint_lower,
-            ubg=program.constraint_upper,
+class StagedSolver:
+    """IPOPT on the stages of one problem; programs are compiled once and serve every start."""
+
+    def __init__(self, problem: RefineProblem) -> None:
+        self.problem = problem
+        self.stages = stages_of(problem)
+        self._compiled: dict[int, tuple[Program, _Watcher, ca.Function]] = {}
+
+    def program(self, number: int) -> Program:
+        """Return the program of a stage."""
+        return self._compile(number)[0]
+
+    def solve(self, start: Array, steering: Steering | None = None) -> SolverRun:
+        """Return what IPOPT makes of the circles `start` (4, n) in m and rad."""
+        watch = steering or Steering()
+        candidates: list[Array] = []
+        objectives: list[float] = []
+        guess, iterations = start, 0
+        status = "not started"
+        statistics: dict[str, Any] = {}
+        unmet: tuple[str, ...] = ()
+        for number in range(len(self.stages)):
+            if watch.over:
+                break
+            program, watcher, solver = self._compile(number)
+            watcher.begin(watch, iterations)
+            found = solver(
+                x0=program.variables_of(guess),
+                lbx=program.lower,
+                ubx=program.upper,
+                lbg=program.constraint_lower,
+                ubg=program.constraint_upper,
+            )
+            statistics = solver.stats()
+            iterations += int(statistics["iter_count"])
+            status = str(statistics["return_status"])
+            variables = np.array(found["x"]).ravel()
+            if watch.over and watcher.best is not None:
+                variables = watcher.best
+            if not np.all(np.isfinite(variables)):
+                break
+            guess = program.circles_of(variables)
+            candidates.append(guess)
+            objectives.append(float(found["f"]))
+            unmet = _unmet(program, variables)
+        residuals = statistics.get("iterations", {})
+        return SolverRun(
+            candidates=tuple(candidates),
+            status=status,
+            converged=bool(statistics.get("success", False)),
+            stopped=watch.over,
+            iterations=iterations,
+            violation=_last(residuals, "inf_pr"),
+            dual_residual=_last(residuals, "inf_du"),
+            objectives=tuple(objectives),
+            unmet=unmet,
         )
-        statistics = solver.stats()
-        iterations += int(statistics["iter_count"])
-        status = str(statistics["return_status"])
-        variables = np.array(found["x"]).ravel()
-        if watch.over and watcher.best is not None:
-            variables = watcher.best
-        if not np.all(np.isfinite(variables)):
-            break
-        guess = program.circles_of(variables)
-        candidates.append(guess)
-        objectives.append(float(found["f"]))
-        unmet = _unmet(program, variables)
-    residuals = statistics.get("iterations", {})
-    return SolverRun(
-        candidates=tuple(candidates),
-        status=status,
-        converged=bool(statistics.get("success", False)),
-        stopped=watch.over,
-        iterations=iterations,
-        violation=_last(residuals, "inf_pr"),
-        dual_residual=_last(residuals, "inf_du"),
-        objectives=tuple(objectives),
-        unmet=unmet,
-    )
+
+    def _compile(self, number: int) -> "tuple[Program, _Watcher, ca.Function]":
+        if number not in self._compiled:
+            program = program_of(self.problem, self.stages[number])
+            watcher = _Watcher(program, number)
+            solver = _ipopt(program, self.stages[number], watcher)
+            self._compiled[number] = program, watcher, solver
+        return self._compiled[number]
 
 
-def _ipopt(program: Program, stage: Stage, watcher: "_Watcher", watch: Steering) -> Any:
+def _ipopt(program: Program, stage: Stage, watcher: "_Watcher") -> ca.Function:
     options: dict[str, Any] = {
         "print_time": False,
         "show_eval_warnings": False,
@@ -143,11 +161,10 @@ def _ipopt(program: Program, stage: Stage, watcher: "_Watcher", watch: Steering)
             "sb": "yes",
             "print_level": 0,
             "hessian_approximation": "limited-memory",
-            "limited_memory_max_history": 50,
+            "limited_memory_max_history": 20,
             "honor_original_bounds": "yes",
             "linear_solver": "mumps",
             "max_iter": stage.iterations,
-            "max_wall_time": float(np.clip(watch.deadline - time.monotonic(), 1e-3, 1e6)),
             "tol": stage.tolerance,
             "acceptable_tol": 10.0 * stage.tolerance,
             "acceptable_iter": 8,
@@ -173,13 +190,17 @@ def _last(iterations: dict[str, Any], name: str) -> float:
 class _Watcher(ca.Callback):
     """Called by IPOPT at every iteration: reports, keeps the best feasible iterate, may stop."""
 
-    def __init__(self, program: Program, watch: Steering, stage: int, before: int) -> None:
+    def __init__(self, program: Program, stage: int) -> None:
         super().__init__()
-        self.program, self.watch, self.stage, self.before = program, watch, stage, before
-        self.iteration = 0
+        self.program, self.stage = program, stage
+        self.begin(Steering(), 0)
+        self.construct("watcher", {})
+
+    def begin(self, watch: Steering, before: int) -> None:
+        """Forget the last run; `before` iterations were made in earlier stages."""
+        self.watch, self.iteration = watch, before
         self.best: Array | None = None
         self.best_objective = float("inf")
-        self.construct("watcher", {})
 
     def get_n_in(self) -> int:
         return int(ca.nlpsol_n_out())
@@ -207,7 +228,5 @@ class _Watcher(ca.Callback):
         if violation <= _FEASIBLE and objective < self.best_objective:
             self.best, self.best_objective = np.array(values["x"]).ravel(), objective
         self.iteration += 1
-        self.watch.report(
-            SolverProgress(self.stage, self.before + self.iteration, objective, violation)
-        )
+        self.watch.report(SolverProgress(self.stage, self.iteration, objective, violation))
         return [ca.DM(int(self.watch.over))]

@@ -5,11 +5,13 @@ there are or where they run. Random starts are the most promising of several dra
 stage's own objective and constraints.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
 from syncplan.refine_problem import RefineProblem, circles_of
-from syncplan.refine_program import program_of, stages_of
+from syncplan.refine_program import Program
 
 __all__ = ["starting_circles"]
 
@@ -23,12 +25,18 @@ _PENALTY = 10.0
 
 
 def starting_circles(
-    problem: RefineProblem, rule_phases: Array, nudged: bool, start: int, seed: int
+    problem: RefineProblem,
+    rule_phases: Array,
+    nudged: bool,
+    start: int,
+    seed: int,
+    softest: Callable[[], Program],
 ) -> Array:
     """Return the circles (4, n) in m and rad that start `start` (from 0) begins with.
 
     `rule_phases` (n,) rad meet the rules; `nudged` moves the plan itself a little, because a plan
-    that is not observable may be a saddle from which no slope leads away.
+    that is not observable may be a saddle from which no slope leads away. `softest` returns the
+    program of the softest stage, by which random starts are chosen.
     """
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(start,)))
     given = circles_of(problem.orbits)
@@ -38,9 +46,8 @@ def starting_circles(
     if start == 1:
         shift = _DESYNC_RAD * generator.uniform(-1.0, 1.0, given.shape[1])
         return _limited(problem, given, rule_phases + shift)
-    return _most_promising(
-        problem, [_drawn(problem, rule_phases, generator, k) for k in range(_DRAWS)]
-    )
+    draws = [_drawn(problem, rule_phases, generator, k) for k in range(_DRAWS)]
+    return _most_promising(softest(), draws)
 
 
 def _drawn(
@@ -73,8 +80,7 @@ def _limited(problem: RefineProblem, circles: Array, phases: Array) -> Array:
     return limited
 
 
-def _most_promising(problem: RefineProblem, draws: list[Array]) -> Array:
-    program = program_of(problem, stages_of(problem)[0])
+def _most_promising(program: Program, draws: list[Array]) -> Array:
     costs = []
     for circles in draws:
         variables = program.variables_of(circles)

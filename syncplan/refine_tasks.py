@@ -26,7 +26,7 @@ from syncplan.errors import SyncplanError
 from syncplan.exact_search import improved_nearby
 from syncplan.measures import Measurement, measure
 from syncplan.refine_problem import RefineProblem, circles_of, orbits_of
-from syncplan.refine_solver import SolverProgress, SolverRun, Steering, solve
+from syncplan.refine_solver import SolverProgress, SolverRun, StagedSolver, Steering
 from syncplan.refine_starts import starting_circles
 
 __all__ = ["Attempt", "RefineTask", "rank_of", "run_starts", "searched_nearby"]
@@ -78,11 +78,13 @@ class Attempt:
 Report = Callable[[int, SolverProgress], None]
 
 
-def attempt(task: RefineTask, start: int, steering: Steering) -> Attempt:
+def attempt(task: RefineTask, solver: StagedSolver, start: int, steering: Steering) -> Attempt:
     """Return what start number `start` comes to."""
     problem = task.problem
-    first = starting_circles(problem, task.rule_phases, task.nudged, start, task.seed)
-    run = solve(problem, first, steering)
+    first = starting_circles(
+        problem, task.rule_phases, task.nudged, start, task.seed, lambda: solver.program(0)
+    )
+    run = solver.solve(first, steering)
     best: Attempt | None = None
     for circles in reversed(run.candidates):
         after = measure(problem, orbits_of(circles, problem.orbits), predict=task.predict)
@@ -127,6 +129,7 @@ def _run_here(
     task: RefineTask, starts: int, deadline: float, report: Report | None
 ) -> tuple[list[Attempt], bool]:
     done: list[Attempt] = []
+    solver = StagedSolver(task.problem)
     with _interruption() as interrupted:
         for start in range(starts):
             if interrupted.is_set() or (done and time.monotonic() >= deadline):
@@ -136,7 +139,8 @@ def _run_here(
                 if report is not None:
                     report(number, progress)
 
-            done.append(attempt(task, start, Steering(deadline, interrupted.is_set, told)))
+            steering = Steering(deadline, interrupted.is_set, told)
+            done.append(attempt(task, solver, start, steering))
         return done, interrupted.is_set()
 
 
@@ -295,6 +299,7 @@ def serve_tasks() -> None:
     # whatever else is printed must not get between the messages
     os.dup2(2, 1)
     task: RefineTask = pickle.load(tasks)
+    solver = StagedSolver(task.problem)
     orders: queue.Queue[tuple[int, float]] = queue.Queue()
     stop = threading.Event()
     threading.Thread(target=_take_orders, args=(tasks, orders, stop), daemon=True).start()
@@ -305,7 +310,7 @@ def serve_tasks() -> None:
             _answer(answers, ("progress", (number, progress)))
 
         steering = Steering(time.monotonic() + left, stop.is_set, told)
-        _answer(answers, ("done", attempt(task, start, steering)))
+        _answer(answers, ("done", attempt(task, solver, start, steering)))
 
 
 def _take_orders(

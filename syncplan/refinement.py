@@ -49,6 +49,9 @@ PAIR_SAMPLES, ANCHOR_SAMPLES = 3, 2
 DEFAULT_MARGIN = 0.02
 """Share of the range by which contact stays within it."""
 
+SAFE_SHARE = 0.5
+"""Of the mean radius: the separation kept where none is asked for, if the plan has as much."""
+
 PREDICTED_UP_TO = 24
 """Largest team whose predicted error is the objective unless another is asked for."""
 
@@ -142,7 +145,9 @@ def _problem_as_asked(given: Plan, options: RefineOptions) -> RefineProblem:
         anchor_samples=_needed(samples, anchors, ANCHOR_SAMPLES),
         pair_margins=_margins(options, reach),
         anchor_margins=_margins(options, sensors.ranges[anchors[:, 0]]),
-        min_separation=scenario.min_separation_m,
+        margins_required=options.margin_m is not None,
+        min_separation=_separation(given),
+        separation_required=scenario.min_separation_m > 0.0,
         area=area,
         objective=_objective(options, given.orbits.count),
         window_limit=math.inf,
@@ -167,6 +172,17 @@ def _as_pairs(pairs: list[tuple[int, int]]) -> Index:
 def _needed(samples: dict[tuple[int, int], int], pairs: Index, wanted: int) -> Array:
     """What the rank needs, or as many as the plan has."""
     return np.array([min(wanted, samples[a, b]) for a, b in pairs.tolist()], dtype=float)
+
+
+def _separation(given: Plan) -> float:
+    """What was asked for, in m; else what the plan has, up to half its mean radius.
+
+    Bearings tell most from nearby: without a floor, refinement would fly vehicles into each other.
+    """
+    asked = given.scenario.min_separation_m
+    if asked > 0.0 or given.approach is None:
+        return asked
+    return min(given.approach.distance, SAFE_SHARE * float(given.orbits.radii.mean()))
 
 
 def _margins(options: RefineOptions, reach: Array) -> Array:
@@ -232,7 +248,7 @@ def _link_conflicts(given: Plan, problem: RefineProblem, options: RefineOptions)
                 f"link {names[a]}-{names[b]}: margin {margin:g} m leaves nothing of "
                 f"range {reach:g} m"
             )
-        elif problem.min_separation > reach - margin:
+        elif given.scenario.min_separation_m > reach - margin:
             conflicts.append(
                 f"link {names[a]}-{names[b]}: separation {problem.min_separation:g} m against "
                 f"range {reach:g} m{less}"

@@ -90,9 +90,7 @@ class SmoothTeam:
             return ca.MX.zeros(self.sparsity.nnz(), len(self.times.angles) if each else 1)
         return self.place @ ca.vertcat(*parts)
 
-    def contacts(
-        self, circles: ca.MX, times: SampleTimes, width: float, safety: float
-    ) -> Blocks:
+    def contacts(self, circles: ca.MX, times: SampleTimes, width: float, safety: float) -> Blocks:
         """Return the logarithm of the samples in contact, of `times`, of what is to be kept.
 
         `width` is that of the step; `safety` in m is added to the margins.
