@@ -201,7 +201,7 @@ def _contact_slacks(problem: RefineProblem, found: list[float]) -> list[Slack]:
             f"contact of {names[a]}-{names[b]}",
             room - margin,
             float(problem.sensors.ranges[a]),
-            problem.margins_required,
+            problem.margins_required and b < problem.orbits.count,
         )
         for (a, b), margin, room in zip(wanted, asked, found, strict=True)
     ]

@@ -275,26 +275,20 @@ def _with_limits(
 ) -> RefineProblem:
     """The problem with margins no larger than the plan has, unless they were asked for.
 
-    The window bound of the worst vehicle becomes a limit for objectives that may neglect it.
+    Landmarks are only to be kept: their margins are never more than the plan has. The window bound
+    of the worst vehicle becomes a limit for objectives that may neglect it.
     """
-    limit = math.inf
-    if problem.objective in ("trace", "min_eigenvalue"):
-        limit = before.figures.window_bound
-    if options.margin_m is not None:
-        return replace(problem, window_limit=limit)
-    rooms = np.array(
-        [
-            one.room
-            for one in before.slacks[: len(problem.pair_margins) + len(problem.anchor_margins)]
-        ]
-    )
+    neglecting = problem.objective in ("trace", "min_eigenvalue")
+    contacts = len(problem.pairs) + len(problem.anchors)
+    rooms = np.array([one.room for one in before.slacks[:contacts]])
     asked = np.concatenate([problem.pair_margins, problem.anchor_margins])
     held = np.clip(asked + np.minimum(rooms, 0.0), 0.0, None)
+    pairs, anchors = np.split(held, [len(problem.pairs)])
     return replace(
         problem,
-        window_limit=limit,
-        pair_margins=held[: len(problem.pairs)],
-        anchor_margins=held[len(problem.pairs) :],
+        window_limit=before.figures.window_bound if neglecting else math.inf,
+        pair_margins=pairs if options.margin_m is None else problem.pair_margins,
+        anchor_margins=anchors,
     )
 
 
