@@ -32,11 +32,11 @@ from benchmarks.vectorised_team import VectorisedTeam
 from syncplan import refinement
 from syncplan.blas import single_threaded_blas
 from syncplan.loading import scenario_from
-from syncplan.measures import Measurement, measure
 from syncplan.planner import plan
-from syncplan.refine_problem import RefineProblem, circles_of, orbits_of
-from syncplan.refine_program import Stage, program_of, stages_of
-from syncplan.refine_solver import StagedSolver
+from syncplan.refining.measures import Measurement, measure
+from syncplan.refining.problem import RefineProblem, circles_of, orbits_of
+from syncplan.refining.program import Stage, program_of, stages_of
+from syncplan.refining.solver import StagedSolver
 
 Array = NDArray[np.float64]
 

@@ -1,11 +1,11 @@
 """One stage of a refinement for `logdet` as NumPy arrays: what SciPy's solvers are given.
 
-The same variables, weights and constraints as syncplan.refine_program has, written for speed in
+The same variables, weights and constraints as syncplan.refining.program has, written for speed in
 NumPy: all pairs and samples at once, landmarks among them as bodies that stand still and see
 nothing. With v = (t_y, -t_x, t.g_a, t.g_b, 1) of a pair at a sample (notation of
-syncplan.smooth_sightings), both rows of a mutual sighting are linear in v, so the information of
-a pair comes from its 5 x 5 sums of w v v^T: one batched matrix product. A fixed sparse matrix
-then adds all of them into the team's.
+syncplan.refining.smooth_sightings), both rows of a mutual sighting are linear in v, so the
+information of a pair comes from its 5 x 5 sums of w v v^T: one batched matrix product. A fixed
+sparse matrix then adds all of them into the team's.
 """
 
 from dataclasses import dataclass
@@ -16,10 +16,10 @@ from scipy.sparse import coo_array, csr_array
 from scipy.special import expit, logsumexp
 
 from syncplan.observability import NEAREST
-from syncplan.refine_problem import RefineProblem
-from syncplan.refine_program import Stage
-from syncplan.sample_times import samples_of
-from syncplan.smooth_team import sighted_pairs
+from syncplan.refining.problem import RefineProblem
+from syncplan.refining.program import Stage
+from syncplan.refining.sample_times import samples_of
+from syncplan.refining.smooth_team import sighted_pairs
 
 __all__ = ["VectorisedTeam"]
 
@@ -56,7 +56,7 @@ _SEEN_BY_B = np.array(
 
 @dataclass(frozen=True, slots=True)
 class VectorisedTeam:
-    """A problem at one stage; variables as those of syncplan.refine_program, without extra ones.
+    """A problem at one stage; variables as those of syncplan.refining.program, without extra ones.
 
     Attributes
     ----------

@@ -31,25 +31,26 @@ symbols in bodies:
 
 Modules, each using only those before it
 ----------------------------------------
-    errors, formation, quantities, checks     what the user says, checked
+    errors, formation, areas, quantities,     what the user says, checked
+    refine_options, checks, sections,
     scenario, loading, candidates
     blas                                      one thread for linear algebra
     orbits, trigpoly, contacts, separation    circles, exact contact windows, least distances
     sightings, noise, graph                   samples, sigmas, who sees whom
     rules, slack, relaxation, senses, sync    phases and senses
-    demands, programme, drawing, layouts,
-    obstacles, placement                      centres, from links or from a gap
+    placing.*, placement                      centres, from links or from a gap
     observability, certificate, motions       rank, why it holds, what is lost
     connectivity, bounds, meetings            how often, how well, each pair
     arcs, ekf, consistency                    the filter, and whether it is honest
     trials, montecarlo                        many runs of it
-    planner, validation, sweeps               the chain
-    site_information, site_relaxation         what landmark sites would tell, and a bound
-    site_search, landmark_sites               which of them to choose
-    document, plan_report, validation_report  contracts
-    sites_report
+    refining.*                                a smooth copy for the solver, exact measures
+    planner, refinement                       the chain: plan, judge, refine
+    siting.*, landmark_sites                  which landmark sites tell most
+    validation, sweeps                        a plan flown, many plans compared
+    document, *_report                        contracts
     planfile, output                          files
-    streams, tables, cli                      the command line
+    streams, tables, arguments,               the command line
+    plan_commands, run_commands, cli
 
 References
 ----------

@@ -1,7 +1,7 @@
 """Landmark sites: which k of given candidates leave the worst vehicle the smallest window bound.
 
-relax     shares and a bound that no choice can beat         syncplan.site_relaxation
-search    round the shares, swap sites, prove if possible    syncplan.site_search
+relax     shares and a bound that no choice can beat         syncplan.siting.relaxation
+search    round the shares, swap sites, prove if possible    syncplan.siting.search
 judge     the chosen sites by the exact code that judges every plan
 """
 
@@ -18,9 +18,9 @@ from syncplan.loading import scenario_from
 from syncplan.planner import BoundChoice, Plan, judge, plan
 from syncplan.quantities import Point
 from syncplan.scenario import Scenario
-from syncplan.site_information import candidate_information, evaluate
-from syncplan.site_relaxation import relax
-from syncplan.site_search import best_sites
+from syncplan.siting.information import candidate_information, evaluate
+from syncplan.siting.relaxation import relax
+from syncplan.siting.search import best_sites
 
 __all__ = ["SiteChoice", "choose_sites"]
 

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from syncplan.areas import Area
 from syncplan.blas import single_threaded_blas
-from syncplan.demands import Demands, circle_gaps, shortfalls, sightings
-from syncplan.drawing import improve
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.formation import gap_centers, neighbours, shape_centers
 from syncplan.graph import components
-from syncplan.layouts import starting_layouts
 from syncplan.loading import scenario_from
-from syncplan.obstacles import Names, complaint, obstacle
+from syncplan.placing.demands import Demands, circle_gaps, shortfalls, sightings
+from syncplan.placing.drawing import improve
+from syncplan.placing.layouts import starting_layouts
+from syncplan.placing.obstacles import Names, complaint, obstacle
 from syncplan.scenario import Scenario, per_vehicle
 
 __all__ = ["MARGIN_SHARE", "Placement", "place"]

@@ -20,7 +20,7 @@ from syncplan.noise import Noise
 from syncplan.observability import Observability, assess, link_information
 from syncplan.orbits import Orbits
 from syncplan.placement import Placement, place
-from syncplan.refinement_record import RefinementRecord
+from syncplan.refining.record import RefinementRecord
 from syncplan.scenario import Scenario, per_vehicle
 from syncplan.senses import alternating_senses
 from syncplan.separation import Approach, closest_approach, pairs_nearer_than

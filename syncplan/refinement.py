@@ -22,19 +22,19 @@ from syncplan.blas import single_threaded_blas
 from syncplan.contacts import reachable_pairs
 from syncplan.errors import NoSolutionError
 from syncplan.loading import scenario_from, validation_fault
-from syncplan.measures import WINDOW_BOUND, Measurement, measure
 from syncplan.orbits import Orbits
 from syncplan.planner import Plan, bound_is_affordable, judge, plan
 from syncplan.refine_options import DEFAULT_BOX_M, Objective, RefineOptions
-from syncplan.refine_problem import Freedom, RefineProblem, circles_of, orbits_of
-from syncplan.refinement_record import RefinementRecord, StartRecord
+from syncplan.refining.measures import WINDOW_BOUND, Measurement, measure
+from syncplan.refining.problem import Freedom, RefineProblem, circles_of, orbits_of
+from syncplan.refining.record import RefinementRecord, StartRecord
 from syncplan.scenario import Scenario
 from syncplan.sightings import sample_sightings
 from syncplan.sync import synchronise
 
 if TYPE_CHECKING:
-    from syncplan.refine_solver import SolverProgress
-    from syncplan.refine_tasks import Attempt
+    from syncplan.refining.solver import SolverProgress
+    from syncplan.refining.tasks import Attempt
 
 __all__ = ["RefineProgress", "options_for", "problem_of", "refine"]
 
@@ -305,7 +305,7 @@ def _search(
     progress: RefineProgress | None,
 ) -> tuple[list["Attempt"], bool]:
     """Attempts from all starts; once more with the window bound as a limit if it got in the way."""
-    from syncplan.refine_tasks import RefineTask, run_starts, searched_nearby
+    from syncplan.refining.tasks import RefineTask, run_starts, searched_nearby
 
     began = time.monotonic()
     task = RefineTask(
@@ -339,7 +339,7 @@ def _search(
 
 
 def _natural(problem: RefineProblem, objective: float) -> float:
-    """The solver's objective, see syncplan.smooth_objectives, in the units of the figure."""
+    """The solver's objective (see syncplan.refining.smooth_objectives) in the figure's units."""
     if problem.objective == "logdet":
         return -objective * 3 * problem.orbits.count
     if problem.objective == "trace":
@@ -389,7 +389,7 @@ def _best(
     attempts: list["Attempt"],
     cut_short: bool,
 ) -> Plan:
-    from syncplan.refine_tasks import rank_of
+    from syncplan.refining.tasks import rank_of
 
     objective = problem.objective
     passed = [one for one in attempts if one.after is not None and not one.violations]

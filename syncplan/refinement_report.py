@@ -3,8 +3,8 @@
 import math
 
 from syncplan.document import FiguresOfMerit, RefinementResult, StartResult
-from syncplan.measures import Figures
-from syncplan.refinement_record import RefinementRecord, StartRecord
+from syncplan.refining.measures import Figures
+from syncplan.refining.record import RefinementRecord, StartRecord
 
 __all__ = ["refinement_result"]
 

@@ -35,11 +35,11 @@ ORDER = (
     "relaxation",
     "senses",
     "sync",
-    "demands",
-    "programme",
-    "drawing",
-    "layouts",
-    "obstacles",
+    "placing.demands",
+    "placing.programme",
+    "placing.drawing",
+    "placing.layouts",
+    "placing.obstacles",
     "placement",
     "observability",
     "certificate",
@@ -52,27 +52,27 @@ ORDER = (
     "consistency",
     "trials",
     "montecarlo",
-    "refine_problem",
-    "measures",
-    "exact_search",
-    "refinement_record",
-    "blocks",
-    "sample_times",
-    "smooth_sightings",
-    "smooth_contacts",
-    "smooth_team",
-    "smooth_bound",
-    "smooth_objectives",
-    "clearances",
-    "refine_program",
-    "refine_solver",
-    "refine_starts",
-    "refine_tasks",
+    "refining.problem",
+    "refining.measures",
+    "refining.exact_search",
+    "refining.record",
+    "refining.blocks",
+    "refining.sample_times",
+    "refining.smooth_sightings",
+    "refining.smooth_contacts",
+    "refining.smooth_team",
+    "refining.smooth_bound",
+    "refining.smooth_objectives",
+    "refining.clearances",
+    "refining.program",
+    "refining.solver",
+    "refining.starts",
+    "refining.tasks",
     "planner",
     "refinement",
-    "site_information",
-    "site_relaxation",
-    "site_search",
+    "siting.information",
+    "siting.relaxation",
+    "siting.search",
     "landmark_sites",
     "validation",
     "sweeps",
@@ -94,17 +94,17 @@ ORDER = (
 
 LIBRARIES = {
     "casadi": {
-        "blocks",
-        "smooth_sightings",
-        "smooth_contacts",
-        "smooth_team",
-        "smooth_bound",
-        "smooth_objectives",
-        "clearances",
-        "refine_program",
-        "refine_solver",
+        "refining.blocks",
+        "refining.smooth_sightings",
+        "refining.smooth_contacts",
+        "refining.smooth_team",
+        "refining.smooth_bound",
+        "refining.smooth_objectives",
+        "refining.clearances",
+        "refining.program",
+        "refining.solver",
     },
-    "cvxpy": {"programme", "relaxation", "site_relaxation"},
+    "cvxpy": {"placing.programme", "relaxation", "siting.relaxation"},
     "networkx": {"graph"},
     "numba": {"ekf"},
     "pydantic": {
@@ -125,11 +125,19 @@ LIBRARIES = {
 """The only modules that may import a library."""
 
 EDGES = {"__init__", "__main__"}
-MODULES = sorted(path.stem for path in PACKAGE.glob("*.py") if path.stem not in EDGES)
+MODULES = sorted(
+    ".".join(path.relative_to(PACKAGE).with_suffix("").parts)
+    for path in PACKAGE.rglob("*.py")
+    if path.stem not in EDGES
+)
+
+
+def _path(module: str) -> Path:
+    return PACKAGE.joinpath(*module.split(".")).with_suffix(".py")
 
 
 def _imports(module: str) -> set[str]:
-    tree = ast.parse((PACKAGE / f"{module}.py").read_text())
+    tree = ast.parse(_path(module).read_text())
     found: set[str] = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
@@ -137,9 +145,8 @@ def _imports(module: str) -> set[str]:
         elif isinstance(node, ast.ImportFrom) and node.module:
             assert node.level == 0, f"{module}: relative import"
             names = {name.name for name in node.names}
-            found |= (
-                {f"syncplan.{n}" for n in names} if node.module == "syncplan" else {node.module}
-            )
+            package = PACKAGE.parent.joinpath(*node.module.split("."), "__init__.py").exists()
+            found |= {f"{node.module}.{n}" for n in names} if package else {node.module}
     return found
 
 
@@ -151,7 +158,7 @@ def test_every_module_has_its_place_in_the_order() -> None:
 def test_imports_run_one_way(module: str) -> None:
     for name in _imports(module):
         if name.startswith("syncplan."):
-            used = name.split(".")[1]
+            used = name.removeprefix("syncplan.")
             if used in ORDER:
                 assert ORDER.index(used) < ORDER.index(module), f"{module} imports {used}"
 
@@ -172,7 +179,7 @@ def test_public_names_are_sorted_documented_and_few(module: str) -> None:
     assert len(names) <= 13
     for name in names:
         thing = getattr(loaded, name)
-        assert name != module, f"{module}.{name} is named like its module"
+        assert name != module.rpartition(".")[2], f"{module}.{name} is named like its module"
         if inspect.isclass(thing) or inspect.isfunction(thing):
             assert inspect.getdoc(thing), f"{module}.{name} has no docstring"
 
@@ -194,4 +201,4 @@ def test_the_package_offers_what_it_lists() -> None:
 def test_degrees_appear_only_at_the_edge(module: str) -> None:
     if module in {"scenario", "document", "planner", "motions", "tables"}:
         return
-    assert "degrees(" not in (PACKAGE / f"{module}.py").read_text()
+    assert "degrees(" not in _path(module).read_text()

@@ -21,9 +21,9 @@ from syncplan.planner import Plan, plan
 from syncplan.quantities import Point
 from syncplan.scenario import Scenario
 from syncplan.sightings import sample_sightings
-from syncplan.site_information import candidate_information, evaluate
-from syncplan.site_relaxation import relax
 from syncplan.sites_report import show_sites, sites_document
+from syncplan.siting.information import candidate_information, evaluate
+from syncplan.siting.relaxation import relax
 from tests.scenarios import example, small
 
 Array = NDArray[np.float64]
@@ -117,7 +117,7 @@ def test_the_bound_holds_however_poor_the_solvers_multipliers(
         weights = generator.random(len(cuts.heights))
         return generator.permutation([1.0] * 3 + [0.0] * 5), weights / weights.sum()
 
-    monkeypatch.setattr("syncplan.site_relaxation._propose", nonsense)
+    monkeypatch.setattr("syncplan.siting.relaxation._propose", nonsense)
     assert relax(information, 3).ceiling >= good * (1.0 - 1e-3)
 
 
@@ -209,7 +209,7 @@ def test_choosing_all_candidates_closes_the_gap() -> None:
 def test_no_swap_of_one_site_improves_a_choice_too_large_to_prove(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("syncplan.site_search.MOST_LISTED", 500)
+    monkeypatch.setattr("syncplan.siting.search.MOST_LISTED", 500)
     made = _without_landmarks("paper-grid-same")
     places = _scattered(made, 40, 2)
     found = choose_sites(made, places, 8, bound="never")

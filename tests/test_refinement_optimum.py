@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from syncplan.measures import Measurement, measure
 from syncplan.planner import Plan, plan
 from syncplan.refine_options import Objective
-from syncplan.refine_problem import RefineProblem, circles_of, orbits_of
 from syncplan.refinement import options_for, problem_of, refine
+from syncplan.refining.measures import Measurement, measure
+from syncplan.refining.problem import RefineProblem, circles_of, orbits_of
 from tests.scenarios import small
 
 Array = NDArray[np.float64]

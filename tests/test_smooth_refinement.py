@@ -9,19 +9,19 @@ import pytest
 from numpy.typing import NDArray
 
 from syncplan.bounds import posterior_bound
-from syncplan.clearances import separations
 from syncplan.contacts import find_windows, relative_motion
 from syncplan.observability import bearing_rows
 from syncplan.planner import plan
 from syncplan.refine_options import Objective
-from syncplan.refine_problem import RefineProblem, circles_of, orbits_of
-from syncplan.refine_program import Program, Stage, program_of
 from syncplan.refinement import options_for, problem_of
-from syncplan.sample_times import samples_of
+from syncplan.refining.clearances import separations
+from syncplan.refining.problem import RefineProblem, circles_of, orbits_of
+from syncplan.refining.program import Program, Stage, program_of
+from syncplan.refining.sample_times import samples_of
+from syncplan.refining.smooth_bound import coarse_run, smooth_rms
+from syncplan.refining.smooth_team import SmoothTeam
 from syncplan.separation import least_distances
 from syncplan.sightings import sample_sightings
-from syncplan.smooth_bound import coarse_run, smooth_rms
-from syncplan.smooth_team import SmoothTeam
 from tests.scenarios import example, small
 
 Array = NDArray[np.float64]

@@ -1,7 +1,7 @@
 """The convex relaxation of the choice of sites, with a bound that rests on no solver.
 
 Shares x in [0, 1] that add up to k take the place of a choice. The least precision over the
-vehicles (see syncplan.site_information) is concave in x, so it is maximised by cutting planes:
+vehicles (see syncplan.siting.information) is concave in x, so it is maximised by cutting planes:
 a linear program over the cuts found so far proposes shares, an exact evaluation between them and
 the best shares known adds new cuts (in-out separation, Ben-Ameur and Neto, 2007, which keeps
 proposals from swinging between corners).
@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from syncplan.site_information import Cuts, SiteInformation, evaluate
+from syncplan.siting.information import Cuts, SiteInformation, evaluate
 
 __all__ = ["Relaxation", "relax"]
 

@@ -7,7 +7,7 @@ All are minimised and free of scale, so that one solver tolerance serves all:
     min_eigenvalue    -log t - mu (log det (W - t I)) / 3n, with log t a variable: as mu falls, t
                       approaches the smallest eigenvalue from below (Nesterov and Nemirovskii's
                       barrier of the linear matrix inequality W >= t I)
-    predicted_rms     log of the posterior bound's RMS, see syncplan.smooth_bound
+    predicted_rms     log of the posterior bound's RMS, see syncplan.refining.smooth_bound
 
 The window bound of each vehicle is the trace of its position block of W^-1. A sparse LDL
 factorisation yields log det W, and its derivative by W is the inverse on W's own sparsity, which
@@ -16,7 +16,7 @@ holds those blocks.
 
 import casadi as ca
 
-from syncplan.refine_problem import RefineProblem
+from syncplan.refining.problem import RefineProblem
 
 __all__ = ["log_determinant", "window_excess"]
 

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from syncplan.measures import Figures
 from syncplan.refine_options import RefineOptions
+from syncplan.refining.measures import Figures
 
 __all__ = ["RefinementRecord", "StartRecord"]
 

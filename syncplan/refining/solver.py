@@ -14,8 +14,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from syncplan.refine_problem import RefineProblem
-from syncplan.refine_program import Program, Stage, program_of, stages_of
+from syncplan.refining.problem import RefineProblem
+from syncplan.refining.program import Program, Stage, program_of, stages_of
 
 __all__ = ["SolverProgress", "SolverRun", "StagedSolver", "Steering"]
 

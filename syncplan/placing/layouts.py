@@ -2,7 +2,7 @@
 
 Each connected component is drawn by itself, scaled to the distances wanted, then turned and
 shifted to the best of many poses: two of its circles beside two landmarks, or anywhere in the
-area. All that a drawing still misses is left to syncplan.drawing.
+area. All that a drawing still misses is left to syncplan.placing.drawing.
 """
 
 from collections.abc import Iterator
@@ -12,8 +12,8 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from syncplan.demands import Demands, circle_gaps, shortfalls
 from syncplan.graph import drawings
+from syncplan.placing.demands import Demands, circle_gaps, shortfalls
 
 __all__ = ["starting_layouts"]
 

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from syncplan.bounds import arc_noise_gain
-from syncplan.refine_problem import RefineProblem
-from syncplan.sample_times import SampleTimes
+from syncplan.refining.problem import RefineProblem
+from syncplan.refining.sample_times import SampleTimes
 
 __all__ = ["CoarseRun", "coarse_run", "smooth_rms"]
 

@@ -8,7 +8,7 @@ angle off boresight; the logarithms are added as exponentials, shifted by the la
 import casadi as ca
 import numpy as np
 
-from syncplan.sample_times import SampleTimes
+from syncplan.refining.sample_times import SampleTimes
 
 __all__ = ["anchor_contact", "pair_contact"]
 

@@ -11,9 +11,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from syncplan.blocks import Blocks, pair_blocks, single_blocks, stacked_blocks
 from syncplan.contacts import relative_motion
-from syncplan.refine_problem import RefineProblem
+from syncplan.refining.blocks import Blocks, pair_blocks, single_blocks, stacked_blocks
+from syncplan.refining.problem import RefineProblem
 
 __all__ = ["area_clearances", "separations"]
 

@@ -23,18 +23,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from syncplan.errors import SyncplanError
-from syncplan.exact_search import improved_nearby
-from syncplan.measures import Measurement, measure
-from syncplan.refine_problem import RefineProblem, circles_of, orbits_of
-from syncplan.refine_solver import SolverProgress, SolverRun, StagedSolver, Steering
-from syncplan.refine_starts import starting_circles
+from syncplan.refining.exact_search import improved_nearby
+from syncplan.refining.measures import Measurement, measure
+from syncplan.refining.problem import RefineProblem, circles_of, orbits_of
+from syncplan.refining.solver import SolverProgress, SolverRun, StagedSolver, Steering
+from syncplan.refining.starts import starting_circles
 
 __all__ = ["Attempt", "RefineTask", "rank_of", "run_starts", "searched_nearby"]
 
 Array = NDArray[np.float64]
 
 _GRACE_S = 10.0
-_CHILD = "from syncplan.refine_tasks import serve_tasks; serve_tasks()"
+_CHILD = "from syncplan.refining.tasks import serve_tasks; serve_tasks()"
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,8 +1,8 @@
 """Drawings of linked circles, improved by sequential convex programming.
 
-Each round solves the convex programme about the present drawing (syncplan.programme), which prices
-whatever is missed; the step is taken only if the true, curved shortfalls agree, and the trust
-region follows how well the two agree.
+Each round solves the convex programme about the present drawing (syncplan.placing.programme), which
+prices whatever is missed; the step is taken only if the true, curved shortfalls agree, and the
+trust region follows how well the two agree.
 """
 
 from dataclasses import dataclass
@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from syncplan.demands import Demands, circle_gaps, others, shortfalls, sightings
-from syncplan.programme import APART_WEIGHT, FIRM, PRICE, Programme, compiled, fill, solved
+from syncplan.placing.demands import Demands, circle_gaps, others, shortfalls, sightings
+from syncplan.placing.programme import APART_WEIGHT, FIRM, PRICE, Programme, compiled, fill, solved
 
 __all__ = ["Drawing", "improve"]
 

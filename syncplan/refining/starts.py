@@ -10,8 +10,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from syncplan.refine_problem import RefineProblem, circles_of
-from syncplan.refine_program import Program
+from syncplan.refining.problem import RefineProblem, circles_of
+from syncplan.refining.program import Program
 
 __all__ = ["starting_circles"]
 

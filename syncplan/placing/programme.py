@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from syncplan.demands import Demands, sightings
+from syncplan.placing.demands import Demands, sightings
 
 __all__ = ["APART_WEIGHT", "FIRM", "PRICE", "Programme", "compiled", "fill", "solved"]
 

@@ -14,8 +14,8 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-from syncplan.site_information import Cuts, SiteInformation, evaluate
-from syncplan.site_relaxation import Relaxation
+from syncplan.siting.information import Cuts, SiteInformation, evaluate
+from syncplan.siting.relaxation import Relaxation
 
 __all__ = ["best_sites"]
 

@@ -18,7 +18,7 @@ from syncplan.errors import NoSolutionError
 from syncplan.observability import assess, link_information
 from syncplan.orbits import Orbits
 from syncplan.refine_options import Objective
-from syncplan.refine_problem import RefineProblem
+from syncplan.refining.problem import RefineProblem
 from syncplan.separation import closest_approach, least_distances
 from syncplan.sightings import Sightings, sample_sightings
 

@@ -11,11 +11,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from syncplan.blocks import Blocks, pair_blocks, single_blocks, stacked_blocks
-from syncplan.refine_problem import RefineProblem
-from syncplan.sample_times import SampleTimes
-from syncplan.smooth_contacts import anchor_contact, pair_contact
-from syncplan.smooth_sightings import (
+from syncplan.refining.blocks import Blocks, pair_blocks, single_blocks, stacked_blocks
+from syncplan.refining.problem import RefineProblem
+from syncplan.refining.sample_times import SampleTimes
+from syncplan.refining.smooth_contacts import anchor_contact, pair_contact
+from syncplan.refining.smooth_sightings import (
     ANCHOR_SUMS,
     PAIR_SUMS,
     Paths,

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from syncplan.demands import Demands, Shortfalls, circle_gaps, sightings
+from syncplan.placing.demands import Demands, Shortfalls, circle_gaps, sightings
 
 __all__ = ["Names", "complaint", "obstacle"]
 

@@ -7,13 +7,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from syncplan.blocks import Blocks, stacked_blocks
-from syncplan.clearances import area_clearances, separations
-from syncplan.refine_problem import RefineProblem
-from syncplan.sample_times import SampleTimes, samples_of
-from syncplan.smooth_bound import coarse_run, smooth_rms
-from syncplan.smooth_objectives import log_determinant, window_excess
-from syncplan.smooth_team import SmoothTeam
+from syncplan.refining.blocks import Blocks, stacked_blocks
+from syncplan.refining.clearances import area_clearances, separations
+from syncplan.refining.problem import RefineProblem
+from syncplan.refining.sample_times import SampleTimes, samples_of
+from syncplan.refining.smooth_bound import coarse_run, smooth_rms
+from syncplan.refining.smooth_objectives import log_determinant, window_excess
+from syncplan.refining.smooth_team import SmoothTeam
 
 __all__ = ["Program", "Stage", "program_of", "stages_of"]
 

@@ -12,8 +12,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from syncplan.measures import Measurement, measure
-from syncplan.refine_problem import RefineProblem, orbits_of
+from syncplan.refining.measures import Measurement, measure
+from syncplan.refining.problem import RefineProblem, orbits_of
 
 __all__ = ["improved_nearby"]
 

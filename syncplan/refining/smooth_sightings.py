@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from syncplan.contacts import Sensors
-from syncplan.sample_times import SampleTimes
+from syncplan.refining.sample_times import SampleTimes
 
 __all__ = ["ANCHOR_SUMS", "PAIR_SUMS", "Paths", "anchor_information", "pair_information"]
 
