@@ -29,11 +29,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks import Figure, print_figures
 from benchmarks.vectorised_team import VectorisedTeam
-from syncplan import refinement
 from syncplan.blas import single_threaded_blas
 from syncplan.loading import scenario_from
 from syncplan.planner import plan
+from syncplan.refinement import options_for
 from syncplan.refining.measures import Measurement, measure
+from syncplan.refining.posing import problem_of
 from syncplan.refining.problem import RefineProblem, circles_of, orbits_of
 from syncplan.refining.program import Stage, program_of, stages_of
 from syncplan.refining.solver import StagedSolver
@@ -117,8 +118,8 @@ class Posed:
     def of(cls, scenario: dict[str, Any]) -> "Posed":
         """Return the problem that `refine` poses itself."""
         given = plan(scenario_from(scenario))
-        options = refinement.options_for(given.scenario, None, {"objective": "logdet", "starts": 1})
-        problem = refinement.problem_of(given, options)
+        options = options_for(given.scenario, None, {"objective": "logdet", "starts": 1})
+        problem = problem_of(given, options)
         return cls(problem, measure(problem, given.orbits, predict=False))
 
     def best(self, candidates: list[Array]) -> float:

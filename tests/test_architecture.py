@@ -69,6 +69,7 @@ ORDER = (
     "refining.starts",
     "refining.tasks",
     "planner",
+    "refining.posing",
     "refinement",
     "siting.information",
     "siting.relaxation",

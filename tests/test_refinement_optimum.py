@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from syncplan.planner import Plan, plan
 from syncplan.refine_options import Objective
-from syncplan.refinement import options_for, problem_of, refine
+from syncplan.refinement import options_for, refine
 from syncplan.refining.measures import Measurement, measure
+from syncplan.refining.posing import problem_of
 from syncplan.refining.problem import RefineProblem, circles_of, orbits_of
 from tests.scenarios import small
 

@@ -13,8 +13,9 @@ from syncplan.contacts import find_windows, relative_motion
 from syncplan.observability import bearing_rows
 from syncplan.planner import plan
 from syncplan.refine_options import Objective
-from syncplan.refinement import options_for, problem_of
+from syncplan.refinement import options_for
 from syncplan.refining.clearances import separations
+from syncplan.refining.posing import problem_of
 from syncplan.refining.problem import RefineProblem, circles_of, orbits_of
 from syncplan.refining.program import Program, Stage, program_of
 from syncplan.refining.sample_times import samples_of
