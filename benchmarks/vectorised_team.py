@@ -17,7 +17,7 @@ from scipy.special import expit, logsumexp
 
 from syncplan.observability import NEAREST
 from syncplan.refining.problem import RefineProblem
-from syncplan.refining.program import Stage
+from syncplan.refining.program import CONTACT_SAMPLES, Stage
 from syncplan.refining.sample_times import samples_of
 from syncplan.refining.smooth_team import sighted_pairs
 
@@ -65,10 +65,11 @@ class VectorisedTeam:
     lower, upper : bounds of the variables
     first, second : bodies of all pairs that may come into contact
     kept_first, kept_second : bodies of the pairs whose contact is kept
-    cosines, sines : (k,) of the angles turned at the samples
+    turned : (2, k) cosine and sine of the angles turned at the samples
+    contact_turned : (2, l) the same of the samples that contact is counted at
     shift : added to the information's diagonal
     weights : (k,) of each sample: how many it stands for, over the variance of a bearing
-    counts : (k,) logarithm of how many it stands for
+    counts : (l,) logarithm of how many each sample of contact stands for
     places : (m, 2) landmarks, scaled
     reach : range, scaled
     kept_reach : (c, 1) range less margin of the contacts kept, scaled
@@ -86,8 +87,8 @@ class VectorisedTeam:
     second: Index
     kept_first: Index
     kept_second: Index
-    cosines: Array
-    sines: Array
+    turned: Array
+    contact_turned: Array
     shift: float
     weights: Array
     counts: Array
@@ -111,7 +112,10 @@ class VectorisedTeam:
         )
         if not plain:
             raise ValueError("written for logdet, equal sensors that see all round, free circles")
-        times = samples_of(problem.window, sensors.sample_time, problem.orbits.rate, stage.samples)
+        times, contact = (
+            samples_of(problem.window, sensors.sample_time, problem.orbits.rate, most)
+            for most in (stage.samples, min(stage.samples, CONTACT_SAMPLES))
+        )
         sighted = sighted_pairs(problem)
         first, second = np.concatenate([sighted.pairs, sighted.anchors]).T
         kept = np.concatenate([problem.pairs, problem.anchors])
@@ -129,11 +133,11 @@ class VectorisedTeam:
             second=second,
             kept_first=kept[:, 0],
             kept_second=kept[:, 1],
-            cosines=np.cos(times.angles),
-            sines=np.sin(times.angles),
+            turned=np.array([np.cos(times.angles), np.sin(times.angles)]),
+            contact_turned=np.array([np.cos(contact.angles), np.sin(contact.angles)]),
             shift=_SHIFT / sensors.bearing_sigmas[0] ** 2,
             weights=times.counts / sensors.bearing_sigmas[0] ** 2,
-            counts=np.log(times.counts),
+            counts=np.log(contact.counts),
             places=problem.landmarks / scale,
             reach=float(sensors.ranges[0]) / scale,
             kept_reach=_kept_reach(problem, stage)[:, None] / scale,
@@ -150,7 +154,7 @@ class VectorisedTeam:
     def cost(self, variables: Array) -> float:
         """Return minus the mean logarithm of the information's eigenvalues."""
         circles = self.circles_of(variables)
-        arms, spots = self._bodies(circles)
+        arms, spots = self._bodies(circles, self.turned)
         a, b = self.first, self.second
         q_x, q_y = spots[0, b] - spots[0, a], spots[1, b] - spots[1, a]
         squared = q_x * q_x + q_y * q_y
@@ -170,7 +174,7 @@ class VectorisedTeam:
 
     def room(self, variables: Array) -> Array:
         """Return (c,) the logarithm of samples in contact over those needed; at least 0 is met."""
-        _, spots = self._bodies(self.circles_of(variables))
+        _, spots = self._bodies(self.circles_of(variables), self.contact_turned)
         q = spots[:, self.kept_second] - spots[:, self.kept_first]
         squared = q[0] ** 2 + q[1] ** 2
         reach = self.kept_reach**2
@@ -178,11 +182,11 @@ class VectorisedTeam:
         log = np.minimum(x, 0.0) - np.log1p(np.exp(-np.abs(x))) + self.counts
         return np.asarray(logsumexp(log, axis=1)) - self.kept_samples
 
-    def _bodies(self, circles: Array) -> tuple[Array, Array]:
+    def _bodies(self, circles: Array, turned: Array) -> tuple[Array, Array]:
         """(2, n + m, k): the way gone since time 0, and where all bodies are, samples last."""
         arm = circles[2] * np.array([np.cos(circles[3]), np.sin(circles[3])])
         swing = self.problem.orbits.senses * np.array([-arm[1], arm[0]])
-        arms = arm[..., None] * self.cosines + swing[..., None] * self.sines
+        arms = arm[..., None] * turned[0] + swing[..., None] * turned[1]
         still = np.broadcast_to(self.places.T[..., None], (2, len(self.places), arms.shape[2]))
         spots = np.concatenate([circles[:2, :, None] + arms, still], axis=1)
         gone = np.concatenate([arms - arm[..., None], np.zeros_like(still)], axis=1)

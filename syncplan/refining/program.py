@@ -15,7 +15,7 @@ from syncplan.refining.smooth_bound import coarse_run, smooth_rms
 from syncplan.refining.smooth_objectives import log_determinant, window_excess
 from syncplan.refining.smooth_team import SmoothTeam
 
-__all__ = ["Program", "Stage", "program_of", "stages_of"]
+__all__ = ["CONTACT_SAMPLES", "Program", "Stage", "program_of", "stages_of"]
 
 Array = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ _SAFETY_WIDTHS = 3.0
 """Steps of contact by which kept links stay inside their margin in the last stage."""
 
 _FEW, _MANY = 64, 400
-_CONTACT_SAMPLES = 96
+CONTACT_SAMPLES = 96
 """Contact asks for few samples, and where the distance is least it hardly changes between them."""
 
 _SHIFT = 1e-9
@@ -258,7 +258,7 @@ def _constraints(problem: RefineProblem, stage: Stage, team: SmoothTeam, circles
     """Contacts kept, separation, areas."""
     width = _CONTACT_WIDTH * stage.width
     safety = _SAFETY_WIDTHS * width * float(problem.sensors.ranges.mean())
-    times = _times(problem, min(stage.samples, _CONTACT_SAMPLES))
+    times = _times(problem, min(stage.samples, CONTACT_SAMPLES))
     contacts = team.contacts(circles, times, width, safety if stage.last else 0.0)
     limits = [contacts, separations(problem, circles), area_clearances(problem, circles)]
     return stacked_blocks(limits, problem.orbits.count)

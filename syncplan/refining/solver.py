@@ -161,7 +161,7 @@ def _ipopt(program: Program, stage: Stage, watcher: "_Watcher") -> ca.Function:
             "sb": "yes",
             "print_level": 0,
             "hessian_approximation": "limited-memory",
-            "limited_memory_max_history": 20,
+            "limited_memory_max_history": int(np.clip(program.size // 3, 6, 50)),
             "honor_original_bounds": "yes",
             "linear_solver": "mumps",
             "max_iter": stage.iterations,
