@@ -113,8 +113,11 @@ class VectorisedTeam:
         if not plain:
             raise ValueError("written for logdet, equal sensors that see all round, free circles")
         times, contact = (
-            samples_of(problem.window, sensors.sample_time, problem.orbits.rate, most)
-            for most in (stage.samples, min(stage.samples, CONTACT_SAMPLES))
+            samples_of(span, sensors.sample_time, problem.orbits.rate, most)
+            for span, most in (
+                (problem.window, stage.samples),
+                (problem.contact_span, min(stage.samples, CONTACT_SAMPLES)),
+            )
         )
         sighted = sighted_pairs(problem)
         first, second = np.concatenate([sighted.pairs, sighted.anchors]).T

@@ -60,6 +60,7 @@ class Contract(StrEnum):
 
     scenario = "scenario"
     plan = "plan"
+    sites = "sites"
     validation = "validation"
 
 
@@ -77,6 +78,10 @@ def _schema(
         from syncplan.document import PlanDocument
 
         schema = PlanDocument.model_json_schema(mode="serialization")
+    elif contract is Contract.sites:
+        from syncplan.sites_report import SitesDocument
+
+        schema = SitesDocument.model_json_schema(mode="serialization")
     else:
         from syncplan.document import ValidationDocument
 

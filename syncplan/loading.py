@@ -48,7 +48,7 @@ def load_scenario(path: str | Path, *, max_vehicles: int = MAX_VEHICLES) -> Scen
 
 def is_plan(document: Mapping[str, Any]) -> bool:
     """Return whether a document is a plan rather than a scenario, by its keys."""
-    return "scenario" in document
+    return "scenario" in document and "vehicles" in document
 
 
 def read_text(path: str | Path) -> tuple[str, str]:

@@ -37,6 +37,7 @@ _APART_SHARE = 1.1
 """Gap of unlinked circles aimed for, in ranges: just too far to meet."""
 
 _SHAPE_ACCURACY = 1e-12
+_GAP_TOLERANCE = 1e-7
 _CROSSING = 1e-9
 
 
@@ -48,7 +49,8 @@ class Placement:
     ----------
     scenario : as given, with formation.centers_m instead of what led to them
     centers : (n, 2) m
-    margin : m; links come within range less this
+    margin : m; links that centres were found for come within range less this. The neighbours of a
+        shape are gap_m apart, whatever the range
     links : (e, 2) pairs a < b: those listed, or else the neighbours of the shape
     gaps : (e,) m, gap of the circles of each link: the least distance its vehicles can come to
     smallest_gap : m, least gap of any two circles; infinite for one
@@ -185,8 +187,8 @@ def _shaped(scenario: Scenario, margin: float, seed: int) -> Placement:
     demands = Demands(
         radii=radii,
         links=links,
-        least=min(gap, max(scenario.min_separation_m, _CROSSING)) * (1.0 - _CROSSING),
-        most=most * (1.0 + _CROSSING),
+        least=min(gap, max(scenario.min_separation_m, _CROSSING)) * (1.0 - _GAP_TOLERANCE),
+        most=most * (1.0 + _GAP_TOLERANCE),
         wanted=np.full(len(links), gap),
         apart=min(gap, max(scenario.min_separation_m, _CROSSING)),
         landmarks=np.zeros((0, 2)),
@@ -197,7 +199,10 @@ def _shaped(scenario: Scenario, margin: float, seed: int) -> Placement:
     centers, rounds = gap_centers(shape, radii, gap, columns), 0
     if centers is None:
         start = shape_centers(shape, len(radii), 2.0 * float(radii.mean()) + gap, columns)
-        drawing = improve(demands, start, accuracy=_SHAPE_ACCURACY)
+        # first without an upper limit, which would hold gaps a little short of itself
+        drawing = improve(replace(demands, most=2.0 * most), start, accuracy=_SHAPE_ACCURACY)
+        if shortfalls(demands, drawing.centers).total > 0.0:
+            drawing = improve(demands, start, accuracy=_SHAPE_ACCURACY)
         centers, rounds = _stood(drawing.centers, start), drawing.iterations
     demands = replace(demands, area=Area.of(scenario.area_m, scenario.keep_out_m))
     return _certified(scenario, demands, centers, margin, int(rounds > 0), rounds, seed)

@@ -83,7 +83,7 @@ def _plan(
         say(f"judging the rank of {3 * loaded.size} states takes some time ...")
     made = plan(loaded, bound=bound.value, steady=steady)
     if refine_:
-        return _refined(made, {}, None, output, format_, require_observable)
+        return _refined(made, {}, None, output, format_, require_observable, bound)
     _deliver_plan(plan_document(made), output, format_)
     return verdict_status(made.observable, require_observable)
 
@@ -207,7 +207,7 @@ def _place(
 def _landmarks(
     subject: SubjectFile,
     candidates: Annotated[
-        str, typer.Option(help="File of candidate sites: a list of [x, y] or a mapping of names")
+        str, typer.Option(help="File of candidate sites: a list of \\[x, y] or a mapping of names")
     ],
     choose: Annotated[int, typer.Option(help="How many sites to choose")],
     output: Output = None,
@@ -248,13 +248,14 @@ def _refined(
     output: "Path | None",
     format_: Format,
     require_observable: bool,
+    bound: Bound = Bound.auto,
 ) -> int:
     """Refine and deliver; a plan that could not be bettered is shown, but never written."""
     from syncplan.plan_report import plan_document
     from syncplan.refinement import refine
 
     with search_progress() as progress:
-        better = refine(given, workers=processes, progress=progress, **changes)
+        better = refine(given, workers=processes, bound=bound.value, progress=progress, **changes)
     record = better.refinement
     if record is None or record.improved:
         _deliver_plan(plan_document(better), output, format_)

@@ -256,7 +256,7 @@ def _notes(plan: Plan, names: list[str]) -> list[str]:
     if plan.refinement is not None and not plan.refinement.improved:
         notes.append(f"not refined: {plan.refinement.reason}; this is the plan that was given")
     elif plan.refinement is not None and plan.refinement.cut_short:
-        notes.append("refined as far as time allowed: the search was cut short")
+        notes.append("the search for a better plan was cut short; this is the best it had found")
     verdict = plan.observability
     if not verdict.observable:
         notes.append(

@@ -27,7 +27,15 @@ from syncplan.separation import Approach, closest_approach, pairs_nearer_than
 from syncplan.sightings import sample_sightings
 from syncplan.sync import Synchronisation, synchronise
 
-__all__ = ["DroppedLink", "Plan", "Prediction", "bound_is_affordable", "judge", "plan"]
+__all__ = [
+    "BoundChoice",
+    "DroppedLink",
+    "Plan",
+    "Prediction",
+    "bound_is_affordable",
+    "judge",
+    "plan",
+]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

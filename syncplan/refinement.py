@@ -19,9 +19,10 @@ from pydantic import ValidationError
 
 from syncplan.blas import single_threaded_blas
 from syncplan.contacts import reachable_pairs
+from syncplan.errors import InputError
 from syncplan.loading import scenario_from, validation_fault
 from syncplan.orbits import Orbits
-from syncplan.planner import Plan, bound_is_affordable, judge, plan
+from syncplan.planner import BoundChoice, Plan, bound_is_affordable, judge, plan
 from syncplan.refine_options import Objective, RefineOptions
 from syncplan.refining.measures import WINDOW_BOUND, Measurement, measure
 from syncplan.refining.posing import problem_of, refuse_conflicts
@@ -50,6 +51,7 @@ def refine(
     options: RefineOptions | None = None,
     *,
     workers: int | None = None,
+    bound: BoundChoice = "auto",
     progress: RefineProgress | None = None,
     **changes: Any,
 ) -> Plan:
@@ -57,13 +59,18 @@ def refine(
 
     `options` default to the scenario's `refine` section; `changes` replace some of its keys
     (objective="logdet", starts=1, ...; see RefineOptions). `workers` is the number of processes,
-    all cores if not given; it changes no result. The record of the search is the plan's
-    `refinement`; where nothing better was found, it says why and the plan is the input's.
+    all cores if not given; it changes no result. `bound` is that of `plan`. The record of the
+    search is the plan's `refinement`; where nothing better was found, it says why and the plan is
+    the input's.
 
     Raises InputError for options that can't be used, NoSolutionError where constraints conflict,
     naming them.
     """
-    given = subject if isinstance(subject, Plan) else plan(subject)
+    if workers is not None and workers < 1:
+        raise InputError(f"{workers} given, at least 1 is needed", key="workers")
+    if options is not None and not isinstance(options, RefineOptions):
+        raise InputError("must be RefineOptions; give single keys by name", key="options")
+    given = subject if isinstance(subject, Plan) else plan(subject, bound=bound)
     chosen = options_for(given.scenario, options, changes)
     problem = problem_of(given, chosen)
     refuse_conflicts(given, problem, chosen)
@@ -72,7 +79,7 @@ def refine(
     )
     before = measure(problem, given.orbits, predict=predict)
     attempts, cut_short = _search(given, chosen, problem, before, predict, workers, progress)
-    return _best(given, chosen, problem, before, attempts, cut_short)
+    return _best(given, chosen, problem, before, attempts, cut_short, bound)
 
 
 def options_for(
@@ -84,7 +91,13 @@ def options_for(
     """
     base = options or scenario.refine or RefineOptions()
     values = base.model_dump(exclude_none=True, exclude_defaults=True)
-    values.update({key: value for key, value in changes.items() if value is not None})
+    changed = {key: value for key, value in changes.items() if value is not None}
+    if "vary" in changed:
+        # limits of what no longer varies go with it, unless they are given with it
+        for variable, limit in (("centers", "center_box_m"), ("radii", "radius_m")):
+            if variable not in changed["vary"]:
+                values.pop(limit, None)
+    values.update(changed)
     try:
         return RefineOptions.model_validate(values)
     except ValidationError as error:
@@ -131,7 +144,7 @@ def _search(
     if not over and _stopped_by_window_bound(attempts, before):
         limited = replace(problem, window_limit=before.figures.window_bound)
         again, interrupted = run(replace(task, problem=limited))
-        attempts += again
+        attempts += [replace(one, start=one.start + options.starts) for one in again]
     if not interrupted:
         attempts, interrupted = searched_nearby(task, attempts, began + options.time_limit_s)
     return attempts, interrupted or time.monotonic() - began >= options.time_limit_s
@@ -187,6 +200,7 @@ def _best(
     before: Measurement,
     attempts: list["Attempt"],
     cut_short: bool,
+    bound: BoundChoice,
 ) -> Plan:
     from syncplan.refining.tasks import rank_of
 
@@ -213,8 +227,9 @@ def _best(
         return replace(given, refinement=record)
     record = replace(record, after=best.after.figures, active=_active(best.after))
     orbits = orbits_of(best.circles, given.orbits)
-    judged = judge(_moved(given, options, orbits), orbits)
-    return replace(judged, refinement=record)
+    steady = given.prediction.steady is not None
+    judged = judge(_moved(given, options, orbits), orbits, bound=bound, steady=steady)
+    return replace(judged, refinement=record, placement=given.placement)
 
 
 def _record(attempt: "Attempt", objective: Objective) -> StartRecord:
@@ -255,10 +270,12 @@ def _active(after: Measurement) -> tuple[str, ...]:
 
 
 def _still_reachable(given: Plan, orbits: Orbits) -> list[tuple[int, int]]:
-    """Dropped links whose circles still come within range."""
+    """Links, kept and dropped, whose circles still come within range."""
     a, b = reachable_pairs(orbits, np.zeros((0, 2)), given.sensors.ranges)
     near = {(min(i, j), max(i, j)) for i, j in zip(a.tolist(), b.tolist(), strict=True)}
-    return [(one.a, one.b) for one in given.dropped_links if (one.a, one.b) in near]
+    listed = [(one.a, one.b) for one in given.links]
+    listed += [(one.a, one.b) for one in given.dropped_links]
+    return [pair for pair in listed if pair in near]
 
 
 def _moved(given: Plan, options: RefineOptions, orbits: Orbits) -> Scenario:
@@ -270,9 +287,8 @@ def _moved(given: Plan, options: RefineOptions, orbits: Orbits) -> Scenario:
     formation = document["formation"]
     named = isinstance(scenario.formation.centers_m, dict)
     formation["centers_m"] = dict(zip(names, centers, strict=True)) if named else centers
-    listed = [(one.a, one.b) for one in given.links]
-    listed += _still_reachable(given, orbits)
-    formation["links"] = [(names[a], names[b]) for a, b in sorted(listed)]
+    listed = sorted(_still_reachable(given, orbits))
+    formation["links"] = [(names[a], names[b]) for a, b in listed]
     if "radii" in options.vary:
         document["orbit"].pop("speed_mps", None)
         document["orbit"]["angular_rate_rad_s"] = float(orbits.rate)

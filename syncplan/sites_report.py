@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from syncplan.document import PlanDocument
 from syncplan.landmark_sites import SiteChoice
-from syncplan.scenario import Scenario
+from syncplan.plan_report import plan_document
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -57,16 +58,15 @@ class SitesDocument(_Part):
     before_m: float | None = Field(
         description="Window bound of the worst vehicle without the sites; null if undetermined"
     )
-    vehicles: list[VehicleBounds]
+    window_bounds: list[VehicleBounds]
     candidates: list[CandidateSite]
-    scenario: Scenario = Field(description="With the chosen sites as landmarks")
+    plan: PlanDocument = Field(description="Judged with the chosen sites as landmarks")
     notes: list[str]
 
     def as_json(self) -> dict[str, Any]:
         """Return the document as JSON values, unset keys of the scenario left out."""
-        values = self.model_dump(mode="json", exclude={"scenario", "notes"})
-        scenario = self.scenario.model_dump(mode="json", exclude_none=True)
-        return {**values, "scenario": scenario, "notes": self.notes}
+        values = self.model_dump(mode="json", exclude={"plan", "notes"})
+        return {**values, "plan": self.plan.as_json(), "notes": self.notes}
 
 
 def sites_document(choice: SiteChoice) -> SitesDocument:
@@ -88,7 +88,7 @@ def sites_document(choice: SiteChoice) -> SitesDocument:
         gap=choice.gap,
         proven_best=choice.proven,
         before_m=_finite(float(choice.before.max())),
-        vehicles=[
+        window_bounds=[
             VehicleBounds(name=name, before_m=_finite(float(before)), after_m=float(after))
             for name, before, after in vehicles
         ],
@@ -102,7 +102,7 @@ def sites_document(choice: SiteChoice) -> SitesDocument:
             )
             for k in range(len(names))
         ],
-        scenario=scenario,
+        plan=plan_document(choice.plan),
         notes=_notes(choice),
     )
 
@@ -147,10 +147,10 @@ def show_sites(document: SitesDocument, console: "Console") -> None:
         )
     console.print(sites)
     bounds = Table("vehicle", "before m", "after m", title="window bound of each vehicle", **style)
-    for vehicle in document.vehicles[:_MOST_ROWS]:
+    for vehicle in document.window_bounds[:_MOST_ROWS]:
         bounds.add_row(escape(vehicle.name), _shown(vehicle.before_m), f"{vehicle.after_m:.3g}")
     console.print(bounds)
-    hidden = max(len(order), len(document.vehicles)) - _MOST_ROWS
+    hidden = max(len(order), len(document.window_bounds)) - _MOST_ROWS
     if hidden > 0:
         console.print(f"... and up to {hidden} more rows (see the JSON)")
     for note in document.notes:

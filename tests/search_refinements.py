@@ -433,7 +433,8 @@ def search_one(number: int, **changes: Any) -> Finding:
     assert record is not None
     before_cost = record.before.cost(record.objective)  # type: ignore[arg-type]
     after_cost = record.after.cost(record.objective)  # type: ignore[arg-type]
-    gain = (before_cost - after_cost) / abs(before_cost) if math.isfinite(before_cost) else math.inf
+    compared = math.isfinite(before_cost) and before_cost != 0.0
+    gain = (before_cost - after_cost) / abs(before_cost) if compared else math.inf
     return Finding(
         number=number,
         size=scenario.size,

@@ -363,10 +363,12 @@ def test_the_document_carries_the_choice_and_a_scenario_that_plans_to_its_value(
     values = json.loads(json.dumps(document.as_json(), allow_nan=False))
     assert values["chosen"] == [f"S{k + 1}" for k in choice.chosen]
     assert values["before_m"] is None
-    assert all(vehicle["before_m"] is None for vehicle in values["vehicles"])
+    assert all(vehicle["before_m"] is None for vehicle in values["window_bounds"])
     assert sum(site["share"] for site in values["candidates"]) == pytest.approx(3.0)
-    assert max(vehicle["after_m"] for vehicle in values["vehicles"]) == values["value_m"]
-    again = plan(Scenario.model_validate_json(json.dumps(values["scenario"])), bound="never")
+    assert max(vehicle["after_m"] for vehicle in values["window_bounds"]) == values["value_m"]
+    again = plan(
+        Scenario.model_validate_json(json.dumps(values["plan"]["scenario"])), bound="never"
+    )
     assert np.max(again.prediction.window) == pytest.approx(choice.value, rel=1e-9)
 
 

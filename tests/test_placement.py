@@ -395,3 +395,14 @@ def test_every_listed_link_of_a_placed_ring_comes_into_contact(direction: str) -
     assert [(link.a, link.b) for link in made.links] == ring(6)
     assert not made.dropped_links
     assert len({link.b for link in made.landmark_links}) == 2
+
+
+@pytest.mark.parametrize("gap", [20.0, 49.9, 80.0])
+def test_a_gap_near_or_beyond_the_range_is_met_too(gap: float) -> None:
+    placed = place(
+        small(
+            orbit={"radius_m": [20.0, 25.0, 20.0, 20.0], "angular_rate_rad_s": 0.2},
+            formation={"shape": "grid", "count": 4, "columns": 2, "gap_m": gap},
+        )
+    )
+    np.testing.assert_allclose(placed.gaps, gap, atol=1e-6)

@@ -236,3 +236,68 @@ def test_landmarks_chooses_among_the_candidates_of_a_file(run: Any, tmp_path: Pa
     status, _, err = run("landmarks", GRID, "--candidates", str(candidates), "--choose", "9")
     assert status == 2
     assert "--choose: 9" in err
+
+
+def test_children_take_modules_from_where_their_parent_does(tmp_path: Path) -> None:
+    """A file named like a standard module in the working directory is none of theirs."""
+    (tmp_path / "queue.py").write_text("raise RuntimeError('not this one')")
+    arguments = ["refine", GRID, "--starts", "2", "--processes", "2", "--objective", "logdet"]
+    program = f"import syncplan.cli; syncplan.cli.main({arguments!r})"
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", program],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(Path(cli.__file__).parents[1])},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["refinement"]["improved"]
+
+
+def test_links_that_meet_outside_the_window_are_kept_too(run: Any, written: Any) -> None:
+    scenario = written(
+        formation={
+            "centers_m": [[0, 0], [80, 0], [40, -69]],
+            "links": [["v1", "v2"], ["v2", "v3"]],
+        },
+        landmarks_m=[[-40, 0], [-30, 40], [10, 40]],
+        duration_s=60,
+        window_s=2.0,
+        refine={"starts": 1, "center_box_m": 40.0},
+    )
+    status, out, _ = run("refine", scenario)
+    assert status in (0, 4)
+    assert [(link["a"], link["b"]) for link in json.loads(out)["links"]][:2] == [
+        ("v1", "v2"),
+        ("v2", "v3"),
+    ]
+
+
+def test_radii_that_no_allowed_speed_has_are_a_conflict(run: Any, written: Any) -> None:
+    scenario = written(limits={"speed_mps": [3.0, 5.0]}, landmarks_m=LANDMARKS)
+    status, out, err = run("refine", scenario, "--vary", "radii", "--radius-m", "30,40")
+    assert (status, out) == (4, "")
+    assert "radii of 30 to 40 m at 0.2 rad/s mean 6 to 8 m/s against limits.speed_mps 3 to 5" in err
+
+
+def test_an_option_overrides_what_the_scenario_says_of_what_no_longer_varies(
+    run: Any, written: Any
+) -> None:
+    scenario = written(refine={"center_box_m": 3.0}, landmarks_m=LANDMARKS)
+    before = json.loads(run("plan", scenario)[1])["vehicles"]
+    status, out, _ = run("refine", scenario, *QUICK, "--vary", "phases")
+    assert status in (0, 4)
+    after = json.loads(out)["vehicles"]
+    assert [one["center_m"] for one in after] == [one["center_m"] for one in before]
+
+
+def test_refining_keeps_what_was_asked_of_the_plan(run: Any, tmp_path: Path) -> None:
+    scenario = json.loads(run("plan", GRID)[1])["scenario"]
+    scenario["refine"] = {"starts": 1, "objective": "logdet"}
+    path = tmp_path / "s.json"
+    path.write_text(json.dumps(scenario))
+    plan = json.loads(run("plan", str(path), "--refine", "--steady", "--bound", "never")[1])
+    assert plan["refinement"]["improved"]
+    assert plan["steady_rms_m"]["overall"] > 0.5
+    assert plan["predicted_rms_m"]["overall"] is None

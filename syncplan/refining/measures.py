@@ -139,7 +139,11 @@ def measure(problem: RefineProblem, orbits: Orbits, *, predict: bool = True) -> 
         except NoSolutionError:
             rms = np.full(orbits.count, np.inf)
     nearest = closest_approach(orbits)
-    margins = contact_margins(problem, orbits, sightings)
+    seen = sightings
+    if problem.contact_span > problem.window:
+        last = math.ceil(problem.contact_span / sensors.sample_time - 1e-9) - 1
+        seen = sample_sightings(windows, orbits.period, sensors.sample_time, 0, last)
+    margins = contact_margins(problem, orbits, seen)
     figures = Figures(
         rank=judged.rank,
         certified=certify(orbits.count, landmarks, judged, information).holds,
@@ -243,5 +247,6 @@ def _circle_slacks(problem: RefineProblem, orbits: Orbits) -> list[Slack]:
         for what, rows in (("box", slice(0, 2)), ("radius", slice(2, 3))):
             if free[rows, k].any() and np.isfinite(room[rows, k][free[rows, k]]).any():
                 least = float(room[rows, k][free[rows, k]].min())
-                slacks.append(Slack(f"{what} of {names[k]}", least, problem.scale, True))
+                size = float((freedom.upper - freedom.lower)[rows, k][free[rows, k]].min()) / 2.0
+                slacks.append(Slack(f"{what} of {names[k]}", least, size, True))
     return slacks

@@ -65,7 +65,7 @@ def _problem_as_asked(given: Plan, options: RefineOptions) -> RefineProblem:
         pair_samples=_needed(samples, pairs, PAIR_SAMPLES),
         anchor_samples=_needed(samples, anchors, ANCHOR_SAMPLES),
         pair_margins=_margins(options, reach),
-        anchor_margins=_margins(options, sensors.ranges[anchors[:, 0]]),
+        anchor_margins=np.zeros(len(anchors)),
         margins_required=options.margin_m is not None,
         min_separation=_separation(given),
         separation_required=scenario.min_separation_m > 0.0,
@@ -82,9 +82,10 @@ def _objective(options: RefineOptions, count: int) -> Objective:
 
 
 def _samples_in_contact(given: Plan) -> dict[tuple[int, int], int]:
-    """Moments within the window at which each pair (a < b) is in contact, where there are any."""
+    """Moments at which each pair (a < b) is in contact, over the window or at least a period."""
     time = given.sensors.sample_time
-    last = math.ceil(given.scenario.window / time - 1e-9) - 1
+    span = max(given.scenario.window, given.orbits.period)
+    last = math.ceil(span / time - 1e-9) - 1
     seen = sample_sightings(given.windows, given.orbits.period, time, 0, last)
     a, b = np.minimum(seen.observers, seen.targets), np.maximum(seen.observers, seen.targets)
     moments = np.unique(np.column_stack([a, b, seen.steps]), axis=0)
@@ -147,17 +148,32 @@ def _radius_limits(given: Plan, radii: tuple[float, float]) -> tuple[float, floa
     if limits is not None and limits.speed_mps is not None:
         least = max(least, limits.speed_mps[0] / given.orbits.rate)
         most = min(most, limits.speed_mps[1] / given.orbits.rate)
-    return least, max(least, most)
+    return least, most
 
 
 def refuse_conflicts(given: Plan, problem: RefineProblem, options: RefineOptions) -> None:
     """Raise NoSolutionError if constraints rule each other out, whatever the circles."""
-    conflicts = _link_conflicts(given, problem, options)
+    conflicts = [*_speed_conflicts(given, options), *_link_conflicts(given, problem, options)]
     if problem.area.limited:
         conflicts += _area_conflicts(problem)
     if conflicts:
         rest = f" (and {len(conflicts) - 3} more)" if len(conflicts) > 3 else ""
         raise NoSolutionError(f"constraints conflict: {'; '.join(conflicts[:3])}{rest}")
+
+
+def _speed_conflicts(given: Plan, options: RefineOptions) -> list[str]:
+    """Radii that are allowed, but at speeds that are not."""
+    limits, rate = given.scenario.limits, given.orbits.rate
+    if options.radius_m is None or limits is None or limits.speed_mps is None:
+        return []
+    slowest, fastest = (rate * radius for radius in options.radius_m)
+    if slowest <= limits.speed_mps[1] and fastest >= limits.speed_mps[0]:
+        return []
+    return [
+        f"radii of {options.radius_m[0]:g} to {options.radius_m[1]:g} m at {rate:g} rad/s mean "
+        f"{slowest:g} to {fastest:g} m/s against limits.speed_mps {limits.speed_mps[0]:g} to "
+        f"{limits.speed_mps[1]:g}"
+    ]
 
 
 def _link_conflicts(given: Plan, problem: RefineProblem, options: RefineOptions) -> list[str]:

@@ -91,6 +91,11 @@ class RefineProblem:
     window_limit: float
 
     @property
+    def contact_span(self) -> float:
+        """Seconds over which contact is counted: the window, or at least a period."""
+        return max(self.window, self.orbits.period)
+
+    @property
     def scale(self) -> float:
         """Mean radius in m of the plan that is refined."""
         return float(self.orbits.radii.mean())

@@ -134,7 +134,7 @@ class Program:
 def stages_of(problem: RefineProblem) -> tuple[Stage, ...]:
     """Return soft, sharper, nearly hard: the last step as wide as what passes between samples."""
     most = int(np.clip(12_000 // max(problem.orbits.count, 1), 2 * _FEW, _MANY))
-    times = _times(problem, most)
+    times = _times(problem, problem.window, most)
     passed = 2.0 * problem.orbits.radii.max() * times.spacing
     share = _STEP_OF_SPACING * passed / problem.sensors.ranges.max()
     last = float(np.clip(share, _LEAST_WIDTH, _LARGEST_WIDTH))
@@ -145,9 +145,9 @@ def stages_of(problem: RefineProblem) -> tuple[Stage, ...]:
     )
 
 
-def _times(problem: RefineProblem, most: int) -> SampleTimes:
-    sample_time, rate = problem.sensors.sample_time, problem.orbits.rate
-    return samples_of(problem.window, sample_time, rate, most)
+def _times(problem: RefineProblem, span: float, most: int) -> SampleTimes:
+    """Samples in `span` s, at most `most` of them told apart."""
+    return samples_of(span, problem.sensors.sample_time, problem.orbits.rate, most)
 
 
 def program_of(problem: RefineProblem, stage: Stage) -> Program:
@@ -156,7 +156,7 @@ def program_of(problem: RefineProblem, stage: Stage) -> Program:
     free = np.flatnonzero(freedom.free.ravel(order="F"))
     chosen = ca.MX.sym("x", len(free))
     circles = _circles(problem, chosen, free)
-    team = SmoothTeam.of(problem, _times(problem, stage.samples))
+    team = SmoothTeam.of(problem, _times(problem, problem.window, stage.samples))
     information = team.information(circles, stage.width)
     variables, objective, told = _objective(problem, stage, team, information, circles, chosen)
     blocks = _constraints(problem, stage, team, circles)
@@ -258,7 +258,7 @@ def _constraints(problem: RefineProblem, stage: Stage, team: SmoothTeam, circles
     """Contacts kept, separation, areas."""
     width = _CONTACT_WIDTH * stage.width
     safety = _SAFETY_WIDTHS * width * float(problem.sensors.ranges.mean())
-    times = _times(problem, min(stage.samples, CONTACT_SAMPLES))
+    times = _times(problem, problem.contact_span, min(stage.samples, CONTACT_SAMPLES))
     contacts = team.contacts(circles, times, width, safety if stage.last else 0.0)
     limits = [contacts, separations(problem, circles), area_clearances(problem, circles)]
     return stacked_blocks(limits, problem.orbits.count)

@@ -14,7 +14,8 @@ class StartRecord:
 
     Attributes
     ----------
-    start : number, from 0: the plan itself, the rule desynchronised, random ones
+    start : number, from 0: the plan itself, the rule desynchronised, random ones; then the same
+        again where the window bound had to be made a limit
     status : IPOPT's
     iterations : in all stages
     violation, dual_residual : IPOPT's own residuals at the end, of scaled constraints
@@ -42,7 +43,7 @@ class RefinementRecord:
     options : as used
     objective : what was improved
     improved : whether the plan that came back is a better one; if not, it is the input
-    reason : why the input came back; or that time or Ctrl-C cut the search short
+    reason : why the input came back; empty where a better plan did
     cut_short : whether time or Ctrl-C did
     before, after : exact figures of merit, positions in the input's mean radius
     active : constraints that hold the result where it is

@@ -34,7 +34,8 @@ __all__ = ["Attempt", "RefineTask", "rank_of", "run_starts", "searched_nearby"]
 Array = NDArray[np.float64]
 
 _GRACE_S = 10.0
-_CHILD = "from syncplan.refining.tasks import serve_tasks; serve_tasks()"
+_CHILD = "import sys; sys.path[:] = {path!r}; import syncplan.refining.tasks as t; t.serve_tasks()"
+"""Children look for modules where their parent does, and not where it happens to stand."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,7 +201,7 @@ class _Child:
         self.errors = tempfile.TemporaryFile()  # noqa: SIM115
         environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
         self.process = subprocess.Popen(
-            [sys.executable, "-c", _CHILD],
+            [sys.executable, "-P", "-c", _CHILD.format(path=sys.path)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self.errors,
