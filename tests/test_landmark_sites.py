@@ -122,7 +122,7 @@ def test_the_bound_holds_however_poor_the_solvers_multipliers(
 
 
 def test_cutting_planes_reach_the_semidefinite_programs_optimum() -> None:
-    """In coordinates that whiten the information: without, Clarabel is 15 % off, "optimal"."""
+    """In coordinates that whiten the information: without, Clarabel is 15 % off."""
     cp: Any = pytest.importorskip("cvxpy")
     made = _without_landmarks("paper-grid-same")
     information = candidate_information(made, _scattered(made, 8, 1))

@@ -9,8 +9,8 @@ proposals from swinging between corners).
 Any weights on the cuts that add up to one give a line above the least precision; the largest
 value of a line over all choices is its height and its k largest slopes. Whatever accuracy the
 program's multipliers have, the bound computed from them here is true. (The same relaxation as one
-semidefinite program scales badly: on a team of six Clarabel calls values "optimal" that are 15 %
-off unless the information is whitened first.)
+semidefinite program scales badly: on a team of six Clarabel's value is 15 % off unless the
+information is whitened first.)
 """
 
 import warnings
