@@ -65,7 +65,7 @@ def _problem_as_asked(given: Plan, options: RefineOptions) -> RefineProblem:
         pair_samples=_needed(samples, pairs, PAIR_SAMPLES),
         anchor_samples=_needed(samples, anchors, ANCHOR_SAMPLES),
         pair_margins=_margins(options, reach),
-        anchor_margins=np.zeros(len(anchors)),
+        anchor_margins=DEFAULT_MARGIN * sensors.ranges[anchors[:, 0]],
         margins_required=options.margin_m is not None,
         min_separation=_separation(given),
         separation_required=scenario.min_separation_m > 0.0,
