@@ -284,9 +284,12 @@ def _window_times(given: Plan) -> Array:
 def _contact_faults(before: Plan, after: Plan) -> list[str]:
     """Kept links and landmarks: as many samples in contact as their rank needs, or as there were.
 
-    They also keep a fiftieth of the range as a margin, or as much of it as the input had.
+    Over the window, or a period if that is longer. They also keep a fiftieth of the range as a
+    margin, or as much of it as the input had.
     """
-    times, names = _window_times(before), before.scenario.vehicle_names
+    names, step = before.scenario.vehicle_names, before.scenario.sample_time
+    span = max(before.scenario.window, before.scenario.period)
+    times = np.arange(math.ceil(span / step - 1e-9), dtype=np.float64) * step
     old, new = _rooms(before, times), _rooms(after, times)
     n = before.orbits.count
     ranges = np.array([sensor.range_m for sensor in before.scenario.sensors])
