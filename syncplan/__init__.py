@@ -34,7 +34,7 @@ Modules, each using only those before it
     errors, formation, areas, quantities,     what the user says, checked
     refine_options, checks, sections,
     scenario, loading, candidates
-    blas                                      one thread for linear algebra
+    blas, cores                               one thread for linear algebra, many for trials
     orbits, trigpoly, contacts, separation    circles, exact contact windows, least distances
     sightings, noise, graph                   samples, sigmas, who sees whom
     rules, slack, relaxation, senses, sync    phases and senses

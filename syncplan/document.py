@@ -1,12 +1,13 @@
 """The JSON contracts of plans and reports, shared by command line, files and service."""
 
+import math
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from syncplan.scenario import Scenario
 
-__all__ = ["PlanDocument", "ValidationDocument"]
+__all__ = ["PlanDocument", "ValidationDocument", "finite_or_none"]
 
 Point = tuple[float, float]
 Window = tuple[float, float]
@@ -322,3 +323,8 @@ class ValidationDocument(_Part):
         """Return the report as JSON values, without `series` where it was not asked for."""
         left_out = {"series"} if self.series is None else set()
         return self.model_dump(mode="json", exclude=left_out)
+
+
+def finite_or_none(value: float) -> float | None:
+    """Return a number as documents hold it: infinity and NaN as null."""
+    return value if math.isfinite(value) else None

@@ -6,7 +6,6 @@ bearings (s,) as the sightings are ordered. Trials are filtered in chunks of CHU
 fixed trial numbers, so neither threads nor parts change a byte (see syncplan.trials).
 """
 
-import os
 import threading
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
@@ -21,6 +20,7 @@ from numpy.typing import NDArray
 from syncplan import ekf
 from syncplan.consistency import gate_threshold
 from syncplan.contacts import Sensors
+from syncplan.cores import usable_cores
 from syncplan.errors import InputError
 from syncplan.noise import Noise
 from syncplan.orbits import Orbits, heading, position
@@ -100,7 +100,7 @@ def run_trials(
     ekf.compile_kernels(orbits.count)
     parts: list[MonteCarloResult] = []
     branches: tuple[Branch, ...] = ()
-    with closing(_in_order(run, first_trial, threads or _cores())) as chunks:
+    with closing(_in_order(run, first_trial, threads or usable_cores())) as chunks:
         for part in chunks:
             parts.append(replace(part, branches=()))
             branches = joined([*branches, *part.branches])
@@ -151,12 +151,6 @@ def _check_sightings(sightings: Sightings, n: int, landmarks: int) -> None:
         if len(wrong):
             problem = f"index {wrong[0]} is outside 0..{limit - 1}: sightings of another scenario?"
             raise InputError(problem, key=f"sightings.{key}")
-
-
-def _cores() -> int:
-    """Number of cores this process may use."""
-    affinity = getattr(os, "sched_getaffinity", None)
-    return len(affinity(0)) if affinity is not None else os.cpu_count() or 1
 
 
 def _course(

@@ -139,8 +139,7 @@ def _refine(
 ) -> int:
     """Move phases, centres and radii to the best plan near the one given; options override the
     scenario's refine section. Exit with 4, nothing written, if nothing better is found."""
-    from syncplan.planfile import load
-    from syncplan.planner import judge, plan
+    from syncplan.planfile import load, plan_of
     from syncplan.refinement import options_for
     from syncplan.sections import MAX_VEHICLES
 
@@ -157,10 +156,7 @@ def _refine(
         "seed": seed,
     }
     options_for(loaded.scenario, None, changes)
-    given = (
-        plan(loaded.scenario) if loaded.orbits is None else judge(loaded.scenario, loaded.orbits)
-    )
-    return _refined(given, changes, processes, output, format_, require_observable)
+    return _refined(plan_of(loaded), changes, processes, output, format_, require_observable)
 
 
 @plans.command(name="place", epilog="Example: syncplan place links.yaml -o placed.json")
@@ -218,8 +214,7 @@ def _landmarks(
     """Choose landmark sites among candidates so that the worst vehicle's bound is least."""
     from syncplan.candidates import load_candidates, new_sites
     from syncplan.landmark_sites import choose_sites
-    from syncplan.planfile import load
-    from syncplan.planner import judge, plan
+    from syncplan.planfile import load, plan_of
     from syncplan.sections import MAX_VEHICLES
     from syncplan.sites_report import show_sites, sites_document
 
@@ -228,10 +223,7 @@ def _landmarks(
     loaded = load(subject, max_vehicles=max_vehicles or MAX_VEHICLES)
     sites = load_candidates(candidates)
     new_sites(loaded.scenario, sites, source=candidates)
-    given = (
-        plan(loaded.scenario) if loaded.orbits is None else judge(loaded.scenario, loaded.orbits)
-    )
-    document = sites_document(choose_sites(given, sites, choose, seed=seed))
+    document = sites_document(choose_sites(plan_of(loaded), sites, choose, seed=seed))
 
     def show(console: "Console") -> None:
         show_sites(document, console)

@@ -1,6 +1,5 @@
 """Plans as documents, with everything the reader must not miss in words."""
 
-import math
 from collections.abc import Sequence
 from typing import Literal
 
@@ -24,6 +23,7 @@ from syncplan.document import (
     VehicleOrbit,
     Window,
     Witness,
+    finite_or_none,
 )
 from syncplan.meetings import Meeting
 from syncplan.orbits import heading, position
@@ -209,11 +209,11 @@ def _observability(plan: Plan, names: list[str]) -> ObservabilityVerdict:
         state_dim=verdict.state_dim,
         observable=verdict.observable,
         window_s=plan.scenario.window,
-        rank_gap=_finite(verdict.gap),
+        rank_gap=finite_or_none(verdict.gap),
         certificate=CertificateVerdict(
             holds=plan.certificate.holds, reason=certificate_reason(plan)
         ),
-        condition_number=_finite(verdict.condition_number),
+        condition_number=finite_or_none(verdict.condition_number),
         min_eigenvalue=verdict.min_eigenvalue,
         singular_values=[float(value) for value in verdict.singular_values],
         unobservable=[
@@ -239,8 +239,10 @@ def _errors(values: Array | None, names: list[str], note: str = "") -> ErrorPred
     if values is None:
         return ErrorPrediction(overall=None, vehicles=dict.fromkeys(names), note=note)
     return ErrorPrediction(
-        overall=_finite(float(np.sqrt(np.mean(values**2)))),
-        vehicles={name: _finite(float(value)) for name, value in zip(names, values, strict=True)},
+        overall=finite_or_none(float(np.sqrt(np.mean(values**2)))),
+        vehicles={
+            name: finite_or_none(float(value)) for name, value in zip(names, values, strict=True)
+        },
         note=note,
     )
 
@@ -306,7 +308,3 @@ def _point(values: Sequence[float] | Array) -> Point:
 
 def _sense(value: float) -> Literal["ccw", "cw"]:
     return "ccw" if value > 0.0 else "cw"
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

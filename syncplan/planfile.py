@@ -13,11 +13,12 @@ from syncplan.checks import check_shared_circles
 from syncplan.errors import InputError
 from syncplan.loading import is_plan, parse_document, read_text, scenario_from, validation_fault
 from syncplan.orbits import Orbits
+from syncplan.planner import Plan, judge, plan
 from syncplan.quantities import Angle, Length, Point
 from syncplan.scenario import Scenario
 from syncplan.sections import MAX_VEHICLES
 
-__all__ = ["Loaded", "load", "orbits_from"]
+__all__ = ["Loaded", "load", "orbits_from", "plan_of"]
 
 
 class _Vehicle(BaseModel):
@@ -60,6 +61,13 @@ def load(path: str | Path, *, max_vehicles: int = MAX_VEHICLES) -> Loaded:
         raise InputError("must be a mapping: the scenario of the plan", key="scenario", source=name)
     scenario = scenario_from(inner, source=f"{name}: scenario", max_vehicles=max_vehicles)
     return Loaded(scenario, orbits_from(document, scenario, source=name))
+
+
+def plan_of(loaded: Loaded) -> Plan:
+    """Return the plan of a scenario, or of the orbits a plan file states, judged afresh."""
+    if loaded.orbits is None:
+        return plan(loaded.scenario)
+    return judge(loaded.scenario, loaded.orbits)
 
 
 def orbits_from(document: Mapping[str, Any], scenario: Scenario, *, source: str = "") -> Orbits:

@@ -1,6 +1,5 @@
 """The planner: from a scenario to a judged plan. The only module that sees the whole chain."""
 
-import math
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -24,7 +23,7 @@ from syncplan.refining.record import RefinementRecord
 from syncplan.scenario import Scenario, per_vehicle
 from syncplan.senses import alternating_senses
 from syncplan.separation import Approach, closest_approach, pairs_nearer_than
-from syncplan.sightings import sample_sightings
+from syncplan.sightings import sample_sightings, samples_before
 from syncplan.sync import Synchronisation, synchronise
 
 __all__ = [
@@ -170,8 +169,8 @@ def judge(
     if pairs is None:
         pairs = _listed_pairs(resolved, orbits.centers, orbits.radii, sensors)
     windows = find_windows(orbits, landmarks, sensors)
-    window_steps = math.ceil(resolved.window / sensors.sample_time - 1e-9) - 1
-    sightings = sample_sightings(windows, orbits.period, sensors.sample_time, 0, window_steps)
+    last = samples_before(resolved.window, sensors.sample_time) - 1
+    sightings = sample_sightings(windows, orbits.period, sensors.sample_time, 0, last)
     information = link_information(orbits, landmarks, sensors, sightings)
     verdict = assess(orbits, information)
     met = _met_pairs(orbits, windows)

@@ -6,7 +6,6 @@ nothing the input met comes back, judged afresh like any plan.
 """
 
 import math
-import os
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -19,6 +18,7 @@ from pydantic import ValidationError
 
 from syncplan.blas import single_threaded_blas
 from syncplan.contacts import reachable_pairs
+from syncplan.cores import usable_cores
 from syncplan.errors import InputError
 from syncplan.loading import scenario_from, validation_fault
 from syncplan.orbits import Orbits
@@ -136,7 +136,7 @@ def _search(
     def run(one: RefineTask) -> tuple[list["Attempt"], bool]:
         left = max(options.time_limit_s - (time.monotonic() - began), 0.0)
         return run_starts(
-            one, options.starts, workers=workers or _cores(), time_limit=left, report=report
+            one, options.starts, workers=workers or usable_cores(), time_limit=left, report=report
         )
 
     attempts, interrupted = run(task)
@@ -183,11 +183,6 @@ def _rule_phases(given: Plan) -> Array:
         float(orbits.phases[0]),
         scenario.min_separation_m,
     ).phases
-
-
-def _cores() -> int:
-    affinity = getattr(os, "sched_getaffinity", None)
-    return len(affinity(0)) if affinity is not None else os.cpu_count() or 1
 
 
 # --- result ---------------------------------------------------------------------------------------

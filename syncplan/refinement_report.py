@@ -1,8 +1,6 @@
 """Refinements as documents: before and after, what holds the result where it is, every start."""
 
-import math
-
-from syncplan.document import FiguresOfMerit, RefinementResult, StartResult
+from syncplan.document import FiguresOfMerit, RefinementResult, StartResult, finite_or_none
 from syncplan.refining.measures import Figures
 from syncplan.refining.record import RefinementRecord, StartRecord
 
@@ -27,14 +25,14 @@ def _figures(figures: Figures) -> FiguresOfMerit:
     return FiguresOfMerit(
         rank=figures.rank,
         certified=figures.certified,
-        logdet=_finite(figures.logdet),
+        logdet=finite_or_none(figures.logdet),
         min_eigenvalue=figures.min_eigenvalue,
         trace=figures.trace,
-        window_bound_m=_finite(figures.window_bound),
-        predicted_rms_m=_finite(figures.predicted_rms),
-        worst_predicted_rms_m=_finite(figures.worst_predicted_rms),
-        least_distance_m=_finite(figures.least_distance),
-        contact_margin_m=_finite(figures.contact_margin),
+        window_bound_m=finite_or_none(figures.window_bound),
+        predicted_rms_m=finite_or_none(figures.predicted_rms),
+        worst_predicted_rms_m=finite_or_none(figures.worst_predicted_rms),
+        least_distance_m=finite_or_none(figures.least_distance),
+        contact_margin_m=finite_or_none(figures.contact_margin),
     )
 
 
@@ -43,13 +41,9 @@ def _start(item: StartRecord) -> StartResult:
         start=item.start,
         status=item.status,
         iterations=item.iterations,
-        constraint_violation=_finite(item.violation),
-        dual_infeasibility=_finite(item.dual_residual),
-        value=None if item.value is None else _finite(item.value),
+        constraint_violation=finite_or_none(item.violation),
+        dual_infeasibility=finite_or_none(item.dual_residual),
+        value=None if item.value is None else finite_or_none(item.value),
         violations=list(item.violations),
         unmet=list(item.unmet),
     )
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

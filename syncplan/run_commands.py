@@ -64,8 +64,7 @@ def _validate(
     max_vehicles: MaxVehicles = None,
 ) -> int:
     """Prove a plan with the filter: Monte Carlo errors beside the bound, and consistency."""
-    from syncplan.planfile import load
-    from syncplan.planner import judge, plan
+    from syncplan.planfile import load, plan_of
     from syncplan.sections import MAX_VEHICLES
     from syncplan.validation import check_run, validate
     from syncplan.validation_report import validation_document
@@ -73,9 +72,7 @@ def _validate(
     check_run(trials, seed)
     refuse_overwriting(subject, output)
     loaded = load(subject, max_vehicles=max_vehicles or MAX_VEHICLES)
-    flown = (
-        plan(loaded.scenario) if loaded.orbits is None else judge(loaded.scenario, loaded.orbits)
-    )
+    flown = plan_of(loaded)
     _announce_compilation(flown.orbits.count)
     with progress_bar("trials", trials) as progress:
         result = validate(

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from syncplan.contacts import Windows
 
-__all__ = ["Sightings", "sample_sightings", "steps_within"]
+__all__ = ["Sightings", "sample_sightings", "samples_before", "steps_within"]
 
 Index = NDArray[np.int64]
 
@@ -38,6 +38,11 @@ class Sightings:
 def steps_within(duration: float, sample_time: float) -> int:
     """Return how many whole samples fit into `duration` s."""
     return int(np.floor(duration / sample_time + _ROUNDING))
+
+
+def samples_before(duration: float, sample_time: float) -> int:
+    """Return how many samples k Ts with k >= 0 fall into [0, duration) s."""
+    return int(np.ceil(duration / sample_time - _ROUNDING))
 
 
 def sample_sightings(

@@ -1,11 +1,10 @@
 """A choice of landmark sites as a document and as a table."""
 
-import math
 from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from syncplan.document import PlanDocument
+from syncplan.document import PlanDocument, finite_or_none
 from syncplan.landmark_sites import SiteChoice
 from syncplan.plan_report import plan_document
 
@@ -87,9 +86,9 @@ def sites_document(choice: SiteChoice) -> SitesDocument:
         bound_m=choice.bound,
         gap=choice.gap,
         proven_best=choice.proven,
-        before_m=_finite(float(choice.before.max())),
+        before_m=finite_or_none(float(choice.before.max())),
         window_bounds=[
-            VehicleBounds(name=name, before_m=_finite(float(before)), after_m=float(after))
+            VehicleBounds(name=name, before_m=finite_or_none(float(before)), after_m=float(after))
             for name, before, after in vehicles
         ],
         candidates=[
@@ -159,7 +158,3 @@ def show_sites(document: SitesDocument, console: "Console") -> None:
 
 def _shown(value: float | None) -> str:
     return "undetermined" if value is None else f"{value:.3g}"
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

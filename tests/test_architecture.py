@@ -23,6 +23,7 @@ ORDER = (
     "loading",
     "candidates",
     "blas",
+    "cores",
     "orbits",
     "trigpoly",
     "contacts",

@@ -11,25 +11,10 @@ from typing import Any
 
 import pytest
 
-from syncplan import cli
 from tests.scenarios import BAD_FILES, FILES, document
 
 GRID = str(FILES / "paper-grid-same.yaml")
 BRIDGE = str(FILES / "landmark-bridge.yaml")
-
-
-@pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]) -> Any:
-    """Call the command line in this process: (status, standard output, standard error)."""
-
-    def call(*arguments: str) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as stopped:
-            cli.main(list(arguments))
-        out, err = capsys.readouterr()
-        assert isinstance(stopped.value.code, int)
-        return stopped.value.code, out, err
-
-    return call
 
 
 def _process(*arguments: str, stdin: str | None = None) -> subprocess.CompletedProcess[str]:

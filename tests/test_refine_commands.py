@@ -21,20 +21,6 @@ LANDMARKS = [[-40.0, 0.0], [-30.0, 20.0]]
 
 
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]) -> Any:
-    """Call the command line in this process: (status, standard output, standard error)."""
-
-    def call(*arguments: str) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as stopped:
-            cli.main(list(arguments))
-        out, err = capsys.readouterr()
-        assert isinstance(stopped.value.code, int)
-        return stopped.value.code, out, err
-
-    return call
-
-
-@pytest.fixture
 def written(tmp_path: Path) -> Any:
     """Write a small scenario with changes to a file and return its name."""
 

@@ -20,7 +20,7 @@ from syncplan.orbits import Orbits
 from syncplan.refine_options import Objective
 from syncplan.refining.problem import RefineProblem
 from syncplan.separation import closest_approach, least_distances
-from syncplan.sightings import Sightings, sample_sightings
+from syncplan.sightings import Sightings, sample_sightings, samples_before
 
 __all__ = ["WINDOW_BOUND", "Figures", "Measurement", "Slack", "measure"]
 
@@ -119,7 +119,7 @@ def measure(problem: RefineProblem, orbits: Orbits, *, predict: bool = True) -> 
     """Return the figures and slacks of orbits; `predict` computes the posterior bound."""
     landmarks, sensors, scale = problem.landmarks, problem.sensors, problem.scale
     windows = find_windows(orbits, landmarks, sensors)
-    last = math.ceil(problem.window / sensors.sample_time - 1e-9) - 1
+    last = samples_before(problem.window, sensors.sample_time) - 1
     sightings = sample_sightings(windows, orbits.period, sensors.sample_time, 0, last)
     # judged as the plan is, in its own mean radius; measured in that of the plan refined
     information = link_information(orbits, landmarks, sensors, sightings)
@@ -141,7 +141,7 @@ def measure(problem: RefineProblem, orbits: Orbits, *, predict: bool = True) -> 
     nearest = closest_approach(orbits)
     seen = sightings
     if problem.contact_span > problem.window:
-        last = math.ceil(problem.contact_span / sensors.sample_time - 1e-9) - 1
+        last = samples_before(problem.contact_span, sensors.sample_time) - 1
         seen = sample_sightings(windows, orbits.period, sensors.sample_time, 0, last)
     margins = contact_margins(problem, orbits, seen)
     figures = Figures(

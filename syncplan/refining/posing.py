@@ -16,7 +16,7 @@ from syncplan.planner import Plan
 from syncplan.refine_options import DEFAULT_BOX_M, Objective, RefineOptions
 from syncplan.refining.measures import Measurement, measure
 from syncplan.refining.problem import Freedom, RefineProblem, circles_of
-from syncplan.sightings import sample_sightings
+from syncplan.sightings import sample_sightings, samples_before
 
 __all__ = ["problem_of", "refuse_conflicts"]
 
@@ -85,7 +85,7 @@ def _samples_in_contact(given: Plan) -> dict[tuple[int, int], int]:
     """Moments at which each pair (a < b) is in contact, over the window or at least a period."""
     time = given.sensors.sample_time
     span = max(given.scenario.window, given.orbits.period)
-    last = math.ceil(span / time - 1e-9) - 1
+    last = samples_before(span, time) - 1
     seen = sample_sightings(given.windows, given.orbits.period, time, 0, last)
     a, b = np.minimum(seen.observers, seen.targets), np.maximum(seen.observers, seen.targets)
     moments = np.unique(np.column_stack([a, b, seen.steps]), axis=0)

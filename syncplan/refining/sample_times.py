@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from syncplan.sightings import samples_before
+
 __all__ = ["SampleTimes", "samples_of"]
 
 Array = NDArray[np.float64]
@@ -31,7 +33,7 @@ class SampleTimes:
 
 def samples_of(window: float, sample_time: float, rate: float, most: int) -> SampleTimes:
     """Return the samples k Ts in [0, window) s as at most `most` angles turned at `rate` rad/s."""
-    number = int(np.ceil(window / sample_time - 1e-9))
+    number = samples_before(window, sample_time)
     turned = np.sort(np.arange(number) * (rate * sample_time) % (2.0 * np.pi))
     if number <= most:
         return SampleTimes(turned, np.ones(number))

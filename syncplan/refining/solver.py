@@ -65,22 +65,18 @@ class SolverRun:
     candidates : (4, n) circles in m and rad: the result of each stage, the last one last, and the
         best feasible iterate of a stage that was stopped
     status : IPOPT's, of the last stage
-    converged : whether IPOPT called it solved
     stopped : whether time or the user ended it
     iterations : in all stages
     violation, dual_residual : IPOPT's own at the end, scaled
-    objectives : of the smooth problem at the end of each stage
     unmet : names of the constraints most violated at the end, worst first; empty where all are met
     """
 
     candidates: tuple[Array, ...]
     status: str
-    converged: bool
     stopped: bool
     iterations: int
     violation: float
     dual_residual: float
-    objectives: tuple[float, ...]
     unmet: tuple[str, ...]
 
 
@@ -100,7 +96,6 @@ class StagedSolver:
         """Return what IPOPT makes of the circles `start` (4, n) in m and rad."""
         watch = steering or Steering()
         candidates: list[Array] = []
-        objectives: list[float] = []
         guess, iterations = start, 0
         status = "not started"
         statistics: dict[str, Any] = {}
@@ -127,18 +122,15 @@ class StagedSolver:
                 break
             guess = program.circles_of(variables)
             candidates.append(guess)
-            objectives.append(float(found["f"]))
             unmet = _unmet(program, variables)
         residuals = statistics.get("iterations", {})
         return SolverRun(
             candidates=tuple(candidates),
             status=status,
-            converged=bool(statistics.get("success", False)),
             stopped=watch.over,
             iterations=iterations,
             violation=_last(residuals, "inf_pr"),
             dual_residual=_last(residuals, "inf_du"),
-            objectives=tuple(objectives),
             unmet=unmet,
         )
 

@@ -14,7 +14,6 @@ with equality where U = F(x)^-1 E_i. Such a cut is a sum of squares: no cancella
 inaccurate U may be, and finite where F(x) is singular and the precision zero.
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,7 +22,7 @@ from numpy.typing import NDArray
 from syncplan.contacts import find_windows, reachable_pairs
 from syncplan.observability import RANK_TOLERANCE, link_information, stacked_rows
 from syncplan.planner import Plan
-from syncplan.sightings import Sightings, sample_sightings
+from syncplan.sightings import Sightings, sample_sightings, samples_before
 
 __all__ = ["Cuts", "Evaluation", "SiteInformation", "candidate_information", "evaluate"]
 
@@ -131,8 +130,8 @@ class Evaluation:
 def candidate_information(plan: Plan, candidates: Array) -> SiteInformation:
     """Return what candidates (S, 2) m would add to what the sightings of a plan tell."""
     orbits, sensors = plan.orbits, plan.sensors
-    steps = math.ceil(plan.scenario.window / sensors.sample_time - 1e-9) - 1
-    seen = sample_sightings(plan.windows, orbits.period, sensors.sample_time, 0, steps)
+    last = samples_before(plan.scenario.window, sensors.sample_time) - 1
+    seen = sample_sightings(plan.windows, orbits.period, sensors.sample_time, 0, last)
     links = link_information(orbits, plan.landmarks, sensors, seen)
     fixed = stacked_rows(links, orbits.count)
     if len(fixed) > 3 * orbits.count:
@@ -140,7 +139,7 @@ def candidate_information(plan: Plan, candidates: Array) -> SiteInformation:
     a, b = reachable_pairs(orbits, candidates, sensors.ranges)
     pairs = a[b >= orbits.count], b[b >= orbits.count]
     windows = find_windows(orbits, candidates, sensors, pairs)
-    would: Sightings = sample_sightings(windows, orbits.period, sensors.sample_time, 0, steps)
+    would: Sightings = sample_sightings(windows, orbits.period, sensors.sample_time, 0, last)
     added = link_information(orbits, candidates, sensors, would)
     blocks = np.zeros((len(added), 3, 3))
     for k, link in enumerate(added):

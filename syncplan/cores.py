@@ -1,0 +1,11 @@
+"""How many cores this process may use."""
+
+import os
+
+__all__ = ["usable_cores"]
+
+
+def usable_cores() -> int:
+    """Return the number of cores, those the scheduler keeps from this process left out."""
+    affinity = getattr(os, "sched_getaffinity", None)
+    return len(affinity(0)) if affinity is not None else os.cpu_count() or 1
