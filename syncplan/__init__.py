@@ -42,7 +42,7 @@ Modules, each using only those before it
     observability, certificate, motions       rank, why it holds, what is lost
     connectivity, bounds, meetings            how often, how well, each pair
     arcs, ekf, consistency                    the filter, and whether it is honest
-    trials, montecarlo                        many runs of it
+    trials, montecarlo, parts                 many runs of it
     refining.*                                a smooth copy for the solver, exact measures
     planner, refinement                       the chain: plan, judge, refine
     siting.*, landmark_sites                  which landmark sites tell most

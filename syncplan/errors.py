@@ -1,6 +1,24 @@
 """The errors syncplan raises on purpose; each message names the object, its value and a remedy."""
 
-__all__ = ["InputError", "NoSolutionError", "SyncplanError"]
+from dataclasses import dataclass
+
+__all__ = ["Fault", "InputError", "NoSolutionError", "SyncplanError"]
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One thing wrong with the input.
+
+    Attributes
+    ----------
+    key : dotted path inside the document, or the name of an option
+    problem : what is wrong, and what is allowed, in one line
+    value : what was given, as short JSON; empty where there is none
+    """
+
+    key: str
+    problem: str
+    value: str = ""
 
 
 class SyncplanError(Exception):
@@ -17,14 +35,18 @@ class InputError(SyncplanError):
     problem : what is wrong, with the value and what is allowed, in one line
     key : dotted path inside the scenario or plan, or the name of an option
     source : file the input came from
+    faults : all that is wrong, where more than this one thing is known
     """
 
     exit_code = 2
 
-    def __init__(self, problem: str, *, key: str = "", source: str = "") -> None:
+    def __init__(
+        self, problem: str, *, key: str = "", source: str = "", faults: tuple[Fault, ...] = ()
+    ) -> None:
         self.problem = problem
         self.key = key
         self.source = source
+        self.faults = faults or (Fault(key, problem),)
         message = ": ".join(part for part in (source, key, problem) if part)
         super().__init__("".join(c if c.isprintable() else ascii(c)[1:-1] for c in message))
 

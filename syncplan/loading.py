@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 
 from pydantic import BaseModel, ValidationError
 
-from syncplan.errors import InputError
+from syncplan.errors import Fault, InputError
 from syncplan.scenario import Scenario
 from syncplan.sections import MAX_VEHICLES
 
@@ -27,6 +27,8 @@ __all__ = [
 ]
 
 LARGEST_FILE_BYTES = 64 * 2**20
+LARGEST_LIST = 20
+"""Most faults that one error lists."""
 
 _TAGS = {"one", "many", "listed", "named"}
 _VALUE_LENGTH = 60
@@ -155,14 +157,22 @@ def scenario_from(
 
 
 def validation_fault(error: ValidationError, model: type[BaseModel], source: str) -> NoReturn:
-    """Raise the InputError for the first of a model's faults, unknown keys before all others."""
+    """Raise the InputError for a model's faults, unknown keys before all others.
+
+    Its message is that of the first; `faults` holds all, up to LARGEST_LIST of them.
+    """
     faults = error.errors(include_url=False)
-    first = min(faults, key=lambda item: item["type"] != "extra_forbidden")
-    key = _dotted(first["loc"], first.get("ctx", {}).get("key", ""))
-    message = _remedy(dict(first), model)
-    if len(faults) > 1:
-        message += f" (and {len(faults) - 1} more)"
-    raise InputError(message, key=key, source=source) from None
+    faults.sort(key=lambda item: item["type"] != "extra_forbidden")
+    told = tuple(_fault(dict(item), model) for item in faults[:LARGEST_LIST])
+    first, more = told[0], len(faults) - 1
+    problem = first.problem if more == 0 else f"{first.problem} (and {more} more)"
+    message = f"{first.value}: {problem}" if first.value else problem
+    raise InputError(message, key=first.key, source=source, faults=told) from None
+
+
+def _fault(item: dict[str, Any], model: type[BaseModel]) -> Fault:
+    key = _dotted(item["loc"], item.get("ctx", {}).get("key", ""))
+    return Fault(key, *_remedy(item, model))
 
 
 def _dotted(location: tuple[int | str, ...], inner: str) -> str:
@@ -177,18 +187,19 @@ def _dotted(location: tuple[int | str, ...], inner: str) -> str:
     return f"{key}.{inner}" if key and inner else key or inner
 
 
-def _remedy(fault: dict[str, Any], model: type[BaseModel]) -> str:
+def _remedy(fault: dict[str, Any], model: type[BaseModel]) -> tuple[str, str]:
+    """What is wrong and what is allowed, and the value at fault where it is worth repeating."""
     kind, message = fault["type"], fault["msg"]
     if kind == "extra_forbidden":
         allowed = list(_model_at(model, fault["loc"][:-1]).model_fields)
         near = difflib.get_close_matches(str(fault["loc"][-1]), allowed, n=1)
         hint = f"did you mean {near[0]}? " if near else ""
-        return f"unknown key; {hint}allowed: {', '.join(allowed)}"
+        return f"unknown key; {hint}allowed: {', '.join(allowed)}", ""
     if kind == "missing":
-        return "is missing"
+        return "is missing", ""
     if kind == "rule":
         value = fault["ctx"].get("value")
-        return message if value is None else f"{_describe(value)}: {message}"
+        return message, "" if value is None else _describe(value)
     for old, new in (
         ("Input should be", "must be"),
         ("Input should have", "must have"),
@@ -197,7 +208,7 @@ def _remedy(fault: dict[str, Any], model: type[BaseModel]) -> str:
         ("Tuple should", "must"),
     ):
         message = message.replace(old, new)
-    return f"{_describe(fault['input'])}: {message}"
+    return message, _describe(fault["input"])
 
 
 def _model_at(model: type[BaseModel], location: tuple[int | str, ...]) -> type[BaseModel]:

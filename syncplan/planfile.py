@@ -18,7 +18,7 @@ from syncplan.quantities import Angle, Length, Point
 from syncplan.scenario import Scenario
 from syncplan.sections import MAX_VEHICLES
 
-__all__ = ["Loaded", "load", "orbits_from", "plan_of"]
+__all__ = ["Loaded", "load", "loaded_from", "orbits_from", "plan_of"]
 
 
 class _Vehicle(BaseModel):
@@ -53,14 +53,23 @@ def load(path: str | Path, *, max_vehicles: int = MAX_VEHICLES) -> Loaded:
     A plan is known by its keys `scenario` and `vehicles`. Raises InputError.
     """
     name, text = read_text(path)
-    document = parse_document(text, name)
+    return loaded_from(parse_document(text, name), source=name, max_vehicles=max_vehicles)
+
+
+def loaded_from(
+    document: Mapping[str, Any], *, source: str = "", max_vehicles: int = MAX_VEHICLES
+) -> Loaded:
+    """Return what the document of a scenario or a plan holds; `source` names it in messages."""
     if not is_plan(document):
-        return Loaded(scenario_from(document, source=name, max_vehicles=max_vehicles), None)
+        return Loaded(scenario_from(document, source=source, max_vehicles=max_vehicles), None)
     inner = document["scenario"]
     if not isinstance(inner, dict):
-        raise InputError("must be a mapping: the scenario of the plan", key="scenario", source=name)
-    scenario = scenario_from(inner, source=f"{name}: scenario", max_vehicles=max_vehicles)
-    return Loaded(scenario, orbits_from(document, scenario, source=name))
+        raise InputError(
+            "must be a mapping: the scenario of the plan", key="scenario", source=source
+        )
+    within = f"{source}: scenario" if source else "scenario"
+    scenario = scenario_from(inner, source=within, max_vehicles=max_vehicles)
+    return Loaded(scenario, orbits_from(document, scenario, source=source))
 
 
 def plan_of(loaded: Loaded) -> Plan:

@@ -14,7 +14,7 @@ from syncplan.planner import Plan, plan
 from syncplan.scenario import Scenario
 from syncplan.validation import Validation, validate
 
-__all__ = ["SWEEPABLE", "SweepRow", "connected_range", "sweep"]
+__all__ = ["SWEEPABLE", "PlannedRow", "SweepRow", "connected_range", "planned_rows", "sweep"]
 
 SWEEPABLE = {
     "angular_rate": "orbit.angular_rate_rad_s",
@@ -26,6 +26,15 @@ SWEEPABLE = {
 
 _INSTANTS = 720
 _RANGE_MARGIN = 1.01
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedRow:
+    """One value of a sweep, planned and not yet validated."""
+
+    label: str
+    value: float
+    plan: Plan
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,33 +64,37 @@ def sweep(
     team is connected at every instant. All values are planned before the first is validated, so
     that a bad value costs nothing. `progress` is called with the number of trials done in all.
     """
+    rows: list[SweepRow] = []
+    for one in planned_rows(scenario, name, values, connected=connected):
+        validation = validate(
+            one.plan,
+            trials=trials,
+            seed=seed,
+            duration=duration,
+            threads=threads,
+            progress=_shifted(progress, len(rows) * trials),
+        )
+        rows.append(SweepRow(one.label, one.value, validation))
+    return rows
+
+
+def planned_rows(
+    scenario: Scenario, name: str, values: Sequence[float], *, connected: bool = False
+) -> list[PlannedRow]:
+    """Return the plans of a sweep, none of them validated; see sweep."""
     if name not in SWEEPABLE:
         raise InputError(f"{name!r} can't be swept; choose from {', '.join(SWEEPABLE)}", key="name")
     if not values:
         raise InputError("no values given; give a list such as 0.2,0.4", key=name)
-    plans = [(f"{value:g}", value, plan(varied(scenario, name, value))) for value in values]
+    rows = [
+        PlannedRow(f"{value:g}", value, plan(varied(scenario, name, value))) for value in values
+    ]
     if connected:
-        label, value, last = plans[-1]
-        reach = connected_range(last)
-        wider = plan(varied(last.scenario, "range", reach))
-        plans.append((f"connected, {label} at range {reach:.4g} m", value, wider))
-    rows: list[SweepRow] = []
-    for label, value, one in plans:
-        done = len(rows) * trials
-        rows.append(
-            SweepRow(
-                label,
-                value,
-                validate(
-                    one,
-                    trials=trials,
-                    seed=seed,
-                    duration=duration,
-                    threads=threads,
-                    progress=_shifted(progress, done),
-                ),
-            )
-        )
+        last = rows[-1]
+        reach = connected_range(last.plan)
+        wider = plan(varied(last.plan.scenario, "range", reach))
+        label = f"connected, {last.label} at range {reach:.4g} m"
+        rows.append(PlannedRow(label, last.value, wider))
     return rows
 
 

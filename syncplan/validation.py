@@ -1,6 +1,6 @@
 """Validation: the filter run many times on a plan, beside what the bound predicts."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -15,10 +15,19 @@ from syncplan.errors import InputError, NoSolutionError
 from syncplan.montecarlo import run_trials
 from syncplan.planner import Plan, bound_is_affordable, plan
 from syncplan.scenario import Scenario
-from syncplan.sightings import sample_sightings, steps_within
-from syncplan.trials import Accuracy, MonteCarloResult, accuracy
+from syncplan.sightings import Sightings, sample_sightings, steps_within
+from syncplan.trials import Accuracy, MonteCarloResult, accuracy, merge
 
-__all__ = ["MAX_TRIALS", "Validation", "check_run", "validate"]
+__all__ = [
+    "MAX_TRIALS",
+    "TrialRun",
+    "Validation",
+    "check_run",
+    "conclude",
+    "run_part",
+    "trial_run",
+    "validate",
+]
 
 Array = NDArray[np.float64]
 
@@ -56,7 +65,30 @@ class Validation:
     nis: Consistency
 
 
-@single_threaded_blas
+@dataclass(frozen=True, slots=True)
+class TrialRun:
+    """A validation as it is set up, before a trial has run; parts of it may run apart.
+
+    Attributes
+    ----------
+    plan : what is flown
+    duration, steps : s, and whole samples in it
+    sightings : who sees whom at k = 1..steps
+    trials, seed, model, substeps, gate_probability, with_series : as validate takes them
+    """
+
+    plan: Plan
+    duration: float
+    steps: int
+    sightings: Sightings
+    trials: int
+    seed: int
+    model: Literal["arc", "euler"]
+    substeps: int
+    gate_probability: float | None
+    with_series: bool
+
+
 def validate(
     subject: Plan | Scenario,
     *,
@@ -76,6 +108,31 @@ def validate(
     of threads. `progress` is called with the number of trials done. Raises InputError naming the
     argument at fault.
     """
+    run = trial_run(
+        subject,
+        trials=trials,
+        seed=seed,
+        duration=duration,
+        model=model,
+        substeps=substeps,
+        gate_probability=gate_probability,
+        with_series=with_series,
+    )
+    return conclude(run, [run_part(run, 0, trials, threads=threads, progress=progress)])
+
+
+def trial_run(
+    subject: Plan | Scenario,
+    *,
+    trials: int = 200,
+    seed: int = 0,
+    duration: float | None = None,
+    model: Literal["arc", "euler"] = "arc",
+    substeps: int = 10,
+    gate_probability: float | None = None,
+    with_series: bool = False,
+) -> TrialRun:
+    """Return a validation set up, its parts to be run by run_part and joined by conclude."""
     check_run(trials, seed)
     flown = subject if isinstance(subject, Plan) else plan(subject)
     length = flown.scenario.duration_s if duration is None else duration
@@ -83,37 +140,77 @@ def validate(
     sightings = sample_sightings(
         flown.windows, flown.orbits.period, flown.sensors.sample_time, 1, steps
     )
-    result = run_trials(
-        flown.orbits,
-        flown.landmarks,
-        flown.sensors,
-        flown.noise,
-        sightings,
-        steps,
-        trials,
-        seed,
+    return TrialRun(
+        plan=flown,
+        duration=length,
+        steps=steps,
+        sightings=sightings,
+        trials=trials,
+        seed=seed,
         model=model,
         substeps=substeps,
         gate_probability=gate_probability,
         with_series=with_series,
+    )
+
+
+@single_threaded_blas
+def run_part(
+    run: TrialRun,
+    first_trial: int,
+    trials: int,
+    *,
+    threads: int | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> MonteCarloResult:
+    """Return the trials from `first_trial` on, a multiple of CHUNK_TRIALS, of a validation."""
+    flown = run.plan
+    return run_trials(
+        flown.orbits,
+        flown.landmarks,
+        flown.sensors,
+        flown.noise,
+        run.sightings,
+        run.steps,
+        trials,
+        run.seed,
+        first_trial=first_trial,
+        model=run.model,
+        substeps=run.substeps,
+        gate_probability=run.gate_probability,
+        with_series=run.with_series,
         threads=threads,
         progress=progress,
     )
+
+
+@single_threaded_blas
+def conclude(run: TrialRun, parts: Sequence[MonteCarloResult]) -> Validation:
+    """Return the validation that all parts of a run, in order, come to.
+
+    However the run was cut, the bytes are the same. Raises InputError where parts are missing, and
+    NoSolutionError where the filter diverged.
+    """
+    result = merge(parts)
+    if (result.first_trial, result.trials) != (0, run.trials):
+        problem = f"{result.trials} from {result.first_trial} on given, of {run.trials}"
+        raise InputError(problem, key="parts")
+    flown = run.plan
     lost = int(np.sum(~np.isfinite(result.mean_squares).all(axis=(1, 2))))
     if lost:
         raise NoSolutionError(
-            f"the filter diverged in {lost} of {trials} trials: its errors are no longer finite; "
-            "smaller sigmas or a shorter sample time may help"
+            f"the filter diverged in {lost} of {run.trials} trials: its errors are no longer "
+            "finite; smaller sigmas or a shorter sample time may help"
         )
     return Validation(
         plan=flown,
-        duration=length,
-        model=model,
-        substeps=substeps,
-        gate_probability=gate_probability,
+        duration=run.duration,
+        model=run.model,
+        substeps=run.substeps,
+        gate_probability=run.gate_probability,
         result=result,
         accuracy=accuracy(result),
-        predicted=_predicted(flown, length),
+        predicted=_predicted(flown, run.duration),
         coverage=coverage(result.covered.mean(axis=0), result.coverage_samples),
         anees=anees(result.nees, 3 * flown.orbits.count),
         nis=nis(float(result.nis_sums.sum()), int(result.accepted.sum())),

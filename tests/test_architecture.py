@@ -53,6 +53,7 @@ ORDER = (
     "consistency",
     "trials",
     "montecarlo",
+    "parts",
     "refining.problem",
     "refining.measures",
     "refining.exact_search",
