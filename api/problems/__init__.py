@@ -1,0 +1,35 @@
+"""Errors as RFC 9457 documents: what routes raise, and one table from exceptions to statuses."""
+
+from api.problems.document import FaultEntry, Problem
+from api.problems.errors import (
+    Conflict,
+    KeyReused,
+    NotFound,
+    PreconditionFailed,
+    ServiceError,
+    StorageFull,
+    TooManyRequests,
+    TooMuchWork,
+    Unauthorized,
+    Unavailable,
+)
+from api.problems.handling import install_handlers
+from api.problems.openapi import document_problems, problem_responses
+
+__all__ = [
+    "Conflict",
+    "FaultEntry",
+    "KeyReused",
+    "NotFound",
+    "PreconditionFailed",
+    "Problem",
+    "ServiceError",
+    "StorageFull",
+    "TooManyRequests",
+    "TooMuchWork",
+    "Unauthorized",
+    "Unavailable",
+    "document_problems",
+    "install_handlers",
+    "problem_responses",
+]

@@ -1,0 +1,177 @@
+"""One table from the exceptions that reach the service to the statuses it answers with."""
+
+import errno
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Any
+
+from fastapi.exceptions import RequestValidationError
+from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
+from sqlalchemy.exc import TimeoutError as PoolTimeout
+from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
+
+from api.problems.document import FaultEntry, printable, shown
+from api.problems.errors import ServiceError, StorageFull, Unavailable
+from syncplan.errors import InputError, NoSolutionError, SyncplanError
+
+__all__ = ["TABLE", "Failure", "Logged", "failure_of"]
+
+MOST_ERRORS = 50
+"""Most faults that are listed of one request."""
+
+INTERNAL = "the service failed on this request; its log tells why, under this request id"
+NO_DATABASE = "the database can't be used just now; try again"
+NO_MEMORY = "there is no memory left for this request just now; try again"
+SENTENCES = {
+    "Not Found": "there is nothing at this path",
+    "Method Not Allowed": "this path does not take the method",
+    "There was an error parsing the body": "the body can't be read; send JSON in UTF-8",
+}
+"""What the framework says, in words that help."""
+
+_PLACES = {"query", "path", "header", "cookie"}
+_DISK_FULL = "53100"
+
+
+class Logged(Enum):
+    """What the log holds of a failure beside the line of its request."""
+
+    NOTHING = "nothing"
+    LINE = "line"
+    TRACE = "trace"
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """What to answer with, and what to log."""
+
+    status: int
+    detail: str
+    headers: dict[str, str] = field(default_factory=dict)
+    errors: tuple[FaultEntry, ...] = ()
+    logged: Logged = Logged.NOTHING
+
+
+def _deliberate(error: ServiceError) -> Failure:
+    return Failure(error.status, error.detail, error.headers, error.errors)
+
+
+def _input(error: InputError) -> Failure:
+    faults = getattr(error, "faults", ()) or (error,)
+    entries = [
+        FaultEntry(
+            path=printable(fault.key),
+            value=shown(getattr(fault, "value", None)),
+            message=printable(fault.problem),
+        )
+        for fault in faults[:MOST_ERRORS]
+    ]
+    return Failure(422, str(error), errors=tuple(entries))
+
+
+def _no_solution(error: NoSolutionError) -> Failure:
+    return Failure(422, str(error))
+
+
+def _on_purpose(error: SyncplanError) -> Failure:
+    return Failure(500, str(error), logged=Logged.TRACE)
+
+
+def _invalid(error: RequestValidationError) -> Failure:
+    faults = error.errors()
+    entries = tuple(_entry(fault) for fault in faults[:MOST_ERRORS])
+    first = entries[0]
+    detail = f"{first.path}: {first.message}" if first.path else first.message
+    if len(faults) > 1:
+        detail += f" (and {len(faults) - 1} more)"
+    return Failure(422, detail, errors=entries)
+
+
+def _entry(fault: dict[str, Any]) -> FaultEntry:
+    location = tuple(fault["loc"])
+    message = str(fault["msg"])
+    if fault["type"] == "json_invalid":
+        at = location[-1]
+        message = f"not valid JSON: {fault.get('ctx', {}).get('error', message)} at character {at}"
+        return FaultEntry(path="", message=printable(message))
+    value = None if fault["type"] == "missing" else shown(fault.get("input"))
+    return FaultEntry(path=_dotted(location), value=value, message=printable(message))
+
+
+def _dotted(location: Iterable[int | str]) -> str:
+    """The path of a fault; that of the body starts inside it, as the library's own paths do."""
+    place, *inner = location
+    path = str(place) if place in _PLACES else ""
+    for part in inner:
+        if isinstance(part, int):
+            path += f"[{part}]"
+        else:
+            path += f".{part}" if path else part
+    return printable(path)
+
+
+def _http(error: HTTPException) -> Failure:
+    detail = str(error.detail)
+    return Failure(
+        error.status_code, SENTENCES.get(detail, detail), headers=dict(error.headers or {})
+    )
+
+
+def _gone(error: ClientDisconnect) -> Failure:
+    return Failure(400, "the client went away before its request was complete")
+
+
+def _database(error: DBAPIError) -> Failure:
+    state = getattr(error.orig, "sqlstate", None)
+    if state == _DISK_FULL or "disk is full" in str(error.orig):
+        return _with_line(StorageFull())
+    if isinstance(error, OperationalError | InterfaceError) or error.connection_invalidated:
+        return _with_line(Unavailable(NO_DATABASE))
+    return _unforeseen(error)
+
+
+def _no_connection(error: PoolTimeout) -> Failure:
+    return _with_line(Unavailable(NO_DATABASE))
+
+
+def _no_memory(error: MemoryError) -> Failure:
+    return _with_line(Unavailable(NO_MEMORY))
+
+
+def _system(error: OSError) -> Failure:
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return _with_line(StorageFull())
+    return _unforeseen(error)
+
+
+def _unforeseen(error: Exception) -> Failure:
+    return Failure(500, INTERNAL, logged=Logged.TRACE)
+
+
+def _with_line(error: ServiceError) -> Failure:
+    return Failure(error.status, error.detail, error.headers, logged=Logged.LINE)
+
+
+TABLE: dict[type[Exception], Callable[[Any], Failure]] = {
+    ServiceError: _deliberate,
+    InputError: _input,
+    NoSolutionError: _no_solution,
+    SyncplanError: _on_purpose,
+    RequestValidationError: _invalid,
+    HTTPException: _http,
+    ClientDisconnect: _gone,
+    DBAPIError: _database,
+    PoolTimeout: _no_connection,
+    MemoryError: _no_memory,
+    OSError: _system,
+    Exception: _unforeseen,
+}
+"""By the nearest class of an exception."""
+
+
+def failure_of(error: Exception) -> Failure:
+    """Return what to answer an exception with, by the nearest of its classes in the table."""
+    kind = next(kind for kind in type(error).__mro__ if kind in TABLE)
+    return TABLE[kind](error)

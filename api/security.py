@@ -1,0 +1,101 @@
+"""API keys and the owners they stand for; where the service may listen without keys."""
+
+import hashlib
+import hmac
+import ipaddress
+import socket
+from typing import Annotated
+
+from fastapi import Depends, Request
+from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
+
+from api.problems import Unauthorized
+from api.settings import Settings
+from syncplan.errors import InputError
+
+__all__ = ["LOCAL_OWNER", "CurrentOwner", "Keyring", "refuse_exposure"]
+
+LOCAL_OWNER = "local"
+"""Who owns everything while no keys are configured."""
+
+_BEARER = HTTPBearer(
+    auto_error=False,
+    scheme_name="ApiKey",
+    description="One of the keys in SYNCPLAN_API_KEYS; not needed while none is set.",
+)
+
+
+class Keyring:
+    """The keys of the settings as digests, each with its owner."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._owners = tuple(
+            (_digest(entry.key.get_secret_value()), entry.name) for entry in settings.api_keys
+        )
+
+    def owner_of(self, presented: str | None) -> str:
+        """Return the owner of a presented key; without configured keys always LOCAL_OWNER.
+
+        Raises Unauthorized for no key and for one that is not known. The time it takes tells
+        nothing of the keys: every digest is compared, to its last byte.
+        """
+        if not self._owners:
+            return LOCAL_OWNER
+        offered = _digest(presented or "")
+        owner = None
+        for digest, name in self._owners:
+            if hmac.compare_digest(digest, offered):
+                owner = name
+        if owner is None:
+            raise Unauthorized
+        return owner
+
+
+def _digest(key: str) -> bytes:
+    return hashlib.sha256(key.encode(errors="surrogatepass")).digest()
+
+
+async def _current_owner(
+    request: Request,
+    credentials: Annotated[HTTPAuthorizationCredentials | None, Depends(_BEARER)],
+) -> str:
+    keyring: Keyring = request.app.state.keyring
+    owner = keyring.owner_of(credentials.credentials if credentials else None)
+    request.state.owner = owner
+    return owner
+
+
+CurrentOwner = Annotated[str, Depends(_current_owner)]
+"""Parameter type of a route: the owner whose key came with the request, or 401."""
+
+
+def refuse_exposure(settings: Settings) -> None:
+    """Raise InputError if others could reach a service that asks for no key."""
+    if settings.api_keys or settings.insecure or _is_loopback(settings.host):
+        return
+    raise InputError(
+        f"{settings.host!r}: can be reached from other machines, and no keys are set; set "
+        "SYNCPLAN_API_KEYS, listen at 127.0.0.1, or allow it with --insecure",
+        key="SYNCPLAN_HOST",
+    )
+
+
+def _is_loopback(host: str) -> bool:
+    """Whether only this machine reaches `host`; a name counts by all its addresses."""
+    if not host:
+        return False
+    try:
+        return _only_here(host.removeprefix("[").removesuffix("]"))
+    except ValueError:
+        pass
+    try:
+        found = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
+    except (OSError, UnicodeError):
+        return False
+    return all(_only_here(str(entry[4][0])) for entry in found)
+
+
+def _only_here(address: str) -> bool:
+    parsed = ipaddress.ip_address(address)
+    mapped = getattr(parsed, "ipv4_mapped", None)
+    return bool((mapped or parsed).is_loopback)

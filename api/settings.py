@@ -1,0 +1,220 @@
+"""What an operator can set: one class, read from SYNCPLAN_* variables, checked at the start."""
+
+import os
+import re
+import sys
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, ValidationError, ValidationInfo
+from pydantic import field_validator as checked
+from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
+from sqlalchemy.engine import URL, make_url
+from sqlalchemy.exc import ArgumentError
+
+from api.keys import ApiKey, check_keys, parsed_keys
+from syncplan.cores import usable_cores
+from syncplan.errors import InputError
+
+__all__ = ["ApiKey", "Settings", "load_settings"]
+
+PREFIX = "SYNCPLAN_"
+_POSTGRES = {"postgres", "postgresql", "postgresql+psycopg"}
+_SECRET = {"api_keys"}
+_VALUE_LENGTH = 100
+
+Count = Annotated[int, Field(ge=1)]
+Seconds = Annotated[float, Field(gt=0)]
+
+
+class Settings(BaseSettings):
+    """Everything an operator can set; each field is the variable SYNCPLAN_ and its name."""
+
+    model_config = SettingsConfigDict(
+        env_prefix=PREFIX,
+        env_file=None,
+        env_ignore_empty=True,
+        frozen=True,
+        extra="forbid",
+        allow_inf_nan=False,
+    )
+
+    host: str = Field(default="127.0.0.1", description="address or name to listen at")
+    port: int = Field(
+        default=8000, ge=0, le=65535, description="port to listen at; 0 takes a free one"
+    )
+    data_dir: Path = Field(
+        default_factory=lambda: _data_home() / "syncplan",
+        description="folder of the embedded database and of what jobs leave on disk",
+    )
+    database_url: str | None = Field(
+        default=None,
+        repr=False,
+        description="sqlite:///FILE or postgresql://USER:PASSWORD@HOST/NAME; SQLite in the data "
+        "folder if not given",
+    )
+    api_keys: Annotated[tuple[ApiKey, ...], NoDecode] = Field(
+        default=(),
+        description="keys that clients may present: NAME:KEY or KEY, separated by commas",
+    )
+    insecure: bool = Field(default=False, description="listen beyond this machine without any key")
+    body_limit_bytes: Count = Field(
+        default=2**20, description="largest body of a request, in bytes"
+    )
+    max_vehicles: Count = Field(default=200, description="most vehicles in a scenario")
+    max_samples: Count = Field(default=20_000, description="most samples in a run or a window")
+    max_trials: Count = Field(default=100_000, description="most trials of a Monte Carlo")
+    max_run_s: Seconds = Field(
+        default=100_000.0, description="longest duration of a run that may be asked for, in seconds"
+    )
+    max_refine_s: Seconds = Field(
+        default=600.0, description="longest search of a refinement, in seconds"
+    )
+    max_sweep_values: Count = Field(default=50, description="most values in a sweep")
+    plan_timeout_s: Seconds = Field(
+        default=20.0, description="longest a plan may compute, in seconds"
+    )
+    max_queued_jobs: Count = Field(default=20, description="most unfinished jobs of one key")
+    max_plan_queue: Count = Field(default=64, description="most requests waiting for a process")
+    processes: Count | None = Field(
+        default=None,
+        description="child processes that compute; one for each usable core if not given",
+    )
+    keep_jobs_s: Seconds = Field(
+        default=7 * 86400.0, description="how long ended jobs stay, in seconds"
+    )
+    keep_answers_s: Seconds = Field(
+        default=86400.0,
+        description="how long an answer stays under its Idempotency-Key, in seconds",
+    )
+    heartbeat_s: Seconds = Field(
+        default=2.0, description="time between a worker's heartbeats, in seconds"
+    )
+    dead_after_s: Seconds = Field(
+        default=8.0, description="silence after which a worker counts as dead, in seconds"
+    )
+    batch_s: Seconds = Field(
+        default=7.0, description="computing time aimed at for a batch, in seconds"
+    )
+    embedded_worker: bool = Field(default=True, description="let the server work on jobs as well")
+    log_level: Literal["debug", "info", "warning", "error"] = Field(
+        "info", description="least severity that is logged"
+    )
+    telemetry: bool = Field(default=False, description="export traces and metrics by OpenTelemetry")
+
+    @property
+    def database(self) -> str:
+        """The address of the database for SQLAlchemy; PostgreSQL through psycopg 3."""
+        if self.database_url is not None:
+            return self.database_url
+        return _sqlite_address(self.data_dir / "syncplan.db")
+
+    @property
+    def process_count(self) -> int:
+        """How many child processes compute."""
+        return usable_cores() if self.processes is None else self.processes
+
+    @checked("data_dir")
+    @classmethod
+    def _absolute(cls, value: Path) -> Path:
+        path = os.path.expanduser(value)
+        if path.startswith("~"):
+            raise ValueError("has no home folder to start from; give an absolute path")
+        return Path(os.path.abspath(path))
+
+    @checked("database_url")
+    @classmethod
+    def _known_database(cls, value: str | None) -> str | None:
+        return None if value is None else _database_address(value)
+
+    @checked("api_keys", mode="before")
+    @classmethod
+    def _listed_keys(cls, value: Any) -> Any:
+        return parsed_keys(value) if isinstance(value, str) else value
+
+    @checked("api_keys")
+    @classmethod
+    def _sound_keys(cls, value: tuple[ApiKey, ...]) -> tuple[ApiKey, ...]:
+        check_keys(value)
+        return value
+
+    @checked("log_level", mode="before")
+    @classmethod
+    def _lower(cls, value: Any) -> Any:
+        return value.lower() if isinstance(value, str) else value
+
+    @checked("dead_after_s")
+    @classmethod
+    def _beyond_heartbeats(cls, value: float, info: ValidationInfo) -> float:
+        beat = info.data.get("heartbeat_s", 0.0)
+        if value < 2.0 * beat:
+            raise ValueError(f"must be at least two heartbeats of {beat:g} s ({PREFIX}HEARTBEAT_S)")
+        return value
+
+
+def load_settings(**overrides: Any) -> Settings:
+    """Return the settings of the environment, `overrides` that are not None before them.
+
+    Raises InputError naming the variable (or the override), its value unless it is secret, and
+    what is allowed.
+    """
+    given = {name: value for name, value in overrides.items() if value is not None}
+    try:
+        return Settings(**given)
+    except ValidationError as error:
+        faults = [
+            (_label(str(item["loc"][0]), given), _told(str(item["loc"][0]), dict(item)))
+            for item in error.errors(include_url=False)
+        ]
+    (key, problem), rest = faults[0], faults[1:]
+    told = [problem, *(f"{name}: {text}" for name, text in rest)]
+    raise InputError("; ".join(told), key=key)
+
+
+def _label(name: str, given: dict[str, Any]) -> str:
+    return name if name in given else PREFIX + name.upper()
+
+
+def _told(name: str, fault: dict[str, Any]) -> str:
+    if fault["type"] == "extra_forbidden":
+        return "is no setting"
+    message = str(fault["msg"]).removeprefix("Value error, ").replace("Input should", "must")
+    if name in _SECRET:
+        return message
+    value = str(fault["input"])
+    if name == "database_url":
+        value = re.sub(r"(?<=//).*@|^[^/]*@", "***@", value).partition("?")[0]
+    if len(value) > _VALUE_LENGTH:
+        value = value[: _VALUE_LENGTH - 3] + "..."
+    return f"{value!r}: {message}"
+
+
+def _data_home() -> Path:
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or "~/AppData/Local")
+    given = os.environ.get("XDG_DATA_HOME", "")
+    return Path(given if os.path.isabs(given) else "~/.local/share")
+
+
+def _database_address(value: str) -> str:
+    try:
+        url = make_url(value)
+    except (ArgumentError, ValueError):
+        raise ValueError(_allowed("can't be read as an address")) from None
+    if url.drivername in _POSTGRES:
+        if not url.database:
+            raise ValueError(_allowed("names no database"))
+        return url.set(drivername="postgresql+psycopg").render_as_string(hide_password=False)
+    if url.drivername != "sqlite":
+        raise ValueError(_allowed("is neither SQLite nor PostgreSQL"))
+    if url.host or url.query or not url.database or url.database == ":memory:":
+        raise ValueError(_allowed("names no file, or more than a file"))
+    return _sqlite_address(Path(os.path.abspath(os.path.expanduser(url.database))))
+
+
+def _allowed(problem: str) -> str:
+    return f"{problem}; allowed are sqlite:///FILE and postgresql://USER:PASSWORD@HOST:PORT/NAME"
+
+
+def _sqlite_address(path: Path) -> str:
+    return URL.create("sqlite", database=str(path)).render_as_string(hide_password=False)
