@@ -1,13 +1,17 @@
-"""The service: the planner over REST, with jobs that survive the process that runs them.
+"""The service: plans, refinements and validations over HTTP, with jobs that survive.
 
-Nothing numeric lives here: every figure comes from `syncplan`. Modules, in the order of imports:
+Thin over syncplan, which does all the numbers. Modules, each using only those before it:
 
-keys          API keys as an operator lists them
-settings      what an operator can set, all of it by SYNCPLAN_* variables
-logs          JSON lines on standard error, one for each request, tied by a request id
-problems      errors as RFC 9457 documents: one table from exceptions to statuses
-security      API keys and their owners; where the service may listen
-metrics       counts and times for Prometheus
-negotiation   what a client accepts (406) and sends (415)
-telemetry     OpenTelemetry through FastAPI's own support
+    keys, settings                     what an operator can set
+    logs, problems.*, metrics          JSON lines, RFC 9457 documents, Prometheus
+    negotiation, security, telemetry   media types, who asks, OpenTelemetry
+    limits, requests                   what may be asked for
+    computing.*                        the numbers, in child processes
+    storage.*                          plans, jobs, answers given: SQLite or PostgreSQL
+    jobs.*                             durable workflows, heartbeats, what the dead left
+    answers, service, calls            what responses hold, what routes work with
+    routes.*, main                     the routes, the application
+
+A request is read, checked and computed in a child process, so that nothing ever holds up the
+event loop; a job is a row in the database and a durable workflow, entered in one transaction.
 """

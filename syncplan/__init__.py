@@ -34,7 +34,7 @@ Modules, each using only those before it
     errors, formation, areas, quantities,     what the user says, checked
     refine_options, checks, sections,
     scenario, loading, candidates
-    blas, cores                               one thread for linear algebra, many for trials
+    blas, cores, children                     threads, cores, child processes
     orbits, trigpoly, contacts, separation    circles, exact contact windows, least distances
     sightings, noise, graph                   samples, sigmas, who sees whom
     rules, slack, relaxation, senses, sync    phases and senses
@@ -49,8 +49,10 @@ Modules, each using only those before it
     validation, sweeps                        a plan flown, many plans compared
     document, *_report                        contracts
     planfile, output                          files
+    client                                    the same, computed by a service
     streams, tables, arguments,               the command line
-    plan_commands, run_commands, cli
+    plan_commands, run_commands,
+    service_commands, cli
 
 References
 ----------
@@ -63,6 +65,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 __all__ = [
+    "Client",
     "InputError",
     "NoSolutionError",
     "Plan",
@@ -80,6 +83,7 @@ __all__ = [
 __version__ = "0.1.0"
 
 _HOME = {
+    "Client": "client",
     "InputError": "errors",
     "NoSolutionError": "errors",
     "Plan": "planner",
@@ -95,6 +99,7 @@ _HOME = {
 }
 
 if TYPE_CHECKING:
+    from syncplan.client import Client
     from syncplan.errors import InputError, NoSolutionError, SyncplanError
     from syncplan.loading import load_scenario
     from syncplan.placement import place

@@ -13,6 +13,7 @@ from syncplan.arguments import Output
 from syncplan.errors import InputError, SyncplanError
 from syncplan.plan_commands import plans
 from syncplan.run_commands import runs
+from syncplan.service_commands import services
 from syncplan.streams import Format, deliver, open_closed_streams, say
 
 __all__ = ["main"]
@@ -92,6 +93,7 @@ def _schema(
 
 app.add_typer(plans)
 app.add_typer(runs)
+app.add_typer(services)
 app.add_typer(schemas)
 
 

@@ -8,7 +8,7 @@ import sys
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, Literal, NoReturn
 
 from pydantic import BaseModel, ValidationError
 
@@ -17,6 +17,7 @@ from syncplan.scenario import Scenario
 from syncplan.sections import MAX_VEHICLES
 
 __all__ = [
+    "decoded",
     "is_plan",
     "load_scenario",
     "parse_document",
@@ -29,6 +30,8 @@ __all__ = [
 LARGEST_FILE_BYTES = 64 * 2**20
 LARGEST_LIST = 20
 """Most faults that one error lists."""
+
+Syntax = Literal["json", "yaml"]
 
 _TAGS = {"one", "many", "listed", "named"}
 _VALUE_LENGTH = 60
@@ -73,20 +76,25 @@ def read_text(path: str | Path) -> tuple[str, str]:
         raise InputError(f"can't be read: {reason}", source=name) from None
     if len(data) > LARGEST_FILE_BYTES:
         raise InputError(f"is larger than {LARGEST_FILE_BYTES // 2**20} MiB", source=name)
+    return name, decoded(data, name)
+
+
+def decoded(data: bytes, source: str) -> str:
+    """Return bytes as text; raises InputError if they are empty or not UTF-8."""
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(
-            f"is not text: byte {error.start} is not UTF-8; give a YAML or JSON file", source=name
+            f"is not text: byte {error.start} is not UTF-8; give YAML or JSON", source=source
         ) from None
     if not text.strip():
-        raise InputError("is empty; see 'syncplan schema' for what a scenario holds", source=name)
-    return name, text
+        raise InputError("is empty; see 'syncplan schema' for what a scenario holds", source=source)
+    return text
 
 
-def parse_document(text: str, source: str) -> dict[str, Any]:
-    """Return the mapping a JSON or YAML 1.2 text holds."""
-    document = parse_values(text, source)
+def parse_document(text: str, source: str, syntax: Syntax | None = None) -> dict[str, Any]:
+    """Return the mapping a JSON or YAML 1.2 text holds; see parse_values."""
+    document = parse_values(text, source, syntax)
     if not isinstance(document, dict):
         raise InputError(
             f"holds {_describe(document)} where a mapping of keys is expected; "
@@ -96,10 +104,13 @@ def parse_document(text: str, source: str) -> dict[str, Any]:
     return document
 
 
-def parse_values(text: str, source: str) -> Any:
-    """Return what a JSON or YAML 1.2 text holds, a mapping or not."""
+def parse_values(text: str, source: str, syntax: Syntax | None = None) -> Any:
+    """Return what a JSON or YAML 1.2 text holds, a mapping or not.
+
+    Which of the two is known from the source's name or the text, where it is not said.
+    """
     document = None
-    if source.endswith(".json"):
+    if syntax == "json" or (syntax is None and source.endswith(".json")):
         document = _parse_json(text, source)
     elif text.lstrip().startswith("{"):
         # flow-style YAML starts with a brace too

@@ -6,7 +6,7 @@ from pydantic import Field, Strict, model_validator
 
 from syncplan.quantities import Length, Section, fault
 
-__all__ = ["DEFAULT_BOX_M", "Limits", "Objective", "RefineOptions", "Variable"]
+__all__ = ["DEFAULT_BOX_M", "Bounds", "Limits", "Objective", "RefineOptions", "Variable"]
 
 DEFAULT_BOX_M = 5.0
 """How far a centre may move each way where neither a box nor an area is given."""

@@ -22,6 +22,7 @@ __all__ = [
     "MAX_TRIALS",
     "TrialRun",
     "Validation",
+    "check_duration",
     "check_run",
     "conclude",
     "run_part",
@@ -136,7 +137,8 @@ def trial_run(
     check_run(trials, seed)
     flown = subject if isinstance(subject, Plan) else plan(subject)
     length = flown.scenario.duration_s if duration is None else duration
-    steps = _steps(length, flown)
+    sample_time = flown.sensors.sample_time
+    steps = check_duration(length, sample_time, flown.orbits.period, flown.orbits.count)
     sightings = sample_sightings(
         flown.windows, flown.orbits.period, flown.sensors.sample_time, 1, steps
     )
@@ -238,15 +240,17 @@ def check_run(trials: int, seed: int) -> None:
         raise InputError(f"{seed} given; allowed are 0 to {_LARGEST_SEED}", key="seed")
 
 
-def _steps(duration: float, flown: Plan) -> int:
-    """Whole samples in `duration` s, within the same limits as a scenario's."""
-    sample_time = flown.sensors.sample_time
+def check_duration(duration: float, sample_time: float, period: float, count: int) -> int:
+    """Return the whole samples in a run of `duration` s, within the same limits as a scenario's.
+
+    Raises InputError where there are none or too many.
+    """
     if not (np.isfinite(duration) and duration >= sample_time):
         raise InputError(
             f"{duration:g} s given; at least one sample time, {sample_time:g} s, is needed",
             key="duration",
         )
-    problem = excess(duration, sample_time, flown.orbits.period, flown.orbits.count)
+    problem = excess(duration, sample_time, period, count)
     if problem:
         raise InputError(problem, key="duration")
     return steps_within(duration, sample_time)

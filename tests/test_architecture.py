@@ -24,6 +24,7 @@ ORDER = (
     "candidates",
     "blas",
     "cores",
+    "children",
     "orbits",
     "trigpoly",
     "contacts",
@@ -85,12 +86,14 @@ ORDER = (
     "sites_report",
     "validation_report",
     "planfile",
+    "client",
     "output",
     "streams",
     "tables",
     "arguments",
     "plan_commands",
     "run_commands",
+    "service_commands",
     "cli",
 )
 """Modules in the order of data flow: each imports only those before it."""
@@ -123,7 +126,7 @@ LIBRARIES = {
         "refinement",
     },
     "shapely": {"areas"},
-    "typer": {"arguments", "plan_commands", "run_commands", "cli"},
+    "typer": {"arguments", "plan_commands", "run_commands", "service_commands", "cli"},
 }
 """The only modules that may import a library."""
 

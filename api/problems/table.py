@@ -59,14 +59,13 @@ def _deliberate(error: ServiceError) -> Failure:
 
 
 def _input(error: InputError) -> Failure:
-    faults = getattr(error, "faults", ()) or (error,)
     entries = [
         FaultEntry(
             path=printable(fault.key),
-            value=shown(getattr(fault, "value", None)),
+            value=None if fault.value == "" else shown(fault.value),
             message=printable(fault.problem),
         )
-        for fault in faults[:MOST_ERRORS]
+        for fault in error.faults[:MOST_ERRORS]
     ]
     return Failure(422, str(error), errors=tuple(entries))
 

@@ -1,27 +1,24 @@
 """The starts of a refinement, each solved and measured: here, or in child processes.
 
-A child is a plain Python process that reads tasks from its standard input and writes messages to
-its standard output, both pickled. It needs nothing of the program that started it, ignores Ctrl-C
-(the parent tells it to stop, and it hands over the best it has), and ends when its parent does.
+A child (see syncplan.children) ignores Ctrl-C: the parent tells it to stop, and it hands over the
+best it has.
 """
 
 import contextlib
 import os
-import pickle
 import queue
 import signal
-import subprocess
-import sys
-import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import IO, Any
+from multiprocessing.connection import Connection
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from syncplan.children import ChildProcess, connect_to_parent
 from syncplan.errors import SyncplanError
 from syncplan.refining.exact_search import improved_nearby
 from syncplan.refining.measures import Measurement, measure
@@ -32,10 +29,6 @@ from syncplan.refining.starts import starting_circles
 __all__ = ["Attempt", "RefineTask", "rank_of", "run_starts", "searched_nearby"]
 
 Array = NDArray[np.float64]
-
-_GRACE_S = 10.0
-_CHILD = "import sys; sys.path[:] = {path!r}; import syncplan.refining.tasks as t; t.serve_tasks()"
-"""Children look for modules where their parent does, and not where it happens to stand."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,51 +191,20 @@ class _Child:
 
     def __init__(self, number: int, task: RefineTask, messages: "queue.Queue[Any]") -> None:
         self.number, self.messages = number, messages
-        self.errors = tempfile.TemporaryFile()  # noqa: SIM115
-        environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
-        self.process = subprocess.Popen(
-            [sys.executable, "-P", "-c", _CHILD.format(path=sys.path)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=self.errors,
-            env=environment,
-        )
+        self.process = ChildProcess("syncplan.refining.tasks", "serve_tasks")
         self.tell(task)
         threading.Thread(target=self._listen, daemon=True).start()
 
     def tell(self, message: Any) -> None:
         """Send a task, (start, seconds left), or "stop"."""
-        with contextlib.suppress(BrokenPipeError):
-            assert self.process.stdin is not None
-            pickle.dump(message, self.process.stdin)
-            self.process.stdin.flush()
+        with contextlib.suppress(OSError):
+            self.process.connection.send(message)
 
     def _listen(self) -> None:
-        assert self.process.stdout is not None
-        with contextlib.suppress(EOFError, pickle.UnpicklingError, OSError):
+        with contextlib.suppress(EOFError, OSError, TypeError):
             while True:
-                self.messages.put((self.number, *pickle.load(self.process.stdout)))
+                self.messages.put((self.number, *self.process.connection.recv()))
         self.messages.put((self.number, "gone", None))
-
-    def complaint(self) -> str:
-        """Return the last line the process wrote to standard error."""
-        self.errors.seek(0)
-        lines = self.errors.read().decode(errors="replace").strip().splitlines()
-        return lines[-1] if lines else f"exit status {self.process.poll()}"
-
-    def end(self) -> None:
-        """Close the process for good."""
-        with contextlib.suppress(BrokenPipeError, OSError):
-            assert self.process.stdin is not None
-            self.process.stdin.close()
-        try:
-            self.process.wait(timeout=_GRACE_S)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.wait()
-        self.errors.close()
-        if self.process.stdout is not None:
-            self.process.stdout.close()
 
 
 def _run_in_children(
@@ -284,43 +246,39 @@ def _run_in_children(
                     give(children[number])
                 elif kind == "gone" and number in busy:
                     raise SyncplanError(
-                        f"a process of the refinement ended: {children[number].complaint()}"
+                        f"a process of the refinement ended: {children[number].process.complaint()}"
                     )
         finally:
             for child in children:
-                child.end()
+                child.process.end()
         return [done[start] for start in sorted(done)], interrupted.is_set()
 
 
-def serve_tasks() -> None:
-    """Work off tasks from standard input until it closes: what a child process runs."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    tasks = os.fdopen(os.dup(0), "rb")
-    answers = os.fdopen(os.dup(1), "wb")
-    # whatever else is printed must not get between the messages
-    os.dup2(2, 1)
-    task: RefineTask = pickle.load(tasks)
+def serve_tasks(descriptor: int, parent: int) -> None:
+    """Work off tasks until the parent goes: what a child process runs."""
+    connection = connect_to_parent(descriptor, parent)
+    task: RefineTask = connection.recv()
     solver = StagedSolver(task.problem)
     orders: queue.Queue[tuple[int, float]] = queue.Queue()
     stop = threading.Event()
-    threading.Thread(target=_take_orders, args=(tasks, orders, stop), daemon=True).start()
+    threading.Thread(target=_take_orders, args=(connection, orders, stop), daemon=True).start()
     while True:
         start, left = orders.get()
 
         def told(progress: SolverProgress, number: int = start) -> None:
-            _answer(answers, ("progress", (number, progress)))
+            _answer(connection, ("progress", (number, progress)))
 
         steering = Steering(time.monotonic() + left, stop.is_set, told)
-        _answer(answers, ("done", attempt(task, solver, start, steering)))
+        _answer(connection, ("done", attempt(task, solver, start, steering)))
 
 
 def _take_orders(
-    tasks: IO[bytes], orders: "queue.Queue[tuple[int, float]]", stop: threading.Event
+    connection: Connection, orders: "queue.Queue[tuple[int, float]]", stop: threading.Event
 ) -> None:
     """Pass orders on; the end of the stream means that nobody waits for an answer."""
     with contextlib.suppress(EOFError, OSError):
         while True:
-            order = pickle.load(tasks)
+            order = connection.recv()
             if order == "stop":
                 stop.set()
             else:
@@ -328,9 +286,8 @@ def _take_orders(
     os._exit(0)
 
 
-def _answer(stream: IO[bytes], message: Any) -> None:
+def _answer(connection: Connection, message: Any) -> None:
     try:
-        pickle.dump(message, stream)
-        stream.flush()
+        connection.send(message)
     except BrokenPipeError:
         os._exit(0)

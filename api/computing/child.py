@@ -1,0 +1,135 @@
+"""A child process that works off tasks by name, and the parent's handle on it."""
+
+import contextlib
+import os
+import time
+import traceback
+from collections.abc import Callable
+from typing import Any
+
+from api.computing import tasks
+from syncplan.children import ChildProcess, connect_to_parent
+from syncplan.errors import Fault, InputError, NoSolutionError, SyncplanError
+
+__all__ = ["Child", "ChildGoneError", "TooSlowError", "serve"]
+
+_PROGRESS_EVERY_S = 0.2
+_WITH_PROGRESS = {"flown_part", "refined_plan"}
+_POLITE = 10
+"""How far work in the background stands back for requests (nice)."""
+
+
+class ChildGoneError(Exception):
+    """The process ended before it answered: killed, or out of memory."""
+
+
+class TooSlowError(Exception):
+    """The task took longer than it may."""
+
+
+class Child:
+    """One child process; a task at a time. Not for several threads, but for `kill`.
+
+    Parameters
+    ----------
+    background : whether it stands back for others and gets ready to fly trials
+    """
+
+    def __init__(self, *, background: bool) -> None:
+        self._process = ChildProcess("api.computing.child", "serve")
+        self._process.connection.send(background)
+        self.first_memory = 0
+        self.memory = 0
+
+    def call(
+        self,
+        task: str,
+        *arguments: Any,
+        timeout_s: float | None = None,
+        progress: Callable[[int], None] | None = None,
+    ) -> Any:
+        """Return what the task returns; raises what it raises, ChildGoneError or TooSlowError."""
+        deadline = None if timeout_s is None else time.monotonic() + timeout_s
+        connection = self._process.connection
+        try:
+            connection.send((task, arguments))
+            while True:
+                left = None if deadline is None else max(deadline - time.monotonic(), 0.0)
+                if not connection.poll(left):
+                    self.kill()
+                    raise TooSlowError
+                kind, value = connection.recv()
+                if kind == "progress":
+                    if progress is not None:
+                        progress(value)
+                elif kind == "memory":
+                    self.first_memory = self.first_memory or value
+                    self.memory = value
+                elif kind == "done":
+                    return value
+                else:
+                    raise _as_error(*value)
+        except (EOFError, OSError):
+            raise ChildGoneError(self._process.complaint()) from None
+
+    def kill(self) -> None:
+        """End the process at once; a call under way raises ChildGoneError."""
+        self._process.kill()
+
+    def end(self) -> None:
+        """End the process, which must be idle, and free what it holds."""
+        self._process.kill()
+        self._process.end()
+
+
+def _as_error(kind: str, problem: str, key: str, faults: list[tuple[str, str, str]]) -> Exception:
+    if kind == "input":
+        return InputError(problem, key=key, faults=tuple(Fault(*one) for one in faults))
+    return NoSolutionError(problem) if kind == "no solution" else SyncplanError(problem)
+
+
+def serve(descriptor: int, parent: int) -> None:
+    """Work off tasks until the parent goes: what the process runs."""
+    connection = connect_to_parent(descriptor, parent)
+    background = connection.recv()
+    if background:
+        os.nice(_POLITE)
+    tasks.warm_up(trials=background)
+
+    def progress_every() -> Callable[[int], None]:
+        last = time.monotonic()
+
+        def told(done: int) -> None:
+            nonlocal last
+            if time.monotonic() - last >= _PROGRESS_EVERY_S:
+                last = time.monotonic()
+                connection.send(("progress", done))
+
+        return told
+
+    with contextlib.suppress(EOFError, BrokenPipeError):
+        while True:
+            name, arguments = connection.recv()
+            try:
+                extra = (progress_every(),) if name in _WITH_PROGRESS else ()
+                answer = "done", getattr(tasks, name)(*arguments, *extra)
+            except InputError as error:
+                faults = [(one.key, one.problem, one.value) for one in error.faults]
+                answer = "failed", ("input", error.problem, error.key, faults)
+            except NoSolutionError as error:
+                answer = "failed", ("no solution", str(error), "", [])
+            except MemoryError:
+                answer = "failed", ("fault", "out of memory", "", [])
+            except Exception:
+                answer = "failed", ("fault", traceback.format_exc(), "", [])
+            connection.send(("memory", _memory()))
+            connection.send(answer)
+
+
+def _memory() -> int:
+    """Bytes of memory this process holds; 0 where the system does not say."""
+    try:
+        with open("/proc/self/statm", encoding="ascii") as file:
+            return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except OSError:
+        return 0

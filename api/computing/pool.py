@@ -1,0 +1,163 @@
+"""A pool of child processes: tasks wait in order, a task may be given up, the memory stays small.
+
+    submit --> waiting --> a thread for each child --> the child process
+                 |                                          |
+              cancel: dropped                     cancel: killed, and started anew
+
+The thread that started a child outlives it, because the kernel ends a child with that thread.
+"""
+
+import contextlib
+import threading
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import CancelledError, Future
+from dataclasses import dataclass, field
+from typing import Any
+
+from api.computing.child import Child, ChildGoneError, TooSlowError
+
+__all__ = ["Pool", "PoolFullError", "Ticket"]
+
+LARGEST_GROWTH_BYTES = 48 * 2**20
+"""A child that has grown by more than this since its first task is replaced."""
+
+_RETRIES = 1
+
+
+class PoolFullError(Exception):
+    """Too many tasks are waiting already."""
+
+
+@dataclass(slots=True)
+class Ticket:
+    """A task handed in: `future` holds its result; `cancel` gives it up wherever it is."""
+
+    task: str
+    arguments: tuple[Any, ...]
+    timeout_s: float | None
+    progress: Callable[[int], None] | None
+    future: "Future[Any]" = field(default_factory=Future)
+    cancelled: threading.Event = field(default_factory=threading.Event)
+    child: Child | None = None
+
+    def cancel(self) -> None:
+        """Give the task up: it is dropped, or its process killed."""
+        self.cancelled.set()
+        child = self.child
+        if child is not None:
+            child.kill()
+
+
+class Pool:
+    """Child processes, started at once and kept.
+
+    Parameters
+    ----------
+    size : processes
+    background : whether they stand back for others
+    most_waiting : tasks that may wait before PoolFullError; no limit if None
+    """
+
+    def __init__(self, size: int, *, background: bool, most_waiting: int | None = None) -> None:
+        self.size = size
+        self._background = background
+        self._most_waiting = most_waiting
+        self._waiting: deque[Ticket] = deque()
+        self._changed = threading.Condition()
+        self._closed = False
+        self._running: dict[int, Ticket] = {}
+        self._threads = [
+            threading.Thread(target=self._serve, args=(k,), daemon=True, name=f"child-{k}")
+            for k in range(size)
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    @property
+    def busy(self) -> int:
+        """Number of processes at work."""
+        return len(self._running)
+
+    def submit(
+        self,
+        task: str,
+        *arguments: Any,
+        timeout_s: float | None = None,
+        progress: Callable[[int], None] | None = None,
+    ) -> Ticket:
+        """Hand in a task; raises PoolFullError. `progress` is called from another thread."""
+        ticket = Ticket(task, arguments, timeout_s, progress)
+        with self._changed:
+            if self._most_waiting is not None and len(self._waiting) >= self._most_waiting:
+                raise PoolFullError
+            self._waiting.append(ticket)
+            self._changed.notify()
+        return ticket
+
+    def call(self, task: str, *arguments: Any, timeout_s: float | None = None) -> Any:
+        """Return what a task returns, waiting for it; raises what it raises."""
+        return self.submit(task, *arguments, timeout_s=timeout_s).future.result()
+
+    def close(self) -> None:
+        """Kill all processes; tasks that wait or run raise CancelledError."""
+        with self._changed:
+            self._closed = True
+            waiting = list(self._waiting)
+            self._waiting.clear()
+            running = list(self._running.values())
+            self._changed.notify_all()
+        for ticket in waiting:
+            ticket.future.set_exception(CancelledError())
+        for ticket in running:
+            ticket.cancel()
+        for thread in self._threads:
+            thread.join(timeout=5.0)
+
+    def _serve(self, number: int) -> None:
+        """Start a child and pass tasks to it, one at a time."""
+        child = Child(background=self._background)
+        while True:
+            with self._changed:
+                while not self._waiting and not self._closed:
+                    self._changed.wait()
+                if self._closed:
+                    break
+                ticket = self._running[number] = self._waiting.popleft()
+            child = self._run(ticket, child)
+            del self._running[number]
+            if child.memory - child.first_memory > LARGEST_GROWTH_BYTES:
+                child.end()
+                child = Child(background=self._background)
+        with contextlib.suppress(OSError):
+            child.end()
+
+    def _run(self, ticket: Ticket, child: Child) -> Child:
+        """Settle a ticket and return the child to go on with: a new one where this one is gone."""
+        for attempt in range(_RETRIES + 1):
+            ticket.child = child
+            try:
+                if ticket.cancelled.is_set():
+                    raise CancelledError
+                value = child.call(
+                    ticket.task,
+                    *ticket.arguments,
+                    timeout_s=ticket.timeout_s,
+                    progress=ticket.progress,
+                )
+            except (ChildGoneError, TooSlowError) as error:
+                child.end()
+                child = Child(background=self._background)
+                if ticket.cancelled.is_set():
+                    ticket.future.set_exception(CancelledError())
+                elif isinstance(error, TooSlowError) or attempt == _RETRIES:
+                    ticket.future.set_exception(error)
+                else:
+                    continue
+            except Exception as error:
+                ticket.future.set_exception(error)
+            else:
+                ticket.future.set_result(value)
+            ticket.child = None
+            return child
+        return child

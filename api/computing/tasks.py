@@ -1,0 +1,235 @@
+"""What child processes do: plain values in, plain values out, all numbers by syncplan.
+
+Jobs are described by a JobSpec. The trials of a validation are one run; those of a sweep one for
+each of its rows. A child keeps what it set up for the job it served last.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Literal
+
+from api.limits import Limits, check_size
+from api.requests import REQUESTS, RefinementRequest, SweepRequest, ValidationRequest
+from syncplan.loading import decoded, parse_document, scenario_from
+from syncplan.trials import CHUNK_TRIALS
+from syncplan.validation import TrialRun
+
+__all__ = [
+    "Cut",
+    "JobSpec",
+    "PlanText",
+    "checked_request",
+    "finished_report",
+    "flown_part",
+    "made_plan",
+    "measured_run",
+    "refined_plan",
+    "warm_up",
+]
+
+Syntax = Literal["json", "yaml"]
+Progress = Callable[[int], None]
+
+
+@dataclass(frozen=True, slots=True)
+class PlanText:
+    """A plan as the bytes that a file of it would hold, and what lists show of it."""
+
+    text: str
+    name: str | None
+    vehicles: int
+    observable: bool
+    predicted_rms_m: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class JobSpec:
+    """A job: what kind, what was asked, and the plan it is about (None for a sweep)."""
+
+    id: str
+    kind: Literal["refinement", "validation", "sweep"]
+    request: str
+    plan: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Cut:
+    """A part of a job: trials of one of its runs."""
+
+    run: int
+    first_trial: int
+    trials: int
+
+
+# --- requests -----------------------------------------------------------------------------------
+
+
+def made_plan(body: bytes, syntax: Syntax, limits: Limits, steady: bool) -> PlanText:
+    """Return the plan of a scenario as it was sent; raises InputError, NoSolutionError."""
+    from syncplan.planner import plan
+
+    document = parse_document(decoded(body, ""), "", syntax)
+    scenario = scenario_from(document, max_vehicles=limits.vehicles)
+    check_size(scenario, limits)
+    return _as_plan_text(plan(scenario, steady=steady))
+
+
+def checked_request(
+    kind: str, body: bytes, syntax: Syntax, limits: Limits, plan_text: str | None
+) -> tuple[str, int]:
+    """Return a job's request, checked and with defaults filled in, as JSON, and its work.
+
+    The work of a refinement is counted in starts, that of others in trials. Raises InputError.
+    """
+    from pydantic import ValidationError
+
+    from syncplan.loading import validation_fault
+
+    model = REQUESTS[kind]
+    document = parse_document(decoded(body, ""), "", syntax) if body.strip() else {}
+    try:
+        request = model.model_validate(document)
+    except ValidationError as error:
+        validation_fault(error, model, "")
+    work = request.work(None if plan_text is None else _loaded(plan_text), limits)
+    return request.model_dump_json(exclude_none=True), work
+
+
+# --- jobs ---------------------------------------------------------------------------------------
+
+
+def refined_plan(spec: JobSpec, workers: int, progress: Progress) -> PlanText:
+    """Return the refined plan, or the plan itself with the reason why it could not be bettered.
+
+    Progress is told in starts that must have ended, since others have begun.
+    """
+    from syncplan.planfile import plan_of
+    from syncplan.refinement import refine
+
+    assert spec.plan is not None
+    changes = RefinementRequest.model_validate_json(spec.request).changes()
+    begun: set[int] = set()
+
+    def told(start: int, iteration: int, objective: float) -> None:
+        begun.add(start)
+        progress(max(len(begun) - workers, 0))
+
+    better = refine(plan_of(_loaded(spec.plan)), workers=workers, progress=told, **changes)
+    return _as_plan_text(better)
+
+
+def measured_run(spec: JobSpec) -> list[tuple[int, float]]:
+    """Return the trials and the seconds a trial takes here, for each run of a job."""
+    figures = []
+    for run in _runs(spec):
+        from syncplan.validation import run_part
+
+        count = min(CHUNK_TRIALS, run.trials)
+        run_part(run, 0, 1, threads=1)
+        began = time.perf_counter()
+        run_part(run, 0, count, threads=1)
+        figures.append((run.trials, (time.perf_counter() - began) / count))
+    return figures
+
+
+def flown_part(spec: JobSpec, cut: Cut, progress: Progress) -> bytes:
+    """Return a part of a job's trials as bytes."""
+    from syncplan.parts import pack
+    from syncplan.validation import run_part
+
+    run = _runs(spec)[cut.run]
+    return pack(run_part(run, cut.first_trial, cut.trials, threads=1, progress=progress))
+
+
+def finished_report(spec: JobSpec, parts: Sequence[tuple[Cut, bytes]]) -> tuple[str, bytes | None]:
+    """Return the report that all parts of a job come to, as the text a file of it would hold.
+
+    Beside it, the figures of each trial of a validation, packed.
+    """
+    from syncplan.output import as_text
+    from syncplan.parts import pack, unpack
+    from syncplan.sweeps import SweepRow
+    from syncplan.validation import conclude
+    from syncplan.validation_report import sweep_document, validation_document
+
+    runs = _runs(spec)
+    ordered = sorted(parts, key=lambda item: (item[0].run, item[0].first_trial))
+    concluded = [
+        conclude(run, [unpack(data) for cut, data in ordered if cut.run == k])
+        for k, run in enumerate(runs)
+    ]
+    reports = [validation_document(one) for one in concluded]
+    if spec.kind == "validation":
+        return as_text(reports[0].as_json()), pack(concluded[0].result)
+    request = SweepRequest.model_validate_json(spec.request)
+    rows = [
+        SweepRow(row.label, row.value, one)
+        for row, one in zip(_planned(spec), concluded, strict=True)
+    ]
+    return as_text(sweep_document(request.swept()[0], rows, reports)), None
+
+
+@lru_cache(maxsize=2)
+def _runs(spec: JobSpec) -> list[TrialRun]:
+    from syncplan.planfile import plan_of
+    from syncplan.validation import trial_run
+
+    if spec.kind == "sweep":
+        options = SweepRequest.model_validate_json(spec.request).run_options()
+        return [trial_run(row.plan, **options) for row in _planned(spec)]
+    assert spec.plan is not None
+    options = ValidationRequest.model_validate_json(spec.request).run_options()
+    return [trial_run(plan_of(_loaded(spec.plan)), **options)]
+
+
+@lru_cache(maxsize=2)
+def _planned(spec: JobSpec) -> list[Any]:
+    from syncplan.sweeps import planned_rows
+
+    request = SweepRequest.model_validate_json(spec.request)
+    scenario = scenario_from(request.scenario)
+    name, values = request.swept()
+    return planned_rows(scenario, name, values, connected=request.connected)
+
+
+def _loaded(plan_text: str) -> Any:
+    from syncplan.planfile import loaded_from
+
+    return loaded_from(parse_document(plan_text, "", "json"))
+
+
+def _as_plan_text(made: Any) -> PlanText:
+    from syncplan.output import as_text
+    from syncplan.plan_report import plan_document
+
+    document = plan_document(made)
+    predicted = document.predicted_rms_m
+    return PlanText(
+        text=as_text(document.as_json()),
+        name=made.scenario.name,
+        vehicles=made.orbits.count,
+        observable=made.observable,
+        predicted_rms_m=None if predicted is None else predicted.overall,
+    )
+
+
+def warm_up(trials: bool) -> None:
+    """Load what the first task would otherwise wait for; with `trials`, the filter as well."""
+    from syncplan.planner import plan
+
+    made = plan(scenario_from(_SMALL))
+    _as_plan_text(made)
+    if trials:
+        from syncplan.validation import run_part, trial_run
+
+        run_part(trial_run(made, trials=1, duration=1.0), 0, 1, threads=1)
+
+
+_SMALL = {
+    "orbit": {"radius_m": 20.0, "angular_rate_rad_s": 0.2, "direction": "ccw"},
+    "formation": {"centers_m": [[0.0, 0.0], [70.0, 0.0]]},
+    "landmarks_m": [[0.0, 40.0], [70.0, 40.0]],
+    "sensor": {"range_m": 50.0, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1},
+}

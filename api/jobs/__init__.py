@@ -1,0 +1,1 @@
+"""Jobs that survive: durable workflows, who works on them, and what happens when a worker dies."""

@@ -1,0 +1,162 @@
+"""Heartbeats, and what is done about processes without one.
+
+Every process raises its count in the database every few seconds and watches the counts of the
+others with its own clock: a count that has not changed for a while belongs to a dead process. A
+watcher that could not read for a time, because the database was away, begins to watch anew, so
+that an outage makes nobody dead. Workflows begun by a process that is not on the list go back to
+their queues.
+"""
+
+import logging
+import threading
+import time
+from collections import defaultdict
+from collections.abc import Callable
+
+from dbos import DBOSClient
+
+from api.storage import executors, jobs
+from api.storage.answers import forget_answers
+from api.storage.database import Database
+from api.storage.tables import moment
+
+__all__ = ["Guard"]
+
+_SWEEP_EVERY_S = 20.0
+_BATCH = 1000
+_BROKEN = {"ERROR", "MAX_RECOVERY_ATTEMPTS_EXCEEDED", "CANCELLED"}
+_LOST = {"title": "Internal fault", "detail": "the job was lost; see the service's log"}
+
+_logger = logging.getLogger("syncplan.guard")
+
+
+class Guard:
+    """A thread that keeps this process on the list of the living and looks after the others.
+
+    Parameters
+    ----------
+    executor_id : of this process; None for one that runs no jobs and only looks after others
+    heartbeat_s, dead_after_s : between heartbeats; without one until a process is dead
+    keep_jobs_s, keep_answers_s : how long ended jobs and given answers are kept
+    """
+
+    def __init__(
+        self,
+        database: Database,
+        client: DBOSClient,
+        executor_id: str | None,
+        *,
+        heartbeat_s: float,
+        dead_after_s: float,
+        keep_jobs_s: float,
+        keep_answers_s: float,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._database = database
+        self._client = client
+        self._executor_id = executor_id
+        self._heartbeat_s = heartbeat_s
+        self._dead_after_s = dead_after_s
+        self._keep_jobs_s = keep_jobs_s
+        self._keep_answers_s = keep_answers_s
+        self._clock = clock
+        self._seen: dict[str, tuple[int, float]] = {}
+        self._swept = clock()
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True, name="guard")
+
+    def start(self) -> None:
+        """Enter this process on the list, and begin."""
+        self.look_after()
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop, and strike this process off the list: what it had begun goes on elsewhere."""
+        self._stop.set()
+        self._thread.join(timeout=10.0)
+        if self._executor_id is not None:
+            try:
+                with self._database.writing() as connection:
+                    executors.forget(connection, self._executor_id)
+                self._resume_orphans()
+            except Exception as error:
+                _logger.warning("could not strike this process off the list: %s", error)
+
+    def _run(self) -> None:
+        while not self._stop.wait(self._heartbeat_s):
+            try:
+                self.look_after()
+            except Exception as error:
+                # seen anew once the database is back
+                self._seen.clear()
+                _logger.warning("no heartbeat: %s", error)
+
+    def look_after(self) -> None:
+        """Raise this process's count, strike the dead off, take up what they left."""
+        with self._database.writing() as connection:
+            if self._executor_id is not None:
+                executors.beat(connection, self._executor_id)
+            for dead, beats in self._dead(executors.living(connection)).items():
+                _logger.warning("process %s is dead; its jobs go on elsewhere", dead)
+                executors.forget(connection, dead, beats)
+        self._resume_orphans()
+        if self._clock() - self._swept >= _SWEEP_EVERY_S:
+            self._swept = self._clock()
+            self._fail_lost()
+            self._sweep()
+
+    def _dead(self, living: dict[str, int]) -> dict[str, int]:
+        now = self._clock()
+        self._seen = {
+            name: self._seen[name]
+            if name in self._seen and self._seen[name][0] == beats
+            else (beats, now)
+            for name, beats in living.items()
+        }
+        return {
+            name: beats
+            for name, (beats, since) in self._seen.items()
+            if now - since >= self._dead_after_s and name != self._executor_id
+        }
+
+    def _resume_orphans(self) -> None:
+        """Put back what processes not on the list had begun."""
+        begun = self._client.list_workflows(status="PENDING", load_input=False, load_output=False)
+        with self._database.reading() as connection:
+            living = executors.living(connection)
+        orphans: dict[str | None, list[str]] = defaultdict(list)
+        for workflow in begun:
+            if workflow.executor_id not in living:
+                orphans[workflow.queue_name].append(workflow.workflow_id)
+        for queue_name, identifiers in orphans.items():
+            _logger.warning("taking up %d workflows of dead processes", len(identifiers))
+            self._client.resume_workflows(identifiers, queue_name=queue_name)
+
+    def _fail_lost(self) -> None:
+        """Fail jobs whose workflow is broken or gone, so that nobody waits for them for ever."""
+        with self._database.reading() as connection:
+            waiting = jobs.unfinished(connection)
+        for first in range(0, len(waiting), _BATCH):
+            asked = waiting[first : first + _BATCH]
+            found = {
+                one.workflow_id: one.status
+                for one in self._client.list_workflows(
+                    workflow_ids=asked, load_input=False, load_output=False
+                )
+            }
+            for job_id in asked:
+                if found.get(job_id) is None or found[job_id] in _BROKEN:
+                    _logger.error("job %s was lost: workflow %s", job_id, found.get(job_id))
+                    with self._database.writing() as connection:
+                        jobs.end_job(connection, job_id, "failed", error=_LOST)
+
+    def _sweep(self) -> None:
+        """Delete what was kept long enough."""
+        with self._database.writing() as connection:
+            forget_answers(connection, moment(self._keep_answers_s))
+            old = jobs.delete_ended(connection, moment(self._keep_jobs_s))
+        for job_id in old:
+            parts = self._client.list_workflows(
+                workflow_id_prefix=job_id, load_input=False, load_output=False
+            )
+            self._client.delete_workflows([one.workflow_id for one in parts])

@@ -1,0 +1,38 @@
+"""What the workflows of this process work with."""
+
+from dataclasses import dataclass, field
+from threading import Event
+
+from api.computing.pool import Pool
+from api.settings import Settings
+from api.storage.database import Database
+
+__all__ = ["Runtime", "current", "use"]
+
+
+@dataclass(frozen=True, slots=True)
+class Runtime:
+    """The process's database, child processes and settings.
+
+    Attributes
+    ----------
+    closing : set once the process is about to end, so that nothing killed then counts as failed
+    """
+
+    settings: Settings
+    database: Database
+    pool: Pool
+    closing: Event = field(default_factory=Event)
+
+
+_in_use: list[Runtime] = []
+
+
+def use(runtime: Runtime | None) -> None:
+    """Let the workflows of this process work with a runtime; None when it is over."""
+    _in_use[:] = [] if runtime is None else [runtime]
+
+
+def current() -> Runtime:
+    """Return the runtime in use."""
+    return _in_use[0]

@@ -1,0 +1,88 @@
+"""A process's part in the jobs: its workflows launched, its children, its heartbeat."""
+
+import logging
+import os
+import secrets
+import socket
+
+from dbos import DBOS, DBOSConfig
+
+from api.computing.pool import Pool
+from api.jobs import runtime
+from api.jobs.guard import Guard
+from api.jobs.queue import APPLICATION, JOBS_QUEUE, WORKFLOWS_VERSION, JobQueue
+from api.jobs.runtime import Runtime
+from api.jobs.workflows import PARTS_QUEUE
+from api.settings import Settings
+from api.storage import executors
+from api.storage.database import Database
+
+__all__ = ["Worker"]
+
+_POLL_S = 0.25
+_DBOS_CONNECTIONS = 10
+
+_logger = logging.getLogger("syncplan.worker")
+
+
+class Worker:
+    """Works on jobs from its making to `close`; one in a process at a time."""
+
+    def __init__(self, settings: Settings, database: Database) -> None:
+        self.executor_id = f"{socket.gethostname()[:32]}-{os.getpid()}-{secrets.token_hex(4)}"
+        size = settings.process_count
+        self.pool = Pool(size, background=True)
+        self._runtime = Runtime(settings, database, self.pool)
+        runtime.use(self._runtime)
+        self._queue = JobQueue(settings.database)
+        self._guard = guard_of(settings, database, self._queue, self.executor_id)
+        with database.writing() as connection:
+            executors.beat(connection, self.executor_id)
+        DBOS(config=_config(settings, self.executor_id))
+        DBOS.listen_queues([JOBS_QUEUE, PARTS_QUEUE])
+        DBOS.launch()
+        for name in (JOBS_QUEUE, PARTS_QUEUE):
+            DBOS.register_queue(
+                name,
+                worker_concurrency=size,
+                polling_interval_sec=_POLL_S,
+                on_conflict="always_update",
+            )
+        self._guard.start()
+        _logger.info("worker %s with %d processes", self.executor_id, size)
+
+    def close(self) -> None:
+        """Give up the work at hand; another process, or this one's successor, takes it up."""
+        self._runtime.closing.set()
+        self.pool.close()
+        DBOS.destroy(workflow_completion_timeout_sec=0)
+        self._guard.close()
+        self._queue.close()
+        runtime.use(None)
+
+
+def guard_of(
+    settings: Settings, database: Database, queue: JobQueue, executor_id: str | None
+) -> Guard:
+    """Return the guard of this process, not yet started."""
+    return Guard(
+        database,
+        queue.client,
+        executor_id,
+        heartbeat_s=settings.heartbeat_s,
+        dead_after_s=settings.dead_after_s,
+        keep_jobs_s=settings.keep_jobs_s,
+        keep_answers_s=settings.keep_answers_s,
+    )
+
+
+def _config(settings: Settings, executor_id: str) -> DBOSConfig:
+    return {
+        "name": APPLICATION,
+        "system_database_url": settings.database,
+        "sys_db_pool_size": _DBOS_CONNECTIONS,
+        "executor_id": executor_id,
+        "application_version": WORKFLOWS_VERSION,
+        "log_level": "WARNING",
+        "enable_otlp": False,
+    }

@@ -1,0 +1,237 @@
+"""The durable workflows: a job, and a part of its trials.
+
+    run_job:  start --> cut into parts --> run_part on any worker, each --> conclude
+              start --> refine --> conclude
+
+Workflows only order steps. A step may run twice, on two workers even, when one of them is taken
+for dead: what it writes is the same, and written once. What ends a job is its row in the database:
+a step that finds its job ended does nothing.
+"""
+
+import asyncio
+import logging
+from collections.abc import Callable
+from concurrent.futures import CancelledError
+from typing import Any, TypeVar
+
+from dbos import DBOS, SetWorkflowID
+from sqlalchemy import Connection
+
+from api.computing.child import ChildGoneError
+from api.computing.pool import Ticket
+from api.computing.tasks import Cut, PlanText
+from api.jobs.cuts import cuts_of
+from api.jobs.queue import JOB_WORKFLOW
+from api.jobs.runtime import current
+from api.storage import jobs
+from api.storage.database import patiently, unavailable
+from api.storage.plans import add_plan
+from api.storage.tables import new_id
+from syncplan.errors import InputError, NoSolutionError, SyncplanError
+
+__all__ = ["PARTS_QUEUE", "part_id", "run_job", "run_part"]
+
+PARTS_QUEUE = "syncplan-parts"
+
+_LOOK_EVERY_S = 0.5
+_RESULT_EVERY_S = 0.25
+
+_logger = logging.getLogger("syncplan.jobs")
+
+T = TypeVar("T")
+
+
+def part_id(job_id: str, number: int) -> str:
+    """Return the identifier of the workflow of a part."""
+    return f"{job_id}-{number}"
+
+
+@DBOS.workflow(name=JOB_WORKFLOW, max_recovery_attempts=1000)
+async def run_job(job_id: str) -> None:
+    """Do a job."""
+    kind = await _start(job_id)
+    if kind is None:
+        return
+    if kind == "refinement":
+        await _refine(job_id)
+        return
+    handles = []
+    for number in range(await _cut(job_id)):
+        with SetWorkflowID(part_id(job_id, number)):
+            handles.append(await DBOS.enqueue_workflow_async(PARTS_QUEUE, run_part, job_id, number))
+    for handle in handles:
+        await handle.get_result(polling_interval_sec=_RESULT_EVERY_S)
+    await _conclude(job_id)
+
+
+@DBOS.workflow(name="syncplan-part", max_recovery_attempts=1000)
+async def run_part(job_id: str, number: int) -> None:
+    """Do a part of a job's trials."""
+    await _fly(job_id, number)
+
+
+# --- steps --------------------------------------------------------------------------------------
+
+
+@DBOS.step(name="start")
+async def _start(job_id: str) -> str | None:
+    def start(connection: Connection) -> str | None:
+        if not jobs.start_job(connection, job_id):
+            return None
+        spec = jobs.spec_of(connection, job_id)
+        return None if spec is None else spec.kind
+
+    return await _in_transaction(start)
+
+
+@DBOS.step(name="cut")
+async def _cut(job_id: str) -> int:
+    """Return the number of parts, or 0 where the job has ended."""
+    runtime = current()
+    spec = await _in_transaction(lambda connection: jobs.spec_of(connection, job_id))
+    if spec is None:
+        return 0
+    runs = await _computed(job_id, runtime.pool.submit("measured_run", spec))
+    if runs is None:
+        return 0
+    cuts: list[Cut] = cuts_of(runs, runtime.settings.batch_s, runtime.settings.process_count)
+    return await _in_transaction(lambda connection: jobs.cut_job(connection, job_id, cuts))
+
+
+@DBOS.step(name="fly")
+async def _fly(job_id: str, number: int) -> None:
+    found = await _in_transaction(lambda connection: jobs.next_part(connection, job_id, number))
+    if found is None:
+        return
+    latest = _Latest()
+    ticket = current().pool.submit("flown_part", *found, progress=latest.take)
+    data = await _computed(job_id, ticket, latest, number)
+    if data is not None:
+        await _in_transaction(lambda connection: jobs.keep_part(connection, job_id, number, data))
+
+
+@DBOS.step(name="conclude")
+async def _conclude(job_id: str) -> None:
+    def gather(connection: Connection) -> Any:
+        spec = jobs.spec_of(connection, job_id)
+        return None if spec is None else (spec, jobs.finished_parts(connection, job_id))
+
+    gathered = await _in_transaction(gather)
+    if gathered is None:
+        return
+    finished = await _computed(job_id, current().pool.submit("finished_report", *gathered))
+    if finished is not None:
+        report, trials = finished
+        await _in_transaction(
+            lambda connection: jobs.end_job(
+                connection, job_id, "succeeded", report=report, trials=trials
+            )
+        )
+
+
+@DBOS.step(name="refine")
+async def _refine(job_id: str) -> None:
+    runtime = current()
+    spec = await _in_transaction(lambda connection: jobs.spec_of(connection, job_id))
+    if spec is None:
+        return
+    latest = _Latest()
+    workers = runtime.settings.process_count
+    ticket = runtime.pool.submit("refined_plan", spec, workers, progress=latest.take)
+    made = await _computed(job_id, ticket, latest)
+    if made is not None:
+        await _in_transaction(lambda connection: _keep_refined(connection, job_id, made))
+
+
+def _keep_refined(connection: Connection, job_id: str, made: PlanText) -> None:
+    """End the job and store its plan, both or neither."""
+    plan_id = new_id()
+    if jobs.end_job(connection, job_id, "succeeded", plan_id=plan_id):
+        owner, parent_id = jobs.owner_and_plan(connection, job_id)
+        add_plan(connection, owner, made, plan_id=plan_id, parent_id=parent_id)
+
+
+# --- computing ----------------------------------------------------------------------------------
+
+
+class _Latest:
+    """The newest progress a child has told of."""
+
+    def __init__(self) -> None:
+        self.done = 0
+
+    def take(self, done: int) -> None:
+        self.done = done
+
+
+async def _computed(
+    job_id: str, ticket: Ticket, latest: _Latest | None = None, number: int | None = None
+) -> Any:
+    """Return what a task returns; None where the job was cancelled, or fails with the task.
+
+    While waiting, the progress is entered and the job looked at: the child of a job that has ended
+    is killed.
+    """
+    future = asyncio.wrap_future(ticket.future)
+    while not future.done():
+        await asyncio.wait({future}, timeout=_LOOK_EVERY_S)
+        done = 0 if latest is None else latest.done
+        if not future.done() and not await _goes_on(job_id, done, number):
+            ticket.cancel()
+    try:
+        return future.result()
+    except (CancelledError, asyncio.CancelledError):
+        await _stay_if_closing()
+        return None
+    except InputError as error:
+        faults = [
+            {"path": one.key, "value": one.value, "message": one.problem} for one in error.faults
+        ]
+        failure = {"title": "Bad input", "detail": str(error), "errors": faults}
+    except NoSolutionError as error:
+        failure = {"title": "No solution", "detail": str(error)}
+    except ChildGoneError as error:
+        await _stay_if_closing()
+        _logger.error("a process computing job %s ended: %s", job_id, error)
+        failure = {
+            "title": "Internal fault",
+            "detail": "the process computing this ended; out of memory?",
+        }
+    except SyncplanError as error:
+        _logger.error("job %s failed: %s", job_id, error)
+        failure = {"title": "Internal fault", "detail": "an internal fault; see the service's log"}
+    await _in_transaction(
+        lambda connection: jobs.end_job(connection, job_id, "failed", error=failure)
+    )
+    return None
+
+
+async def _goes_on(job_id: str, done: int, number: int | None) -> bool:
+    """Enter the progress and return whether the job still wants a result; yes when in doubt."""
+
+    def note() -> bool:
+        with current().database.writing() as connection:
+            return jobs.note_progress(connection, job_id, done, number)
+
+    try:
+        return await asyncio.to_thread(note)
+    except Exception as error:
+        if not unavailable(error):
+            raise
+        return True
+
+
+async def _stay_if_closing() -> None:
+    """Never come back in a process that is about to end: another one takes the workflow up."""
+    while current().closing.is_set():
+        await asyncio.sleep(1.0)
+
+
+async def _in_transaction(function: Callable[[Connection], T]) -> T:
+    """Return what a function does in a transaction, waiting for the database if it is away."""
+
+    def transact() -> T:
+        with current().database.writing() as connection:
+            return function(connection)
+
+    return await asyncio.to_thread(patiently, transact)

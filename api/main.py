@@ -1,0 +1,105 @@
+"""The application: settings in, routes on, workers and database opened and closed around it."""
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from fastapi import FastAPI
+from starlette.concurrency import run_in_threadpool
+
+from api.computing.pool import Pool
+from api.jobs.queue import JobQueue
+from api.jobs.worker import Worker, guard_of
+from api.logs import RequestLog
+from api.metrics import Metrics, RequestMetrics
+from api.problems import install_handlers
+from api.routes import health, jobs, plans, schemas
+from api.security import Keyring
+from api.service import Service, limits_of
+from api.settings import Settings, load_settings
+from api.storage.database import open_database
+from api.storage.jobs import count_by_state
+from api.telemetry import telemetry_options
+from syncplan import __version__
+
+__all__ = ["create_app"]
+
+_DESCRIPTION = """Plans of synchronised circular orbits that let a team of robots localise itself:
+initial poses and phases at once, refinement and Monte Carlo as jobs that survive."""
+
+
+def create_app(settings: Settings | None = None) -> FastAPI:
+    """Return the application, which opens its database and starts its processes when it is started.
+
+    Settings come from the environment where none are given. Raises InputError.
+    """
+    chosen = load_settings() if settings is None else settings
+    app = FastAPI(
+        title="syncplan",
+        version=__version__,
+        description=_DESCRIPTION,
+        docs_url=None,
+        redoc_url=None,
+        max_body_size=chosen.body_limit_bytes,
+        telemetry=telemetry_options(chosen),
+        lifespan=_lifespan,
+    )
+    app.state.settings = chosen
+    app.state.keyring = Keyring(chosen)
+    app.state.metrics = Metrics()
+    install_handlers(app)
+    app.include_router(plans.router, prefix="/v1")
+    app.include_router(jobs.router, prefix="/v1")
+    app.include_router(schemas.router, prefix="/v1")
+    app.include_router(health.router)
+    app.add_middleware(RequestMetrics, metrics=app.state.metrics)
+    app.add_middleware(RequestLog)
+    return app
+
+
+@asynccontextmanager
+async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
+    settings: Settings = app.state.settings
+    running = await run_in_threadpool(_Running, settings)
+    app.state.service = running.service
+    app.state.metrics.watch_jobs(running.jobs_by_state)
+    app.state.metrics.watch_processes(running.processes_at_work)
+    try:
+        yield
+    finally:
+        await run_in_threadpool(running.close)
+
+
+class _Running:
+    """All that has to be closed when the application ends."""
+
+    def __init__(self, settings: Settings) -> None:
+        self.database = open_database(settings.database)
+        self.queue = JobQueue(settings.database)
+        self.worker = Worker(settings, self.database) if settings.embedded_worker else None
+        self.guard = None
+        if self.worker is None:
+            self.guard = guard_of(settings, self.database, self.queue, None)
+            self.guard.start()
+        self.pool = Pool(
+            settings.process_count, background=False, most_waiting=settings.max_plan_queue
+        )
+        self.service = Service(settings, self.database, self.pool, self.queue, limits_of(settings))
+
+    def jobs_by_state(self) -> dict[str, int]:
+        """Return how many jobs there are in each state."""
+        with self.database.reading() as connection:
+            return count_by_state(connection)
+
+    def processes_at_work(self) -> int:
+        """Return how many child processes of this process compute something."""
+        return self.pool.busy + (0 if self.worker is None else self.worker.pool.busy)
+
+    def close(self) -> None:
+        """End everything, the processes first."""
+        self.pool.close()
+        if self.worker is not None:
+            self.worker.close()
+        if self.guard is not None:
+            self.guard.close()
+        self.queue.close()
+        self.database.close()

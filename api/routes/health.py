@@ -1,0 +1,56 @@
+"""Whether the service lives, is ready for requests, and what it counts."""
+
+from typing import Literal
+
+from fastapi import APIRouter, Depends, Request, Response
+from pydantic import BaseModel
+
+from api.negotiation import accepts
+from api.problems import problem_responses
+from api.security import CurrentOwner
+from api.service import CurrentService
+
+__all__ = ["router"]
+
+router = APIRouter(tags=["health"])
+
+
+class Health(BaseModel):
+    """A sign of life."""
+
+    status: Literal["ok"] = "ok"
+
+
+@router.get(
+    "/healthz",
+    summary="Is it alive",
+    dependencies=[Depends(accepts("application/json"))],
+    responses=problem_responses(406),
+)
+async def healthz() -> Health:
+    """The process answers."""
+    return Health()
+
+
+@router.get(
+    "/readyz",
+    summary="Is it ready",
+    dependencies=[Depends(accepts("application/json"))],
+    responses=problem_responses(406, 503),
+)
+def readyz(service: CurrentService) -> Health:
+    """The database can be reached."""
+    service.database.check()
+    return Health()
+
+
+@router.get(
+    "/metrics",
+    summary="Figures for Prometheus",
+    response_class=Response,
+    responses={200: {"content": {"text/plain": {}}}, **problem_responses(401, 503)},
+)
+def metrics(request: Request, owner: CurrentOwner) -> Response:
+    """Requests, latencies, jobs by state, processes at work."""
+    body, content_type = request.app.state.metrics.render()
+    return Response(body, media_type=content_type)

@@ -1,0 +1,261 @@
+"""Jobs: handed in, looked at, followed, cancelled, and what came of them."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Header, Query, Response
+from fastapi.sse import EventSourceResponse, ServerSentEvent
+from sqlalchemy import Connection
+from starlette.concurrency import run_in_threadpool
+
+from api.answers import Job, JobPage, job_answer
+from api.calls import Call, CurrentCall, answer_once, computed
+from api.negotiation import accepts
+from api.problems import Conflict, NotFound, TooManyRequests, problem_responses
+from api.routes.plans import Identifier, find_or_refuse
+from api.security import CurrentOwner
+from api.service import CurrentService, Service
+from api.storage import jobs
+from api.storage.answers import Answer
+from api.storage.database import unavailable
+from api.storage.jobs import JobRow, State
+from api.storage.plans import body_of
+
+__all__ = ["router"]
+
+router = APIRouter(tags=["jobs"])
+
+_JSON = [Depends(accepts("application/json"))]
+_HANDED_IN = problem_responses(401, 404, 406, 413, 415, 422, 429, 503, 507)
+_RETRY_AFTER_S = 5
+_LOOK_EVERY_S = 0.3
+
+
+@router.post(
+    "/plans/{plan_id}/refinements",
+    status_code=202,
+    response_model=Job,
+    dependencies=_JSON,
+    summary="Refine a plan",
+    responses=_HANDED_IN,
+)
+async def create_refinement(plan_id: Identifier, call: CurrentCall) -> Response:
+    """Move phases, centres and radii to the best plan near this one: a job that makes a plan."""
+    return await _hand_in(call, "refinement", plan_id)
+
+
+@router.post(
+    "/plans/{plan_id}/validations",
+    status_code=202,
+    response_model=Job,
+    dependencies=_JSON,
+    summary="Validate a plan",
+    responses=_HANDED_IN,
+)
+async def create_validation(plan_id: Identifier, call: CurrentCall) -> Response:
+    """Fly a plan many times with the filter: a job that reports errors and consistency."""
+    return await _hand_in(call, "validation", plan_id)
+
+
+@router.post(
+    "/sweeps",
+    status_code=202,
+    response_model=Job,
+    dependencies=_JSON,
+    summary="Sweep a scenario",
+    responses=_HANDED_IN,
+)
+async def create_sweep(call: CurrentCall) -> Response:
+    """Vary one key of a scenario, plan and validate each value: a job that reports them all."""
+    return await _hand_in(call, "sweep", None)
+
+
+@router.get(
+    "/jobs",
+    response_model=JobPage,
+    dependencies=_JSON,
+    summary="List jobs",
+    responses=problem_responses(401, 406, 422, 503),
+)
+def read_jobs(
+    service: CurrentService,
+    owner: CurrentOwner,
+    limit: Annotated[int, Query(ge=1, le=200, description="Most jobs on a page")] = 50,
+    before: Annotated[
+        str | None, Query(pattern=r"^[0-9a-f-]{36}$", description="Cursor: older than this job")
+    ] = None,
+    state: Annotated[State | None, Query(description="Only jobs in this state")] = None,
+) -> JobPage:
+    """Your jobs, newest first, a page at a time."""
+    with service.database.reading() as connection:
+        found = jobs.list_jobs(connection, owner, limit + 1, before, state)
+    items = [job_answer(row) for row in found[:limit]]
+    chosen = f"&state={state}" if state else ""
+    more = len(found) > limit
+    following = f"/v1/jobs?limit={limit}&before={items[-1].id}{chosen}" if more else None
+    return JobPage(items=items, next=following)
+
+
+def _owned(job_id: Identifier, service: CurrentService, owner: CurrentOwner) -> JobRow:
+    """The job, if it is the caller's."""
+    with service.database.reading() as connection:
+        row = jobs.find_job(connection, owner, job_id)
+    if row is None:
+        raise NotFound(f"there is no job {job_id}")
+    return row
+
+
+Owned = Annotated[JobRow, Depends(_owned)]
+
+
+@router.get(
+    "/jobs/{job_id}",
+    response_model=Job,
+    dependencies=_JSON,
+    summary="Read a job",
+    responses=problem_responses(401, 404, 406, 422, 503),
+)
+def read_job(row: Owned) -> Job:
+    """A job's state, how far it is, and where its result is."""
+    return job_answer(row)
+
+
+@router.get(
+    "/jobs/{job_id}/events",
+    response_class=EventSourceResponse,
+    dependencies=[Depends(accepts("text/event-stream"))],
+    summary="Follow a job",
+    responses=problem_responses(401, 404, 406, 422, 503),
+)
+async def follow_job(
+    row: Owned,
+    service: CurrentService,
+    last_event_id: Annotated[
+        int, Header(ge=0, le=2**31 - 1, description="Go on after this event")
+    ] = 0,
+) -> AsyncIterator[ServerSentEvent]:
+    """Every change of a job as a server-sent event; the stream ends when the job has ended."""
+
+    def changes(after: int) -> list[tuple[int, str]]:
+        with service.database.reading() as connection:
+            return jobs.events_after(connection, row.id, after)
+
+    told, ended = last_event_id, False
+    while not ended:
+        try:
+            # the state first: all that led to it is among the events then
+            now = await run_in_threadpool(_state, service, row.id)
+            found = await run_in_threadpool(changes, told)
+        except Exception as error:
+            if not unavailable(error):
+                raise
+            now, found = "running", []
+        for number, data in found:
+            told = number
+            yield ServerSentEvent(id=str(number), event="job", raw_data=data)
+        ended = now not in jobs.UNFINISHED
+        if not ended:
+            await asyncio.sleep(_LOOK_EVERY_S)
+
+
+def _state(service: Service, job_id: str) -> State | None:
+    with service.database.reading() as connection:
+        return jobs.state_of(connection, job_id)
+
+
+@router.post(
+    "/jobs/{job_id}/cancel",
+    response_model=Job,
+    dependencies=_JSON,
+    summary="Cancel a job",
+    responses=problem_responses(401, 404, 406, 409, 413, 415, 422, 503, 507),
+)
+async def cancel_job(row: Owned, call: CurrentCall) -> Response:
+    """Stop a job; what runs of it stops within two seconds. A job that has ended stays as it is."""
+
+    async def nothing() -> None:
+        return None
+
+    def store(connection: Connection, _nothing: None) -> Answer:
+        if not jobs.end_job(connection, row.id, "cancelled"):
+            state = jobs.state_of(connection, row.id)
+            if state != "cancelled":
+                raise Conflict(f"the job has ended already: it has {state}")
+        now = jobs.find_job(connection, call.owner, row.id)
+        if now is None:
+            raise NotFound(f"there is no job {row.id}")
+        return Answer(call.digest, 200, {}, job_answer(now).model_dump_json())
+
+    return await answer_once(call, nothing, store)
+
+
+@router.get(
+    "/jobs/{job_id}/result",
+    response_model=None,
+    dependencies=_JSON,
+    summary="Read a job's result",
+    responses=problem_responses(401, 404, 406, 409, 422, 503),
+)
+def read_result(row: Owned, service: CurrentService, owner: CurrentOwner) -> Response:
+    """The report of a validation or a sweep, or the plan that a refinement made."""
+    if row.state != "succeeded":
+        raise Conflict(f"the job is {row.state}; a result comes with the state succeeded")
+    if row.result_plan_id is not None:
+        plan = find_or_refuse(service, owner, row.result_plan_id)
+        headers = {"content-location": f"/v1/plans/{plan.id}", "etag": f'"{plan.etag}"'}
+        return Response(body_of(plan), headers=headers, media_type="application/json")
+    with service.database.reading() as connection:
+        report = jobs.result_of(connection, row.id)
+    if report is None:
+        raise NotFound(f"the result of job {row.id} was deleted")
+    return Response(report, media_type="application/json")
+
+
+@router.get(
+    "/jobs/{job_id}/trials",
+    response_class=Response,
+    dependencies=[Depends(accepts("application/octet-stream"))],
+    summary="Read the trials of a validation",
+    responses={
+        200: {"content": {"application/octet-stream": {}}},
+        **problem_responses(401, 404, 406, 409, 422, 503),
+    },
+)
+def read_trials(row: Owned, service: CurrentService) -> Response:
+    """The figures of each trial of a validation, NumPy arrays in an .npz archive."""
+    if row.state != "succeeded" or row.kind != "validation":
+        raise Conflict(f"the job is a {row.kind}, {row.state}; validations that succeeded have one")
+    with service.database.reading() as connection:
+        trials = jobs.trials_of(connection, row.id)
+    if trials is None:
+        raise NotFound(f"the result of job {row.id} was deleted")
+    return Response(trials, media_type="application/octet-stream")
+
+
+async def _hand_in(call: Call, kind: jobs.Kind, plan_id: str | None) -> Response:
+    service = call.service
+    text = None
+    if plan_id is not None:
+        text = (await run_in_threadpool(find_or_refuse, service, call.owner, plan_id)).text
+
+    async def compute() -> tuple[str, int]:
+        checked: tuple[str, int] = await computed(
+            service, "checked_request", kind, call.body, call.syntax, service.limits, text
+        )
+        return checked
+
+    def store(connection: Connection, checked: tuple[str, int]) -> Answer:
+        waiting = len(jobs.unfinished(connection, call.owner))
+        if waiting >= service.settings.max_queued_jobs:
+            raise TooManyRequests(
+                f"you have {waiting} unfinished jobs, the most there may be; "
+                "wait for one to end, or cancel one",
+                retry_after_s=_RETRY_AFTER_S,
+            )
+        row = jobs.add_job(connection, call.owner, kind, *checked, plan_id, text)
+        service.queue.enqueue(connection, row.id)
+        headers = {"location": f"/v1/jobs/{row.id}"}
+        return Answer(call.digest, 202, headers, job_answer(row).model_dump_json())
+
+    return await answer_once(call, compute, store)

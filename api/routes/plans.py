@@ -1,0 +1,127 @@
+"""Plans: made at once, kept as they are, listed, deleted."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Header, Path, Query, Response
+from sqlalchemy import Connection
+
+from api.answers import PlanPage, PlanSummary, StoredPlan
+from api.calls import CurrentCall, answer_once, computed
+from api.computing.tasks import PlanText
+from api.negotiation import accepts
+from api.problems import NotFound, PreconditionFailed, problem_responses
+from api.security import CurrentOwner
+from api.service import CurrentService, Service
+from api.storage.answers import Answer
+from api.storage.plans import PlanRow, add_plan, body_of, delete_plan, find_plan, list_plans
+
+__all__ = ["Identifier", "find_or_refuse", "router"]
+
+router = APIRouter(
+    prefix="/plans", tags=["plans"], dependencies=[Depends(accepts("application/json"))]
+)
+
+Identifier = Annotated[str, Path(pattern=r"^[0-9a-f-]{36}$", description="Identifier")]
+Tag = Annotated[str | None, Header(description="Entity tag, as ETag gave it")]
+
+
+@router.post(
+    "",
+    status_code=201,
+    response_model=StoredPlan,
+    summary="Plan a scenario",
+    responses=problem_responses(401, 406, 413, 415, 422, 503, 507),
+)
+async def create_plan(
+    call: CurrentCall,
+    steady: Annotated[bool, Query(description="Add the error once it has become periodic")] = False,
+) -> Response:
+    """Find phases for a scenario, JSON or YAML, and judge the plan: all at once."""
+
+    async def compute() -> PlanText:
+        made: PlanText = await computed(
+            call.service, "made_plan", call.body, call.syntax, call.service.limits, steady
+        )
+        return made
+
+    def store(connection: Connection, made: PlanText) -> Answer:
+        row = add_plan(connection, call.owner, made)
+        headers = {"location": f"/v1/plans/{row.id}", "etag": f'"{row.etag}"'}
+        return Answer(call.digest, 201, headers, body_of(row))
+
+    return await answer_once(call, compute, store)
+
+
+@router.get(
+    "",
+    response_model=PlanPage,
+    summary="List plans",
+    responses=problem_responses(401, 406, 422, 503),
+)
+def read_plans(
+    service: CurrentService,
+    owner: CurrentOwner,
+    limit: Annotated[int, Query(ge=1, le=200, description="Most plans on a page")] = 50,
+    before: Annotated[
+        str | None, Query(pattern=r"^[0-9a-f-]{36}$", description="Cursor: older than this plan")
+    ] = None,
+) -> PlanPage:
+    """Summaries of your plans, newest first, a page at a time."""
+    with service.database.reading() as connection:
+        found = list_plans(connection, owner, limit + 1, before)
+    items = [PlanSummary(**one) for one in found[:limit]]
+    more = len(found) > limit
+    following = f"/v1/plans?limit={limit}&before={items[-1].id}" if more else None
+    return PlanPage(items=items, next=following)
+
+
+@router.get(
+    "/{plan_id}",
+    response_model=StoredPlan,
+    summary="Read a plan",
+    responses={
+        304: {"description": "Not changed since the tag given"},
+        **problem_responses(401, 404, 406, 422, 503),
+    },
+)
+def read_plan(
+    plan_id: Identifier, service: CurrentService, owner: CurrentOwner, if_none_match: Tag = None
+) -> Response:
+    """The plan, byte for byte as it was made; plans never change."""
+    row = find_or_refuse(service, owner, plan_id)
+    headers = {"etag": f'"{row.etag}"', "cache-control": "private, no-cache"}
+    if if_none_match is not None and _names(if_none_match, row.etag):
+        return Response(status_code=304, headers=headers)
+    return Response(body_of(row), headers=headers, media_type="application/json")
+
+
+@router.delete(
+    "/{plan_id}",
+    status_code=204,
+    summary="Delete a plan",
+    responses=problem_responses(401, 404, 406, 412, 422, 503, 507),
+)
+def remove_plan(
+    plan_id: Identifier, service: CurrentService, owner: CurrentOwner, if_match: Tag = None
+) -> None:
+    """Delete a plan; jobs about it, and plans refined from it, stay."""
+    row = find_or_refuse(service, owner, plan_id)
+    if if_match is not None and not _names(if_match, row.etag):
+        raise PreconditionFailed(f"the plan's tag is {row.etag}, not {if_match}")
+    with service.database.writing() as connection:
+        delete_plan(connection, owner, plan_id)
+
+
+def find_or_refuse(service: Service, owner: str, plan_id: str) -> PlanRow:
+    """Return an owner's plan; raises NotFound, also for those of others."""
+    with service.database.reading() as connection:
+        row = find_plan(connection, owner, plan_id)
+    if row is None:
+        raise NotFound(f"there is no plan {plan_id}")
+    return row
+
+
+def _names(condition: str, etag: str) -> bool:
+    """Whether a condition, "*" or a list of tags, names this one."""
+    tags = {tag.strip().removeprefix("W/").strip('"') for tag in condition.split(",")}
+    return bool(tags & {"*", etag})

@@ -1,0 +1,50 @@
+"""What the routes work with: the database, processes for plans, the queue of jobs."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from fastapi import Depends, Request
+
+from api.computing.pool import Pool
+from api.jobs.queue import JobQueue
+from api.limits import Limits
+from api.settings import Settings
+from api.storage.database import Database
+
+__all__ = ["CurrentService", "Service", "limits_of"]
+
+
+@dataclass(frozen=True, slots=True)
+class Service:
+    """One running service.
+
+    Attributes
+    ----------
+    pool : processes for requests; those for jobs are the worker's
+    """
+
+    settings: Settings
+    database: Database
+    pool: Pool
+    queue: JobQueue
+    limits: Limits
+
+
+def limits_of(settings: Settings) -> Limits:
+    """Return the limits on requests that the settings state."""
+    return Limits(
+        vehicles=settings.max_vehicles,
+        samples=settings.max_samples,
+        trials=settings.max_trials,
+        run_s=settings.max_run_s,
+        refine_s=settings.max_refine_s,
+        sweep_values=settings.max_sweep_values,
+    )
+
+
+def _service(request: Request) -> Service:
+    service: Service = request.app.state.service
+    return service
+
+
+CurrentService = Annotated[Service, Depends(_service)]

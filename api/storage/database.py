@@ -1,0 +1,129 @@
+"""The database: connections, transactions, the file of SQLite, waiting out an outage."""
+
+import logging
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar
+
+from sqlalchemy import Connection, Engine, create_engine, event, make_url, text
+from sqlalchemy.exc import DBAPIError, OperationalError, SQLAlchemyError
+from sqlalchemy.exc import TimeoutError as PoolTimeoutError
+
+from api.storage.migrations import upgrade
+from syncplan.errors import InputError
+
+__all__ = ["Database", "open_database", "patiently", "unavailable"]
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+BUSY_S = 10
+"""How long a statement waits for others' locks."""
+
+_CONNECT_S = 3
+_UPGRADE_LOCK = 0x73796E63
+_LONGEST_WAIT_S = 2.0
+
+_logger = logging.getLogger("syncplan.storage")
+
+
+class Database:
+    """An engine with the two ways to use it: `reading` and `writing`."""
+
+    def __init__(self, engine: Engine) -> None:
+        self.engine = engine
+        self.is_sqlite = engine.dialect.name == "sqlite"
+
+    @contextmanager
+    def reading(self) -> Iterator[Connection]:
+        """A connection to read with."""
+        with self.engine.connect() as connection:
+            yield connection
+
+    @contextmanager
+    def writing(self) -> Iterator[Connection]:
+        """A transaction, committed where the block ends well and rolled back otherwise."""
+        with self.engine.begin() as connection:
+            if self.is_sqlite:
+                # waits its turn now, rather than failing at the first write after a read
+                connection.exec_driver_sql("BEGIN IMMEDIATE")
+            yield connection
+
+    def check(self) -> None:
+        """Raise what reading raises if the database can't be reached."""
+        with self.reading() as connection:
+            connection.execute(text("SELECT 1"))
+
+    def close(self) -> None:
+        """Close all connections."""
+        self.engine.dispose()
+
+
+def open_database(url: str) -> Database:
+    """Return the database of a SQLAlchemy URL, its schema brought up to date.
+
+    Raises InputError if it can't be opened.
+    """
+    parsed = make_url(url)
+    shown = parsed.render_as_string(hide_password=True)
+    try:
+        if parsed.get_backend_name() == "sqlite":
+            Path(parsed.database or "").parent.mkdir(parents=True, exist_ok=True)
+        database = Database(_engine(url, parsed.get_backend_name() == "sqlite"))
+        with database.writing() as connection:
+            if not database.is_sqlite:
+                # one process upgrades, the others wait
+                connection.execute(text(f"SELECT pg_advisory_xact_lock({_UPGRADE_LOCK})"))
+            upgrade(connection)
+    except (SQLAlchemyError, OSError) as error:
+        reason = str(getattr(error, "orig", None) or error).strip().splitlines()[0]
+        raise InputError(f"can't be opened: {reason}", source=shown) from None
+    return database
+
+
+def _engine(url: str, sqlite: bool) -> Engine:
+    shared: dict[str, Any] = {"pool_size": 10, "max_overflow": 30, "pool_timeout": BUSY_S}
+    if not sqlite:
+        return create_engine(
+            url,
+            pool_pre_ping=True,
+            connect_args={
+                "connect_timeout": _CONNECT_S,
+                "options": f"-c statement_timeout={BUSY_S * 1000} -c lock_timeout={BUSY_S * 1000}",
+            },
+            **shared,
+        )
+    engine = create_engine(url, connect_args={"timeout": BUSY_S}, **shared)
+
+    @event.listens_for(engine, "connect")
+    def _prepare(connection: Any, _record: Any) -> None:
+        # transactions are begun by `writing` alone
+        connection.isolation_level = None
+        connection.execute("PRAGMA journal_mode=WAL")
+        connection.execute("PRAGMA synchronous=FULL")
+        connection.execute("PRAGMA foreign_keys=ON")
+
+    return engine
+
+
+def unavailable(error: BaseException) -> bool:
+    """Return whether an error means that the database can't be reached or written to just now."""
+    if isinstance(error, PoolTimeoutError | OperationalError):
+        return True
+    return isinstance(error, DBAPIError) and error.connection_invalidated
+
+
+def patiently(function: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
+    """Return what the function returns, called again for as long as the database is away."""
+    wait = 0.1
+    while True:
+        try:
+            return function(*args, **kwargs)
+        except Exception as error:
+            if not unavailable(error):
+                raise
+            _logger.warning("the database is away, trying again in %.1f s: %s", wait, error)
+            time.sleep(wait)
+            wait = min(2.0 * wait, _LONGEST_WAIT_S)

@@ -1,0 +1,99 @@
+"""Plans kept: the bytes of the library's plan, and what was added when they were stored."""
+
+import hashlib
+import json
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import Connection, delete, insert, select
+
+from api.computing.tasks import PlanText
+from api.storage.tables import moment, new_id, plans
+
+__all__ = ["PlanRow", "add_plan", "body_of", "delete_plan", "find_plan", "list_plans"]
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRow:
+    """A stored plan; `text` is the plan as a file of it would hold it."""
+
+    id: str
+    parent_id: str | None
+    created_at: str
+    etag: str
+    text: str
+
+
+_LISTED = (
+    plans.c.id,
+    plans.c.parent_id,
+    plans.c.created_at,
+    plans.c.name,
+    plans.c.vehicles,
+    plans.c.observable,
+    plans.c.predicted_rms_m,
+)
+_FULL = (plans.c.id, plans.c.parent_id, plans.c.created_at, plans.c.etag, plans.c.text)
+
+
+def add_plan(
+    connection: Connection,
+    owner: str,
+    made: PlanText,
+    *,
+    plan_id: str | None = None,
+    parent_id: str | None = None,
+) -> PlanRow:
+    """Store a plan, under a new identifier if none is given, and return it."""
+    row = PlanRow(
+        id=plan_id or new_id(),
+        parent_id=parent_id,
+        created_at=moment(),
+        etag=hashlib.sha256(made.text.encode()).hexdigest(),
+        text=made.text,
+    )
+    connection.execute(
+        insert(plans).values(
+            id=row.id,
+            owner=owner,
+            parent_id=parent_id,
+            created_at=row.created_at,
+            name=made.name,
+            vehicles=made.vehicles,
+            observable=made.observable,
+            predicted_rms_m=made.predicted_rms_m,
+            etag=row.etag,
+            text=row.text,
+        )
+    )
+    return row
+
+
+def find_plan(connection: Connection, owner: str, plan_id: str) -> PlanRow | None:
+    """Return an owner's plan, or None."""
+    found = connection.execute(
+        select(*_FULL).where(plans.c.id == plan_id, plans.c.owner == owner)
+    ).first()
+    return None if found is None else PlanRow(*found)
+
+
+def list_plans(
+    connection: Connection, owner: str, limit: int, before: str | None
+) -> list[dict[str, Any]]:
+    """Return summaries of up to `limit` of an owner's plans, newest first, older than `before`."""
+    query = select(*_LISTED).where(plans.c.owner == owner).order_by(plans.c.id.desc())
+    if before is not None:
+        query = query.where(plans.c.id < before)
+    return [dict(row) for row in connection.execute(query.limit(limit)).mappings()]
+
+
+def delete_plan(connection: Connection, owner: str, plan_id: str) -> None:
+    """Delete an owner's plan, if it is there."""
+    connection.execute(delete(plans).where(plans.c.id == plan_id, plans.c.owner == owner))
+
+
+def body_of(row: PlanRow) -> str:
+    """Return the plan's own bytes with id, created_at and parent_id added at its top."""
+    added = {"id": row.id, "created_at": row.created_at, "parent_id": row.parent_id}
+    opening = json.dumps(added, indent=1)[: -len("\n}")]
+    return f"{opening},{row.text[1:]}"

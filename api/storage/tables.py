@@ -1,0 +1,149 @@
+"""The tables, as of the newest schema version; times are RFC 3339 in UTC, identifiers ordered."""
+
+import secrets
+import time
+from datetime import UTC, datetime, timedelta
+from uuid import UUID
+
+from sqlalchemy import (
+    Boolean,
+    Column,
+    Float,
+    ForeignKey,
+    Index,
+    Integer,
+    LargeBinary,
+    MetaData,
+    String,
+    Table,
+    Text,
+)
+
+__all__ = [
+    "METADATA",
+    "answers",
+    "executors",
+    "job_events",
+    "job_parts",
+    "job_results",
+    "jobs",
+    "moment",
+    "new_id",
+    "plans",
+    "schema_version",
+]
+
+METADATA = MetaData()
+
+schema_version = Table(
+    "syncplan_schema", METADATA, Column("version", Integer, primary_key=True, autoincrement=False)
+)
+
+plans = Table(
+    "plans",
+    METADATA,
+    Column("id", String(36), primary_key=True),
+    Column("owner", String(80), nullable=False),
+    Column("parent_id", String(36)),
+    Column("created_at", String(27), nullable=False),
+    Column("name", Text),
+    Column("vehicles", Integer, nullable=False),
+    Column("observable", Boolean, nullable=False),
+    Column("predicted_rms_m", Float),
+    Column("etag", String(64), nullable=False),
+    Column("text", Text, nullable=False),
+    Index("plans_of_owner", "owner", "id"),
+)
+
+jobs = Table(
+    "jobs",
+    METADATA,
+    Column("id", String(36), primary_key=True),
+    Column("owner", String(80), nullable=False),
+    Column("kind", String(16), nullable=False),
+    Column("state", String(16), nullable=False),
+    Column("request", Text, nullable=False),
+    Column("plan_id", String(36)),
+    # a copy, so that deleting the plan does not break the job
+    Column("plan_text", Text),
+    Column("done", Integer, nullable=False),
+    Column("total", Integer, nullable=False),
+    Column("created_at", String(27), nullable=False),
+    Column("started_at", String(27)),
+    Column("ended_at", String(27)),
+    Column("result_plan_id", String(36)),
+    Column("error", Text),
+    Column("events", Integer, nullable=False),
+    Index("jobs_of_owner", "owner", "id"),
+    Index("jobs_by_state", "state", "ended_at"),
+)
+
+
+def _job_id(*, primary_key: bool = True) -> "Column[str]":
+    return Column(
+        "job_id", String(36), ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=primary_key
+    )
+
+
+job_results = Table(
+    "job_results",
+    METADATA,
+    _job_id(),
+    Column("text", Text, nullable=False),
+    # of a validation: the figures of each trial, as syncplan.parts packs them
+    Column("trials", LargeBinary),
+)
+
+job_parts = Table(
+    "job_parts",
+    METADATA,
+    _job_id(),
+    Column("number", Integer, primary_key=True),
+    Column("run", Integer, nullable=False),
+    Column("first_trial", Integer, nullable=False),
+    Column("trials", Integer, nullable=False),
+    Column("done", Integer, nullable=False),
+    Column("data", LargeBinary),
+)
+
+job_events = Table(
+    "job_events",
+    METADATA,
+    _job_id(),
+    Column("number", Integer, primary_key=True),
+    Column("data", Text, nullable=False),
+)
+
+answers = Table(
+    "answers",
+    METADATA,
+    Column("owner", String(80), primary_key=True),
+    Column("key", String(255), primary_key=True),
+    Column("request_digest", String(64), nullable=False),
+    Column("status", Integer, nullable=False),
+    Column("headers", Text, nullable=False),
+    Column("body", Text, nullable=False),
+    Column("created_at", String(27), nullable=False),
+    Index("answers_by_age", "created_at"),
+)
+
+executors = Table(
+    "executors",
+    METADATA,
+    Column("id", String(64), primary_key=True),
+    Column("beats", Integer, nullable=False),
+)
+
+
+def moment(seconds_ago: float = 0.0) -> str:
+    """Return a time as tables hold it: 2026-05-01T09:00:00.000000Z."""
+    when = datetime.now(UTC) - timedelta(seconds=seconds_ago)
+    return when.strftime("%Y-%m-%dT%H:%M:%S.%fZ")
+
+
+def new_id() -> str:
+    """Return an identifier that sorts by time: a UUID of version 7 (RFC 9562, section 5.7)."""
+    value = (time.time_ns() // 1_000_000) << 80 | secrets.randbits(80)
+    value = value & ~(0xF << 76) | 0x7 << 76
+    value = value & ~(0x3 << 62) | 0x2 << 62
+    return str(UUID(int=value))

@@ -1,0 +1,372 @@
+"""A client of the service: the library's job in the same few lines, computed elsewhere.
+
+    client = syncplan.Client("http://127.0.0.1:8000")
+    plan = client.plan(syncplan.load_scenario("scenario.yaml"))
+    better = client.wait(client.refine(plan))
+    report = client.wait(client.validate(better, trials=500, seed=1))
+
+Every POST carries an Idempotency-Key, so that a request whose answer was lost is repeated without
+doing anything twice.
+"""
+
+import importlib.util
+import random
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Literal, Self
+from uuid import uuid4
+
+from syncplan.errors import Fault, InputError, NoSolutionError, SyncplanError
+from syncplan.loading import scenario_from
+from syncplan.parts import unpack
+from syncplan.planfile import loaded_from, plan_of
+from syncplan.planner import Plan
+from syncplan.scenario import Scenario
+from syncplan.validation import Validation, conclude, trial_run
+
+if TYPE_CHECKING:
+    from httpx2 import Response
+
+__all__ = ["Client", "Job", "RemoteError", "StoredPlan"]
+
+_AGAIN = {429, 502, 503, 504}
+_LONGEST_WAIT_S = 5.0
+_LOOK_AT_FIRST_S, _LOOK_AT_LAST_S = 0.1, 1.0
+
+
+class RemoteError(SyncplanError):
+    """The service can't be reached, or refused for a reason that is not the request's.
+
+    `status` is the HTTP status; None where there was no answer.
+    """
+
+    def __init__(self, message: str, status: int | None = None) -> None:
+        super().__init__(message)
+        self.status = status
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoredPlan(Plan):
+    """A plan that the service keeps, judged by this library from the orbits it states.
+
+    Attributes
+    ----------
+    id, parent_id : of the plan, and of the one it was refined from
+    created_at : RFC 3339, UTC
+    document : all that the service says of it, see syncplan.document.PlanDocument
+    """
+
+    id: str
+    parent_id: str | None
+    created_at: str
+    document: Mapping[str, Any] = field(repr=False, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A job of the service as it was when last looked at.
+
+    Attributes
+    ----------
+    done, total : how far it is, in trials; a refinement in starts
+    document : all that the service says of it
+    """
+
+    id: str
+    kind: Literal["refinement", "validation", "sweep"]
+    state: Literal["queued", "running", "succeeded", "failed", "cancelled"]
+    done: int
+    total: int
+    document: Mapping[str, Any] = field(repr=False, compare=False)
+
+    @property
+    def ended(self) -> bool:
+        """Whether the job changes no more."""
+        return self.state not in ("queued", "running")
+
+
+class Client:
+    """A connection to a service.
+
+    Parameters
+    ----------
+    url : where it is, such as http://127.0.0.1:8000
+    api_key : if it asks for one
+    timeout_s : for one request
+    patience_s : how long a service that is away, or busy, is asked again
+    """
+
+    def __init__(
+        self,
+        url: str,
+        api_key: str | None = None,
+        *,
+        timeout_s: float = 60.0,
+        patience_s: float = 60.0,
+    ) -> None:
+        if importlib.util.find_spec("httpx2") is None:
+            raise InputError(
+                "needs httpx2; install the extra: pip install 'syncplan[client]'",
+                source="the client",
+            )
+        import httpx2
+
+        headers = {"accept": "application/json"}
+        if api_key is not None:
+            headers["authorization"] = f"Bearer {api_key}"
+        try:
+            self._http = httpx2.Client(base_url=url, headers=headers, timeout=timeout_s)
+            scheme = self._http.base_url.scheme
+        except (httpx2.InvalidURL, TypeError, ValueError) as error:
+            raise InputError(f"{url!r}: {error}", key="url") from None
+        if scheme not in ("http", "https"):
+            raise InputError(f"{url!r}: must begin with http:// or https://", key="url")
+        self._url = url
+        self._patience_s = patience_s
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._http.close()
+
+    # --- plans ---
+
+    def plan(self, scenario: Scenario | Mapping[str, Any], *, steady: bool = False) -> StoredPlan:
+        """Return the plan of a scenario, kept by the service; see syncplan.plan."""
+        body = _as_document(scenario)
+        parameters = {"steady": "true"} if steady else None
+        return _stored_plan(self._post("/v1/plans", body, parameters).json())
+
+    def stored(self, plan_id: str) -> StoredPlan:
+        """Return a plan that the service keeps."""
+        return _stored_plan(self._send("GET", f"/v1/plans/{plan_id}").json())
+
+    def delete(self, plan: StoredPlan | str) -> None:
+        """Delete a plan that the service keeps."""
+        self._send("DELETE", f"/v1/plans/{_id(plan)}")
+
+    # --- jobs ---
+
+    def refine(self, plan: StoredPlan | str, **options: Any) -> Job:
+        """Begin to refine a plan; options as syncplan.refine takes them. See wait."""
+        return _job(self._post(f"/v1/plans/{_id(plan)}/refinements", options).json())
+
+    def validate(
+        self,
+        plan: StoredPlan | str,
+        *,
+        trials: int = 200,
+        seed: int = 0,
+        duration: float | None = None,
+        model: Literal["arc", "euler"] = "arc",
+        substeps: int = 10,
+        gate_probability: float | None = None,
+        with_series: bool = False,
+    ) -> Job:
+        """Begin to validate a plan; options as syncplan.validate takes them. See wait."""
+        options = {
+            "trials": trials,
+            "seed": seed,
+            "duration_s": duration,
+            "model": model,
+            "substeps": substeps,
+            "gate_probability": gate_probability,
+            "series": with_series,
+        }
+        given = {key: value for key, value in options.items() if value is not None}
+        return _job(self._post(f"/v1/plans/{_id(plan)}/validations", given).json())
+
+    def sweep(self, scenario: Scenario | Mapping[str, Any], **options: Any) -> Job:
+        """Begin a sweep; options are the keys of the service's request, such as range_m."""
+        body = {"scenario": _as_document(scenario), **options}
+        return _job(self._post("/v1/sweeps", body).json())
+
+    def job(self, job_id: str) -> Job:
+        """Return a job as it is now."""
+        return _job(self._send("GET", f"/v1/jobs/{job_id}").json())
+
+    def cancel(self, job: Job | str) -> Job:
+        """Stop a job; raises RemoteError where it has ended in another way."""
+        return _job(self._post(f"/v1/jobs/{_id(job)}/cancel", None).json())
+
+    def wait(
+        self,
+        job: Job | str,
+        progress: Callable[[Job], None] | None = None,
+        *,
+        timeout_s: float | None = None,
+    ) -> Any:
+        """Return what a job comes to, once it does.
+
+        A StoredPlan for a refinement, a Validation for a validation, the JSON values of a sweep's
+        report. `progress` is called with the job whenever it has changed. Raises InputError or
+        NoSolutionError where the job failed for such a reason, RemoteError where it was cancelled,
+        failed otherwise or is not done in time.
+        """
+        began, pause, told = time.monotonic(), _LOOK_AT_FIRST_S, None
+        while True:
+            now = self.job(_id(job))
+            if progress is not None and now != told:
+                progress(now)
+                told = now
+            if now.ended:
+                return self._result(now)
+            if timeout_s is not None and time.monotonic() - began + pause > timeout_s:
+                raise RemoteError(f"job {now.id} is {now.state} after {timeout_s:g} s; it goes on")
+            time.sleep(pause)
+            pause = min(1.5 * pause, _LOOK_AT_LAST_S)
+
+    def _result(self, job: Job) -> Any:
+        if job.state == "failed":
+            failure = job.document["error"]
+            raise _as_error(failure, f"job {job.id} failed: {failure['detail']}", None)
+        if job.state == "cancelled":
+            raise RemoteError(f"job {job.id} was cancelled")
+        if job.kind == "validation":
+            return self._validation(job)
+        values = self._send("GET", f"/v1/jobs/{job.id}/result").json()
+        return _stored_plan(values) if job.kind == "refinement" else values
+
+    def _validation(self, job: Job) -> Validation:
+        asked = job.document["request"]
+        run = trial_run(
+            self.stored(job.document["plan_id"]),
+            trials=asked["trials"],
+            seed=asked["seed"],
+            duration=asked.get("duration_s"),
+            model=asked["model"],
+            substeps=asked["substeps"],
+            gate_probability=asked.get("gate_probability"),
+            with_series=asked["series"],
+        )
+        trials = self._send("GET", f"/v1/jobs/{job.id}/trials", accept="application/octet-stream")
+        return conclude(run, [unpack(trials.content)])
+
+    # --- requests ---
+
+    def _post(
+        self, path: str, body: Mapping[str, Any] | None, parameters: dict[str, str] | None = None
+    ) -> "Response":
+        return self._send("POST", path, body, parameters)
+
+    def _send(
+        self,
+        method: str,
+        path: str,
+        body: Mapping[str, Any] | None = None,
+        parameters: dict[str, str] | None = None,
+        accept: str | None = None,
+    ) -> "Response":
+        """The answer to a request, repeated while the service is away or busy."""
+        import httpx2
+
+        headers = {} if accept is None else {"accept": accept}
+        if method == "POST":
+            headers["idempotency-key"] = str(uuid4())
+        began, pause = time.monotonic(), 0.2
+        while True:
+            answer, fault, asked = None, "", 0.0
+            try:
+                answer = self._http.request(
+                    method, path, json=body, params=parameters, headers=headers
+                )
+            except httpx2.TransportError as error:
+                fault = f"{self._url}: {error or type(error).__name__}"
+            if answer is not None and answer.status_code not in _AGAIN:
+                return _checked(answer)
+            if answer is not None:
+                asked = _seconds(answer.headers.get("retry-after"))
+            wait = max(pause * (0.5 + random.random()), asked)
+            if time.monotonic() - began + wait > self._patience_s:
+                if answer is not None:
+                    return _checked(answer)
+                raise RemoteError(f"can't be reached: {fault}")
+            time.sleep(wait)
+            pause = min(2.0 * pause, _LONGEST_WAIT_S)
+
+
+def _as_document(scenario: Scenario | Mapping[str, Any]) -> dict[str, Any]:
+    checked = scenario if isinstance(scenario, Scenario) else scenario_from(scenario)
+    return checked.model_dump(mode="json", exclude_none=True)
+
+
+def _id(item: StoredPlan | Job | str) -> str:
+    if isinstance(item, str):
+        return item
+    if not isinstance(item, StoredPlan | Job):
+        raise InputError(
+            f"a {type(item).__name__} is not known to the service; give what its plan(), refine() "
+            "or validate() returned, or an identifier",
+            key="plan",
+        )
+    return item.id
+
+
+def _stored_plan(document: Mapping[str, Any]) -> StoredPlan:
+    made = plan_of(loaded_from(document))
+    values = {one.name: getattr(made, one.name) for one in fields(made)}
+    return StoredPlan(
+        **values,
+        id=document["id"],
+        parent_id=document["parent_id"],
+        created_at=document["created_at"],
+        document=document,
+    )
+
+
+def _job(document: Mapping[str, Any]) -> Job:
+    progress = document["progress"]
+    return Job(
+        id=document["id"],
+        kind=document["kind"],
+        state=document["state"],
+        done=progress["done"],
+        total=progress["total"],
+        document=document,
+    )
+
+
+def _checked(answer: "Response") -> "Response":
+    """The answer, if it is not a problem; raises what the problem means."""
+    if answer.is_success:
+        return answer
+    try:
+        problem = answer.json()
+        detail = str(problem["detail"])
+    except (ValueError, KeyError, TypeError):
+        problem, detail = {}, answer.text[:200]
+    raise _as_error(problem, f"{answer.status_code}: {detail}", answer.status_code)
+
+
+def _as_error(problem: Mapping[str, Any], message: str, status: int | None) -> SyncplanError:
+    errors = problem.get("errors") or []
+    if errors:
+        faults = tuple(Fault(one["path"], one["message"], one.get("value") or "") for one in errors)
+        first = faults[0]
+        return InputError(
+            f"{first.value}: {first.problem}" if first.value else first.problem,
+            key=first.key,
+            faults=faults,
+        )
+    if problem.get("title") == "No solution":
+        return NoSolutionError(message)
+    return RemoteError(message, status)
+
+
+def _seconds(text: str | None) -> float:
+    try:
+        return float(text or 0.0)
+    except ValueError:
+        return 0.0

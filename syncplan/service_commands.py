@@ -1,0 +1,125 @@
+"""The commands that run the service: serve, worker."""
+
+import contextlib
+import importlib.util
+import logging
+import signal
+import socket
+import threading
+from typing import Annotated, Any
+
+import typer
+
+from syncplan.errors import InputError
+
+__all__ = ["services"]
+
+_GRACE_S = 5
+_BACKLOG = 1024
+
+services = typer.Typer()
+
+
+@services.command(
+    name="serve", epilog="Example: SYNCPLAN_DATA_DIR=/var/lib/syncplan syncplan serve --port 8000"
+)
+def _serve(
+    host: Annotated[
+        str | None,
+        typer.Option(help="Address to listen on (default 127.0.0.1)", show_default=False),
+    ] = None,
+    port: Annotated[
+        int | None, typer.Option(min=0, max=65535, help="Port (default 8000)", show_default=False)
+    ] = None,
+    insecure: Annotated[
+        bool,
+        typer.Option("--insecure", help="Listen beyond this machine without API keys"),
+    ] = False,
+    embedded_worker: Annotated[
+        bool,
+        typer.Option("--worker/--no-worker", help="Work on jobs in this process as well"),
+    ] = True,
+) -> int:
+    """Serve plans, refinements and validations over HTTP; settings from SYNCPLAN_* variables."""
+    _require_extra()
+    import uvicorn
+
+    from api.logs import configure_logs
+    from api.main import create_app
+    from api.security import refuse_exposure
+    from api.settings import load_settings
+
+    given: dict[str, Any] = {"host": host, "port": port}
+    if insecure:
+        given["insecure"] = True
+    if not embedded_worker:
+        given["embedded_worker"] = False
+    settings = load_settings(**{key: value for key, value in given.items() if value is not None})
+    refuse_exposure(settings)
+    configure_logs(settings.log_level)
+    app = create_app(settings)
+    with _listening(settings.host, settings.port) as listening:
+        config = uvicorn.Config(
+            app,
+            log_config=None,
+            access_log=False,
+            server_header=False,
+            timeout_graceful_shutdown=_GRACE_S,
+        )
+        # uvicorn ends in good order and then raises the signal again: that is no failure
+        signal.signal(signal.SIGTERM, lambda *_: None)
+        with contextlib.suppress(KeyboardInterrupt):
+            uvicorn.Server(config).run(sockets=[listening])
+    return 0
+
+
+def _listening(host: str, port: int) -> socket.socket:
+    """A socket that listens; raises InputError if there can't be one."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    try:
+        listening = socket.create_server((host, port), family=family, backlog=_BACKLOG)
+    except OSError as error:
+        raise InputError(
+            f"can't be listened at: {error.strerror or error}; choose another --host or --port",
+            source=f"{host}:{port}",
+        ) from None
+    shown = f"[{host}]" if family == socket.AF_INET6 else host
+    address = f"http://{shown}:{listening.getsockname()[1]}"
+    logging.getLogger("syncplan.serve").info("serving at %s", address)
+    return listening
+
+
+@services.command(
+    name="worker",
+    epilog="Example: SYNCPLAN_DATABASE_URL=postgresql://syncplan@db/syncplan syncplan worker",
+)
+def _worker() -> int:
+    """Work on the jobs of a service, beside it or on another machine, until told to stop."""
+    _require_extra()
+    from api.jobs.worker import Worker
+    from api.logs import configure_logs
+    from api.settings import load_settings
+    from api.storage.database import open_database
+
+    settings = load_settings()
+    configure_logs(settings.log_level)
+    database = open_database(settings.database)
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    worker = Worker(settings, database)
+    stop.wait()
+    worker.close()
+    database.close()
+    return 0
+
+
+def _require_extra() -> None:
+    """Raise InputError if the service's libraries are not installed."""
+    wanted = ("fastapi", "uvicorn", "dbos", "pydantic_settings", "prometheus_client", "psycopg")
+    missing = [name for name in wanted if importlib.util.find_spec(name) is None]
+    if missing:
+        raise InputError(
+            f"needs {', '.join(missing)}; install the extra: pip install 'syncplan[api]'",
+            source="the service",
+        )
