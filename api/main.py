@@ -14,7 +14,7 @@ from api.metrics import Metrics, RequestMetrics
 from api.problems import install_handlers
 from api.routes import health, jobs, plans, schemas
 from api.security import Keyring
-from api.service import Service, limits_of
+from api.service import Ending, Service, limits_of
 from api.settings import Settings, load_settings
 from api.storage.database import open_database
 from api.storage.jobs import count_by_state
@@ -46,6 +46,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.state.settings = chosen
     app.state.keyring = Keyring(chosen)
     app.state.metrics = Metrics()
+    app.state.ending = Ending()
     install_handlers(app)
     app.include_router(plans.router, prefix="/v1")
     app.include_router(jobs.router, prefix="/v1")
