@@ -46,6 +46,7 @@ ORDER = (
     "certificate",
     "motions",
     "connectivity",
+    "covariances",
     "bounds",
     "meetings",
     "arcs",
