@@ -88,7 +88,7 @@ class _Starts:
     room: Index  # (s,) rows from there to the pair's last
     needed: Index  # (s,) rank asked for
 
-    def only(self, chosen: NDArray[np.bool_]) -> "_Starts":
+    def only(self, chosen: NDArray[np.bool_] | Index) -> "_Starts":
         """Return the chosen starts."""
         return _Starts(
             self.rows, self.pair[chosen], self.row[chosen], self.room[chosen], self.needed[chosen]
@@ -101,8 +101,8 @@ def _shortest_certified(
     """For each pair, the fewest consecutive rows from each start whose rank is `needed`.
 
     0 where none suffice. All pairs are searched at once: lengths are doubled until the rank is
-    there, then bisected. A pair all of whose rows together fall short beside `largest` is given
-    up as soon as one window of it does: fewer rows have no larger singular value.
+    there, then bisected. A pair whose first window falls short, as do all its rows together beside
+    `largest`, is given up: fewer rows have no larger singular value.
     """
     if not rows:
         return []
@@ -112,12 +112,14 @@ def _shortest_certified(
     row = np.concatenate(starts) + begin[pair]
     all_ = _Starts(np.concatenate(rows), pair, row, begin[pair + 1] - row, np.array(needed)[pair])
     high = np.where(all_.room >= all_.needed, all_.needed, 0)
-    short = high > 0
-    short[short] = ~_certified(all_.only(short), high[short], largest)
-    for k in np.unique(pair[short]).tolist():
+    lead = np.cumsum([0, *number[:-1]])
+    lead = lead[high[lead] > 0]
+    for k in pair[lead[~_certified(all_.only(lead), high[lead], largest)]].tolist():
         value = np.linalg.svd(rows[k], compute_uv=False)[needed[k] - 1]
         if value <= LINK_TOLERANCE * largest:
-            short[pair == k], high[pair == k] = False, 0
+            high[pair == k] = 0
+    short = high > 0
+    short[short] = ~_certified(all_.only(short), high[short], largest)
     high[short] = _searched(all_.only(short), largest)
     return np.split(high, np.cumsum(number)[:-1])
 
