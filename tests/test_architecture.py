@@ -47,6 +47,7 @@ ORDER = (
     "certificate",
     "motions",
     "connectivity",
+    "covariances",
     "bounds",
     "meetings",
     "arcs",
