@@ -26,7 +26,7 @@ from benchmarks import Figure, print_figures
 from syncplan.output import as_text
 from syncplan.validation_report import validation_document
 from tests.scenarios import example
-from tests.serving import Server, running, settings_of
+from tests.serving import Server, running
 
 GRID = "paper-grid-alternate"
 LOAD_S = 10.0
@@ -138,7 +138,7 @@ def main() -> dict[str, float]:
     body = json.dumps(values).encode()
     with tempfile.TemporaryDirectory() as folder:
         data = Path(folder)
-        server = Server(data / "log", **settings_of(data))
+        server = Server(data / "log", SYNCPLAN_DATA_DIR=str(data))
         with running(server), syncplan.Client(server.url) as client:
             plan_id = client.plan(values).id
             client.wait(client.validate(plan_id, trials=1))
