@@ -7,7 +7,6 @@ import sys
 import time
 import traceback
 import uuid
-from collections.abc import Mapping
 from contextvars import ContextVar
 from datetime import UTC, datetime
 from typing import Any
@@ -15,7 +14,14 @@ from typing import Any
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-__all__ = ["JsonLines", "RequestLog", "configure_logs", "current_request_id", "route_template"]
+__all__ = [
+    "PROBES",
+    "JsonLines",
+    "RequestLog",
+    "configure_logs",
+    "current_request_id",
+    "route_template",
+]
 
 REQUEST_LOGGER = "api.requests"
 PROBES = frozenset({"/healthz", "/readyz", "/metrics"})
@@ -160,7 +166,7 @@ class _Entry:
             self.bytes += len(message.get("body", b""))
             self.complete = not message.get("more_body", False)
 
-    def log(self, scope: Mapping[str, Any]) -> None:
+    def log(self, scope: Scope) -> None:
         quiet = scope["path"] in PROBES and self.status is not None and self.status < 400
         level = logging.DEBUG if quiet else logging.INFO
         if self.status is not None and self.status >= 500:
@@ -170,7 +176,7 @@ class _Entry:
         fields = {
             "method": scope["method"],
             "path": scope["path"],
-            "route": route_template(dict(scope)) or None,
+            "route": route_template(scope) or None,
             "status": self.status,
             "duration_ms": round(1000.0 * (time.perf_counter() - self.started), 3),
             "bytes": self.bytes,

@@ -1,0 +1,43 @@
+"""OpenTelemetry through FastAPI's own support: off unless the settings ask for it."""
+
+import importlib.util
+
+from fastapi.telemetry import TelemetryConfig
+
+from api.logs import PROBES
+from api.settings import Settings
+from syncplan.errors import InputError
+
+__all__ = ["telemetry_options"]
+
+EXPORTERS = ("opentelemetry.sdk", "opentelemetry.exporter.otlp.proto.http")
+REMEDY = "pip install 'fastapi[opentelemetry]'"
+
+
+def telemetry_options(settings: Settings) -> TelemetryConfig:
+    """Return FastAPI's argument `telemetry`; where to export to is told by OTEL_* variables.
+
+    Raises InputError if telemetry is asked for and the packages that export it are missing.
+    """
+    if not settings.telemetry:
+        return {
+            "tracing": False,
+            "metrics": False,
+            "logs": False,
+            "operation_spans": False,
+            "auto_configure": False,
+        }
+    missing = [name for name in EXPORTERS if not _installed(name)]
+    if missing:
+        raise InputError(
+            f"needs {' and '.join(missing)}, not installed here; install with: {REMEDY}",
+            key="SYNCPLAN_TELEMETRY",
+        )
+    return {"auto_configure": True, "exclude": lambda scope: scope.get("path") in PROBES}
+
+
+def _installed(name: str) -> bool:
+    try:
+        return importlib.util.find_spec(name) is not None
+    except ModuleNotFoundError:
+        return False

@@ -1,0 +1,77 @@
+"""A small application under the service's own chrome, and a real server for it."""
+
+import http.client
+import socket
+import threading
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import uvicorn
+from fastapi import FastAPI
+
+from api.logs import RequestLog
+from api.problems import install_handlers
+
+BODY_LIMIT = 1000
+
+
+def bare_app() -> FastAPI:
+    """Return an application without routes that answers and logs as the service does."""
+    app = FastAPI(max_body_size=BODY_LIMIT)
+    install_handlers(app)
+    app.add_middleware(RequestLog)
+    return app
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What a server sent back."""
+
+    status: int
+    headers: dict[str, str]
+    body: bytes
+
+
+@contextmanager
+def served(app: Any) -> Iterator[int]:
+    """Serve an application on a loopback port; yields the port."""
+    listener = socket.socket()
+    listener.bind(("127.0.0.1", 0))
+    config = uvicorn.Config(app, log_config=None, access_log=False, timeout_graceful_shutdown=2)
+    server = uvicorn.Server(config)
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]})
+    thread.start()
+    try:
+        until = time.monotonic() + 10
+        while not server.started:
+            assert time.monotonic() < until, "the server did not start"
+            time.sleep(0.005)
+        yield listener.getsockname()[1]
+    finally:
+        server.should_exit = True
+        thread.join()
+        listener.close()
+
+
+def ask(
+    port: int,
+    method: str,
+    path: str,
+    *,
+    body: bytes | Iterable[bytes] | None = None,
+    headers: dict[str, str] | None = None,
+) -> Answer:
+    """Return the answer of a server at `port`; a body in pieces is sent chunked."""
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+    try:
+        chunked = body is not None and not isinstance(body, bytes)
+        sent = dict(headers or {}, **({"transfer-encoding": "chunked"} if chunked else {}))
+        connection.request(method, path, body=body, headers=sent, encode_chunked=chunked)
+        response = connection.getresponse()
+        names = {name.lower(): value for name, value in response.getheaders()}
+        return Answer(response.status, names, response.read())
+    finally:
+        connection.close()
