@@ -11,14 +11,13 @@ a step that finds its job ended does nothing.
 import asyncio
 import logging
 from collections.abc import Callable
-from concurrent.futures import CancelledError
 from typing import Any, TypeVar
 
 from dbos import DBOS, SetWorkflowID
 from sqlalchemy import Connection
 
 from api.computing.child import ChildGoneError
-from api.computing.pool import Ticket
+from api.computing.pool import GivenUpError, Ticket
 from api.computing.tasks import Cut, PlanText
 from api.jobs.cuts import cuts_of
 from api.jobs.queue import JOB_WORKFLOW
@@ -180,7 +179,7 @@ async def _computed(
             ticket.cancel()
     try:
         return future.result()
-    except (CancelledError, asyncio.CancelledError):
+    except GivenUpError:
         await _stay_if_closing()
         return None
     except InputError as error:
