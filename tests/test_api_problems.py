@@ -20,6 +20,7 @@ from starlette.requests import ClientDisconnect
 from api import problems
 from api.problems import problem_responses
 from api.problems.document import printable, shown
+from api.problems.table import failure_of
 from syncplan.errors import InputError, NoSolutionError, SyncplanError
 from tests.api_apps import BODY_LIMIT, ask, bare_app, served
 
@@ -180,6 +181,12 @@ def test_every_fault_of_bad_input_is_listed(client: TestClient) -> None:
     ]
 
 
+def test_of_many_faults_the_first_ones_are_listed() -> None:
+    error = _listing()
+    vars(error)["faults"] *= 100
+    assert len(failure_of(error).errors) == 50
+
+
 def test_too_much_work_names_the_limit_it_breaks(client: TestClient) -> None:
     assert client.get("/v1/raise/work").json()["errors"] == [
         {"path": "trials", "value": 10**6, "message": "1e6: at most 100"}
@@ -277,7 +284,14 @@ def test_a_chunked_body_beyond_the_limit_is_a_413_problem(port: int, path: str) 
     answer = ask(port, "POST", path, body=iter([b"x" * 400] * 3), headers=header)
     assert answer.status == 413
     assert answer.headers["content-type"] == "application/problem+json"
-    assert json.loads(answer.body)["request_id"] == "too-large"
+    document = json.loads(answer.body)
+    assert document["request_id"] == "too-large"
+    assert document["detail"] == "the body is larger than 1000 bytes"
+
+
+def test_a_length_too_long_to_be_read_is_beyond_the_limit(client: TestClient) -> None:
+    length = {"content-length": "9" * 5000}
+    _check(client.post("/v1/raw", content=b"x", headers=length), 413)
 
 
 def test_a_body_of_just_the_limit_is_read(port: int) -> None:

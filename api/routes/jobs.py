@@ -16,7 +16,7 @@ from api.problems import Conflict, NotFound, TooManyRequests, problem_responses
 from api.routes.plans import Identifier, find_or_refuse
 from api.security import CurrentOwner
 from api.service import CurrentEnding, CurrentService, Service
-from api.storage import jobs
+from api.storage import jobs, work
 from api.storage.answers import Answer
 from api.storage.database import unavailable
 from api.storage.jobs import JobRow, State
@@ -210,7 +210,7 @@ def read_result(row: Owned, service: CurrentService, owner: CurrentOwner) -> Res
         headers = {"content-location": f"/v1/plans/{plan.id}", "etag": f'"{plan.etag}"'}
         return Response(body_of(plan), headers=headers, media_type="application/json")
     with service.database.reading() as connection:
-        report = jobs.result_of(connection, row.id)
+        report = work.report_of(connection, row.id)
     if report is None:
         raise NotFound(f"the result of job {row.id} was deleted")
     return Response(report, media_type="application/json")
@@ -231,7 +231,7 @@ def read_trials(row: Owned, service: CurrentService) -> Response:
     if row.state != "succeeded" or row.kind != "validation":
         raise Conflict(f"the job is a {row.kind}, {row.state}; validations that succeeded have one")
     with service.database.reading() as connection:
-        trials = jobs.trials_of(connection, row.id)
+        trials = work.trials_of(connection, row.id)
     if trials is None:
         raise NotFound(f"the result of job {row.id} was deleted")
     return Response(trials, media_type="application/octet-stream")
