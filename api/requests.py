@@ -1,10 +1,12 @@
 """What the bodies of POST requests ask for, and whether it can be had."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, WithJsonSchema, model_validator
+from pydantic import ConfigDict, Field, GetJsonSchemaHandler, model_validator
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
 
 from api.limits import Limits, check_at_most, check_size, check_trials
 from syncplan.errors import Fault, InputError
@@ -21,6 +23,14 @@ __all__ = ["REQUESTS", "RefinementRequest", "SweepRequest", "ValidationRequest"]
 
 _OURS = {"duration": "duration_s"}
 """Keys of requests, by the name of the library's argument that they set."""
+
+_SWEPT = {
+    "angular_rate_rad_s": "angular_rate",
+    "range_m": "range",
+    "radius_m": "radius",
+    "spacing_m": "spacing",
+}
+"""What a sweep may vary, with its name in syncplan.sweeps."""
 
 
 class _Trials(Section):
@@ -82,13 +92,32 @@ class ValidationRequest(_Trials):
         }
 
 
+class _DescribedAsScenario:
+    """Of a mapping that is checked as a scenario later: its schema is that of scenarios."""
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        return handler(Scenario.__pydantic_core_schema__)
+
+
+def _just_one(keys: Iterable[str]) -> dict[str, Any]:
+    """What JSON Schema says of lists of which one is given, and not empty."""
+    one: dict[str, Any] = {"type": "array", "minItems": 1}
+    return {"oneOf": [{"required": [key], "properties": {key: one}} for key in keys]}
+
+
 class SweepRequest(_Trials):
     """One key of a scenario varied, each value planned and validated by the same trials."""
 
-    scenario: Annotated[
-        dict[str, Any], WithJsonSchema({"$ref": "#/components/schemas/Scenario"})
-    ] = Field(description="The scenario that is varied")
-    angular_rate_rad_s: list[float] | None = Field(default=None, examples=[[0.2, 0.4, 0.6]])
+    model_config = ConfigDict(json_schema_extra=_just_one(_SWEPT))
+
+    scenario: Annotated[dict[str, Any], _DescribedAsScenario()] = Field(
+        description="The scenario that is varied"
+    )
+    angular_rate_rad_s: list[float] | None = Field(
+        default=None, description="Common angular rates", examples=[[0.2, 0.4, 0.6]]
+    )
     range_m: list[float] | None = Field(default=None, description="Sensor ranges")
     radius_m: list[float] | None = Field(default=None, description="Radii of all circles")
     spacing_m: list[float] | None = Field(default=None, description="Spacings of the shape")
@@ -136,14 +165,6 @@ class SweepRequest(_Trials):
 
     def _key(self) -> str:
         return next(key for key in _SWEPT if getattr(self, key) is not None)
-
-
-_SWEPT = {
-    "angular_rate_rad_s": "angular_rate",
-    "range_m": "range",
-    "radius_m": "radius",
-    "spacing_m": "spacing",
-}
 
 
 class RefinementRequest(Section):

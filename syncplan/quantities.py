@@ -11,11 +11,14 @@ from pydantic import (
     ConfigDict,
     Discriminator,
     Field,
+    GetJsonSchemaHandler,
     Strict,
     StringConstraints,
     Tag,
+    TypeAdapter,
 )
-from pydantic_core import PydanticCustomError
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, PydanticCustomError
 
 __all__ = [
     "FURTHEST_M",
@@ -71,11 +74,25 @@ def _named(value: Any) -> str:
     return "named" if isinstance(value, dict) else "listed"
 
 
+class _WithNamesDescribed:
+    """Of a mapping by names: its schema says of every key that it must be a name."""
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        described = handler(schema)
+        # pydantic writes patternProperties, which lets other keys hold anything
+        ((_, value),) = described.pop("patternProperties").items()
+        names = TypeAdapter(Name).json_schema()
+        return {**described, "propertyNames": names, "additionalProperties": value}
+
+
 OneOrMany = Annotated[
     Annotated[T, Tag("one")] | Annotated[list[T], Tag("many")], Discriminator(_kind)
 ]
 ListedOrNamed = Annotated[
-    Annotated[list[Point], Tag("listed")] | Annotated[dict[Name, Point], Tag("named")],
+    Annotated[list[Point], Tag("listed")]
+    | Annotated[dict[Name, Point], _WithNamesDescribed(), Tag("named")],
     Discriminator(_named),
 ]
 
