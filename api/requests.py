@@ -48,6 +48,10 @@ class _Trials(Section):
         examples=[200.0],
     )
 
+    def settled(self, subject: Loaded | None, limits: Limits) -> Self:
+        """Return the request as it is done: as it is."""
+        return self
+
     def _check_run(self, scenario: Scenario, limits: Limits) -> None:
         length = scenario.duration_s if self.duration_s is None else self.duration_s
         check_at_most("duration_s", length, limits.run_s, " s")
@@ -205,6 +209,14 @@ class RefinementRequest(Section):
         options = options_for(subject.scenario, None, self.changes())
         check_at_most("time_limit_s", options.time_limit_s, limits.refine_s, " s")
         return options.starts
+
+    def settled(self, subject: Loaded | None, limits: Limits) -> Self:
+        """Return the request, with the time this service gives where it names none of its own."""
+        assert subject is not None
+        planned = options_for(subject.scenario, None, {}).time_limit_s
+        if self.time_limit_s is not None or planned <= limits.refine_s:
+            return self
+        return self.model_copy(update={"time_limit_s": limits.refine_s})
 
     def changes(self) -> dict[str, Any]:
         """Return the options that are given, as syncplan.refinement.refine takes them."""
