@@ -12,6 +12,7 @@ from api.limits import Limits, check_at_most, check_size, check_trials
 from syncplan.errors import Fault, InputError
 from syncplan.loading import scenario_from
 from syncplan.planfile import Loaded
+from syncplan.portions import Many
 from syncplan.quantities import Section, fault
 from syncplan.refine_options import Bounds, Objective, Variable
 from syncplan.refinement import options_for
@@ -119,12 +120,12 @@ class SweepRequest(_Trials):
     scenario: Annotated[dict[str, Any], _DescribedAsScenario()] = Field(
         description="The scenario that is varied"
     )
-    angular_rate_rad_s: list[float] | None = Field(
+    angular_rate_rad_s: Many[float] | None = Field(
         default=None, description="Common angular rates", examples=[[0.2, 0.4, 0.6]]
     )
-    range_m: list[float] | None = Field(default=None, description="Sensor ranges")
-    radius_m: list[float] | None = Field(default=None, description="Radii of all circles")
-    spacing_m: list[float] | None = Field(default=None, description="Spacings of the shape")
+    range_m: Many[float] | None = Field(default=None, description="Sensor ranges")
+    radius_m: Many[float] | None = Field(default=None, description="Radii of all circles")
+    spacing_m: Many[float] | None = Field(default=None, description="Spacings of the shape")
     connected: bool = Field(
         default=False,
         description="Add a row with a range that connects the team at every instant",
@@ -174,7 +175,7 @@ class SweepRequest(_Trials):
 class RefinementRequest(Section):
     """What a refinement changes of the options in the plan's scenario; see its refine section."""
 
-    vary: list[Variable] | None = Field(
+    vary: Many[Variable] | None = Field(
         default=None,
         description="What may change: phases, centers, radii",
         examples=[["phases", "centers"]],

@@ -16,9 +16,12 @@ from pydantic import (
     StringConstraints,
     Tag,
     TypeAdapter,
+    WrapValidator,
 )
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError
+
+from syncplan.portions import Many, as_template, in_portions
 
 __all__ = [
     "FURTHEST_M",
@@ -61,7 +64,7 @@ Name = Annotated[
 ]
 Title = Annotated[str, StringConstraints(max_length=200, pattern=rf"^{_PRINTING}*$")]
 Point = Annotated[tuple[Coordinate, Coordinate], Strict(False)]
-Polygon = list[Point]
+Polygon = Many[Point]
 Pair = Annotated[tuple[Name, Name], Strict(False)]
 Sense = Literal["ccw", "cw"]
 
@@ -88,11 +91,11 @@ class _WithNamesDescribed:
 
 
 OneOrMany = Annotated[
-    Annotated[T, Tag("one")] | Annotated[list[T], Tag("many")], Discriminator(_kind)
+    Annotated[T, Tag("one")] | Annotated[Many[T], Tag("many")], Discriminator(_kind)
 ]
 ListedOrNamed = Annotated[
-    Annotated[list[Point], Tag("listed")]
-    | Annotated[dict[Name, Point], _WithNamesDescribed(), Tag("named")],
+    Annotated[Many[Point], Tag("listed")]
+    | Annotated[dict[Name, Point], _WithNamesDescribed(), WrapValidator(in_portions), Tag("named")],
     Discriminator(_named),
 ]
 
@@ -135,4 +138,4 @@ def fault(key: str, problem: str, value: Any = None) -> PydanticCustomError:
     Braces are doubled because the message is a template.
     """
     context = {"key": key} if value is None else {"key": key, "value": value}
-    return PydanticCustomError("rule", problem.replace("{", "{{").replace("}", "}}"), context)
+    return PydanticCustomError("rule", as_template(problem), context)

@@ -15,6 +15,7 @@ ORDER = (
     "errors",
     "formation",
     "areas",
+    "portions",
     "quantities",
     "refine_options",
     "checks",
@@ -115,6 +116,7 @@ LIBRARIES = {
     "networkx": {"graph"},
     "numba": {"ekf"},
     "pydantic": {
+        "portions",
         "quantities",
         "refine_options",
         "sections",
