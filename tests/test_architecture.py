@@ -18,6 +18,7 @@ ORDER = (
     "errors",
     "formation",
     "areas",
+    "portions",
     "quantities",
     "refine_options",
     "checks",
@@ -118,6 +119,7 @@ LIBRARIES = {
     "networkx": {"graph"},
     "numba": {"ekf"},
     "pydantic": {
+        "portions",
         "quantities",
         "refine_options",
         "sections",
