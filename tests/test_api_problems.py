@@ -19,7 +19,7 @@ from starlette.requests import ClientDisconnect
 
 from api import problems
 from api.problems import problem_responses
-from api.problems.document import printable, shown
+from api.problems.document import printable, shown, title_of
 from api.problems.table import failure_of
 from syncplan.errors import InputError, NoSolutionError, SyncplanError
 from tests.api_apps import BODY_LIMIT, ask, bare_app, served
@@ -153,7 +153,10 @@ def _check(response: Any, status: int) -> dict[str, Any]:
     document: dict[str, Any] = response.json()
     problems.Problem.model_validate(document)
     assert document["status"] == status
-    assert document["type"] == "about:blank"
+    if document["title"] == "No solution":
+        assert document["type"] == "urn:syncplan:no-solution"
+    else:
+        assert (document["type"], document["title"]) == ("about:blank", title_of(status))
     assert document["request_id"] == response.headers["x-request-id"] != ""
     assert SECRET not in response.text
     return document
@@ -163,6 +166,11 @@ def _check(response: Any, status: int) -> dict[str, Any]:
 def test_each_exception_is_answered_with_its_status(client: TestClient, name: str) -> None:
     document = _check(client.get(f"/v1/raise/{name}"), RAISED[name][1])
     assert document["instance"] == f"/v1/raise/{name}"
+
+
+def test_a_request_that_nothing_fulfils_is_told_from_a_bad_one(client: TestClient) -> None:
+    assert client.get("/v1/raise/solution").json()["title"] == "No solution"
+    assert client.get("/v1/raise/input").json()["title"] == "Unprocessable Content"
 
 
 def test_bad_input_names_path_and_message(client: TestClient) -> None:

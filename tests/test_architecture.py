@@ -177,6 +177,7 @@ API_ORDER = (
     "routes.schemas",
     "routes.health",
     "main",
+    "server",
 )
 """Modules of the service, which come after all of syncplan: each imports only those before it."""
 

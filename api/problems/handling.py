@@ -124,7 +124,8 @@ def _response(request: Request, failure: Failure) -> Response:
     if failure.status == 405:
         headers = {**headers, "Allow": ", ".join(_methods(request))}
     problem = Problem(
-        title=title_of(failure.status),
+        type=failure.type,
+        title=failure.title or title_of(failure.status),
         status=failure.status,
         detail=printable(failure.detail),
         instance=quote(request.url.path),

@@ -15,7 +15,7 @@ from api.negotiation import accepts
 from api.problems import Conflict, NotFound, TooManyRequests, problem_responses
 from api.routes.plans import Identifier, find_or_refuse
 from api.security import CurrentOwner
-from api.service import CurrentService, Service
+from api.service import CurrentEnding, CurrentService, Service
 from api.storage import jobs, work
 from api.storage.answers import Answer
 from api.storage.database import unavailable
@@ -137,19 +137,23 @@ def read_job(row: Owned) -> Job:
 async def follow_job(
     row: Owned,
     service: CurrentService,
+    ending: CurrentEnding,
     last_event_id: Annotated[
         str,
         Header(alias="Last-Event-ID", pattern="^[0-9]{1,9}$", description="Go on after this event"),
     ] = "0",
 ) -> AsyncIterator[ServerSentEvent]:
-    """Every change of a job as a server-sent event; the stream ends when the job has ended."""
+    """Every change of a job as a server-sent event; the stream ends when the job has ended.
+
+    It also ends with the server; Last-Event-ID goes on where it ended.
+    """
 
     def changes(after: int) -> list[tuple[int, str]]:
         with service.database.reading() as connection:
             return jobs.events_after(connection, row.id, after)
 
     told, ended = int(last_event_id), False
-    while not ended:
+    while not ended and not ending.is_set():
         try:
             # the state first: all that led to it is among the events then
             now = await run_in_threadpool(_state, service, row.id)
