@@ -176,6 +176,8 @@ API_ORDER = (
     "routes.jobs",
     "routes.schemas",
     "routes.health",
+    "operations",
+    "openapi",
     "main",
     "server",
 )

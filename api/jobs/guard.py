@@ -15,6 +15,7 @@ from collections.abc import Callable
 
 from dbos import DBOSClient
 
+from api.jobs.queue import APPLICATION
 from api.storage import executors, jobs
 from api.storage.answers import forget_answers
 from api.storage.database import Database
@@ -121,7 +122,13 @@ class Guard:
 
     def _resume_orphans(self) -> None:
         """Put back what processes not on the list had begun."""
-        begun = self._client.list_workflows(status="PENDING", load_input=False, load_output=False)
+        # of this application: others may keep theirs in the same database
+        begun = self._client.list_workflows(
+            status="PENDING",
+            application_name=APPLICATION,
+            load_input=False,
+            load_output=False,
+        )
         with self._database.reading() as connection:
             living = executors.living(connection)
         orphans: dict[str | None, list[str]] = defaultdict(list)
