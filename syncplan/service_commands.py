@@ -46,6 +46,7 @@ def _serve(
 
     from api.logs import configure_logs
     from api.main import create_app
+    from api.protocol import HttpProtocol
     from api.security import refuse_exposure
     from api.settings import load_settings
 
@@ -64,6 +65,8 @@ def _serve(
             log_config=None,
             access_log=False,
             server_header=False,
+            http=HttpProtocol,
+            ws="none",
             timeout_graceful_shutdown=_GRACE_S,
         )
         # uvicorn ends in good order and then raises the signal again: that is no failure
