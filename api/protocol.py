@@ -69,11 +69,11 @@ class HttpProtocol(HttpToolsProtocol):
             self.transport.close()
             return
         cycle = self.cycle
-        if cycle is not None and not cycle.response_complete:
-            if cycle.response_started or not cycle.more_body:
-                # what was asked before is answered, and is the last
-                cycle.keep_alive = False
-                return
+        under_way = cycle is not None and not cycle.response_complete
+        if under_way and (cycle.response_started or not cycle.more_body):
+            # what was asked before is answered, and is the last
+            cycle.keep_alive = False
+            return
         self.transport.write(_refusal(status))
         if not self.transport.can_write_eof():
             self.transport.close()
