@@ -29,7 +29,7 @@ import numpy as np
 from tests.mutations import Sent, draw_request, valid_scenarios
 from tests.serving import ROOT, Server, running
 
-__all__ = ["LARGEST_GROWTH_MB", "Found", "main", "search"]
+__all__ = ["LARGEST_GROWTH_MB", "SETTINGS", "Found", "main", "search"]
 
 KEY = "fuzzing-key-0123456789"
 LARGEST_GROWTH_MB = 50.0
@@ -77,7 +77,7 @@ class Found:
 
 
 def search(server: Server, requests: int, seed: int, warm_up: int = WARM_UP) -> Found:
-    """Return what a number of drawn requests come to."""
+    """Return what a number of drawn requests to a service with these SETTINGS come to."""
     found = Found(requests)
     scenarios = valid_scenarios()
     with httpx2.Client(base_url=server.url, headers=_AUTHORISED, timeout=60.0) as client:
@@ -139,6 +139,8 @@ def _look(
     took = time.monotonic() - began
     found.statuses[status] += 1
     found.slowest_s[sent.name] = max(took, found.slowest_s.get(sent.name, 0.0))
+    if number % 500 == 499:
+        print(f"{number + 1}: {dict(sorted(found.statuses.items()))}", file=sys.stderr, flush=True)
     told = f"{number} {sent.name}: {status} {body[:300]!r}"
     if took > PLAN_TIMEOUT_S + MARGIN_S:
         found.faults.append(f"{told}: took {took:.1f} s")
