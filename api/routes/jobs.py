@@ -252,17 +252,19 @@ def read_trials(row: Owned, service: CurrentService) -> Response:
 
 async def _hand_in(call: Call, kind: jobs.Kind, plan_id: str | None) -> Response:
     service = call.service
-    text = None
-    if plan_id is not None:
-        text = (await run_in_threadpool(find_or_refuse, service, call.owner, plan_id)).text
 
-    async def compute() -> tuple[str, int]:
-        checked: tuple[str, int] = await computed(
+    async def compute() -> tuple[str, int, str | None]:
+        # here, so that a request that was answered is answered again though its plan is gone
+        text = None
+        if plan_id is not None:
+            text = (await run_in_threadpool(find_or_refuse, service, call.owner, plan_id)).text
+        request, amount = await computed(
             service, "checked_request", kind, call.body, call.syntax, service.limits, text
         )
-        return checked
+        return request, amount, text
 
-    def store(connection: Connection, checked: tuple[str, int]) -> Answer:
+    def store(connection: Connection, checked: tuple[str, int, str | None]) -> Answer:
+        request, amount, text = checked
         waiting = len(jobs.unfinished(connection, call.owner))
         if waiting >= service.settings.max_queued_jobs:
             raise TooManyRequests(
@@ -270,7 +272,7 @@ async def _hand_in(call: Call, kind: jobs.Kind, plan_id: str | None) -> Response
                 "wait for one to end, or cancel one",
                 retry_after_s=_RETRY_AFTER_S,
             )
-        row = jobs.add_job(connection, call.owner, kind, *checked, plan_id, text)
+        row = jobs.add_job(connection, call.owner, kind, request, amount, plan_id, text)
         service.queue.enqueue(connection, row.id)
         headers = {"location": f"/v1/jobs/{row.id}"}
         return Answer(call.digest, 202, headers, job_answer(row).model_dump_json())
