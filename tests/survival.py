@@ -153,6 +153,13 @@ class Site:
         self._processes.append(process)
         self._marks[process] = mark
 
+    def oldest(self, kind: Literal["server", "worker"]) -> Process:
+        """Return the server, or the worker that has lived longest."""
+        wanted = Server if kind == "server" else Process
+        return next(
+            one for one in self._processes if type(one) is wanted and one.popen.returncode is None
+        )
+
     def family(self, process: Process) -> set[int]:
         """Return the living processes that a process, or a child of it, has started."""
         return _marked(self._marks[process]) - {process.popen.pid}
@@ -251,6 +258,13 @@ class Site:
         assert [one for one in told if one not in ("queued", "running")] == [state]
         assert told[-1] == state
 
+    def held_by(self, process: Process) -> list[str]:
+        """Return the workflows that a process has begun and not ended."""
+        with self._dbos() as client:
+            begun = client.list_workflows(status="PENDING")
+        number = f"-{process.popen.pid}-"
+        return [one.workflow_id for one in begun if number in (one.executor_id or "")]
+
     def see_nothing_left(self) -> None:
         """Fail if workflows stay behind that are not done."""
         with self._dbos() as client:
@@ -282,7 +296,8 @@ class Site:
     def logs(self) -> str:
         """Return the ends of the logs, for a failure's message."""
         return "\n".join(
-            f"--- {one.name}\n{one.read_text()[-3000:]}" for one in sorted(self.folder.glob("*.log"))
+            f"--- {one.name}\n{one.read_text()[-3000:]}"
+            for one in sorted(self.folder.glob("*.log"))
         )
 
 
@@ -297,26 +312,25 @@ def new_database(postgres: Postgres) -> str:
 def kill_at(
     site: Site,
     orders: Sequence[Order],
-    wait_s: float,
+    waits_s: Sequence[float],
     victim: Literal["server", "worker"],
 ) -> float:
-    """Hand in jobs, kill the server or one of two workers after a time, see to it that all is well.
+    """Hand in jobs, kill the server or one of two workers after each wait, see that all is well.
 
-    Returns the seconds from the kill to the end of the last job. Where the server is killed, it is
-    started anew at once; a killed worker is not.
+    What was killed is started anew at once. Returns the seconds from the last kill to the end of
+    the last job.
     """
-    if victim == "server":
-        process: Process = site.serve()
-    else:
-        site.serve("--no-worker")
-        process, _ = site.work(), site.work()
+    site.serve(*(["--no-worker"] if victim == "worker" else []))
+    if victim == "worker":
+        site.work()
+        site.work()
     for order in orders:
         site.hand_in(order)
-    time.sleep(wait_s)
-    site.kill(process)
-    killed = time.monotonic()
-    if victim == "server":
-        site.serve()
+    for wait_s in waits_s:
+        time.sleep(wait_s)
+        site.kill(site.oldest(victim))
+        killed = time.monotonic()
+        _ = site.serve() if victim == "server" else site.work()
     for job_id in site.jobs:
         site.wait_for(job_id, "succeeded", "failed", "cancelled")
     recovered = time.monotonic() - killed
