@@ -1,8 +1,9 @@
 """POST requests: their body, who asks, and the same answer for the same Idempotency-Key."""
 
+import asyncio
 import hashlib
 from collections.abc import Awaitable, Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal, TypeVar
 
 from fastapi import Depends, Header, Request, Response
@@ -10,20 +11,21 @@ from sqlalchemy import Connection
 from starlette.concurrency import run_in_threadpool
 
 from api.computing.child import ChildGoneError, TooSlowError
-from api.computing.pool import PoolFullError
+from api.computing.pool import GivenUpError, PoolFullError
 from api.negotiation import body_kind
 from api.problems import KeyReused, TooMuchWork, Unavailable
 from api.security import CurrentOwner
 from api.service import CurrentService, Service
 from api.storage.answers import Answer, AnswerTakenError, find_answer, keep_answer
 
-__all__ = ["Call", "CurrentCall", "answer_once", "computed"]
+__all__ = ["Call", "CurrentCall", "EmptyCall", "answer_once", "computed"]
 
 T = TypeVar("T")
 
 IdempotencyKey = Annotated[
     str | None,
     Header(
+        alias="Idempotency-Key",
         min_length=1,
         max_length=255,
         pattern=r"^[\x21-\x7e]+$",
@@ -51,7 +53,7 @@ class Call:
     digest: str
 
 
-async def _call(
+async def _empty_call(
     request: Request,
     service: CurrentService,
     owner: CurrentOwner,
@@ -62,11 +64,19 @@ async def _call(
     for part in (request.method, request.url.path, request.url.query):
         digest.update(part.encode() + b"\n")
     digest.update(body)
-    syntax = body_kind(request)
-    return Call(service, owner, body, syntax, idempotency_key, digest.hexdigest())
+    return Call(service, owner, body, "json", idempotency_key, digest.hexdigest())
+
+
+EmptyCall = Annotated[Call, Depends(_empty_call)]
+"""Parameter type of a route that takes no body: whatever is sent as one is not looked at."""
+
+
+async def _call(request: Request, call: EmptyCall) -> Call:
+    return replace(call, syntax=body_kind(request))
 
 
 CurrentCall = Annotated[Call, Depends(_call)]
+"""Parameter type of a route that takes a body, JSON or YAML."""
 
 
 async def answer_once(
@@ -117,14 +127,14 @@ def _response(answer: Answer) -> Response:
 
 async def computed(service: Service, task: str, *arguments: Any) -> Any:
     """Return what a task in a child process returns, or raise the problem it has."""
-    import asyncio
-
     limit = service.settings.plan_timeout_s
     try:
         ticket = service.pool.submit(task, *arguments, timeout_s=limit)
         return await asyncio.wrap_future(ticket.future)
     except PoolFullError:
         raise Unavailable("too many requests are being computed; try again") from None
+    except GivenUpError:
+        raise Unavailable("the service is closing; try again") from None
     except TooSlowError:
         raise TooMuchWork(
             f"takes longer than the {limit:g} s a request may; ask for fewer vehicles or samples"

@@ -11,13 +11,14 @@ from api.jobs.queue import JobQueue
 from api.jobs.worker import Worker, guard_of
 from api.logs import RequestLog
 from api.metrics import Metrics, RequestMetrics
+from api.openapi import document_operations
 from api.problems import install_handlers
 from api.routes import health, jobs, plans, schemas
 from api.security import Keyring
-from api.service import Service, limits_of
+from api.service import Ending, Service, limits_of
 from api.settings import Settings, load_settings
 from api.storage.database import open_database
-from api.storage.jobs import count_by_state
+from api.storage.work import count_by_state
 from api.telemetry import telemetry_options
 from syncplan import __version__
 
@@ -39,6 +40,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         description=_DESCRIPTION,
         docs_url=None,
         redoc_url=None,
+        separate_input_output_schemas=False,
         max_body_size=chosen.body_limit_bytes,
         telemetry=telemetry_options(chosen),
         lifespan=_lifespan,
@@ -46,7 +48,9 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.state.settings = chosen
     app.state.keyring = Keyring(chosen)
     app.state.metrics = Metrics()
+    app.state.ending = Ending()
     install_handlers(app)
+    document_operations(app)
     app.include_router(plans.router, prefix="/v1")
     app.include_router(jobs.router, prefix="/v1")
     app.include_router(schemas.router, prefix="/v1")

@@ -13,10 +13,11 @@ class Figure:
     Attributes
     ----------
     what : what was measured
-    value : s where the unit is "s", times as fast where it is "x", megabytes where it is "MB",
-        the exponent of n where it is "power", a plain number where empty
-    unit : "s", "x", "MB", "power" or empty
-    target : a least for ratios, a most for all else; None where there is none
+    value : s where the unit is "s", times as fast where it is "x", how many a second where it is
+        "/s", megabytes where it is "MB", the exponent of n where it is "power", a plain number
+        where empty
+    unit : "s", "x", "/s", "%", "MB", "power" or empty
+    target : a least for ratios and rates, a most for all else; None where there is none
     """
 
     what: str
@@ -35,7 +36,7 @@ class Figure:
         if self.target is None:
             return ""
         sign, met = ("<", self.value < self.target)
-        if self.unit == "x":
+        if self.unit in ("x", "/s"):
             sign, met = (">=", self.value >= self.target)
         return f"{sign} {_text(self.target, self.unit)}" + ("" if met else ", missed")
 

@@ -14,6 +14,7 @@ from benchmarks import (
     observability,
     print_figures,
     refinement,
+    service,
     startup,
 )
 
@@ -47,6 +48,8 @@ def main() -> list[Figure]:
     figures += montecarlo_figures(montecarlo.main())
     _announce("refinement")
     figures += refinement.main()
+    _announce("service")
+    figures += service.figures(service.main())
     return figures
 
 

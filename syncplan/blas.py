@@ -5,9 +5,13 @@ machine; and two processes whose BLAS threads wait for each other run many times
 thread each. The matrices here are small: one thread costs nothing until a thousand vehicles.
 """
 
+import sys
 from collections.abc import Callable
-from functools import wraps
-from typing import ParamSpec, TypeVar
+from functools import lru_cache, wraps
+from typing import TYPE_CHECKING, ParamSpec, TypeVar
+
+if TYPE_CHECKING:
+    from threadpoolctl import ThreadpoolController
 
 __all__ = ["single_threaded_blas"]
 
@@ -20,9 +24,18 @@ def single_threaded_blas(function: Callable[P, R]) -> Callable[P, R]:
 
     @wraps(function)
     def limited(*args: P.args, **kwargs: P.kwargs) -> R:
-        from threadpoolctl import threadpool_limits
-
-        with threadpool_limits(limits=1, user_api="blas"):
+        with _libraries(len(sys.modules)).limit(limits=1, user_api="blas"):
             return function(*args, **kwargs)
 
     return limited
+
+
+@lru_cache(maxsize=1)
+def _libraries(modules: int) -> "ThreadpoolController":
+    """The linear algebra libraries of a process that has imported so many modules.
+
+    Finding them takes two milliseconds, and only an import brings another.
+    """
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()

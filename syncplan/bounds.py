@@ -6,7 +6,7 @@ are referred to time 0 by the closed-form transition, so that prediction only ad
     P <- P + Phi(0, k) G Q G^T Phi(0, k)^T      block diagonal, one 3 x 3 block a vehicle
     P <- P - P H^T (H P H^T + 1)^-1 H P         H: the rows of the windowed matrix, sigma = 1
 
-Positions are in mean radii until the end.
+Positions are in mean radii until the end. How rows are brought in: syncplan.covariances.
 """
 
 from dataclasses import dataclass
@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from syncplan.contacts import Sensors, Windows
+from syncplan.covariances import Run, variances_along
 from syncplan.errors import NoSolutionError
 from syncplan.noise import Noise
 from syncplan.observability import Observability, bearing_rows
-from syncplan.orbits import Orbits, perpendicular, position, unit
+from syncplan.orbits import Orbits, perpendicular, phase, unit
 from syncplan.sightings import sample_sightings, steps_within
 
 __all__ = [
@@ -106,7 +107,7 @@ def posterior_bound(
     sigma[:2] /= system.scale
     covariance = np.diag(np.tile(sigma**2, orbits.count))
     try:
-        bound = system.run(covariance)[1]
+        bound = system.bound(covariance)
     except np.linalg.LinAlgError:
         raise NoSolutionError(_INDEFINITE) from None
     if np.any(bound.position_variance < 0.0):
@@ -140,7 +141,7 @@ def steady_bound(
         covariance = _periodic_covariance(system)
         if covariance is None:
             return np.full(orbits.count, np.inf)
-        bound = system.run(covariance)[1]
+        bound = system.bound(covariance)
     except np.linalg.LinAlgError:
         return np.full(orbits.count, np.inf)
     variance = bound.position_variance[1:].mean(axis=0)
@@ -152,11 +153,8 @@ def steady_bound(
 class _ReferredSystem:
     """A run with all errors referred to time 0: noise added per step, whitened bearing rows."""
 
-    noise_blocks: Array  # (steps + 1, n, 3, 3), of the step that ends at k
-    rows: Array  # (s, 6)
-    columns: NDArray[np.int64]  # (s, 6)
-    first: NDArray[np.int64]  # (steps + 2,)
-    moved: Array  # (steps + 1, n, 2) way gone, in mean radii
+    run: Run
+    moved: Array  # (2, n, steps + 1) way gone, in mean radii
     scale: float
 
     @classmethod
@@ -171,92 +169,57 @@ class _ReferredSystem:
     ) -> "_ReferredSystem":
         sample_time = sensors.sample_time
         sightings = sample_sightings(windows, orbits.period, sample_time, 1, steps)
-        columns = np.concatenate(
-            [
-                3 * sightings.observers[:, None] + np.arange(3),
-                3 * np.where(sightings.targets < orbits.count, sightings.targets, 0)[:, None]
-                + np.arange(3),
-            ],
-            axis=1,
-        )
+        targets = sightings.targets
         scale = float(orbits.radii.mean())
-        path = position(orbits, np.arange(steps + 1) * sample_time)
-        moved = (path - path[0]) / scale
-        return cls(
-            noise_blocks=_referred_noise(orbits, noise, sample_time, moved, scale),
+        angle = phase(orbits, np.arange(steps + 1) * sample_time).T
+        arm = np.stack([np.cos(angle), np.sin(angle)])
+        moved = (orbits.radii / scale)[:, None] * (arm - arm[..., :1])
+        run = Run(
+            noise=_referred_noise(orbits, noise, sample_time, arm, moved, scale),
             rows=bearing_rows(orbits, landmarks, sensors, sightings),
-            columns=columns,
+            observers=sightings.observers,
+            targets=np.where(targets < orbits.count, targets, 0),
             first=sightings.first_of_steps(steps),
-            moved=moved,
-            scale=scale,
         )
+        return cls(run, moved, scale)
 
-    def run(self, covariance: Array) -> tuple[Array, PosteriorBound]:
-        """Return the last covariance and the bound along the run."""
-        steps, count = len(self.moved) - 1, self.moved.shape[1]
-        covariance = covariance.copy()
-        blocks = np.empty((steps + 1, count, 3, 3))
-        vehicles = np.arange(count)
-        view = _diagonal_blocks(covariance)
-        blocks[0] = view[vehicles, :, vehicles, :]
-        for k in range(1, steps + 1):
-            view[vehicles, :, vehicles, :] += self.noise_blocks[k]
-            begin, end = self.first[k], self.first[k + 1]
-            if begin < end:
-                _update(covariance, self.rows[begin:end], self.columns[begin:end])
-            blocks[k] = view[vehicles, :, vehicles, :]
-        return covariance, self._at_each_time(blocks)
-
-    def _at_each_time(self, blocks: Array) -> PosteriorBound:
-        """Carry each vehicle's block from time 0 to its own time."""
-        turn = perpendicular(self.moved)
-        spread = (
-            np.trace(blocks[..., :2, :2], axis1=-2, axis2=-1)
-            + 2.0 * np.sum(turn * blocks[..., :2, 2], axis=-1)
-            + np.sum(turn**2, axis=-1) * blocks[..., 2, 2]
-        )
-        return PosteriorBound(self.scale**2 * spread, blocks[..., 2, 2])
+    def bound(self, covariance: Array) -> PosteriorBound:
+        """Return the bound along the run: each vehicle's block carried to its own time."""
+        position_, x_turn, y_turn, turn = variances_along(self.run, covariance)
+        east, north = self.moved
+        spread = position_ + 2.0 * (east * y_turn - north * x_turn) + (east**2 + north**2) * turn
+        return PosteriorBound(self.scale**2 * spread.T, turn.T)
 
 
 def _referred_noise(
-    orbits: Orbits, noise: Noise, sample_time: float, moved: Array, scale: float
+    orbits: Orbits, noise: Noise, sample_time: float, arm: Array, moved: Array, scale: float
 ) -> Array:
-    """(steps + 1, n, 3, 3) motion noise of the step that ends at k, referred to time 0."""
+    """(6, n, steps + 1) motion noise of the step that ends at k, referred to time 0, as in Run.
+
+    `arm` and `moved`, (2, n, steps + 1), are the directions from the centres and the ways gone.
+    """
     gain = arc_noise_gain(orbits, sample_time) * np.array(
         [noise.speed_sigma, noise.turn_rate_sigma]
     )
     gain[:, :2] /= scale
-    steps = len(moved) - 1
-    start = orbits.phases + orbits.senses * np.pi / 2.0
-    angle = start + orbits.turn_rates * sample_time * np.arange(-1, steps)[:, None]
-    ahead = unit(angle)
-    axes = np.stack([ahead, perpendicular(ahead)], axis=-1)
-    turned = np.empty((steps + 1, orbits.count, 3, 2))
-    turned[..., :2, :] = axes @ gain[:, :2, :]
-    turned[..., 2, :] = gain[:, 2, :]
-    turned[..., :2, :] -= perpendicular(moved)[..., None] * turned[..., 2:, :]
-    return np.asarray(turned @ np.swapaxes(turned, -1, -2))
-
-
-def _diagonal_blocks(covariance: Array) -> Array:
-    """View of the covariance as (n, 3, n, 3)."""
-    count = len(covariance) // 3
-    return covariance.reshape(count, 3, count, 3)
-
-
-def _update(covariance: Array, rows: Array, columns: NDArray[np.int64]) -> None:
-    """Bring m whitened bearings into the covariance, in place."""
-    gathered = np.einsum("nmc,mc->nm", covariance[:, columns], rows)
-    innovation = np.einsum("mc,mcl->ml", rows, gathered[columns])
-    innovation[np.diag_indices_from(innovation)] += 1.0
-    factor = np.linalg.cholesky(innovation)
-    half = np.linalg.solve(factor, gathered.T)
-    covariance -= half.T @ half
+    # the heading where a step starts, a quarter turn from the arm
+    sense = orbits.senses[:, None]
+    ahead = -sense * np.roll(arm[1], 1, axis=-1)
+    left = sense * np.roll(arm[0], 1, axis=-1)
+    total = np.zeros((6, *ahead.shape))
+    for along, across, turn in np.moveaxis(gain, (2, 1), (0, 1))[..., None]:
+        # the turn moves the place at time 0 backwards about the vehicle
+        x = ahead * along - left * across + moved[1] * turn
+        y = left * along + ahead * across - moved[0] * turn
+        for place, product in enumerate((x * x, x * y, x * turn, y * y, y * turn, turn * turn)):
+            total[place] += product
+    total[..., 0] = 0.0
+    return total
 
 
 def _periodic_covariance(system: _ReferredSystem) -> Array | None:
     """Fixed point of one period's map P -> A P (I + C P)^-1 A^T + B, by structured doubling."""
-    size = 3 * system.moved.shape[1]
+    size = 3 * system.run.count
     a, b, c = _period_map(system, size)
     last = np.inf
     for _ in range(_DOUBLINGS):
@@ -273,21 +236,20 @@ def _periodic_covariance(system: _ReferredSystem) -> Array | None:
 
 
 def _period_map(system: _ReferredSystem, size: int) -> tuple[Array, Array, Array]:
-    count = size // 3
-    vehicles = np.arange(count)
+    run = system.run
+    vehicles = np.arange(run.count)
+    noise, columns = run.noise_blocks, run.columns
     identity, zero = np.eye(size), np.zeros((size, size))
     total = (identity, zero, zero)
-    for k in range(1, len(system.moved)):
+    for k in range(1, len(noise)):
         added = np.zeros((size, size))
-        _diagonal_blocks(added)[vehicles, :, vehicles, :] = system.noise_blocks[k]
+        added.reshape(run.count, 3, run.count, 3)[vehicles, :, vehicles, :] = noise[k]
         total = _composed(total, (identity, added, zero))
-        begin, end = system.first[k], system.first[k + 1]
+        begin, end = run.first[k], run.first[k + 1]
         if begin < end:
             dense = np.zeros((end - begin, size))
             np.add.at(
-                dense,
-                (np.arange(end - begin)[:, None], system.columns[begin:end]),
-                system.rows[begin:end],
+                dense, (np.arange(end - begin)[:, None], columns[begin:end]), run.rows[begin:end]
             )
             total = _composed(total, (identity, zero, dense.T @ dense))
     return total

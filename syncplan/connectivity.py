@@ -1,12 +1,14 @@
 """Connectivity period: the shortest window whose union certifies the team, wherever it starts."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from syncplan.certificate import DISTINCT_LANDMARKS
 from syncplan.contacts import Sensors, Windows
 from syncplan.graph import disjoint_sets
-from syncplan.observability import LINK_TOLERANCE, PairRows, pair_rows
+from syncplan.observability import LINK_TOLERANCE, pair_rows
 from syncplan.orbits import Orbits
 from syncplan.sightings import sample_sightings, steps_within
 
@@ -62,64 +64,99 @@ def _ready_steps(
     """For each pair (a, b): the step by which it certifies when watched from step k on, (k,)."""
     last = (1 + SEARCHED_PERIODS) * samples
     sightings = sample_sightings(windows, orbits.period, sensors.sample_time, 0, last)
+    pairs = list(pair_rows(orbits, landmarks, sensors, sightings))
+    starts = [np.searchsorted(pair.steps, np.arange(samples)) for pair in pairs]
+    used = [np.unique(of[of < len(pair.steps)]) for pair, of in zip(pairs, starts, strict=True)]
+    needed = [2 if pair.b >= orbits.count else 3 for pair in pairs]
+    lengths = _shortest_certified([pair.rows for pair in pairs], used, needed, largest)
     ready = {}
-    for pair in pair_rows(orbits, landmarks, sensors, sightings):
-        needed = 2 if pair.b >= orbits.count else 3
-        ready[pair.a, pair.b] = _ready_of_pair(pair, needed, samples, largest)
+    for pair, of, row, length in zip(pairs, starts, used, lengths, strict=True):
+        end = pair.steps[np.minimum(row + length - 1, len(pair.steps) - 1)]
+        table = np.full(len(pair.steps) + 1, _NEVER, dtype=np.int64)
+        table[row] = np.where(length > 0, end, _NEVER)
+        ready[pair.a, pair.b] = table[of]
     return ready
 
 
-def _ready_of_pair(pair: PairRows, needed: int, samples: int, largest: float) -> Index:
-    """(samples,) the step by which the pair certifies when watched from step k on."""
-    steps = pair.steps
-    starts = np.searchsorted(steps, np.arange(samples))
-    used = np.unique(starts[starts < len(steps)])
-    length = _shortest_certified(pair.rows, used, needed, largest)
-    end = np.where(length > 0, steps[np.minimum(used + length - 1, len(steps) - 1)], _NEVER)
-    table = np.full(len(steps) + 1, _NEVER, dtype=np.int64)
-    table[used] = end
-    return table[starts]
+@dataclass(frozen=True, slots=True)
+class _Starts:
+    """The rows of all pairs, one pair after another, and where windows of them may start."""
+
+    rows: Array  # (k, 6)
+    pair: Index  # (s,) ascending
+    row: Index  # (s,) the first of the window
+    room: Index  # (s,) rows from there to the pair's last
+    needed: Index  # (s,) rank asked for
+
+    def only(self, chosen: NDArray[np.bool_] | Index) -> "_Starts":
+        """Return the chosen starts."""
+        return _Starts(
+            self.rows, self.pair[chosen], self.row[chosen], self.room[chosen], self.needed[chosen]
+        )
 
 
-def _shortest_certified(rows: Array, starts: Index, needed: int, largest: float) -> Index:
-    """Fewest consecutive rows from each start whose rank is `needed`; 0 where none suffice."""
-    low = np.full(len(starts), needed - 1)
-    high = np.full(len(starts), needed)
-    room = len(rows) - starts
-    open_ = room >= needed
-    high[~open_] = 0
+def _shortest_certified(
+    rows: list[Array], starts: list[Index], needed: list[int], largest: float
+) -> list[Index]:
+    """For each pair, the fewest consecutive rows from each start whose rank is `needed`.
+
+    0 where none suffice. All pairs are searched at once: lengths are doubled until the rank is
+    there, then bisected. A pair whose first window falls short, as do all its rows together beside
+    `largest`, is given up: fewer rows have no larger singular value.
+    """
+    if not rows:
+        return []
+    number = [len(of) for of in starts]
+    begin = np.cumsum([0] + [len(of) for of in rows])
+    pair = np.repeat(np.arange(len(rows)), number)
+    row = np.concatenate(starts) + begin[pair]
+    all_ = _Starts(np.concatenate(rows), pair, row, begin[pair + 1] - row, np.array(needed)[pair])
+    high = np.where(all_.room >= all_.needed, all_.needed, 0)
+    lead = np.cumsum([0, *number[:-1]])
+    lead = lead[high[lead] > 0]
+    for k in pair[lead[~_certified(all_.only(lead), high[lead], largest)]].tolist():
+        value = np.linalg.svd(rows[k], compute_uv=False)[needed[k] - 1]
+        if value <= LINK_TOLERANCE * largest:
+            high[pair == k] = 0
+    short = high > 0
+    short[short] = ~_certified(all_.only(short), high[short], largest)
+    high[short] = _searched(all_.only(short), largest)
+    return np.split(high, np.cumsum(number)[:-1])
+
+
+def _searched(starts: _Starts, largest: float) -> Index:
+    """Fewest rows, more than `needed`, from each start; 0 where none suffice."""
+    low, high = starts.needed, np.minimum(2 * starts.needed, starts.room)
+    high = np.where(high > low, high, 0)
+    open_ = high > 0
     while open_.any():
-        full = np.zeros(len(starts), dtype=bool)
-        full[open_] = _certified(rows, starts[open_], high[open_], needed, largest)
-        fails = open_ & ~full
-        spent = fails & (high >= room)
-        high[spent] = 0
+        fails = open_.copy()
+        fails[open_] = ~_certified(starts.only(open_), high[open_], largest)
         low = np.where(fails, high, low)
-        open_ = fails & ~spent
-        high[open_] = np.minimum(2 * high[open_], room[open_])
+        open_ = fails & (high < starts.room)
+        high = np.where(fails, 0, high)
+        high[open_] = np.minimum(2 * low[open_], starts.room[open_])
     while True:
         wide = (high > 0) & (high - low > 1)
         if not wide.any():
             return high
         middle = (low + high) // 2
-        full = _certified(rows, starts[wide], middle[wide], needed, largest)
-        high[wide] = np.where(full, middle[wide], high[wide])
-        low[wide] = np.where(full, low[wide], middle[wide])
+        full = np.zeros(len(high), dtype=bool)
+        full[wide] = _certified(starts.only(wide), middle[wide], largest)
+        high = np.where(full, middle, high)
+        low = np.where(wide & ~full, middle, low)
 
 
-def _certified(
-    rows: Array, starts: Index, lengths: Index, needed: int, largest: float
-) -> NDArray[np.bool_]:
-    """Whether rows[start : start + length] have the rank, many at once by length."""
-    result = np.zeros(len(starts), dtype=bool)
+def _certified(starts: _Starts, lengths: Index, largest: float) -> NDArray[np.bool_]:
+    """Whether the windows of these lengths have the rank, many at once by length."""
+    result = np.zeros(len(lengths), dtype=bool)
     for length in np.unique(lengths):
-        chosen = np.flatnonzero(lengths == length)
-        for part in np.array_split(chosen, 1 + len(chosen) * int(length) // _BATCH):
-            blocks = rows[starts[part, None] + np.arange(length)]
+        same = np.flatnonzero(lengths == length)
+        for part in np.array_split(same, 1 + len(same) * int(length) // _BATCH):
+            blocks = starts.rows[starts.row[part, None] + np.arange(length)]
             values = np.linalg.svd(blocks, compute_uv=False)
-            result[part] = values[:, needed - 1] > LINK_TOLERANCE * np.maximum(
-                values[:, 0], largest
-            )
+            counted = values[np.arange(len(part)), starts.needed[part] - 1]
+            result[part] = counted > LINK_TOLERANCE * np.maximum(values[:, 0], largest)
     return result
 
 

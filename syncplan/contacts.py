@@ -24,6 +24,7 @@ __all__ = [
     "RelativeMotion",
     "Sensors",
     "Windows",
+    "body_paths",
     "find_windows",
     "in_contact",
     "merge_windows",
@@ -113,21 +114,29 @@ class Windows:
         return np.column_stack([self.starts[chosen], self.ends[chosen]])
 
 
+def body_paths(orbits: Orbits, landmarks: Array) -> tuple[Array, Array, Array]:
+    """Return (center, cosine, sine), each (n + m, 2) in m: vehicles, then landmarks.
+
+    A body's position is center + cosine cos(tau) + sine sin(tau), with tau = omega t.
+    """
+    still = np.zeros((len(landmarks), 2))
+    arm = orbits.radii[:, None] * unit(orbits.phases)
+    return (
+        np.concatenate([orbits.centers, landmarks.reshape(-1, 2)]),
+        np.concatenate([arm, still]),
+        np.concatenate([orbits.senses[:, None] * perpendicular(arm), still]),
+    )
+
+
 def relative_motion(orbits: Orbits, landmarks: Array, a: Index, b: Index) -> RelativeMotion:
     """Return the motion of bodies `b` relative to vehicles `a`; bodies from n on are landmarks."""
-    n = orbits.count
-    centers = np.concatenate([orbits.centers, landmarks.reshape(-1, 2)])
-    still = np.zeros(len(landmarks))
-    radii = np.concatenate([orbits.radii, still])
-    phases = np.concatenate([orbits.phases, still])
-    senses = np.concatenate([orbits.senses, still])
-    arm = radii[:, None] * unit(phases)
-    swing = senses[:, None] * perpendicular(arm)
+    center, cosine, sine = body_paths(orbits, landmarks)
+    senses = np.concatenate([orbits.senses, np.zeros(len(landmarks))])
     return RelativeMotion(
-        offset=centers[b] - centers[a],
-        cosine=arm[b] - arm[a],
-        sine=swing[b] - swing[a],
-        circular=(b >= n) | (senses[a] == senses[b]),
+        offset=center[b] - center[a],
+        cosine=cosine[b] - cosine[a],
+        sine=sine[b] - sine[a],
+        circular=(b >= orbits.count) | (senses[a] == senses[b]),
     )
 
 

@@ -1,5 +1,6 @@
 """Meetings: for each pair, when and how near it meets, how far it may slip, and its own rank."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -157,37 +158,42 @@ def phase_tolerances(orbits: Orbits, sensors: Sensors, pairs: Index) -> Array:
     Slipping one phase or the other is the same up to a shift of time. Pi where no slip does. The
     first loss is looked for in steps of pi / 64 and then bisected.
     """
-    slips = np.linspace(0.0, np.pi, _SLIPS + 1)
-    both = np.concatenate([slips, -slips])
-    kept = _in_contact_when_slipped(
-        orbits, sensors, pairs, np.broadcast_to(both, (len(pairs), len(both)))
-    )
     tolerance = np.full(len(pairs), np.pi)
-    for side, part in ((1.0, kept[:, : len(slips)]), (-1.0, kept[:, len(slips) :])):
-        lost = ~part.all(axis=1)
-        if not lost.any():
-            continue
-        first = np.argmin(part[lost], axis=1)
-        low, high = slips[np.maximum(first - 1, 0)], slips[first]
-        for _ in range(_BISECTIONS):
-            middle = 0.5 * (low + high)
-            held = _in_contact_when_slipped(orbits, sensors, pairs[lost], side * middle[:, None])
-            low, high = np.where(held[:, 0], middle, low), np.where(held[:, 0], high, middle)
-        tolerance[lost] = np.minimum(tolerance[lost], low)
+    if len(pairs) == 0:
+        return tolerance
+    slips = np.linspace(0.0, np.pi, _SLIPS + 1)
+    sides = np.array([1.0, -1.0])
+    both = np.broadcast_to((sides[:, None] * slips).ravel(), (len(pairs), 2 * len(slips)))
+    kept = _contact_when_slipped(orbits, sensors, pairs)(both).reshape(len(pairs), 2, -1)
+    pair, side = np.nonzero(~kept.all(axis=2))
+    first = np.argmin(kept[pair, side], axis=1)
+    low, high = slips[np.maximum(first - 1, 0)], slips[first]
+    in_contact = _contact_when_slipped(orbits, sensors, pairs[pair])
+    for _ in range(_BISECTIONS if len(pair) else 0):
+        middle = 0.5 * (low + high)
+        held = in_contact((sides[side] * middle)[:, None])[:, 0]
+        low, high = np.where(held, middle, low), np.where(held, high, middle)
+    np.minimum.at(tolerance, pair, low)
     return tolerance
 
 
-def _in_contact_when_slipped(
+def _contact_when_slipped(
+    orbits: Orbits, sensors: Sensors, pairs: Index
+) -> Callable[[Array], NDArray[np.bool_]]:
+    """Whether pairs still meet when the second vehicle's phase slips, (e, k) of slip (e, k)."""
+    if not np.all(sensors.fields_of_view >= 2.0 * np.pi):
+        return lambda slip: _seen_when_slipped(orbits, sensors, pairs, slip)
+    rules = rules_of(orbits.centers, orbits.radii, orbits.senses, sensors.ranges, pairs)
+    residual = rule_residuals(orbits, pairs)[:, None]
+    return lambda slip: np.asarray(closest_distance(rules, residual + slip) <= rules.reach[:, None])
+
+
+def _seen_when_slipped(
     orbits: Orbits, sensors: Sensors, pairs: Index, slip: Array
 ) -> NDArray[np.bool_]:
-    """(e, k) whether a pair still meets when the second vehicle's phase slips by slip (e, k)."""
-    a, b = pairs[:, 0], pairs[:, 1]
-    if np.all(sensors.fields_of_view >= 2.0 * np.pi):
-        rules = rules_of(orbits.centers, orbits.radii, orbits.senses, sensors.ranges, pairs)
-        residual = rule_residuals(orbits, pairs)[:, None] + slip
-        return np.asarray(closest_distance(rules, residual) <= rules.reach[:, None])
+    """(e, k) whether a pair has a contact window either way."""
     number = slip.shape[1]
-    first, second = np.repeat(a, number), np.repeat(b, number)
+    first, second = np.repeat(pairs[:, 0], number), np.repeat(pairs[:, 1], number)
     index = np.concatenate([first, second])
     late = np.concatenate([np.zeros(len(first)), slip.ravel()])
     slipped = Orbits(

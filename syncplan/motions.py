@@ -50,6 +50,7 @@ class _Team:
     """What naming needs to know of the team."""
 
     orbits: Orbits
+    places: Array  # (n, 2) m, at time 0
     landmarks: Array
     reach: Array
     names: list[str]
@@ -78,7 +79,8 @@ def name_motions(
     missing = len(result.null_space)
     if missing == 0:
         return []
-    team = _Team(orbits, landmarks, reach, names, landmark_names, links, result.scale)
+    places = position(orbits, 0.0)
+    team = _Team(orbits, places, landmarks, reach, names, landmark_names, links, result.scale)
     chosen: list[_Candidate] = []
     basis = np.zeros((0, result.state_dim))
     for candidate in _candidates(team):
@@ -104,7 +106,8 @@ def lost_bearing(orbits: Orbits, link: LinkInformation) -> float | None:
     """
     scale = float(orbits.radii.mean())
     null = _null_of(link)
-    pair = position(orbits, 0.0)[[link.a, link.b]] / scale
+    ends = [link.a, link.b]
+    pair = (orbits.centers[ends] + orbits.radii[ends, None] * unit(orbits.phases[ends])) / scale
     shift, turn = np.eye(2), perpendicular(pair)
     gauge = np.zeros((3, 6))
     gauge[:2, :2] = gauge[:2, 3:5] = shift
@@ -160,7 +163,7 @@ def _free_motions(team: _Team, part: list[int]) -> list[_Candidate]:
         _Candidate(f"shift of {who} along {axis}", _shift(team, part, angle), cure)
         for axis, angle in (("x", 0.0), ("y", np.pi / 2.0))
     ]
-    middle = position(team.orbits, 0.0)[part].mean(axis=0)
+    middle = team.places[part].mean(axis=0)
     about = "itself" if len(part) == 1 else "their middle"
     return [*shifts, _Candidate(f"turn of {who} about {about}", _turn(team, part, middle), cure)]
 
@@ -304,7 +307,7 @@ def _shift(team: _Team, part: list[int], angle: float) -> Array:
 
 def _turn(team: _Team, part: list[int], pivot: Array) -> Array:
     vector = np.zeros((team.orbits.count, 3))
-    vector[part, :2] = perpendicular(position(team.orbits, 0.0)[part] - pivot) / team.scale
+    vector[part, :2] = perpendicular(team.places[part] - pivot) / team.scale
     vector[part, 2] = 1.0
     return vector.ravel()
 

@@ -21,7 +21,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from syncplan.contacts import Sensors, relative_motion
+from syncplan.contacts import Sensors, body_paths
 from syncplan.orbits import Orbits
 from syncplan.sightings import Sightings
 
@@ -160,37 +160,34 @@ def bearing_rows(
     estimate can follow, and one such row would drown all others in rounding. At distance zero
     there is no bearing.
     """
-    n = orbits.count
     observers, targets = sightings.observers, sightings.targets
-    tau = sightings.steps.astype(float) * (orbits.rate * sensors.sample_time)
-    motion = relative_motion(orbits, landmarks, observers, targets)
-    q = motion.at(tau[:, None])[:, 0]
-    vehicle = targets < n
-    own = _way_gone(orbits, observers, tau)
-    other = _way_gone(orbits, np.where(vehicle, targets, 0), tau)
-    squared = np.sum(q * q, axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        toward = q / squared[:, None]
-    toward[squared == 0.0] = 0.0
+    # of all samples in turn: sightings share them
+    first = int(sightings.steps.min(initial=0))
+    samples = np.arange(first, int(sightings.steps.max(initial=0)) + 1)
+    tau = samples * (orbits.rate * sensors.sample_time)
+    cos, sin = np.stack([np.cos(tau), np.sin(tau)]).take(sightings.steps - first, axis=1)
+    ways = [np.ascontiguousarray(part.T) for part in body_paths(orbits, landmarks)]
+    here, here_cos, here_sin = (part.take(observers, axis=1) for part in ways)
+    there, there_cos, there_sin = (part.take(targets, axis=1) for part in ways)
+    q = (there - here) + (there_cos - here_cos) * cos + (there_sin - here_sin) * sin
+    squared = q[0] * q[0] + q[1] * q[1]
     mean_radius = float(orbits.radii.mean())
     weight = np.minimum(1.0, np.sqrt(squared) / (NEAREST * mean_radius))
+    weight /= sensors.bearing_sigmas[observers]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        toward = q * (weight / squared)
+    toward[:, squared == 0.0] = 0.0
+    own = here_cos * (cos - 1.0) + here_sin * sin
+    other = there_cos * (cos - 1.0) + there_sin * sin
     unit = mean_radius if scale is None else scale
-    rows = np.empty((len(tau), 6))
-    rows[:, 3] = -toward[:, 1] * unit
-    rows[:, 4] = toward[:, 0] * unit
-    rows[:, :2] = -rows[:, 3:5]
-    rows[:, 2] = -np.sum(toward * own, axis=1) - 1.0
-    rows[:, 5] = np.sum(toward * other, axis=1)
-    rows[~vehicle, 3:] = 0.0
-    return np.asarray(rows * (weight / sensors.bearing_sigmas[observers])[:, None])
-
-
-def _way_gone(orbits: Orbits, vehicles: Index, tau: Array) -> Array:
-    """(s, 2) displacement in m of each vehicle since time 0."""
-    start = orbits.phases[vehicles]
-    end = start + orbits.senses[vehicles] * tau
-    moved = np.column_stack([np.cos(end) - np.cos(start), np.sin(end) - np.sin(start)])
-    return np.asarray(orbits.radii[vehicles, None] * moved)
+    rows = np.empty((len(cos), 6))
+    rows[:, 0] = toward[1] * unit
+    rows[:, 1] = toward[0] * -unit
+    rows[:, 2] = -(toward[0] * own[0] + toward[1] * own[1]) - weight
+    rows[:, 3:5] = -rows[:, :2]
+    rows[:, 5] = toward[0] * other[0] + toward[1] * other[1]
+    rows[targets >= orbits.count, 3:] = 0.0
+    return rows
 
 
 def pair_rows(

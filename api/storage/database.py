@@ -70,7 +70,9 @@ def open_database(url: str) -> Database:
     shown = parsed.render_as_string(hide_password=True)
     try:
         if parsed.get_backend_name() == "sqlite":
-            Path(parsed.database or "").parent.mkdir(parents=True, exist_ok=True)
+            folder = Path(parsed.database or "").parent
+            # what it holds is for nobody else on this machine
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         database = Database(_engine(url, parsed.get_backend_name() == "sqlite"))
         with database.writing() as connection:
             if not database.is_sqlite:
