@@ -179,6 +179,7 @@ API_ORDER = (
     "operations",
     "openapi",
     "main",
+    "protocol",
     "server",
 )
 """Modules of the service, which come after all of syncplan: each imports only those before it."""
