@@ -10,7 +10,8 @@ Thin over syncplan, which does all the numbers. Modules, each using only those b
     storage.*                          plans, jobs, answers given: SQLite or PostgreSQL
     jobs.*                             durable workflows, heartbeats, what the dead left
     answers, service, calls            what responses hold, what routes work with
-    routes.*, main, server             the routes, the application, serving it
+    routes.*, operations, openapi      the routes, what their document tells beside them
+    main, protocol, server             the application, HTTP below it, serving both
 
 A request is read, checked and computed in a child process, so that nothing ever holds up the
 event loop; a job is a row in the database and a durable workflow, entered in one transaction.

@@ -3,7 +3,7 @@
 import asyncio
 import hashlib
 from collections.abc import Awaitable, Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal, TypeVar
 
 from fastapi import Depends, Header, Request, Response
@@ -18,13 +18,14 @@ from api.security import CurrentOwner
 from api.service import CurrentService, Service
 from api.storage.answers import Answer, AnswerTakenError, find_answer, keep_answer
 
-__all__ = ["Call", "CurrentCall", "answer_once", "computed"]
+__all__ = ["Call", "CurrentCall", "EmptyCall", "answer_once", "computed"]
 
 T = TypeVar("T")
 
 IdempotencyKey = Annotated[
     str | None,
     Header(
+        alias="Idempotency-Key",
         min_length=1,
         max_length=255,
         pattern=r"^[\x21-\x7e]+$",
@@ -52,7 +53,7 @@ class Call:
     digest: str
 
 
-async def _call(
+async def _empty_call(
     request: Request,
     service: CurrentService,
     owner: CurrentOwner,
@@ -63,11 +64,19 @@ async def _call(
     for part in (request.method, request.url.path, request.url.query):
         digest.update(part.encode() + b"\n")
     digest.update(body)
-    syntax = body_kind(request)
-    return Call(service, owner, body, syntax, idempotency_key, digest.hexdigest())
+    return Call(service, owner, body, "json", idempotency_key, digest.hexdigest())
+
+
+EmptyCall = Annotated[Call, Depends(_empty_call)]
+"""Parameter type of a route that takes no body: whatever is sent as one is not looked at."""
+
+
+async def _call(request: Request, call: EmptyCall) -> Call:
+    return replace(call, syntax=body_kind(request))
 
 
 CurrentCall = Annotated[Call, Depends(_call)]
+"""Parameter type of a route that takes a body, JSON or YAML."""
 
 
 async def answer_once(

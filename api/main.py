@@ -11,6 +11,7 @@ from api.jobs.queue import JobQueue
 from api.jobs.worker import Worker, guard_of
 from api.logs import RequestLog
 from api.metrics import Metrics, RequestMetrics
+from api.openapi import document_operations
 from api.problems import install_handlers
 from api.routes import health, jobs, plans, schemas
 from api.security import Keyring
@@ -39,6 +40,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         description=_DESCRIPTION,
         docs_url=None,
         redoc_url=None,
+        separate_input_output_schemas=False,
         max_body_size=chosen.body_limit_bytes,
         telemetry=telemetry_options(chosen),
         lifespan=_lifespan,
@@ -48,6 +50,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.state.metrics = Metrics()
     app.state.ending = Ending()
     install_handlers(app)
+    document_operations(app)
     app.include_router(plans.router, prefix="/v1")
     app.include_router(jobs.router, prefix="/v1")
     app.include_router(schemas.router, prefix="/v1")

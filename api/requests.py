@@ -1,15 +1,18 @@
 """What the bodies of POST requests ask for, and whether it can be had."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, WithJsonSchema, model_validator
+from pydantic import ConfigDict, Field, GetJsonSchemaHandler, model_validator
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
 
 from api.limits import Limits, check_at_most, check_size, check_trials
 from syncplan.errors import Fault, InputError
 from syncplan.loading import scenario_from
 from syncplan.planfile import Loaded
+from syncplan.portions import Many
 from syncplan.quantities import Section, fault
 from syncplan.refine_options import Bounds, Objective, Variable
 from syncplan.refinement import options_for
@@ -21,6 +24,14 @@ __all__ = ["REQUESTS", "RefinementRequest", "SweepRequest", "ValidationRequest"]
 
 _OURS = {"duration": "duration_s"}
 """Keys of requests, by the name of the library's argument that they set."""
+
+_SWEPT = {
+    "angular_rate_rad_s": "angular_rate",
+    "range_m": "range",
+    "radius_m": "radius",
+    "spacing_m": "spacing",
+}
+"""What a sweep may vary, with its name in syncplan.sweeps."""
 
 
 class _Trials(Section):
@@ -37,6 +48,10 @@ class _Trials(Section):
         description="Length of each run; the scenario's if not given",
         examples=[200.0],
     )
+
+    def settled(self, subject: Loaded | None, limits: Limits) -> Self:
+        """Return the request as it is done: as it is."""
+        return self
 
     def _check_run(self, scenario: Scenario, limits: Limits) -> None:
         length = scenario.duration_s if self.duration_s is None else self.duration_s
@@ -82,16 +97,35 @@ class ValidationRequest(_Trials):
         }
 
 
+class _DescribedAsScenario:
+    """Of a mapping that is checked as a scenario later: its schema is that of scenarios."""
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        return handler(Scenario.__pydantic_core_schema__)
+
+
+def _just_one(keys: Iterable[str]) -> dict[str, Any]:
+    """What JSON Schema says of lists of which one is given, and not empty."""
+    one: dict[str, Any] = {"type": "array", "minItems": 1}
+    return {"oneOf": [{"required": [key], "properties": {key: one}} for key in keys]}
+
+
 class SweepRequest(_Trials):
     """One key of a scenario varied, each value planned and validated by the same trials."""
 
-    scenario: Annotated[
-        dict[str, Any], WithJsonSchema({"$ref": "#/components/schemas/Scenario"})
-    ] = Field(description="The scenario that is varied")
-    angular_rate_rad_s: list[float] | None = Field(default=None, examples=[[0.2, 0.4, 0.6]])
-    range_m: list[float] | None = Field(default=None, description="Sensor ranges")
-    radius_m: list[float] | None = Field(default=None, description="Radii of all circles")
-    spacing_m: list[float] | None = Field(default=None, description="Spacings of the shape")
+    model_config = ConfigDict(json_schema_extra=_just_one(_SWEPT))
+
+    scenario: Annotated[dict[str, Any], _DescribedAsScenario()] = Field(
+        description="The scenario that is varied"
+    )
+    angular_rate_rad_s: Many[float] | None = Field(
+        default=None, description="Common angular rates", examples=[[0.2, 0.4, 0.6]]
+    )
+    range_m: Many[float] | None = Field(default=None, description="Sensor ranges")
+    radius_m: Many[float] | None = Field(default=None, description="Radii of all circles")
+    spacing_m: Many[float] | None = Field(default=None, description="Spacings of the shape")
     connected: bool = Field(
         default=False,
         description="Add a row with a range that connects the team at every instant",
@@ -138,18 +172,10 @@ class SweepRequest(_Trials):
         return next(key for key in _SWEPT if getattr(self, key) is not None)
 
 
-_SWEPT = {
-    "angular_rate_rad_s": "angular_rate",
-    "range_m": "range",
-    "radius_m": "radius",
-    "spacing_m": "spacing",
-}
-
-
 class RefinementRequest(Section):
     """What a refinement changes of the options in the plan's scenario; see its refine section."""
 
-    vary: list[Variable] | None = Field(
+    vary: Many[Variable] | None = Field(
         default=None,
         description="What may change: phases, centers, radii",
         examples=[["phases", "centers"]],
@@ -184,6 +210,14 @@ class RefinementRequest(Section):
         options = options_for(subject.scenario, None, self.changes())
         check_at_most("time_limit_s", options.time_limit_s, limits.refine_s, " s")
         return options.starts
+
+    def settled(self, subject: Loaded | None, limits: Limits) -> Self:
+        """Return the request, with the time this service gives where it names none of its own."""
+        assert subject is not None
+        planned = options_for(subject.scenario, None, {}).time_limit_s
+        if self.time_limit_s is not None or planned <= limits.refine_s:
+            return self
+        return self.model_copy(update={"time_limit_s": limits.refine_s})
 
     def changes(self) -> dict[str, Any]:
         """Return the options that are given, as syncplan.refinement.refine takes them."""

@@ -8,6 +8,7 @@ from types import FrameType
 import uvicorn
 from fastapi import FastAPI
 
+from api.protocol import HttpProtocol
 from api.service import Ending
 
 __all__ = ["serve_until_told"]
@@ -35,6 +36,8 @@ def serve_until_told(app: FastAPI, listening: socket.socket) -> bool:
         log_config=None,
         access_log=False,
         server_header=False,
+        http=HttpProtocol,
+        ws="none",
         timeout_graceful_shutdown=_GRACE_S,
     )
     server = _Server(config, app.state.ending)

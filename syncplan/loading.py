@@ -4,6 +4,7 @@ import contextlib
 import difflib
 import io
 import json
+import math
 import sys
 from collections import Counter
 from collections.abc import Mapping
@@ -28,6 +29,10 @@ __all__ = [
 ]
 
 LARGEST_FILE_BYTES = 64 * 2**20
+FEWEST_VALUES = 10_000
+"""Values that a YAML document may hold however short it is; without aliases, none holds more
+values than it has characters."""
+
 LARGEST_LIST = 20
 """Most faults that one error lists."""
 
@@ -142,7 +147,10 @@ def _parse_yaml(text: str, source: str) -> Any:
     from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
     try:
-        return YAML(typ="safe", pure=True).load(io.StringIO(text))
+        values = YAML(typ="safe", pure=True).load(io.StringIO(text))
+        if _count(values, {}) > max(len(text), FEWEST_VALUES):
+            raise InputError("its aliases make too many values; write them out", source=source)
+        return values
     except MarkedYAMLError as error:
         mark = error.problem_mark
         place = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
@@ -153,6 +161,18 @@ def _parse_yaml(text: str, source: str) -> Any:
     except (YAMLError, ValueError, TypeError, AttributeError) as error:
         what = " ".join(str(error).split())[:200]
         raise InputError(f"not valid YAML: {what}", source=source) from None
+
+
+def _count(value: Any, known: dict[int, float]) -> float:
+    """How many values a value holds, aliases as often as they stand; inf if it holds itself."""
+    if not isinstance(value, list | dict | set | tuple):
+        return 1.0
+    count = known.get(id(value))
+    if count is None:
+        known[id(value)] = math.inf
+        inner = [*value, *value.values()] if isinstance(value, dict) else value
+        count = known[id(value)] = 1.0 + sum(_count(one, known) for one in inner)
+    return count
 
 
 def scenario_from(

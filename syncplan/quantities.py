@@ -11,11 +11,17 @@ from pydantic import (
     ConfigDict,
     Discriminator,
     Field,
+    GetJsonSchemaHandler,
     Strict,
     StringConstraints,
     Tag,
+    TypeAdapter,
+    WrapValidator,
 )
-from pydantic_core import PydanticCustomError
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, PydanticCustomError
+
+from syncplan.portions import Many, as_template, in_portions
 
 __all__ = [
     "FURTHEST_M",
@@ -58,7 +64,7 @@ Name = Annotated[
 ]
 Title = Annotated[str, StringConstraints(max_length=200, pattern=rf"^{_PRINTING}*$")]
 Point = Annotated[tuple[Coordinate, Coordinate], Strict(False)]
-Polygon = list[Point]
+Polygon = Many[Point]
 Pair = Annotated[tuple[Name, Name], Strict(False)]
 Sense = Literal["ccw", "cw"]
 
@@ -71,11 +77,25 @@ def _named(value: Any) -> str:
     return "named" if isinstance(value, dict) else "listed"
 
 
+class _WithNamesDescribed:
+    """Of a mapping by names: its schema says of every key that it must be a name."""
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        described = handler(schema)
+        # pydantic writes patternProperties, which lets other keys hold anything
+        ((_, value),) = described.pop("patternProperties").items()
+        names = TypeAdapter(Name).json_schema()
+        return {**described, "propertyNames": names, "additionalProperties": value}
+
+
 OneOrMany = Annotated[
-    Annotated[T, Tag("one")] | Annotated[list[T], Tag("many")], Discriminator(_kind)
+    Annotated[T, Tag("one")] | Annotated[Many[T], Tag("many")], Discriminator(_kind)
 ]
 ListedOrNamed = Annotated[
-    Annotated[list[Point], Tag("listed")] | Annotated[dict[Name, Point], Tag("named")],
+    Annotated[Many[Point], Tag("listed")]
+    | Annotated[dict[Name, Point], _WithNamesDescribed(), WrapValidator(in_portions), Tag("named")],
     Discriminator(_named),
 ]
 
@@ -118,4 +138,4 @@ def fault(key: str, problem: str, value: Any = None) -> PydanticCustomError:
     Braces are doubled because the message is a template.
     """
     context = {"key": key} if value is None else {"key": key, "value": value}
-    return PydanticCustomError("rule", problem.replace("{", "{{").replace("}", "}}"), context)
+    return PydanticCustomError("rule", as_template(problem), context)

@@ -4,6 +4,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, Strict, model_validator
 
+from syncplan.portions import Many
 from syncplan.quantities import Length, Section, fault
 
 __all__ = ["DEFAULT_BOX_M", "Bounds", "Limits", "Objective", "RefineOptions", "Variable"]
@@ -37,7 +38,7 @@ class Limits(Section):
 class RefineOptions(Section):
     """How a plan is refined: variables, limits, objective, effort."""
 
-    vary: list[Variable] = Field(
+    vary: Many[Variable] = Field(
         default=["phases", "centers"],
         description="What may change: phases, centers, radii",
         examples=[["phases", "centers"]],

@@ -19,7 +19,16 @@ from syncplan.checks import (
     check_shared_circles,
 )
 from syncplan.formation import SHAPES, shape_centers
-from syncplan.quantities import ListedOrNamed, OneOrMany, Point, Polygon, Section, StartTime, Title
+from syncplan.portions import Many
+from syncplan.quantities import (
+    ListedOrNamed,
+    OneOrMany,
+    Point,
+    Polygon,
+    Section,
+    StartTime,
+    Title,
+)
 from syncplan.refine_options import Limits, RefineOptions
 from syncplan.sections import Formation, InitialSigma, Motion, Orbit, Sensor
 
@@ -60,7 +69,7 @@ class Scenario(Section):
         description="Corners [x, y] of the polygon that all circles are to lie within, in order",
         examples=[[[-50.0, -50.0], [250.0, -50.0], [250.0, 150.0], [-50.0, 150.0]]],
     )
-    keep_out_m: list[Polygon] | None = Field(
+    keep_out_m: Many[Polygon] | None = Field(
         default=None,
         description="Polygons that all circles are to lie clear of",
         examples=[[[[100.0, 20.0], [110.0, 20.0], [105.0, 30.0]]]],

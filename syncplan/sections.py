@@ -10,7 +10,17 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from syncplan.quantities import Angle, Length, ListedOrNamed, Name, OneOrMany, Pair, Section, fault
+from syncplan.portions import Many
+from syncplan.quantities import (
+    Angle,
+    Length,
+    ListedOrNamed,
+    Name,
+    OneOrMany,
+    Pair,
+    Section,
+    fault,
+)
 
 __all__ = [
     "MAX_VEHICLES",
@@ -137,10 +147,10 @@ class Formation(Section):
         description="Width of grid and hex rows; nearly square if not given",
         examples=[3],
     )
-    names: list[Name] | None = Field(
+    names: Many[Name] | None = Field(
         default=None, description="Names of the vehicles, instead of v1, v2, ...", examples=[["a"]]
     )
-    links: list[Pair] | None = Field(
+    links: Many[Pair] | None = Field(
         default=None,
         description="Pairs to synchronise; every pair that can come within range if not given. "
         "Without centers_m and shape, the pairs that centres are to be found for",

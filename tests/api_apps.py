@@ -36,11 +36,13 @@ class Answer:
 
 
 @contextmanager
-def served(app: Any) -> Iterator[int]:
-    """Serve an application on a loopback port; yields the port."""
+def served(app: Any, **options: Any) -> Iterator[int]:
+    """Serve an application on a loopback port; yields the port. `options` are uvicorn's."""
     listener = socket.socket()
     listener.bind(("127.0.0.1", 0))
-    config = uvicorn.Config(app, log_config=None, access_log=False, timeout_graceful_shutdown=2)
+    config = uvicorn.Config(
+        app, log_config=None, access_log=False, timeout_graceful_shutdown=2, **options
+    )
     server = uvicorn.Server(config)
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]})
     thread.start()

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from sqlalchemy import Connection, insert, select, update
+from sqlalchemy import Connection, create_engine, insert, select, update
 from sqlalchemy.exc import OperationalError
 
 from api.computing.tasks import Cut, PlanText
@@ -293,3 +293,16 @@ def test_two_writers_take_turns(database: Database) -> None:
             assert executors.living(other) == {}
     with database.reading() as other:
         assert executors.living(other) == {"one": 0}
+
+
+def test_a_full_disk_counts_as_a_lost_connection_whoever_writes(tmp_path: Path) -> None:
+    # DBOS, with an engine of its own, waits for connections that are lost and for nothing else
+    engine = create_engine(f"sqlite:///{tmp_path / 'other.db'}")
+    with engine.connect() as connection:
+        connection.exec_driver_sql("CREATE TABLE things (thing TEXT)")
+        connection.exec_driver_sql("PRAGMA max_page_count = 3")
+        with pytest.raises(OperationalError, match="database or disk is full") as caught:
+            connection.exec_driver_sql("INSERT INTO things VALUES (hex(zeroblob(100000)))")
+    engine.dispose()
+    assert caught.value.connection_invalidated
+    assert unavailable(caught.value)

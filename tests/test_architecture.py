@@ -18,6 +18,7 @@ ORDER = (
     "errors",
     "formation",
     "areas",
+    "portions",
     "quantities",
     "refine_options",
     "checks",
@@ -118,6 +119,7 @@ LIBRARIES = {
     "networkx": {"graph"},
     "numba": {"ekf"},
     "pydantic": {
+        "portions",
         "quantities",
         "refine_options",
         "sections",
@@ -174,7 +176,10 @@ API_ORDER = (
     "routes.jobs",
     "routes.schemas",
     "routes.health",
+    "operations",
+    "openapi",
     "main",
+    "protocol",
     "server",
 )
 """Modules of the service, which come after all of syncplan: each imports only those before it."""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from syncplan.errors import InputError
-from syncplan.loading import load_scenario, scenario_from
+from syncplan.loading import load_scenario, parse_values, scenario_from
 from syncplan.scenario import Scenario
 from tests.scenarios import BAD_FILES, FILES, document
 
@@ -78,6 +78,17 @@ def test_json_and_yaml_mean_the_same(tmp_path: Path) -> None:
     assert load_scenario(one) == load_scenario(two)
 
 
+def _bomb(opening: bytes, levels: int) -> bytes:
+    """A list whose aliases stand for ten to the power of `levels` values."""
+    return (
+        opening
+        + b"".join(
+            b", &a%d [%s]" % (k, b",".join([b"*a%d" % (k - 1)] * 10)) for k in range(1, levels)
+        )
+        + b"]"
+    )
+
+
 @pytest.mark.parametrize(
     ("content", "told"),
     [
@@ -90,7 +101,10 @@ def test_json_and_yaml_mean_the_same(tmp_path: Path) -> None:
         (b"{" * 100_000, "deep"),
         (b"\x00\x01\x02", "not valid YAML"),
         (b'{"a": 1, "a": 2}', "duplicate"),
-        (b"orbit: {radius_m: &o [*o]}", "holds itself"),
+        (b"orbit: {radius_m: &o [*o]}", "aliases make too many values"),
+        (b"orbit: &o {radius_m: 1, sub: *o}", "aliases make too many values"),
+        (_bomb(b"landmarks_m: [&a0 [0, 0]", 12), "aliases make too many values"),
+        (_bomb(b"a0: [&a0 {? &b 1: 2}", 30), "aliases make too many values"),
     ],
 )
 def test_files_that_are_no_scenario_say_what_they_are(
@@ -101,6 +115,30 @@ def test_files_that_are_no_scenario_say_what_they_are(
     with pytest.raises(InputError, match=told) as caught:
         load_scenario(path)
     assert "\n" not in str(caught.value)
+
+
+def test_aliases_may_save_words() -> None:
+    text = "a: &a [1, 2, 3]\nb: [*a, *a, *a, *a, *a, *a, *a, *a, *a, *a]\n"
+    assert parse_values(text, "")["b"] == [[1, 2, 3]] * 10
+
+
+@pytest.mark.parametrize("first", [0, 5, 999, 1000, 1001, 2345, 299_999])
+def test_of_many_wrong_values_the_first_ones_are_told_by_their_places(first: int) -> None:
+    landmarks = [[0.0, float(k)] for k in range(300_000)]
+    wrong = [{"}": 0}] * (300_000 - first)
+    values = document(landmarks_m=[*landmarks[:first], *wrong])
+    with pytest.raises(
+        InputError, match=rf"landmarks_m\[{first}\]: .*must be a valid tuple"
+    ) as caught:
+        scenario_from(values)
+    assert [one.key for one in caught.value.faults[:1]] == [f"landmarks_m[{first}]"]
+    assert len(caught.value.faults) <= 20
+
+
+def test_of_many_wrong_names_the_first_ones_are_told() -> None:
+    values = document(landmarks_m={f"L{k}": 0 for k in range(300_000)})
+    with pytest.raises(InputError, match=r"landmarks_m.L0: .*and 999 more"):
+        scenario_from(values)
 
 
 def test_missing_files_and_directories_are_named(tmp_path: Path) -> None:

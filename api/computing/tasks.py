@@ -93,7 +93,9 @@ def checked_request(
         request = model.model_validate(document)
     except ValidationError as error:
         validation_fault(error, model, "")
-    work = request.work(None if plan_text is None else _loaded(plan_text), limits)
+    subject = None if plan_text is None else _loaded(plan_text)
+    request = request.settled(subject, limits)
+    work = request.work(subject, limits)
     return request.model_dump_json(exclude_none=True), work
 
 

@@ -48,12 +48,15 @@ def part_id(job_id: str, number: int) -> str:
 @DBOS.workflow(name=JOB_WORKFLOW, max_recovery_attempts=1000)
 async def run_job(job_id: str) -> None:
     """Do a job."""
-    kind = await _start(job_id)
-    if kind is None:
-        return
-    if kind == "refinement":
-        await _refine(job_id)
-        return
+    with current().at(job_id):
+        kind = await _start(job_id)
+        if kind == "refinement":
+            await _refine(job_id)
+        elif kind is not None:
+            await _run_trials(job_id)
+
+
+async def _run_trials(job_id: str) -> None:
     handles = []
     for number in range(await _cut(job_id)):
         with SetWorkflowID(part_id(job_id, number)):
@@ -66,7 +69,8 @@ async def run_job(job_id: str) -> None:
 @DBOS.workflow(name="syncplan-part", max_recovery_attempts=1000)
 async def run_part(job_id: str, number: int) -> None:
     """Do a part of a job's trials."""
-    await _fly(job_id, number)
+    with current().at(part_id(job_id, number)):
+        await _fly(job_id, number)
 
 
 # --- steps --------------------------------------------------------------------------------------

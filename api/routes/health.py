@@ -23,6 +23,7 @@ class Health(BaseModel):
 
 @router.get(
     "/healthz",
+    operation_id="checkHealth",
     summary="Is it alive",
     dependencies=[Depends(accepts("application/json"))],
     responses=problem_responses(406),
@@ -34,6 +35,7 @@ async def healthz() -> Health:
 
 @router.get(
     "/readyz",
+    operation_id="checkReadiness",
     summary="Is it ready",
     dependencies=[Depends(accepts("application/json"))],
     responses=problem_responses(406, 503),
@@ -46,9 +48,13 @@ def readyz(service: CurrentService) -> Health:
 
 @router.get(
     "/metrics",
+    operation_id="readMetrics",
     summary="Figures for Prometheus",
     response_class=Response,
-    responses={200: {"content": {"text/plain": {}}}, **problem_responses(401, 503)},
+    responses={
+        200: {"content": {"text/plain": {"schema": {"type": "string"}}}},
+        **problem_responses(401, 503),
+    },
 )
 def metrics(request: Request, owner: CurrentOwner) -> Response:
     """Requests, latencies, jobs by state, processes at work."""

@@ -10,7 +10,7 @@ from sqlalchemy import Connection
 from starlette.concurrency import run_in_threadpool
 
 from api.answers import Job, JobPage, job_answer
-from api.calls import Call, CurrentCall, answer_once, computed
+from api.calls import Call, CurrentCall, EmptyCall, answer_once, computed
 from api.negotiation import accepts
 from api.problems import Conflict, NotFound, TooManyRequests, problem_responses
 from api.routes.plans import Identifier, find_or_refuse
@@ -37,6 +37,7 @@ _LOOK_EVERY_S = 0.3
     status_code=202,
     response_model=Job,
     dependencies=_JSON,
+    operation_id="refinePlan",
     summary="Refine a plan",
     responses=_HANDED_IN,
 )
@@ -50,6 +51,7 @@ async def create_refinement(plan_id: Identifier, call: CurrentCall) -> Response:
     status_code=202,
     response_model=Job,
     dependencies=_JSON,
+    operation_id="validatePlan",
     summary="Validate a plan",
     responses=_HANDED_IN,
 )
@@ -63,6 +65,7 @@ async def create_validation(plan_id: Identifier, call: CurrentCall) -> Response:
     status_code=202,
     response_model=Job,
     dependencies=_JSON,
+    operation_id="sweepScenario",
     summary="Sweep a scenario",
     responses=_HANDED_IN,
 )
@@ -75,6 +78,7 @@ async def create_sweep(call: CurrentCall) -> Response:
     "/jobs",
     response_model=JobPage,
     dependencies=_JSON,
+    operation_id="listJobs",
     summary="List jobs",
     responses=problem_responses(401, 406, 422, 503),
 )
@@ -113,6 +117,7 @@ Owned = Annotated[JobRow, Depends(_owned)]
     "/jobs/{job_id}",
     response_model=Job,
     dependencies=_JSON,
+    operation_id="readJob",
     summary="Read a job",
     responses=problem_responses(401, 404, 406, 422, 503),
 )
@@ -125,6 +130,7 @@ def read_job(row: Owned) -> Job:
     "/jobs/{job_id}/events",
     response_class=EventSourceResponse,
     dependencies=[Depends(accepts("text/event-stream"))],
+    operation_id="followJob",
     summary="Follow a job",
     responses=problem_responses(401, 404, 406, 422, 503),
 )
@@ -133,8 +139,9 @@ async def follow_job(
     service: CurrentService,
     ending: CurrentEnding,
     last_event_id: Annotated[
-        int, Header(ge=0, le=2**31 - 1, description="Go on after this event")
-    ] = 0,
+        str,
+        Header(alias="Last-Event-ID", pattern="^[0-9]{1,9}$", description="Go on after this event"),
+    ] = "0",
 ) -> AsyncIterator[ServerSentEvent]:
     """Every change of a job as a server-sent event; the stream ends when the job has ended.
 
@@ -145,7 +152,7 @@ async def follow_job(
         with service.database.reading() as connection:
             return jobs.events_after(connection, row.id, after)
 
-    told, ended = last_event_id, False
+    told, ended = int(last_event_id), False
     while not ended and not ending.is_set():
         try:
             # the state first: all that led to it is among the events then
@@ -172,11 +179,15 @@ def _state(service: Service, job_id: str) -> State | None:
     "/jobs/{job_id}/cancel",
     response_model=Job,
     dependencies=_JSON,
+    operation_id="cancelJob",
     summary="Cancel a job",
-    responses=problem_responses(401, 404, 406, 409, 413, 415, 422, 503, 507),
+    responses=problem_responses(401, 404, 406, 409, 413, 422, 503, 507),
 )
-async def cancel_job(row: Owned, call: CurrentCall) -> Response:
-    """Stop a job; what runs of it stops within two seconds. A job that has ended stays as it is."""
+async def cancel_job(row: Owned, call: EmptyCall) -> Response:
+    """Stop a job; what runs of it stops within two seconds. A job that has ended stays as it is.
+
+    Takes no body; one that is sent is not looked at.
+    """
 
     async def nothing() -> None:
         return None
@@ -198,6 +209,7 @@ async def cancel_job(row: Owned, call: CurrentCall) -> Response:
     "/jobs/{job_id}/result",
     response_model=None,
     dependencies=_JSON,
+    operation_id="readJobResult",
     summary="Read a job's result",
     responses=problem_responses(401, 404, 406, 409, 422, 503),
 )
@@ -220,6 +232,7 @@ def read_result(row: Owned, service: CurrentService, owner: CurrentOwner) -> Res
     "/jobs/{job_id}/trials",
     response_class=Response,
     dependencies=[Depends(accepts("application/octet-stream"))],
+    operation_id="readJobTrials",
     summary="Read the trials of a validation",
     responses={
         200: {"content": {"application/octet-stream": {}}},

@@ -21,14 +21,19 @@ router = APIRouter(
     prefix="/plans", tags=["plans"], dependencies=[Depends(accepts("application/json"))]
 )
 
-Identifier = Annotated[str, Path(pattern=r"^[0-9a-f-]{36}$", description="Identifier")]
-Tag = Annotated[str | None, Header(description="Entity tag, as ETag gave it")]
+_ID = "019a2b3c-4d5e-7f60-8123-456789abcdef"
+
+Identifier = Annotated[
+    str, Path(pattern=r"^[0-9a-f-]{36}$", description="Identifier", examples=[_ID])
+]
+_TAGS = "Entity tags as ETag gave them, separated by commas, or *"
 
 
 @router.post(
     "",
     status_code=201,
     response_model=StoredPlan,
+    operation_id="createPlan",
     summary="Plan a scenario",
     responses=problem_responses(401, 406, 413, 415, 422, 503, 507),
 )
@@ -55,6 +60,7 @@ async def create_plan(
 @router.get(
     "",
     response_model=PlanPage,
+    operation_id="listPlans",
     summary="List plans",
     responses=problem_responses(401, 406, 422, 503),
 )
@@ -78,6 +84,7 @@ def read_plans(
 @router.get(
     "/{plan_id}",
     response_model=StoredPlan,
+    operation_id="readPlan",
     summary="Read a plan",
     responses={
         304: {"description": "Not changed since the tag given"},
@@ -85,7 +92,10 @@ def read_plans(
     },
 )
 def read_plan(
-    plan_id: Identifier, service: CurrentService, owner: CurrentOwner, if_none_match: Tag = None
+    plan_id: Identifier,
+    service: CurrentService,
+    owner: CurrentOwner,
+    if_none_match: Annotated[str | None, Header(alias="If-None-Match", description=_TAGS)] = None,
 ) -> Response:
     """The plan, byte for byte as it was made; plans never change."""
     row = find_or_refuse(service, owner, plan_id)
@@ -98,11 +108,15 @@ def read_plan(
 @router.delete(
     "/{plan_id}",
     status_code=204,
+    operation_id="deletePlan",
     summary="Delete a plan",
     responses=problem_responses(401, 404, 406, 412, 422, 503, 507),
 )
 def remove_plan(
-    plan_id: Identifier, service: CurrentService, owner: CurrentOwner, if_match: Tag = None
+    plan_id: Identifier,
+    service: CurrentService,
+    owner: CurrentOwner,
+    if_match: Annotated[str | None, Header(alias="If-Match", description=_TAGS)] = None,
 ) -> None:
     """Delete a plan; jobs about it, and plans refined from it, stay."""
     row = find_or_refuse(service, owner, plan_id)

@@ -19,13 +19,23 @@ router = APIRouter(
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
-@router.get("/scenario", summary="Schema of scenarios", responses=problem_responses(406))
+@router.get(
+    "/scenario",
+    operation_id="readScenarioSchema",
+    summary="Schema of scenarios",
+    responses=problem_responses(406),
+)
 async def scenario_schema() -> dict[str, Any]:
     """The JSON Schema of what POST /plans takes."""
     return _scenario()
 
 
-@router.get("/plan", summary="Schema of plans", responses=problem_responses(406))
+@router.get(
+    "/plan",
+    operation_id="readPlanSchema",
+    summary="Schema of plans",
+    responses=problem_responses(406),
+)
 async def plan_schema() -> dict[str, Any]:
     """The JSON Schema of a stored plan."""
     return _plan()

@@ -1,0 +1,127 @@
+"""What is told of each operation beside its route: bodies, answers, headers, what follows."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import BaseModel
+
+from api.answers import StoredPlan, SweepReport
+from api.requests import RefinementRequest, SweepRequest, ValidationRequest
+from syncplan.document import ValidationDocument
+from syncplan.scenario import Scenario
+
+__all__ = ["ANSWERS", "BODIES", "FOLLOWING", "HEADERS", "REQUEST_ID", "RESULTS", "SENT", "Body"]
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """The body of a request: what it holds, and whether there must be one."""
+
+    model: type[BaseModel]
+    required: bool
+    description: str
+
+
+BODIES = {
+    "createPlan": Body(Scenario, True, "The scenario, as in a file of it"),
+    "refinePlan": Body(
+        RefinementRequest, False, "What changes of the plan's own options; nothing if empty"
+    ),
+    "validatePlan": Body(ValidationRequest, False, "How to fly; defaults if empty"),
+    "sweepScenario": Body(SweepRequest, True, "The scenario, what is varied, and how to fly"),
+}
+"""What operations take; the others take no body."""
+
+ANSWERS = {
+    "createPlan": "The plan, stored",
+    "listPlans": "A page of plans",
+    "readPlan": "The plan",
+    "deletePlan": "Deleted",
+    "refinePlan": "The job",
+    "validatePlan": "The job",
+    "sweepScenario": "The job",
+    "listJobs": "A page of jobs",
+    "readJob": "The job",
+    "followJob": "The job's events, from the first one on or after the one named",
+    "cancelJob": "The job, cancelled",
+    "readJobResult": "The report, or the plan that a refinement made",
+    "readJobTrials": "NumPy arrays in an .npz archive",
+    "readScenarioSchema": "The schema",
+    "readPlanSchema": "The schema",
+    "checkHealth": "It is alive",
+    "checkReadiness": "It is ready",
+    "readMetrics": "The figures, in Prometheus' text format",
+}
+"""What an operation answers when all goes well."""
+
+RESULTS = (StoredPlan, ValidationDocument, SweepReport)
+"""What readJobResult answers: one of these."""
+
+HEADERS: dict[str, dict[str, Any]] = {
+    "Location": {
+        "description": "where the new plan or job is",
+        "required": True,
+        "schema": {"type": "string", "format": "uri-reference"},
+        "example": "/v1/jobs/019a2b3c-4d5e-7f60-8123-456789abcdef",
+    },
+    "ETag": {
+        "description": "the plan's entity tag: a digest of what was planned",
+        "required": True,
+        "schema": {"type": "string", "pattern": '^"[0-9a-f]{64}"$'},
+        "example": f'"{"9e107d9d372bb6826bd81d3542a419d6" * 2}"',
+    },
+    "Result-ETag": {
+        "description": "the plan's entity tag, where the result is a plan",
+        "schema": {"type": "string", "pattern": '^"[0-9a-f]{64}"$'},
+        "example": f'"{"9e107d9d372bb6826bd81d3542a419d6" * 2}"',
+    },
+    "Content-Location": {
+        "description": "where the plan is, where the result is a plan",
+        "schema": {"type": "string", "format": "uri-reference"},
+        "example": "/v1/plans/019a2b3c-4d5e-7f60-8123-456789abcdef",
+    },
+    "Accept": {
+        "description": "what a body may be",
+        "required": True,
+        "schema": {"type": "string"},
+        "example": "application/json, application/yaml",
+    },
+    "X-Request-ID": {
+        "description": "the id of the request in the service's log: the client's, or a new one",
+        "required": True,
+        "schema": {"type": "string", "pattern": "^[A-Za-z0-9._-]{1,64}$"},
+        "example": "5b1f0c52a7c14f7e9d4b8a1a6f0b6f0e",
+    },
+}
+"""Headers of answers, by the name they are referred to with."""
+
+SENT: dict[tuple[str, str], dict[str, str]] = {
+    ("createPlan", "201"): {"Location": "Location", "ETag": "ETag"},
+    ("readPlan", "200"): {"ETag": "ETag"},
+    ("readPlan", "304"): {"ETag": "ETag"},
+    ("refinePlan", "202"): {"Location": "Location"},
+    ("validatePlan", "202"): {"Location": "Location"},
+    ("sweepScenario", "202"): {"Location": "Location"},
+    ("readJobResult", "200"): {"ETag": "Result-ETag", "Content-Location": "Content-Location"},
+}
+"""Headers of an operation's answers, each with its entry in HEADERS."""
+
+REQUEST_ID = {
+    "name": "X-Request-ID",
+    "in": "header",
+    "description": "an id of your own for this request, 1 to 64 of A-Z a-z 0-9 . _ -; "
+    "any other value is replaced",
+    "schema": {"type": "string"},
+    "example": "survey-17",
+}
+
+FOLLOWING: dict[tuple[str, str], dict[str, str]] = {
+    ("createPlan", "201"): dict.fromkeys(
+        ("readPlan", "refinePlan", "validatePlan", "deletePlan"), "plan_id"
+    ),
+    **{
+        (name, "202"): dict.fromkeys(("readJob", "followJob", "cancelJob"), "job_id")
+        for name in ("refinePlan", "validatePlan", "sweepScenario")
+    },
+}
+"""What can be asked next, each with the parameter that takes the answer's id."""
