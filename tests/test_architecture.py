@@ -15,6 +15,7 @@ ORDER = (
     "errors",
     "formation",
     "areas",
+    "schema_rules",
     "portions",
     "quantities",
     "refine_options",
