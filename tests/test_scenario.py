@@ -102,6 +102,8 @@ def _bomb(opening: bytes, levels: int) -> bytes:
         (b"{" * 100_000, "deep"),
         (b"\x00\x01\x02", "not valid YAML"),
         (b'{"a": 1, "a": 2}', "duplicate"),
+        (b"a: !!omap [b: 1, b: 2]", "not valid YAML: can't be read"),
+        (b"a: !!timestamp 2026-13-45", "not valid YAML: month must be"),
         (b"orbit: {radius_m: &o [*o]}", "aliases make too many values"),
         (b"orbit: &o {radius_m: 1, sub: *o}", "aliases make too many values"),
         (_bomb(b"landmarks_m: [&a0 [0, 0]", 12), "aliases make too many values"),
