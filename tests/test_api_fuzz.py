@@ -1,4 +1,4 @@
-"""Whatever is sent, what comes back is an answer of the 2xx or a 4xx problem, and nothing is kept."""
+"""Whatever is sent: what comes back is of the 2xx or a 4xx problem, and nothing is kept of it."""
 
 from pathlib import Path
 
