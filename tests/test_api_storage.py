@@ -18,6 +18,7 @@ from api.storage.answers import (
     keep_answer,
 )
 from api.storage.database import Database, open_database, patiently, unavailable
+from api.storage.events import events_after
 from api.storage.migrations import MIGRATIONS
 from api.storage.plans import add_plan, body_of, delete_plan, find_plan, list_plans
 from api.storage.tables import executors as executor_rows
@@ -48,9 +49,7 @@ def job(connection: Connection, owner: str = "ann", work: int = 40) -> str:
 
 def states(connection: Connection, job_id: str) -> list[tuple[int, str, int]]:
     """Number, state and progress of all events of a job."""
-    found = [
-        (number, json.loads(data)) for number, data in jobs.events_after(connection, job_id, 0)
-    ]
+    found = [(number, json.loads(data)) for number, data in events_after(connection, job_id, 0)]
     return [(number, told["state"], told["progress"]["done"]) for number, told in found]
 
 
@@ -167,7 +166,7 @@ def test_jobs_that_ended_long_ago_are_deleted_with_all_that_hangs_on_them(
     assert jobs.delete_ended(connection, moment(60.0)) == []
     assert jobs.delete_ended(connection, moment(-60.0)) == [old]
     assert jobs.find_job(connection, "ann", old) is None
-    assert jobs.events_after(connection, old, 0) == []
+    assert events_after(connection, old, 0) == []
     assert work.report_of(connection, old) is None
     assert jobs.find_job(connection, "ann", running) is not None
 

@@ -15,9 +15,10 @@ import numpy as np
 import pytest
 
 import syncplan
-from syncplan.client import Client, Job, RemoteError, StoredPlan
+from syncplan.client import Client, Job, StoredPlan
 from syncplan.output import as_text
 from syncplan.plan_report import plan_document
+from syncplan.remote import RemoteError
 from syncplan.sweeps import sweep
 from syncplan.validation_report import sweep_document, validation_document
 from tests.scenarios import document, example, small
@@ -513,3 +514,18 @@ def test_a_path_before_the_services_own_is_kept(server: Server) -> None:
     ):
         client.job("any")
     assert stands.seen[0][1] == "/planner/v1/jobs/any"
+
+
+def test_a_validation_outlives_the_plan_it_is_about(client: Client) -> None:
+    plan = client.plan(example("paper-grid-same"))
+    job = client.validate(plan, trials=16, seed=1)
+    client.delete(plan)
+    assert client.wait(job).result.trials == 16
+
+
+def test_the_name_and_password_of_an_address_stay_out_of_errors() -> None:
+    client = Client("http://somebody:secretword@127.0.0.1:9", patience_s=0.0)
+    with pytest.raises(RemoteError) as caught:
+        client.job("1")
+    assert "secretword" not in str(caught.value)
+    assert "127.0.0.1:9" in str(caught.value)
