@@ -42,6 +42,7 @@ class RefineOptions(Section):
         default=["phases", "centers"],
         description="What may change: phases, centers, radii",
         examples=[["phases", "centers"]],
+        json_schema_extra={"minItems": 1, "uniqueItems": True},
     )
     center_box_m: Annotated[float, Field(gt=0, le=1e7)] | None = Field(
         default=None,

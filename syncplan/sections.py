@@ -8,7 +8,7 @@ import math
 import re
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
 from syncplan.portions import Many
 from syncplan.quantities import (
@@ -21,6 +21,7 @@ from syncplan.quantities import (
     Section,
     fault,
 )
+from syncplan.schema_rules import given
 
 __all__ = [
     "MAX_VEHICLES",
@@ -44,6 +45,10 @@ Sigma = Annotated[float, Field(ge=0, le=1e3)]
 
 class Orbit(Section):
     """The circles: radius, common angular rate, senses and phases."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"anyOf": [given("angular_rate_rad_s"), given("speed_mps")]}
+    )
 
     radius_m: OneOrMany[Length] = Field(
         description="Radius of the circles, one value or one per vehicle", examples=[20.0]
@@ -122,6 +127,17 @@ class Orbit(Section):
 
 class Formation(Section):
     """Where the centres are: listed, a shape, or to be found; and which pairs to synchronise."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "anyOf": [
+                given("centers_m", absent=("shape", "count", "columns", "spacing_m", "gap_m")),
+                given("shape", "count", "spacing_m", absent=("centers_m", "gap_m")),
+                given("shape", "count", "gap_m", absent=("centers_m", "spacing_m")),
+                given("links", absent=("centers_m", "shape", "columns", "spacing_m", "gap_m")),
+            ]
+        }
+    )
 
     centers_m: ListedOrNamed | None = Field(
         default=None,

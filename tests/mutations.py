@@ -1,5 +1,6 @@
 """Requests that a fuzzer sends: valid scenarios with something done to them, and worse."""
 
+import copy
 import gzip
 import json
 import math
@@ -92,7 +93,7 @@ ODD: list[Any] = [
 
 
 def _odd(draw: Draw) -> Any:
-    return ODD[draw.integers(len(ODD))]
+    return copy.deepcopy(ODD[draw.integers(len(ODD))])
 
 
 def _places(node: Any, above: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
@@ -109,17 +110,17 @@ def _places(node: Any, above: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
 
 def _mutated(draw: Draw, document: Tree) -> Tree:
     """A copy with one to three things done to it."""
-    copy: Tree = json.loads(json.dumps(document))
+    made: Tree = json.loads(json.dumps(document))
     for _ in range(draw.integers(1, 4)):
-        places = _places(copy)
+        places = _places(made)
         if not places:
-            return copy
+            return made
         *above, key = places[draw.integers(len(places))]
-        node: Any = copy
+        node: Any = made
         for part in above:
             node = node[part]
         MUTATIONS[draw.integers(len(MUTATIONS))](draw, node, key)
-    return copy
+    return made
 
 
 def _replace(draw: Draw, node: Any, key: Any) -> None:
@@ -523,7 +524,12 @@ def _transport(draw: Draw, scenarios: list[Tree]) -> Sent:
     )
     choices = [
         Sent("type", "/v1/plans", body, {"Content-Type": kind}),
-        Sent("gzip", "/v1/plans", gzip.compress(body), {**json_type, "Content-Encoding": "gzip"}),
+        Sent(
+            "gzip",
+            "/v1/plans",
+            gzip.compress(body, mtime=0),
+            {**json_type, "Content-Encoding": "gzip"},
+        ),
         Sent("zip bomb", "/v1/plans", BOMB, {**json_type, "Content-Encoding": "gzip"}),
         Sent("empty", "/v1/plans", b"", json_type if draw.random() < 0.5 else {}),
         Sent("at the limit", "/v1/plans", large, json_type),
@@ -542,4 +548,4 @@ def _transport(draw: Draw, scenarios: list[Tree]) -> Sent:
     return choices[draw.integers(len(choices))]
 
 
-BOMB = gzip.compress(bytes(50 * 2**20))
+BOMB = gzip.compress(bytes(50 * 2**20), mtime=0)

@@ -20,7 +20,7 @@ import psycopg
 from dbos import DBOSClient
 
 from api.jobs.queue import APPLICATION
-from api.settings import Settings
+from api.settings import load_settings
 from syncplan.output import as_text
 from syncplan.plan_report import plan_document
 from syncplan.planner import Plan, plan
@@ -125,7 +125,7 @@ class Site:
     @property
     def database(self) -> str:
         """The address of the database, as the service takes it."""
-        return Settings(
+        return load_settings(
             data_dir=Path(self._settings["SYNCPLAN_DATA_DIR"]),
             database_url=self._settings.get("SYNCPLAN_DATABASE_URL"),
         ).database
@@ -143,11 +143,15 @@ class Site:
 
     def work(self) -> Process:
         """Start a worker."""
+        return self.begin("worker")
+
+    def begin(self, command: str, *arguments: str) -> Process:
+        """Start a process without waiting for it."""
         mark = uuid4().hex
-        log = self.folder / "worker.log"
-        worker = Process("worker", log=log, **self._settings, SURVIVAL_MARK=mark)
-        self._keep(worker, mark)
-        return worker
+        log = self.folder / f"{command}.log"
+        process = Process(command, *arguments, log=log, **self._settings, SURVIVAL_MARK=mark)
+        self._keep(process, mark)
+        return process
 
     def _keep(self, process: Process, mark: str) -> None:
         self._processes.append(process)
@@ -301,11 +305,18 @@ class Site:
         )
 
 
-def new_database(postgres: Postgres) -> str:
-    """Return the address of an empty database of its own."""
+def new_database(postgres: Postgres, folder: Path | None = None) -> str:
+    """Return the address of an empty database of its own, its tables in a folder if one is given.
+
+    Whoever PostgreSQL runs as must own the folder.
+    """
     name = f"syncplan_{uuid4().hex}"
     with psycopg.connect(postgres.url, autocommit=True) as connection:
-        connection.execute(f"CREATE DATABASE {name}")
+        if folder is None:
+            connection.execute(f"CREATE DATABASE {name}")
+        else:
+            connection.execute(f"CREATE TABLESPACE {name} LOCATION '{folder}'")
+            connection.execute(f"CREATE DATABASE {name} TABLESPACE {name}")
     return postgres.url.rpartition("/")[0] + f"/{name}"
 
 

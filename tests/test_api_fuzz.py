@@ -1,4 +1,4 @@
-"""Whatever is sent, what comes back is an answer of the 2xx or a 4xx problem, and nothing is kept."""
+"""Whatever is sent: what comes back is of the 2xx or a 4xx problem, and nothing is kept of it."""
 
 from pathlib import Path
 
@@ -10,18 +10,20 @@ from tests.search_requests import LARGEST_GROWTH_MB, SETTINGS, search
 from tests.serving import Server, running
 
 REQUESTS = 120
+QUICK = {"SYNCPLAN_MAX_VEHICLES": "15", "SYNCPLAN_MAX_SAMPLES": "2500"}
+"""Limits under which no plan takes long."""
 
 
 @pytest.mark.slow
 def test_no_request_breaks_the_service(tmp_path: Path) -> None:
-    settings = {**SETTINGS, "SYNCPLAN_DATA_DIR": str(tmp_path), "SYNCPLAN_PLAN_TIMEOUT_S": "2"}
+    settings = {**SETTINGS, **QUICK, "SYNCPLAN_DATA_DIR": str(tmp_path)}
     server = Server(tmp_path / "log", port=None, **settings)
     with running(server):
         found = search(server, REQUESTS, seed=3, warm_up=45)
     assert found.faults == []
     assert found.growth_mb < LARGEST_GROWTH_MB
     assert found.health_ms
-    assert {201, 202, 413, 415, 422} <= set(found.statuses)
+    assert {201, 202, 413, 422} <= set(found.statuses)
 
 
 def test_the_same_draw_is_the_same_request() -> None:

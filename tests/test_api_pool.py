@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from api.computing.child import Child, ChildGoneError, TooSlowError
+from api.computing.child import Child, ChildGoneError, TaskFailedError, TooSlowError
 from api.computing.pool import GivenUpError, Pool, PoolFullError, Ticket
 from api.computing.tasks import Cut, JobSpec, PlanText
 from api.jobs.cuts import cuts_of
@@ -71,6 +71,11 @@ def processes_of(parent: int) -> list[int]:
 
 def test_a_plan_made_by_a_child_is_the_librarys_to_the_byte(made: PlanText) -> None:
     assert made.text == as_text(plan_document(plan(example("paper-grid-same"))).as_json())
+
+
+def test_a_fault_of_a_task_is_no_error_that_clients_are_told_of(pool: Pool) -> None:
+    with pytest.raises(TaskFailedError, match="Traceback"):
+        pool.call("made_plan", None, "json", LIMITS, False)
 
 
 def test_parts_flown_by_children_come_to_the_librarys_report(pool: Pool, made: PlanText) -> None:

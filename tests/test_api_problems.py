@@ -18,6 +18,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
 from api import problems
+from api.computing.child import TaskFailedError
 from api.problems import problem_responses
 from api.problems.document import printable, shown, title_of
 from api.problems.table import failure_of
@@ -55,6 +56,7 @@ RAISED: dict[str, tuple[Exception, int]] = {
     "input": (InputError("-5: must be greater than 0", key="sensor.range_m"), 422),
     "listing": (_listing(), 422),
     "solution": (NoSolutionError("no phases keep every link"), 422),
+    "task": (TaskFailedError(f"Traceback {SECRET}"), 500),
     "purpose": (SyncplanError("the search broke down"), 500),
     "locked": (_locked("database is locked"), 503),
     "full": (_locked("database or disk is full"), 507),

@@ -6,14 +6,17 @@ Real servers, real workers and a real PostgreSQL; see tests.search_survival for 
 import contextlib
 import random
 import signal
+import subprocess
+import tempfile
 import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import count
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
+import httpx2
 import pytest
 
 import syncplan
@@ -38,10 +41,12 @@ EACH = pytest.mark.parametrize("address", ["sqlite", "postgresql"], indirect=Tru
 
 
 @pytest.fixture(scope="module")
-def postgres(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Postgres]:
-    started = Postgres(tmp_path_factory.mktemp("postgres"))
-    yield started
-    started.stop()
+def postgres() -> Iterator[Postgres]:
+    # not in pytest's folder, which every session of pytest shuts against other users anew
+    with tempfile.TemporaryDirectory() as folder:
+        started = Postgres(Path(folder) / "postgres")
+        yield started
+        started.stop()
 
 
 @pytest.fixture
@@ -102,14 +107,14 @@ def test_jobs_come_to_their_bytes_once_whoever_is_killed(
 
 def test_a_server_killed_right_after_it_accepted_a_job_has_accepted_it(tmp_path: Path) -> None:
     with quick(tmp_path) as site:
-        kill_at(site, [validation(200, 1)], [0.0, 0.0], "server")
+        kill_at(site, [validation(600, 2)], [0.0, 0.0], "server")
 
 
 def test_the_jobs_of_a_dead_worker_go_on_within_15_seconds(tmp_path: Path) -> None:
     with Site(tmp_path, SYNCPLAN_PROCESSES="1") as site:
         site.serve("--no-worker")
         first = site.work()
-        job_id = site.hand_in(validation(4000, 1))
+        job_id = site.hand_in(validation(2400, 1))
         busy(site, first)
         second = site.work()
         wait_until(lambda: "worker" in (tmp_path / "worker.log").read_text(), 30.0)
@@ -176,8 +181,11 @@ def _parent(process: int) -> int:
 # --- stopped ------------------------------------------------------------------------------------
 
 
-@EACH
-@pytest.mark.parametrize("victim", ["server", "worker"])
+@pytest.mark.parametrize(
+    ("address", "victim"),
+    [("sqlite", "server"), ("postgresql", "worker")],
+    indirect=["address"],
+)
 def test_what_ends_in_good_order_gives_its_jobs_up_at_once(
     address: str | None, tmp_path: Path, victim: Literal["server", "worker"]
 ) -> None:
@@ -215,11 +223,8 @@ def test_a_worker_frozen_until_it_counts_as_dead_does_no_harm(
         site.see_all_done()
 
 
-@EACH
-def test_a_cancelled_job_stops_within_two_seconds_and_stays_cancelled(
-    address: str | None, tmp_path: Path
-) -> None:
-    with quick(tmp_path, address) as site:
+def test_a_cancelled_job_stops_within_two_seconds_and_stays_cancelled(tmp_path: Path) -> None:
+    with quick(tmp_path) as site:
         site.serve("--no-worker")
         worker = site.work()
         plan_id = site.hand_in_plan()
@@ -259,5 +264,174 @@ def test_processes_that_start_on_nothing_at_the_same_moment_all_come_up(
             ]
             for one in started:
                 one.result(timeout=60.0)
-        site.hand_in(validation(100, 1))
+        site.hand_in(validation(10, 0))
+        site.see_all_done()
+
+
+# --- the database away --------------------------------------------------------------------------
+
+
+def problem(answer: httpx2.Response, *statuses: int) -> dict[str, Any]:
+    """The problem document of an answer with one of the statuses."""
+    assert answer.status_code in statuses, f"{answer.status_code} {answer.text}"
+    assert answer.headers["content-type"] == "application/problem+json"
+    found: dict[str, Any] = answer.json()
+    assert found["status"] == answer.status_code
+    return found
+
+
+def every_request(plan_id: str, job_id: str) -> list[tuple[str, str, dict[str, Any]]]:
+    """Requests of all kinds that need the database."""
+    scenario = example("paper-grid-same").model_dump(mode="json", exclude_none=True)
+    return [
+        ("GET", "/readyz", {}),
+        ("POST", "/v1/plans", {"json": scenario}),
+        ("POST", "/v1/plans", {"json": scenario, "headers": {"idempotency-key": "again"}}),
+        ("GET", "/v1/plans", {}),
+        ("GET", f"/v1/plans/{plan_id}", {}),
+        ("DELETE", f"/v1/plans/{plan_id}", {}),
+        ("POST", f"/v1/plans/{plan_id}/validations", {"json": {"trials": 10}}),
+        ("POST", f"/v1/plans/{plan_id}/refinements", {"json": {}}),
+        ("POST", "/v1/sweeps", {"json": {"scenario": scenario, "range_m": [50.0]}}),
+        ("GET", "/v1/jobs", {}),
+        ("GET", f"/v1/jobs/{job_id}", {}),
+        ("GET", f"/v1/jobs/{job_id}/events", {"headers": {"accept": "text/event-stream"}}),
+        ("GET", f"/v1/jobs/{job_id}/result", {}),
+        ("POST", f"/v1/jobs/{job_id}/cancel", {}),
+    ]
+
+
+def test_the_database_away_for_ten_seconds_costs_nothing_but_time(
+    tmp_path: Path, postgres: Postgres
+) -> None:
+    with quick(tmp_path, new_database(postgres)) as site:
+        server = site.serve()
+        worker = site.work()
+        plan_id = site.hand_in_plan()
+        jobs = [
+            site.hand_in(order, None if order.kind != "validation" else plan_id)
+            for order in (validation(2400, 1), refinement(0), validation(1200, 1))
+        ]
+        busy(site, server, 2)
+        busy(site, worker, 2)
+        with ThreadPoolExecutor() as pool:
+            followed = pool.submit(site.events, jobs[0])
+            time.sleep(0.5)
+            postgres.stop()
+            away = time.monotonic()
+            try:
+                while time.monotonic() - away < 10.0:
+                    for method, path, options in every_request(plan_id, jobs[0]):
+                        began = time.monotonic()
+                        answer = site.ask(method, path, **options)
+                        assert time.monotonic() - began < 15.0, path
+                        problem(answer, 503)
+                        assert int(answer.headers["retry-after"]) >= 1
+                    assert site.ask("GET", "/healthz").status_code == 200
+                    assert site.ask("GET", "/metrics").status_code in (200, 503)
+            finally:
+                postgres.start()
+            assert followed.result(timeout=90.0)[-1]["state"] == "succeeded"
+        site.see_all_done()
+        assert server.popen.poll() is worker.popen.poll() is None
+        assert "is dead" not in site.logs()
+
+
+# --- the disk full ------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def small_disk() -> Iterator[Path]:
+    """A folder on a disk of its own that has 24 MB."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = ["mount", "-t", "tmpfs", "-o", "size=24m,mode=711", "tmpfs", folder]
+        mounted = subprocess.run(command, capture_output=True, text=True)
+        if mounted.returncode:
+            pytest.skip(f"no small disk can be mounted here: {mounted.stderr.strip()}")
+        yield Path(folder)
+        subprocess.run(["umount", "--lazy", folder], check=True)
+
+
+def fill(folder: Path) -> Path:
+    """Leave no room on a disk; returns the file to delete to make room again."""
+    ballast = folder / "ballast"
+    with ballast.open("ab", buffering=0) as file:
+        for size in (2**16, 2**12, 1):
+            with contextlib.suppress(OSError):
+                while file.write(bytes(size)):
+                    pass
+    return ballast
+
+
+def see_full_disk_told(site: Site, plan_id: str, job_id: str) -> None:
+    """Fail unless what stores is refused with 507, and everything else goes on."""
+    scenario = example("paper-grid-same").model_dump(mode="json", exclude_none=True)
+
+    def refused() -> bool:
+        answer = site.ask("POST", "/v1/plans", json=scenario)
+        if answer.status_code == 201:
+            site.plans[answer.json()["id"]] = answer.text
+            return False
+        assert "storage is full" in problem(answer, 507)["detail"]
+        return True
+
+    # what room is left inside the files is used up first
+    wait_until(refused, 60.0)
+    order = validation(10, 5)
+    answer = site.ask("POST", f"/v1/plans/{plan_id}/validations", json=order.body)
+    if answer.status_code == 202:
+        site.jobs[answer.json()["id"]] = order
+    else:
+        problem(answer, 507)
+    for path in ("/readyz", "/healthz", "/v1/plans", f"/v1/plans/{plan_id}", f"/v1/jobs/{job_id}"):
+        assert site.ask("GET", path).status_code == 200, path
+
+
+def see_full_disk_waited_out(site: Site, disk: Path) -> None:
+    """Fail unless jobs that a full disk meets wait until there is room, and then go on."""
+    server = site.serve()
+    plan_id = site.hand_in_plan()
+    job_id = site.hand_in(validation(2400, 1), plan_id)
+    site.hand_in(refinement(0))
+    busy(site, server, 2)
+    ballast = fill(disk)
+    see_full_disk_told(site, plan_id, job_id)
+    # long enough for what was under way to want to be stored
+    time.sleep(5.0)
+    assert server.popen.poll() is None
+    ballast.unlink()
+    site.see_all_done()
+
+
+def test_a_full_disk_under_sqlite_is_told_and_waited_out(tmp_path: Path, small_disk: Path) -> None:
+    with quick(tmp_path, SYNCPLAN_DATA_DIR=str(small_disk / "data")) as site:
+        see_full_disk_waited_out(site, small_disk)
+
+
+def test_a_full_disk_under_postgresql_is_told_and_waited_out(
+    tmp_path: Path, small_disk: Path, postgres: Postgres
+) -> None:
+    # the tables alone are on the small disk: a server that can't write its log stops by itself
+    address = new_database(postgres, postgres.folder_for(small_disk / "tables"))
+    with quick(tmp_path, address) as site:
+        see_full_disk_waited_out(site, small_disk)
+
+
+def test_a_store_on_a_full_disk_opens_again_once_there_is_room(
+    tmp_path: Path, small_disk: Path
+) -> None:
+    with quick(tmp_path, SYNCPLAN_DATA_DIR=str(small_disk / "data")) as site:
+        server = site.serve()
+        plan_id = site.hand_in_plan()
+        job_id = site.hand_in(validation(1200, 1), plan_id)
+        busy(site, server)
+        ballast = fill(small_disk)
+        see_full_disk_told(site, plan_id, job_id)
+        site.kill(server)
+        # a start without any room may fail or wait, and spoils nothing
+        starting = site.begin("serve", "--port", "0")
+        time.sleep(4.0)
+        site.kill(starting)
+        ballast.unlink()
+        site.serve()
         site.see_all_done()

@@ -18,6 +18,7 @@ ORDER = (
     "errors",
     "formation",
     "areas",
+    "schema_rules",
     "portions",
     "quantities",
     "refine_options",

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import jsonschema_rs
 import numpy as np
 import pytest
 
@@ -101,6 +102,8 @@ def _bomb(opening: bytes, levels: int) -> bytes:
         (b"{" * 100_000, "deep"),
         (b"\x00\x01\x02", "not valid YAML"),
         (b'{"a": 1, "a": 2}', "duplicate"),
+        (b"a: !!omap [b: 1, b: 2]", "not valid YAML: can't be read"),
+        (b"a: !!timestamp 2026-13-45", "not valid YAML: month must be"),
         (b"orbit: {radius_m: &o [*o]}", "aliases make too many values"),
         (b"orbit: &o {radius_m: 1, sub: *o}", "aliases make too many values"),
         (_bomb(b"landmarks_m: [&a0 [0, 0]", 12), "aliases make too many values"),
@@ -334,3 +337,43 @@ def test_a_start_time_is_carried_through(moment: str, tmp_path: Path) -> None:
         "formation: {centers_m: [[0, 0]]}\nsensor: {range_m: 50}\n"
     )
     assert load_scenario(path).start_time is not None
+
+
+@pytest.mark.parametrize(
+    ("section", "keys", "valid"),
+    [
+        ("orbit", {"radius_m": 20.0}, False),
+        ("orbit", {"radius_m": 20.0, "angular_rate_rad_s": None}, False),
+        ("orbit", {"radius_m": 20.0, "speed_mps": 4.0}, True),
+        ("orbit", {"radius_m": 20.0, "speed_mps": 4.0, "angular_rate_rad_s": 0.2}, True),
+        ("formation", {}, False),
+        ("formation", {"centers_m": [[0.0, 0.0]]}, True),
+        ("formation", {"centers_m": [[0.0, 0.0]], "count": None}, True),
+        ("formation", {"centers_m": [[0.0, 0.0]], "count": 1}, False),
+        ("formation", {"shape": "line", "count": 2, "spacing_m": 70.0}, True),
+        ("formation", {"shape": "line", "count": 2, "gap_m": 30.0, "columns": 1}, True),
+        ("formation", {"shape": "line", "count": 2}, False),
+        ("formation", {"shape": "line", "spacing_m": 70.0}, False),
+        ("formation", {"shape": "line", "count": 2, "spacing_m": 70.0, "gap_m": 30.0}, False),
+        ("formation", {"links": [["v1", "v2"]], "count": 2}, True),
+        ("formation", {"links": [["v1", "v2"]], "columns": 2}, False),
+        ("refine", {"vary": []}, False),
+        ("refine", {"vary": ["phases", "phases"]}, False),
+        ("refine", {"vary": ["phases"]}, True),
+    ],
+)
+def test_the_schema_tells_which_keys_go_together(
+    section: str, keys: dict[str, Any], valid: bool
+) -> None:
+    values = document(**{section: keys})
+    assert jsonschema_rs.validator_for(Scenario.model_json_schema()).is_valid(values) == valid
+    if valid:
+        scenario_from(values)
+    else:
+        _refused(values)
+
+
+@pytest.mark.parametrize("path", sorted(FILES.glob("*.yaml")), ids=lambda path: path.stem)
+def test_the_example_files_are_as_the_schema_says(path: Path) -> None:
+    values = parse_values(path.read_text(), "")
+    assert jsonschema_rs.validator_for(Scenario.model_json_schema()).is_valid(values)

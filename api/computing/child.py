@@ -9,9 +9,9 @@ from typing import Any
 
 from api.computing import tasks
 from syncplan.children import ChildProcess, connect_to_parent
-from syncplan.errors import Fault, InputError, NoSolutionError, SyncplanError
+from syncplan.errors import Fault, InputError, NoSolutionError
 
-__all__ = ["Child", "ChildGoneError", "TooSlowError", "serve"]
+__all__ = ["Child", "ChildGoneError", "TaskFailedError", "TooSlowError", "serve"]
 
 _PROGRESS_EVERY_S = 0.2
 _WITH_PROGRESS = {"flown_part", "refined_plan"}
@@ -21,6 +21,10 @@ _POLITE = 10
 
 class ChildGoneError(Exception):
     """The process ended before it answered: killed, or out of memory."""
+
+
+class TaskFailedError(Exception):
+    """The task has a fault of its own; the text is the trace, for the log alone."""
 
 
 class TooSlowError(Exception):
@@ -48,7 +52,7 @@ class Child:
         timeout_s: float | None = None,
         progress: Callable[[int], None] | None = None,
     ) -> Any:
-        """Return what the task returns; raises what it raises, ChildGoneError or TooSlowError."""
+        """Return what the task returns; raises InputError, NoSolutionError or an error of above."""
         deadline = None if timeout_s is None else time.monotonic() + timeout_s
         connection = self._process.connection
         try:
@@ -85,7 +89,9 @@ class Child:
 def _as_error(kind: str, problem: str, key: str, faults: list[tuple[str, str, str]]) -> Exception:
     if kind == "input":
         return InputError(problem, key=key, faults=tuple(Fault(*one) for one in faults))
-    return NoSolutionError(problem) if kind == "no solution" else SyncplanError(problem)
+    if kind == "no memory":
+        return ChildGoneError(problem)
+    return NoSolutionError(problem) if kind == "no solution" else TaskFailedError(problem)
 
 
 def serve(descriptor: int) -> None:
@@ -119,7 +125,7 @@ def serve(descriptor: int) -> None:
             except NoSolutionError as error:
                 answer = "failed", ("no solution", str(error), "", [])
             except MemoryError:
-                answer = "failed", ("fault", "out of memory", "", [])
+                answer = "failed", ("no memory", "out of memory", "", [])
             except Exception:
                 answer = "failed", ("fault", traceback.format_exc(), "", [])
             connection.send(("memory", _memory()))

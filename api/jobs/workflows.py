@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 from dbos import DBOS, SetWorkflowID
 from sqlalchemy import Connection
 
-from api.computing.child import ChildGoneError
+from api.computing.child import ChildGoneError, TaskFailedError
 from api.computing.pool import GivenUpError, Ticket
 from api.computing.tasks import Cut, PlanText
 from api.jobs.cuts import cuts_of
@@ -26,7 +26,7 @@ from api.storage import jobs, parts, work
 from api.storage.database import patiently, unavailable
 from api.storage.plans import add_plan
 from api.storage.tables import new_id
-from syncplan.errors import InputError, NoSolutionError, SyncplanError
+from syncplan.errors import InputError, NoSolutionError
 
 __all__ = ["PARTS_QUEUE", "part_id", "run_job", "run_part"]
 
@@ -200,7 +200,7 @@ async def _computed(
             "title": "Internal fault",
             "detail": "the process computing this ended; out of memory?",
         }
-    except SyncplanError as error:
+    except TaskFailedError as error:
         _logger.error("job %s failed: %s", job_id, error)
         failure = {"title": "Internal fault", "detail": "an internal fault; see the service's log"}
     await _in_transaction(
