@@ -1,7 +1,7 @@
 """Servers with several owners, and what their answers must hold whatever was asked."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +12,9 @@ import httpx2
 from api.problems import Problem
 from tests.serving import Server, running, settings_of
 
-__all__ = ["Event", "events_of", "key_of", "problem", "serving", "speaking"]
+__all__ = ["Event", "events_of", "key_of", "operations_of", "problem", "serving", "speaking"]
+
+_METHODS = {"delete", "get", "head", "options", "patch", "post", "put", "trace"}
 
 
 def key_of(owner: str) -> str:
@@ -34,6 +36,16 @@ def speaking(server: Server, owner: str) -> httpx2.Client:
     """A connection to a server with an owner's key."""
     headers = {"authorization": f"Bearer {key_of(owner)}"}
     return httpx2.Client(base_url=server.url, headers=headers, timeout=30.0)
+
+
+def operations_of(document: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return (method, path) of every operation of an OpenAPI document."""
+    return [
+        (method.upper(), path)
+        for path, found in document["paths"].items()
+        for method in found
+        if method in _METHODS
+    ]
 
 
 def problem(answer: httpx2.Response, status: int) -> Problem:

@@ -8,17 +8,13 @@ import httpx2
 import pytest
 
 from api.main import create_app
-from tests.api_servers import events_of, problem, serving, speaking
+from tests.api_servers import events_of, operations_of, problem, serving, speaking
 from tests.scenarios import document
 from tests.serving import Server, wait_until
 
 NOBODY = "01a1fd95-df6b-7a20-9383-c20e93a41e86"
 LONG = {"trials": 60_000}
-OPERATIONS = [
-    (method.upper(), path)
-    for path, operations in create_app().openapi()["paths"].items()
-    for method in operations
-]
+OPERATIONS = operations_of(create_app().openapi())
 WITH_IDENTIFIER = [(method, path) for method, path in OPERATIONS if "{" in path]
 
 
@@ -87,8 +83,7 @@ def ask(
 
 
 def test_the_operations_tried_are_those_that_are_served(ann: httpx2.Client) -> None:
-    served = ann.get("/openapi.json").json()["paths"]
-    assert [(m.upper(), path) for path, found in served.items() for m in found] == OPERATIONS
+    assert operations_of(ann.get("/openapi.json").json()) == OPERATIONS
     assert len(WITH_IDENTIFIER) >= 9
 
 
