@@ -160,6 +160,7 @@ API_ORDER = (
     "storage.database",
     "storage.plans",
     "storage.jobs",
+    "storage.old_jobs",
     "storage.work",
     "storage.parts",
     "storage.answers",
