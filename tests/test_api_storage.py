@@ -20,6 +20,7 @@ from api.storage.answers import (
 from api.storage.database import Database, open_database, patiently, unavailable
 from api.storage.events import events_after
 from api.storage.migrations import MIGRATIONS
+from api.storage.old_jobs import delete_jobs, ended_before
 from api.storage.plans import add_plan, body_of, delete_plan, find_plan, list_plans
 from api.storage.tables import executors as executor_rows
 from api.storage.tables import job_parts, moment, new_id, schema_version
@@ -163,8 +164,10 @@ def test_jobs_that_ended_long_ago_are_deleted_with_all_that_hangs_on_them(
 ) -> None:
     old, running = job(connection), job(connection)
     jobs.end_job(connection, old, "succeeded", report="report")
-    assert jobs.delete_ended(connection, moment(60.0)) == []
-    assert jobs.delete_ended(connection, moment(-60.0)) == [old]
+    assert ended_before(connection, moment(60.0), 10) == []
+    assert ended_before(connection, moment(-60.0), 10) == [old]
+    assert ended_before(connection, moment(-60.0), 0) == []
+    delete_jobs(connection, [old])
     assert jobs.find_job(connection, "ann", old) is None
     assert events_after(connection, old, 0) == []
     assert work.report_of(connection, old) is None

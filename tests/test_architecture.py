@@ -162,6 +162,7 @@ API_ORDER = (
     "storage.plans",
     "storage.events",
     "storage.jobs",
+    "storage.old_jobs",
     "storage.work",
     "storage.parts",
     "storage.answers",

@@ -23,7 +23,6 @@ __all__ = [
     "State",
     "add_job",
     "change",
-    "delete_ended",
     "end_job",
     "find_job",
     "hold_owner",
@@ -157,15 +156,6 @@ def end_job(
         connection.execute(insert(job_results).values(job_id=job_id, text=report, trials=trials))
     connection.execute(delete(job_parts).where(job_parts.c.job_id == job_id))
     return True
-
-
-def delete_ended(connection: Connection, before: str) -> list[str]:
-    """Delete jobs that ended before a time, with all that hangs on them; return which."""
-    query = select(jobs.c.id).where(jobs.c.state.not_in(UNFINISHED), jobs.c.ended_at < before)
-    old = list(connection.execute(query).scalars())
-    if old:
-        connection.execute(delete(jobs).where(jobs.c.id.in_(old)))
-    return old
 
 
 def change(
