@@ -306,7 +306,7 @@ def test_the_database_away_for_ten_seconds_costs_nothing_but_time(
 ) -> None:
     with quick(tmp_path, new_database(postgres)) as site:
         server = site.serve()
-        worker = site.work()
+        worker, ending = site.work(), site.work()
         plan_id = site.hand_in_plan()
         jobs = [
             site.hand_in(order, None if order.kind != "validation" else plan_id)
@@ -329,12 +329,16 @@ def test_the_database_away_for_ten_seconds_costs_nothing_but_time(
                         assert int(answer.headers["retry-after"]) >= 1
                     assert site.ask("GET", "/healthz").status_code == 200
                     assert site.ask("GET", "/metrics").status_code in (200, 503)
+                    if ending.popen.returncode is None:
+                        assert ending.stop() == 0
             finally:
                 postgres.start()
             assert followed.result(timeout=90.0)[-1]["state"] == "succeeded"
         site.see_all_done()
         assert server.popen.poll() is worker.popen.poll() is None
-        assert "is dead" not in site.logs()
+        # the one that ended could not say so, and nobody else was taken for dead
+        found_dead = [line for line in site.log_lines() if "is dead" in line]
+        assert all(f"-{ending.popen.pid}-" in line for line in found_dead)
 
 
 # --- the disk full ------------------------------------------------------------------------------
