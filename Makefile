@@ -1,5 +1,7 @@
 # make demo    set up and run the main job on an example: a plan and its validation
+# make serve   set up and start the service at http://127.0.0.1:8000
 # make check   set up and run formatter check, linter, strict types and tests
+# make container-steps    follow the steps of the Dockerfile without a container
 # make benchmarks    measure against peers, side by side
 # make lock    renew requirements.lock
 # make clean   remove the virtual environment and caches
@@ -11,17 +13,28 @@ DEMO   ?= examples/scenarios/paper-grid-same.yaml
 
 export PIP_DISABLE_PIP_VERSION_CHECK = 1
 
-.PHONY: demo check benchmarks lock clean
+.PHONY: demo serve check postgresql container-steps benchmarks lock clean
 
 demo: $(VENV)/.run
 	$(BIN)/syncplan plan $(DEMO) --format table
 	$(BIN)/syncplan validate $(DEMO) --trials 200 --seed 1 --format table
 
-check: $(VENV)/.dev
+serve: $(VENV)/.api
+	$(BIN)/syncplan serve
+
+check: postgresql $(VENV)/.dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/python -m pytest
+
+# tests start a PostgreSQL of their own
+postgresql:
+	@command -v initdb >/dev/null || ls /usr/lib/postgresql/*/bin/initdb >/dev/null 2>&1 || \
+		{ echo "the tests need PostgreSQL's initdb: apt-get install postgresql" >&2; exit 1; }
+
+container-steps:
+	docker/steps.sh
 
 benchmarks: $(VENV)/.dev
 	$(BIN)/pip install --quiet --constraint requirements.lock --editable '.[bench]'
@@ -35,9 +48,13 @@ $(VENV)/.run: $(BIN)/python pyproject.toml requirements.lock
 	$(BIN)/pip install --quiet --constraint requirements.lock --editable .
 	touch $@
 
+$(VENV)/.api: $(BIN)/python pyproject.toml requirements.lock
+	$(BIN)/pip install --quiet --constraint requirements.lock --editable '.[api]'
+	touch $@ $(VENV)/.run
+
 $(VENV)/.dev: $(BIN)/python pyproject.toml requirements.lock
 	$(BIN)/pip install --quiet --constraint requirements.lock --editable '.[dev]'
-	touch $@ $(VENV)/.run
+	touch $@ $(VENV)/.api $(VENV)/.run
 
 lock: $(BIN)/python
 	$(BIN)/pip install --quiet 'uv>=0.9,<1'

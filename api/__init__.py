@@ -11,7 +11,7 @@ Thin over syncplan, which does all the numbers. Modules, each using only those b
     jobs.*                             durable workflows, heartbeats, what the dead left
     answers, service, calls            what responses hold, what routes work with
     routes.*, operations, openapi      the routes, what their document tells beside them
-    main, protocol                     the application, HTTP below it
+    main, protocol, server             the application, HTTP below it, serving both
 
 A request is read, checked and computed in a child process, so that nothing ever holds up the
 event loop; a job is a row in the database and a durable workflow, entered in one transaction.

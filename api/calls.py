@@ -1,5 +1,6 @@
 """POST requests: their body, who asks, and the same answer for the same Idempotency-Key."""
 
+import asyncio
 import hashlib
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, replace
@@ -10,7 +11,7 @@ from sqlalchemy import Connection
 from starlette.concurrency import run_in_threadpool
 
 from api.computing.child import ChildGoneError, TooSlowError
-from api.computing.pool import PoolFullError
+from api.computing.pool import GivenUpError, PoolFullError
 from api.negotiation import body_kind
 from api.problems import KeyReused, TooMuchWork, Unavailable
 from api.security import CurrentOwner
@@ -126,14 +127,14 @@ def _response(answer: Answer) -> Response:
 
 async def computed(service: Service, task: str, *arguments: Any) -> Any:
     """Return what a task in a child process returns, or raise the problem it has."""
-    import asyncio
-
     limit = service.settings.plan_timeout_s
     try:
         ticket = service.pool.submit(task, *arguments, timeout_s=limit)
         return await asyncio.wrap_future(ticket.future)
     except PoolFullError:
         raise Unavailable("too many requests are being computed; try again") from None
+    except GivenUpError:
+        raise Unavailable("the service is closing; try again") from None
     except TooSlowError:
         raise TooMuchWork(
             f"takes longer than the {limit:g} s a request may; ask for fewer vehicles or samples"

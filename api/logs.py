@@ -107,6 +107,8 @@ def configure_logs(level: str) -> None:
     durable = logging.getLogger("dbos")
     durable.handlers = [handler]
     durable.propagate = False
+    # and tells of every migration and connection
+    durable.setLevel(logging.getLogger().level if level == "debug" else logging.WARNING)
     logging.captureWarnings(True)
 
 

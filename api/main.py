@@ -15,10 +15,10 @@ from api.openapi import document_operations
 from api.problems import install_handlers
 from api.routes import health, jobs, plans, schemas
 from api.security import Keyring
-from api.service import Service, limits_of
+from api.service import Ending, Service, limits_of
 from api.settings import Settings, load_settings
 from api.storage.database import open_database
-from api.storage.jobs import count_by_state
+from api.storage.work import count_by_state
 from api.telemetry import telemetry_options
 from syncplan import __version__
 
@@ -48,6 +48,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.state.settings = chosen
     app.state.keyring = Keyring(chosen)
     app.state.metrics = Metrics()
+    app.state.ending = Ending()
     install_handlers(app)
     document_operations(app)
     app.include_router(plans.router, prefix="/v1")

@@ -89,10 +89,6 @@ class _Watched(Collector):
         self.jobs: Callable[[], Mapping[str, int]] | None = None
         self.processes: Callable[[], int] | None = None
 
-    def describe(self) -> list[Metric]:
-        """Return no names, so that registering asks nobody."""
-        return []
-
     def collect(self) -> Iterator[Metric]:
         """Return the gauges that can be read now."""
         for read in (self._jobs, self._processes):

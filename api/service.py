@@ -1,6 +1,7 @@
 """What the routes work with: the database, processes for plans, the queue of jobs."""
 
 from dataclasses import dataclass
+from threading import Event
 from typing import Annotated
 
 from fastapi import Depends, Request
@@ -11,7 +12,10 @@ from api.limits import Limits
 from api.settings import Settings
 from api.storage.database import Database
 
-__all__ = ["CurrentService", "Service", "limits_of"]
+__all__ = ["CurrentEnding", "CurrentService", "Ending", "Service", "limits_of"]
+
+Ending = Event
+"""Set once the server is about to end, so that what would go on for long comes to its end too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,3 +52,11 @@ def _service(request: Request) -> Service:
 
 
 CurrentService = Annotated[Service, Depends(_service)]
+
+
+def _ending(request: Request) -> Ending:
+    ending: Ending = request.app.state.ending
+    return ending
+
+
+CurrentEnding = Annotated[Ending, Depends(_ending)]

@@ -1,8 +1,9 @@
 """Child processes that work off tasks: plain Python, messages over a pipe, gone with their parent.
 
 A child needs nothing of the program that started it: it looks for modules where its parent does,
-and not where it happens to stand. On Linux the kernel ends it with the thread that started it;
-elsewhere it ends when it next looks at the pipe.
+and not where it happens to stand. On Linux the kernel ends it with the thread that started it, from
+its first moments on, before it imports what it runs; elsewhere it ends when it next looks at the
+pipe.
 """
 
 import contextlib
@@ -15,11 +16,11 @@ import sys
 import tempfile
 from multiprocessing.connection import Connection, Pipe
 
-__all__ = ["ChildProcess", "connect_to_parent"]
+__all__ = ["ChildProcess", "connect_to_parent", "end_with"]
 
 _CODE = (
-    "import sys; sys.path[:] = {path!r}; from {module} import {function} as serve; "
-    "serve({descriptor}, {parent})"
+    "import sys; sys.path[:] = {path!r}; from syncplan.children import end_with; "
+    "end_with({parent}); from {module} import {function} as serve; serve({descriptor})"
 )
 _PR_SET_PDEATHSIG = 1
 _GRACE_S = 10.0
@@ -30,7 +31,7 @@ class ChildProcess:
 
     Parameters
     ----------
-    module, function : what the child runs, called with the numbers that connect_to_parent takes
+    module, function : what the child runs, called with the number that connect_to_parent takes
     """
 
     def __init__(self, module: str, function: str) -> None:
@@ -81,14 +82,13 @@ class ChildProcess:
         self.process.wait()
 
 
-def connect_to_parent(descriptor: int, parent: int) -> Connection:
+def connect_to_parent(descriptor: int) -> Connection:
     """Return the child's end of the connection; Ctrl-C is the parent's to handle."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _end_with(parent)
     return Connection(descriptor)
 
 
-def _end_with(parent: int) -> None:
+def end_with(parent: int) -> None:
     """Ask the kernel to end this process with the thread that started it, where it can."""
     if not sys.platform.startswith("linux"):
         return

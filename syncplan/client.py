@@ -10,12 +10,14 @@ doing anything twice.
 """
 
 import importlib.util
+import json
 import random
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal, Self
+from urllib.parse import quote
 from uuid import uuid4
 
 from syncplan.errors import Fault, InputError, NoSolutionError, SyncplanError
@@ -33,6 +35,7 @@ __all__ = ["Client", "Job", "RemoteError", "StoredPlan"]
 
 _AGAIN = {429, 502, 503, 504}
 _LONGEST_WAIT_S = 5.0
+_CONNECT_S = 10.0
 _LOOK_AT_FIRST_S, _LOOK_AT_LAST_S = 0.1, 1.0
 
 
@@ -115,14 +118,19 @@ class Client:
 
         headers = {"accept": "application/json"}
         if api_key is not None:
+            if not (api_key.isascii() and api_key.isprintable()):
+                raise InputError("must be printable ASCII characters", key="api_key")
             headers["authorization"] = f"Bearer {api_key}"
+        timeout = httpx2.Timeout(timeout_s, connect=min(timeout_s, _CONNECT_S))
         try:
-            self._http = httpx2.Client(base_url=url, headers=headers, timeout=timeout_s)
-            scheme = self._http.base_url.scheme
+            self._http = httpx2.Client(base_url=url, headers=headers, timeout=timeout)
+            address = self._http.base_url
         except (httpx2.InvalidURL, TypeError, ValueError) as error:
             raise InputError(f"{url!r}: {error}", key="url") from None
-        if scheme not in ("http", "https"):
-            raise InputError(f"{url!r}: must begin with http:// or https://", key="url")
+        if address.scheme not in ("http", "https") or not address.host:
+            raise InputError(
+                f"{url!r}: must begin with http:// or https:// and name a host", key="url"
+            )
         self._url = url
         self._patience_s = patience_s
 
@@ -147,11 +155,11 @@ class Client:
         """Return the plan of a scenario, kept by the service; see syncplan.plan."""
         body = _as_document(scenario)
         parameters = {"steady": "true"} if steady else None
-        return _stored_plan(self._post("/v1/plans", body, parameters).json())
+        return _stored_plan(_values(self._post("/v1/plans", body, parameters)))
 
     def stored(self, plan_id: str) -> StoredPlan:
         """Return a plan that the service keeps."""
-        return _stored_plan(self._send("GET", f"/v1/plans/{plan_id}").json())
+        return _stored_plan(_values(self._send("GET", f"/v1/plans/{_id(plan_id)}")))
 
     def delete(self, plan: StoredPlan | str) -> None:
         """Delete a plan that the service keeps."""
@@ -161,7 +169,7 @@ class Client:
 
     def refine(self, plan: StoredPlan | str, **options: Any) -> Job:
         """Begin to refine a plan; options as syncplan.refine takes them. See wait."""
-        return _job(self._post(f"/v1/plans/{_id(plan)}/refinements", options).json())
+        return _job(_values(self._post(f"/v1/plans/{_id(plan)}/refinements", options)))
 
     def validate(
         self,
@@ -186,20 +194,20 @@ class Client:
             "series": with_series,
         }
         given = {key: value for key, value in options.items() if value is not None}
-        return _job(self._post(f"/v1/plans/{_id(plan)}/validations", given).json())
+        return _job(_values(self._post(f"/v1/plans/{_id(plan)}/validations", given)))
 
     def sweep(self, scenario: Scenario | Mapping[str, Any], **options: Any) -> Job:
         """Begin a sweep; options are the keys of the service's request, such as range_m."""
         body = {"scenario": _as_document(scenario), **options}
-        return _job(self._post("/v1/sweeps", body).json())
+        return _job(_values(self._post("/v1/sweeps", body)))
 
     def job(self, job_id: str) -> Job:
         """Return a job as it is now."""
-        return _job(self._send("GET", f"/v1/jobs/{job_id}").json())
+        return _job(_values(self._send("GET", f"/v1/jobs/{_id(job_id)}")))
 
     def cancel(self, job: Job | str) -> Job:
         """Stop a job; raises RemoteError where it has ended in another way."""
-        return _job(self._post(f"/v1/jobs/{_id(job)}/cancel", None).json())
+        return _job(_values(self._post(f"/v1/jobs/{_id(job)}/cancel", None)))
 
     def wait(
         self,
@@ -236,8 +244,10 @@ class Client:
             raise RemoteError(f"job {job.id} was cancelled")
         if job.kind == "validation":
             return self._validation(job)
-        values = self._send("GET", f"/v1/jobs/{job.id}/result").json()
-        return _stored_plan(values) if job.kind == "refinement" else values
+        answer = self._send("GET", f"/v1/jobs/{job.id}/result")
+        if job.kind == "sweep":
+            return _values(answer, "rows")
+        return _stored_plan(_values(answer))
 
     def _validation(self, job: Job) -> Validation:
         asked = job.document["request"]
@@ -275,14 +285,21 @@ class Client:
         headers = {} if accept is None else {"accept": accept}
         if method == "POST":
             headers["idempotency-key"] = str(uuid4())
+        content = None
+        if body is not None:
+            headers["content-type"] = "application/json"
+            try:
+                content = json.dumps(body, allow_nan=False).encode()
+            except (TypeError, ValueError) as error:
+                raise InputError(f"can't be sent as JSON: {error}", key="options") from None
         began, pause = time.monotonic(), 0.2
         while True:
             answer, fault, asked = None, "", 0.0
             try:
                 answer = self._http.request(
-                    method, path, json=body, params=parameters, headers=headers
+                    method, path, content=content, params=parameters, headers=headers
                 )
-            except httpx2.TransportError as error:
+            except httpx2.RequestError as error:
                 fault = f"{self._url}: {error or type(error).__name__}"
             if answer is not None and answer.status_code not in _AGAIN:
                 return _checked(answer)
@@ -304,7 +321,7 @@ def _as_document(scenario: Scenario | Mapping[str, Any]) -> dict[str, Any]:
 
 def _id(item: StoredPlan | Job | str) -> str:
     if isinstance(item, str):
-        return item
+        return quote(item, safe="")
     if not isinstance(item, StoredPlan | Job):
         raise InputError(
             f"a {type(item).__name__} is not known to the service; give what its plan(), refine() "
@@ -312,6 +329,17 @@ def _id(item: StoredPlan | Job | str) -> str:
             key="plan",
         )
     return item.id
+
+
+def _values(answer: "Response", key: str = "id") -> dict[str, Any]:
+    """The JSON object of an answer, which has a key; raises RemoteError where there is none."""
+    try:
+        values = answer.json()
+    except ValueError:
+        values = None
+    if not isinstance(values, dict) or key not in values:
+        raise RemoteError(f"{answer.url}: answers, but not as syncplan's service does")
+    return values
 
 
 def _stored_plan(document: Mapping[str, Any]) -> StoredPlan:
@@ -353,12 +381,13 @@ def _checked(answer: "Response") -> "Response":
 def _as_error(problem: Mapping[str, Any], message: str, status: int | None) -> SyncplanError:
     errors = problem.get("errors") or []
     if errors:
-        faults = tuple(Fault(one["path"], one["message"], one.get("value") or "") for one in errors)
-        first = faults[0]
+        faults = tuple(
+            Fault(one["path"], one["message"], str(one.get("value", ""))) for one in errors
+        )
+        first, more = faults[0], len(faults) - 1
+        told = first.problem if more == 0 else f"{first.problem} (and {more} more)"
         return InputError(
-            f"{first.value}: {first.problem}" if first.value else first.problem,
-            key=first.key,
-            faults=faults,
+            f"{first.value}: {told}" if first.value else told, key=first.key, faults=faults
         )
     if problem.get("title") == "No solution":
         return NoSolutionError(message)

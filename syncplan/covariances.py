@@ -10,6 +10,7 @@ where a group starts and N_j the noise added since, up to the sample of its row 
     P_s  = P + N_s - sum of half_k half_k^T over the rows k up to sample s
 
 which is the recursion sample by sample, term by term, in a few operations on matrices a group.
+Only P + N_j matters, so N is summed from the start of a batch of groups, and P is kept less it.
 The factor of S bordered by G has `half` in its border, so no triangular system is solved; its
 corner is of no use and only has to be large enough for the whole to be positive definite:
 

@@ -1,20 +1,18 @@
 """The commands that run the service: serve, worker."""
 
-import contextlib
 import importlib.util
 import logging
 import signal
 import socket
 import threading
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from syncplan.errors import InputError
+from syncplan.errors import InputError, SyncplanError
 
 __all__ = ["services"]
 
-_GRACE_S = 5
 _BACKLOG = 1024
 
 services = typer.Typer()
@@ -36,43 +34,34 @@ def _serve(
         typer.Option("--insecure", help="Listen beyond this machine without API keys"),
     ] = False,
     embedded_worker: Annotated[
-        bool,
-        typer.Option("--worker/--no-worker", help="Work on jobs in this process as well"),
-    ] = True,
+        bool | None,
+        typer.Option(
+            "--worker/--no-worker",
+            help="Work on jobs in this process as well (default: do)",
+            show_default=False,
+        ),
+    ] = None,
 ) -> int:
     """Serve plans, refinements and validations over HTTP; settings from SYNCPLAN_* variables."""
     _require_extra()
-    import uvicorn
-
     from api.logs import configure_logs
     from api.main import create_app
-    from api.protocol import HttpProtocol
     from api.security import refuse_exposure
+    from api.server import serve_until_told
     from api.settings import load_settings
+    from api.storage.database import open_database
 
-    given: dict[str, Any] = {"host": host, "port": port}
-    if insecure:
-        given["insecure"] = True
-    if not embedded_worker:
-        given["embedded_worker"] = False
-    settings = load_settings(**{key: value for key, value in given.items() if value is not None})
+    settings = load_settings(
+        host=host, port=port, insecure=insecure or None, embedded_worker=embedded_worker
+    )
     refuse_exposure(settings)
     configure_logs(settings.log_level)
+    # what is wrong with the database is said in one line here, and in a trace by uvicorn
+    open_database(settings.database).close()
     app = create_app(settings)
     with _listening(settings.host, settings.port) as listening:
-        config = uvicorn.Config(
-            app,
-            log_config=None,
-            access_log=False,
-            server_header=False,
-            http=HttpProtocol,
-            ws="none",
-            timeout_graceful_shutdown=_GRACE_S,
-        )
-        # uvicorn ends in good order and then raises the signal again: that is no failure
-        signal.signal(signal.SIGTERM, lambda *_: None)
-        with contextlib.suppress(KeyboardInterrupt):
-            uvicorn.Server(config).run(sockets=[listening])
+        if not serve_until_told(app, listening):
+            raise SyncplanError("the service could not start; its log says why")
     return 0
 
 

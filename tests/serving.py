@@ -53,7 +53,11 @@ class Server(Process):
         self.port = free_port() if port is None else port
         self.url = f"http://127.0.0.1:{self.port}"
         super().__init__("serve", "--port", str(self.port), *arguments, log=log, **settings)
-        wait_until(self._ready, 30.0, lambda: f"no service: {log.read_text()[-3000:]}")
+        try:
+            wait_until(self._ready, 30.0, lambda: f"no service: {log.read_text()[-3000:]}")
+        except BaseException:
+            self.kill()
+            raise
 
     def _ready(self) -> bool:
         assert self.popen.poll() is None, f"ended: {self.log.read_text()[-3000:]}"
@@ -88,6 +92,13 @@ class Postgres:
     def stop(self) -> None:
         """Stop the server at once: connections are cut."""
         self._run("pg_ctl", "-D", self._data, "-m", "immediate", "-w", "stop")
+
+    def folder_for(self, folder: Path) -> Path:
+        """Make a folder that PostgreSQL may write to, and return it."""
+        folder.mkdir()
+        if self._as_user:
+            shutil.chown(folder, "postgres")
+        return folder
 
     def _run(self, program: str, *arguments: str) -> None:
         command = [*self._as_user, str(self._programs / program), *arguments]

@@ -1,5 +1,6 @@
 """Logs: one JSON object a line, tied to requests by an id, whatever a client sends or does."""
 
+import asyncio
 import io
 import json
 import logging
@@ -16,8 +17,9 @@ import pytest
 from fastapi import APIRouter, FastAPI, Request
 from fastapi.responses import StreamingResponse
 from fastapi.testclient import TestClient
+from starlette.types import Receive, Scope, Send
 
-from api.logs import JsonLines, configure_logs, current_request_id
+from api.logs import JsonLines, RequestLog, configure_logs, current_request_id
 from tests.api_apps import ask, bare_app, served
 
 Lines = Callable[[], list[dict[str, Any]]]
@@ -65,8 +67,6 @@ def _app() -> FastAPI:
     @router.get("/stream")
     async def stream() -> StreamingResponse:
         async def pieces() -> Any:
-            import asyncio
-
             while True:
                 yield b"data: tick\n\n"
                 await asyncio.sleep(0.01)
@@ -140,7 +140,7 @@ def test_warnings_are_lines_too(lines: Lines) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("always")
         logging.captureWarnings(False)
-        logging.captureWarnings(True)
+        configure_logs("info")
         warnings.warn("stale\nconfiguration", stacklevel=1)
     (line,) = lines()
     assert line["logger"] == "py.warnings"
@@ -232,6 +232,20 @@ def test_any_other_request_id_is_replaced(given: str) -> None:
     assert ids[0] != ids[1]
 
 
+def test_the_id_ends_with_its_request() -> None:
+    async def app(scope: Scope, receive: Receive, send: Send) -> None:
+        assert current_request_id()
+
+    async def nobody(*_: Any) -> Any: ...
+
+    async def call() -> str:
+        scope = {"type": "http", "method": "GET", "path": "/", "headers": []}
+        await RequestLog(app)(scope, nobody, nobody)
+        return current_request_id()
+
+    assert asyncio.run(call()) == ""
+
+
 @pytest.mark.parametrize("path", ["/nothing", "/v1/crash", "/v1/plans/7", "/openapi.json"])
 def test_every_answer_carries_an_id(path: str) -> None:
     assert TestClient(_app()).get(path).headers["x-request-id"]
@@ -243,6 +257,8 @@ def test_probes_are_quiet_while_they_succeed(lines: Lines) -> None:
     assert _requests(lines()) == []
     client.get("/healthz?fail=true")
     assert [line["level"] for line in _requests(lines())] == ["warning"]
+    client.post("/healthz")
+    assert [line["status"] for line in _requests(lines())] == [405]
     configure_logs("debug")
     client.get("/healthz")
     assert [line["level"] for line in _requests(lines())] == ["debug"]

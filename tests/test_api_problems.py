@@ -20,7 +20,8 @@ from starlette.requests import ClientDisconnect
 from api import problems
 from api.computing.child import TaskFailedError
 from api.problems import problem_responses
-from api.problems.document import printable, shown
+from api.problems.document import printable, shown, title_of
+from api.problems.table import failure_of
 from syncplan.errors import InputError, NoSolutionError, SyncplanError
 from tests.api_apps import BODY_LIMIT, ask, bare_app, served
 
@@ -154,7 +155,10 @@ def _check(response: Any, status: int) -> dict[str, Any]:
     document: dict[str, Any] = response.json()
     problems.Problem.model_validate(document)
     assert document["status"] == status
-    assert document["type"] == "about:blank"
+    if document["title"] == "No solution":
+        assert document["type"] == "urn:syncplan:no-solution"
+    else:
+        assert (document["type"], document["title"]) == ("about:blank", title_of(status))
     assert document["request_id"] == response.headers["x-request-id"] != ""
     assert SECRET not in response.text
     return document
@@ -164,6 +168,11 @@ def _check(response: Any, status: int) -> dict[str, Any]:
 def test_each_exception_is_answered_with_its_status(client: TestClient, name: str) -> None:
     document = _check(client.get(f"/v1/raise/{name}"), RAISED[name][1])
     assert document["instance"] == f"/v1/raise/{name}"
+
+
+def test_a_request_that_nothing_fulfils_is_told_from_a_bad_one(client: TestClient) -> None:
+    assert client.get("/v1/raise/solution").json()["title"] == "No solution"
+    assert client.get("/v1/raise/input").json()["title"] == "Unprocessable Content"
 
 
 def test_bad_input_names_path_and_message(client: TestClient) -> None:
@@ -180,6 +189,12 @@ def test_every_fault_of_bad_input_is_listed(client: TestClient) -> None:
         {"path": "sensor.range_m", "value": -5, "message": "must be greater than 0"},
         {"path": "name", "value": "x", "message": "no"},
     ]
+
+
+def test_of_many_faults_the_first_ones_are_listed() -> None:
+    error = _listing()
+    vars(error)["faults"] *= 100
+    assert len(failure_of(error).errors) == 50
 
 
 def test_too_much_work_names_the_limit_it_breaks(client: TestClient) -> None:
@@ -279,7 +294,14 @@ def test_a_chunked_body_beyond_the_limit_is_a_413_problem(port: int, path: str) 
     answer = ask(port, "POST", path, body=iter([b"x" * 400] * 3), headers=header)
     assert answer.status == 413
     assert answer.headers["content-type"] == "application/problem+json"
-    assert json.loads(answer.body)["request_id"] == "too-large"
+    document = json.loads(answer.body)
+    assert document["request_id"] == "too-large"
+    assert document["detail"] == "the body is larger than 1000 bytes"
+
+
+def test_a_length_too_long_to_be_read_is_beyond_the_limit(client: TestClient) -> None:
+    length = {"content-length": "9" * 5000}
+    _check(client.post("/v1/raw", content=b"x", headers=length), 413)
 
 
 def test_a_body_of_just_the_limit_is_read(port: int) -> None:

@@ -5,11 +5,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from sqlalchemy import Connection, insert, select, update
+from sqlalchemy import Connection, create_engine, insert, select, update
 from sqlalchemy.exc import OperationalError
 
 from api.computing.tasks import Cut, PlanText
-from api.storage import executors, jobs
+from api.storage import executors, jobs, parts, work
 from api.storage.answers import (
     Answer,
     AnswerTakenError,
@@ -95,16 +95,16 @@ def test_pages_of_plans_hold_each_once_newest_first(connection: Connection) -> N
 
 def test_a_job_goes_from_queued_over_its_parts_to_one_end(connection: Connection) -> None:
     job_id = job(connection)
-    assert jobs.start_job(connection, job_id)
-    assert jobs.cut_job(connection, job_id, CUTS) == 2
-    assert jobs.next_part(connection, job_id, 1) == (jobs.spec_of(connection, job_id), CUTS[1])
-    assert jobs.note_progress(connection, job_id, 5, 0)
-    jobs.keep_part(connection, job_id, 1, b"late")
-    jobs.keep_part(connection, job_id, 0, b"soon")
-    assert jobs.finished_parts(connection, job_id) == [(CUTS[0], b"soon"), (CUTS[1], b"late")]
+    assert work.start_job(connection, job_id)
+    assert parts.cut_job(connection, job_id, CUTS) == 2
+    assert parts.next_part(connection, job_id, 1) == (work.spec_of(connection, job_id), CUTS[1])
+    assert parts.note_progress(connection, job_id, 5, 0)
+    parts.keep_part(connection, job_id, 1, b"late")
+    parts.keep_part(connection, job_id, 0, b"soon")
+    assert parts.finished_parts(connection, job_id) == [(CUTS[0], b"soon"), (CUTS[1], b"late")]
     assert jobs.end_job(connection, job_id, "succeeded", report="report", trials=b"npz")
-    assert jobs.result_of(connection, job_id) == "report"
-    assert jobs.trials_of(connection, job_id) == b"npz"
+    assert work.report_of(connection, job_id) == "report"
+    assert work.trials_of(connection, job_id) == b"npz"
     assert states(connection, job_id) == [
         (1, "queued", 0),
         (2, "running", 0),
@@ -118,36 +118,36 @@ def test_a_job_goes_from_queued_over_its_parts_to_one_end(connection: Connection
 
 def test_an_ended_job_changes_no_more(connection: Connection) -> None:
     job_id = job(connection)
-    jobs.start_job(connection, job_id)
-    jobs.cut_job(connection, job_id, CUTS)
+    work.start_job(connection, job_id)
+    parts.cut_job(connection, job_id, CUTS)
     assert jobs.end_job(connection, job_id, "cancelled")
     before = states(connection, job_id)
     assert not jobs.end_job(connection, job_id, "succeeded", report="late")
-    assert not jobs.start_job(connection, job_id)
-    assert not jobs.note_progress(connection, job_id, 9)
-    jobs.keep_part(connection, job_id, 0, b"late")
-    assert jobs.next_part(connection, job_id, 0) is None
-    assert jobs.result_of(connection, job_id) is None
+    assert not work.start_job(connection, job_id)
+    assert not parts.note_progress(connection, job_id, 9)
+    parts.keep_part(connection, job_id, 0, b"late")
+    assert parts.next_part(connection, job_id, 0) is None
+    assert work.report_of(connection, job_id) is None
     assert states(connection, job_id) == before
 
 
 def test_a_step_that_runs_again_changes_nothing(connection: Connection) -> None:
     job_id = job(connection)
-    assert jobs.start_job(connection, job_id)
-    assert jobs.start_job(connection, job_id)
-    jobs.cut_job(connection, job_id, CUTS)
-    assert jobs.cut_job(connection, job_id, [Cut(0, 0, 40)]) == 2
-    jobs.keep_part(connection, job_id, 0, b"first")
-    jobs.keep_part(connection, job_id, 0, b"second")
-    assert jobs.finished_parts(connection, job_id)[0] == (CUTS[0], b"first")
-    assert jobs.next_part(connection, job_id, 0) is None
+    assert work.start_job(connection, job_id)
+    assert work.start_job(connection, job_id)
+    parts.cut_job(connection, job_id, CUTS)
+    assert parts.cut_job(connection, job_id, [Cut(0, 0, 40)]) == 2
+    parts.keep_part(connection, job_id, 0, b"first")
+    parts.keep_part(connection, job_id, 0, b"second")
+    assert parts.finished_parts(connection, job_id)[0] == (CUTS[0], b"first")
+    assert parts.next_part(connection, job_id, 0) is None
     assert states(connection, job_id)[-1] == (3, "running", 32)
 
 
 def test_progress_never_goes_back_nor_past_the_whole(connection: Connection) -> None:
     job_id = job(connection)
     for done in (30, 10, 99):
-        jobs.note_progress(connection, job_id, done)
+        parts.note_progress(connection, job_id, done)
     assert [done for _, _, done in states(connection, job_id)] == [0, 30, 40]
 
 
@@ -168,7 +168,7 @@ def test_jobs_that_ended_long_ago_are_deleted_with_all_that_hangs_on_them(
     assert jobs.delete_ended(connection, moment(-60.0)) == [old]
     assert jobs.find_job(connection, "ann", old) is None
     assert jobs.events_after(connection, old, 0) == []
-    assert jobs.result_of(connection, old) is None
+    assert work.report_of(connection, old) is None
     assert jobs.find_job(connection, "ann", running) is not None
 
 
@@ -293,3 +293,16 @@ def test_two_writers_take_turns(database: Database) -> None:
             assert executors.living(other) == {}
     with database.reading() as other:
         assert executors.living(other) == {"one": 0}
+
+
+def test_a_full_disk_counts_as_a_lost_connection_whoever_writes(tmp_path: Path) -> None:
+    # DBOS, with an engine of its own, waits for connections that are lost and for nothing else
+    engine = create_engine(f"sqlite:///{tmp_path / 'other.db'}")
+    with engine.connect() as connection:
+        connection.exec_driver_sql("CREATE TABLE things (thing TEXT)")
+        connection.exec_driver_sql("PRAGMA max_page_count = 3")
+        with pytest.raises(OperationalError, match="database or disk is full") as caught:
+            connection.exec_driver_sql("INSERT INTO things VALUES (hex(zeroblob(100000)))")
+    engine.dispose()
+    assert caught.value.connection_invalidated
+    assert unavailable(caught.value)

@@ -10,6 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+import syncplan
+from syncplan.validation_report import validation_document
+
 ROOT = Path(__file__).parents[1]
 FOUND = sorted(
     path.stem for path in (ROOT / "examples").glob("*.py") if not path.stem.startswith("_")
@@ -63,6 +66,15 @@ PINS: dict[str, Callable[[Any], bool]] = {
         and len(plan.links) == 6
         and plan.prediction.rms.max() < 0.8
     ),
+    "service_client": lambda cure: (
+        _observable_and_certified(cure.after.plan)
+        and abs(cure.before.predicted.max() - 4.03) < 0.01
+        and abs(cure.before.accuracy.late_position.max() - 4.27) < 0.01
+        and cure.after.predicted.max() < 2.0
+        and cure.after.accuracy.late_position.max() < 2.0
+        and _as_the_library_flies(cure.before)
+        and _as_the_library_flies(cure.after)
+    ),
     "landmark_sites_chosen": lambda choice: (
         [choice.names[k] for k in choice.chosen] == ["inner0", "inner1"]
         and choice.proven
@@ -73,6 +85,13 @@ PINS: dict[str, Callable[[Any], bool]] = {
 
 def _observable_and_certified(plan: Any) -> bool:
     return bool(plan.observable and plan.certificate.holds)
+
+
+def _as_the_library_flies(report: Any) -> bool:
+    """Whether the library comes to the same document for the same plan and seed."""
+    result = report.result
+    here = syncplan.validate(report.plan, trials=result.trials, seed=result.seed)
+    return validation_document(here) == validation_document(report)
 
 
 def _falls_and_compares(rows: Any) -> bool:
@@ -113,7 +132,6 @@ def test_examples_print_when_run(name: str) -> None:
 
 def test_the_bound_is_reached_where_the_filter_is_nearly_linear() -> None:
     """Bearing sigma 0.01 rad, initial sigma 0.5 m: within 10 % of the bound, and consistent."""
-    import syncplan
     from syncplan.loading import scenario_from
     from tests.scenarios import example
 

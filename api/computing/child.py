@@ -94,9 +94,9 @@ def _as_error(kind: str, problem: str, key: str, faults: list[tuple[str, str, st
     return NoSolutionError(problem) if kind == "no solution" else TaskFailedError(problem)
 
 
-def serve(descriptor: int, parent: int) -> None:
+def serve(descriptor: int) -> None:
     """Work off tasks until the parent goes: what the process runs."""
-    connection = connect_to_parent(descriptor, parent)
+    connection = connect_to_parent(descriptor)
     background = connection.recv()
     if background:
         os.nice(_POLITE)

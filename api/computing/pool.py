@@ -11,18 +11,22 @@ import contextlib
 import threading
 from collections import deque
 from collections.abc import Callable
-from concurrent.futures import CancelledError, Future
+from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import Any
 
 from api.computing.child import Child, ChildGoneError, TooSlowError
 
-__all__ = ["Pool", "PoolFullError", "Ticket"]
+__all__ = ["GivenUpError", "Pool", "PoolFullError", "Ticket"]
 
 LARGEST_GROWTH_BYTES = 48 * 2**20
 """A child that has grown by more than this since its first task is replaced."""
 
 _RETRIES = 1
+
+
+class GivenUpError(Exception):
+    """The task was cancelled, or the pool closed, before there was a result."""
 
 
 class PoolFullError(Exception):
@@ -100,7 +104,7 @@ class Pool:
         return self.submit(task, *arguments, timeout_s=timeout_s).future.result()
 
     def close(self) -> None:
-        """Kill all processes; tasks that wait or run raise CancelledError."""
+        """Kill all processes; tasks that wait or run are given up."""
         with self._changed:
             self._closed = True
             waiting = list(self._waiting)
@@ -108,7 +112,7 @@ class Pool:
             running = list(self._running.values())
             self._changed.notify_all()
         for ticket in waiting:
-            ticket.future.set_exception(CancelledError())
+            ticket.future.set_exception(GivenUpError())
         for ticket in running:
             ticket.cancel()
         for thread in self._threads:
@@ -138,7 +142,7 @@ class Pool:
             ticket.child = child
             try:
                 if ticket.cancelled.is_set():
-                    raise CancelledError
+                    raise GivenUpError
                 value = child.call(
                     ticket.task,
                     *ticket.arguments,
@@ -149,7 +153,7 @@ class Pool:
                 child.end()
                 child = Child(background=self._background)
                 if ticket.cancelled.is_set():
-                    ticket.future.set_exception(CancelledError())
+                    ticket.future.set_exception(GivenUpError())
                 elif isinstance(error, TooSlowError) or attempt == _RETRIES:
                     ticket.future.set_exception(error)
                 else:

@@ -1,20 +1,23 @@
 """Heartbeats, and what is done about processes without one.
 
 Every process raises its count in the database every few seconds and watches the counts of the
-others with its own clock: a count that has not changed for a while belongs to a dead process. A
-watcher that could not read for a time, because the database was away, begins to watch anew, so
-that an outage makes nobody dead. Workflows begun by a process that is not on the list go back to
-their queues.
+others: a count that has not changed for a while belongs to a dead process. A watcher that could not
+look for a time, because the database was away or held by somebody, or because it was frozen itself,
+counts no more of that time than one heartbeat, since the others could do no better; so an outage
+makes nobody dead. Workflows begun by a process that is not on the list go back to their queues, and
+so do those that this process has begun and is no longer at, because a fault ended them without a
+trace in the database.
 """
 
 import logging
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 from dbos import DBOSClient
 
+from api.jobs.queue import APPLICATION
 from api.storage import executors, jobs
 from api.storage.answers import forget_answers
 from api.storage.database import Database
@@ -36,6 +39,7 @@ class Guard:
     Parameters
     ----------
     executor_id : of this process; None for one that runs no jobs and only looks after others
+    at_work : the workflows that this process is at, as they come and go
     heartbeat_s, dead_after_s : between heartbeats; without one until a process is dead
     keep_jobs_s, keep_answers_s : how long ended jobs and given answers are kept
     """
@@ -46,6 +50,7 @@ class Guard:
         client: DBOSClient,
         executor_id: str | None,
         *,
+        at_work: Collection[str] = (),
         heartbeat_s: float,
         dead_after_s: float,
         keep_jobs_s: float,
@@ -55,13 +60,16 @@ class Guard:
         self._database = database
         self._client = client
         self._executor_id = executor_id
+        self._at_work = at_work
         self._heartbeat_s = heartbeat_s
         self._dead_after_s = dead_after_s
         self._keep_jobs_s = keep_jobs_s
         self._keep_answers_s = keep_answers_s
         self._clock = clock
         self._seen: dict[str, tuple[int, float]] = {}
-        self._swept = clock()
+        self._looked = self._swept = clock()
+        self._watched_s = 0.0
+        self._dropped: set[str] = set()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True, name="guard")
 
@@ -87,8 +95,6 @@ class Guard:
             try:
                 self.look_after()
             except Exception as error:
-                # seen anew once the database is back
-                self._seen.clear()
                 _logger.warning("no heartbeat: %s", error)
 
     def look_after(self) -> None:
@@ -106,30 +112,45 @@ class Guard:
             self._sweep()
 
     def _dead(self, living: dict[str, int]) -> dict[str, int]:
+        """Who has been silent for too long; this process itself has just raised its count."""
         now = self._clock()
+        self._watched_s += min(now - self._looked, self._heartbeat_s)
+        self._looked = now
         self._seen = {
             name: self._seen[name]
             if name in self._seen and self._seen[name][0] == beats
-            else (beats, now)
+            else (beats, self._watched_s)
             for name, beats in living.items()
         }
         return {
             name: beats
             for name, (beats, since) in self._seen.items()
-            if now - since >= self._dead_after_s and name != self._executor_id
+            if self._watched_s - since >= self._dead_after_s
         }
 
     def _resume_orphans(self) -> None:
-        """Put back what processes not on the list had begun."""
-        begun = self._client.list_workflows(status="PENDING", load_input=False, load_output=False)
+        """Put back what nobody is at: what processes not on the list had begun, or this one."""
+        # of this application: others may keep theirs in the same database
+        begun = self._client.list_workflows(
+            status="PENDING",
+            application_name=APPLICATION,
+            load_input=False,
+            load_output=False,
+        )
         with self._database.reading() as connection:
             living = executors.living(connection)
         orphans: dict[str | None, list[str]] = defaultdict(list)
+        dropped = set()
         for workflow in begun:
-            if workflow.executor_id not in living:
-                orphans[workflow.queue_name].append(workflow.workflow_id)
+            name = workflow.workflow_id
+            if workflow.executor_id == self._executor_id and name not in self._at_work:
+                dropped.add(name)
+            # at the first look it may be about to begin, or about to end
+            if workflow.executor_id not in living or name in dropped & self._dropped:
+                orphans[workflow.queue_name].append(name)
+        self._dropped = dropped
         for queue_name, identifiers in orphans.items():
-            _logger.warning("taking up %d workflows of dead processes", len(identifiers))
+            _logger.warning("taking up %d workflows that nobody is at", len(identifiers))
             self._client.resume_workflows(identifiers, queue_name=queue_name)
 
     def _fail_lost(self) -> None:

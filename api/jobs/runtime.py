@@ -1,5 +1,7 @@
 """What the workflows of this process work with."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from threading import Event
 
@@ -16,13 +18,24 @@ class Runtime:
 
     Attributes
     ----------
+    at_work : the workflows that this process is at; one begun anew while it ran is there twice
     closing : set once the process is about to end, so that nothing killed then counts as failed
     """
 
     settings: Settings
     database: Database
     pool: Pool
+    at_work: list[str] = field(default_factory=list)
     closing: Event = field(default_factory=Event)
+
+    @contextmanager
+    def at(self, workflow_id: str) -> Iterator[None]:
+        """Be at a workflow until the block ends."""
+        self.at_work.append(workflow_id)
+        try:
+            yield
+        finally:
+            self.at_work.remove(workflow_id)
 
 
 _in_use: list[Runtime] = []

@@ -4,6 +4,7 @@ import logging
 import os
 import secrets
 import socket
+from collections.abc import Collection
 
 from dbos import DBOS, DBOSConfig
 
@@ -35,7 +36,9 @@ class Worker:
         self._runtime = Runtime(settings, database, self.pool)
         runtime.use(self._runtime)
         self._queue = JobQueue(settings.database)
-        self._guard = guard_of(settings, database, self._queue, self.executor_id)
+        self._guard = guard_of(
+            settings, database, self._queue, self.executor_id, self._runtime.at_work
+        )
         with database.writing() as connection:
             executors.beat(connection, self.executor_id)
         DBOS(config=_config(settings, self.executor_id))
@@ -62,13 +65,18 @@ class Worker:
 
 
 def guard_of(
-    settings: Settings, database: Database, queue: JobQueue, executor_id: str | None
+    settings: Settings,
+    database: Database,
+    queue: JobQueue,
+    executor_id: str | None,
+    at_work: Collection[str] = (),
 ) -> Guard:
     """Return the guard of this process, not yet started."""
     return Guard(
         database,
         queue.client,
         executor_id,
+        at_work=at_work,
         heartbeat_s=settings.heartbeat_s,
         dead_after_s=settings.dead_after_s,
         keep_jobs_s=settings.keep_jobs_s,

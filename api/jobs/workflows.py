@@ -11,19 +11,18 @@ a step that finds its job ended does nothing.
 import asyncio
 import logging
 from collections.abc import Callable
-from concurrent.futures import CancelledError
 from typing import Any, TypeVar
 
 from dbos import DBOS, SetWorkflowID
 from sqlalchemy import Connection
 
 from api.computing.child import ChildGoneError, TaskFailedError
-from api.computing.pool import Ticket
+from api.computing.pool import GivenUpError, Ticket
 from api.computing.tasks import Cut, PlanText
 from api.jobs.cuts import cuts_of
 from api.jobs.queue import JOB_WORKFLOW
 from api.jobs.runtime import current
-from api.storage import jobs
+from api.storage import jobs, parts, work
 from api.storage.database import patiently, unavailable
 from api.storage.plans import add_plan
 from api.storage.tables import new_id
@@ -49,12 +48,15 @@ def part_id(job_id: str, number: int) -> str:
 @DBOS.workflow(name=JOB_WORKFLOW, max_recovery_attempts=1000)
 async def run_job(job_id: str) -> None:
     """Do a job."""
-    kind = await _start(job_id)
-    if kind is None:
-        return
-    if kind == "refinement":
-        await _refine(job_id)
-        return
+    with current().at(job_id):
+        kind = await _start(job_id)
+        if kind == "refinement":
+            await _refine(job_id)
+        elif kind is not None:
+            await _run_trials(job_id)
+
+
+async def _run_trials(job_id: str) -> None:
     handles = []
     for number in range(await _cut(job_id)):
         with SetWorkflowID(part_id(job_id, number)):
@@ -67,7 +69,8 @@ async def run_job(job_id: str) -> None:
 @DBOS.workflow(name="syncplan-part", max_recovery_attempts=1000)
 async def run_part(job_id: str, number: int) -> None:
     """Do a part of a job's trials."""
-    await _fly(job_id, number)
+    with current().at(part_id(job_id, number)):
+        await _fly(job_id, number)
 
 
 # --- steps --------------------------------------------------------------------------------------
@@ -76,9 +79,9 @@ async def run_part(job_id: str, number: int) -> None:
 @DBOS.step(name="start")
 async def _start(job_id: str) -> str | None:
     def start(connection: Connection) -> str | None:
-        if not jobs.start_job(connection, job_id):
+        if not work.start_job(connection, job_id):
             return None
-        spec = jobs.spec_of(connection, job_id)
+        spec = work.spec_of(connection, job_id)
         return None if spec is None else spec.kind
 
     return await _in_transaction(start)
@@ -88,33 +91,33 @@ async def _start(job_id: str) -> str | None:
 async def _cut(job_id: str) -> int:
     """Return the number of parts, or 0 where the job has ended."""
     runtime = current()
-    spec = await _in_transaction(lambda connection: jobs.spec_of(connection, job_id))
+    spec = await _in_transaction(lambda connection: work.spec_of(connection, job_id))
     if spec is None:
         return 0
     runs = await _computed(job_id, runtime.pool.submit("measured_run", spec))
     if runs is None:
         return 0
     cuts: list[Cut] = cuts_of(runs, runtime.settings.batch_s, runtime.settings.process_count)
-    return await _in_transaction(lambda connection: jobs.cut_job(connection, job_id, cuts))
+    return await _in_transaction(lambda connection: parts.cut_job(connection, job_id, cuts))
 
 
 @DBOS.step(name="fly")
 async def _fly(job_id: str, number: int) -> None:
-    found = await _in_transaction(lambda connection: jobs.next_part(connection, job_id, number))
+    found = await _in_transaction(lambda connection: parts.next_part(connection, job_id, number))
     if found is None:
         return
     latest = _Latest()
     ticket = current().pool.submit("flown_part", *found, progress=latest.take)
     data = await _computed(job_id, ticket, latest, number)
     if data is not None:
-        await _in_transaction(lambda connection: jobs.keep_part(connection, job_id, number, data))
+        await _in_transaction(lambda connection: parts.keep_part(connection, job_id, number, data))
 
 
 @DBOS.step(name="conclude")
 async def _conclude(job_id: str) -> None:
     def gather(connection: Connection) -> Any:
-        spec = jobs.spec_of(connection, job_id)
-        return None if spec is None else (spec, jobs.finished_parts(connection, job_id))
+        spec = work.spec_of(connection, job_id)
+        return None if spec is None else (spec, parts.finished_parts(connection, job_id))
 
     gathered = await _in_transaction(gather)
     if gathered is None:
@@ -132,7 +135,7 @@ async def _conclude(job_id: str) -> None:
 @DBOS.step(name="refine")
 async def _refine(job_id: str) -> None:
     runtime = current()
-    spec = await _in_transaction(lambda connection: jobs.spec_of(connection, job_id))
+    spec = await _in_transaction(lambda connection: work.spec_of(connection, job_id))
     if spec is None:
         return
     latest = _Latest()
@@ -147,7 +150,7 @@ def _keep_refined(connection: Connection, job_id: str, made: PlanText) -> None:
     """End the job and store its plan, both or neither."""
     plan_id = new_id()
     if jobs.end_job(connection, job_id, "succeeded", plan_id=plan_id):
-        owner, parent_id = jobs.owner_and_plan(connection, job_id)
+        owner, parent_id = work.owner_and_plan(connection, job_id)
         add_plan(connection, owner, made, plan_id=plan_id, parent_id=parent_id)
 
 
@@ -180,7 +183,7 @@ async def _computed(
             ticket.cancel()
     try:
         return future.result()
-    except (CancelledError, asyncio.CancelledError):
+    except GivenUpError:
         await _stay_if_closing()
         return None
     except InputError as error:
@@ -211,7 +214,7 @@ async def _goes_on(job_id: str, done: int, number: int | None) -> bool:
 
     def note() -> bool:
         with current().database.writing() as connection:
-            return jobs.note_progress(connection, job_id, done, number)
+            return parts.note_progress(connection, job_id, done, number)
 
     try:
         return await asyncio.to_thread(note)

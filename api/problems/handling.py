@@ -21,6 +21,9 @@ from api.problems.table import TABLE, Failure, Logged, failure_of
 
 __all__ = ["install_handlers"]
 
+_MOST_DIGITS = 18
+"""Digits of a length beyond any limit, and short enough to be read."""
+
 _log = logging.getLogger("api.problems")
 
 
@@ -72,7 +75,9 @@ class Guard:
 
     def _check_announced(self, scope: Scope) -> None:
         length = Headers(scope=scope).get("content-length", "")
-        if self.limit is not None and length.isdecimal() and int(length) > self.limit:
+        if self.limit is None or not length.isdecimal():
+            return
+        if len(length) > _MOST_DIGITS or int(length) > self.limit:
             raise self._too_large(self.limit)
 
     def _limited(self, receive: Receive) -> Receive:
@@ -119,7 +124,8 @@ def _response(request: Request, failure: Failure) -> Response:
     if failure.status == 405:
         headers = {**headers, "Allow": ", ".join(_methods(request))}
     problem = Problem(
-        title=title_of(failure.status),
+        type=failure.type,
+        title=failure.title or title_of(failure.status),
         status=failure.status,
         detail=printable(failure.detail),
         instance=quote(request.url.path),

@@ -22,6 +22,9 @@ MOST_ERRORS = 50
 """Most faults that are listed of one request."""
 
 INTERNAL = "the service failed on this request; its log tells why, under this request id"
+NO_SOLUTION = "urn:syncplan:no-solution"
+"""The type of problem that is not the request's form: nothing fulfils what it asks for."""
+
 NO_DATABASE = "the database can't be used just now; try again"
 NO_MEMORY = "there is no memory left for this request just now; try again"
 SENTENCES = {
@@ -45,13 +48,15 @@ class Logged(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """What to answer with, and what to log."""
+    """What to answer with, and what to log; without a title the problem is its status alone."""
 
     status: int
     detail: str
     headers: dict[str, str] = field(default_factory=dict)
     errors: tuple[FaultEntry, ...] = ()
     logged: Logged = Logged.NOTHING
+    type: str = "about:blank"
+    title: str = ""
 
 
 def _deliberate(error: ServiceError) -> Failure:
@@ -71,7 +76,7 @@ def _input(error: InputError) -> Failure:
 
 
 def _no_solution(error: NoSolutionError) -> Failure:
-    return Failure(422, str(error))
+    return Failure(422, str(error), type=NO_SOLUTION, title="No solution")
 
 
 def _on_purpose(error: SyncplanError) -> Failure:

@@ -15,8 +15,8 @@ from api.negotiation import accepts
 from api.problems import Conflict, NotFound, TooManyRequests, problem_responses
 from api.routes.plans import Identifier, find_or_refuse
 from api.security import CurrentOwner
-from api.service import CurrentService, Service
-from api.storage import jobs
+from api.service import CurrentEnding, CurrentService, Service
+from api.storage import jobs, work
 from api.storage.answers import Answer
 from api.storage.database import unavailable
 from api.storage.jobs import JobRow, State
@@ -137,19 +137,23 @@ def read_job(row: Owned) -> Job:
 async def follow_job(
     row: Owned,
     service: CurrentService,
+    ending: CurrentEnding,
     last_event_id: Annotated[
         str,
         Header(alias="Last-Event-ID", pattern="^[0-9]{1,9}$", description="Go on after this event"),
     ] = "0",
 ) -> AsyncIterator[ServerSentEvent]:
-    """Every change of a job as a server-sent event; the stream ends when the job has ended."""
+    """Every change of a job as a server-sent event; the stream ends when the job has ended.
+
+    It also ends with the server; Last-Event-ID goes on where it ended.
+    """
 
     def changes(after: int) -> list[tuple[int, str]]:
         with service.database.reading() as connection:
             return jobs.events_after(connection, row.id, after)
 
     told, ended = int(last_event_id), False
-    while not ended:
+    while not ended and not ending.is_set():
         try:
             # the state first: all that led to it is among the events then
             now = await run_in_threadpool(_state, service, row.id)
@@ -218,7 +222,7 @@ def read_result(row: Owned, service: CurrentService, owner: CurrentOwner) -> Res
         headers = {"content-location": f"/v1/plans/{plan.id}", "etag": f'"{plan.etag}"'}
         return Response(body_of(plan), headers=headers, media_type="application/json")
     with service.database.reading() as connection:
-        report = jobs.result_of(connection, row.id)
+        report = work.report_of(connection, row.id)
     if report is None:
         raise NotFound(f"the result of job {row.id} was deleted")
     return Response(report, media_type="application/json")
@@ -240,7 +244,7 @@ def read_trials(row: Owned, service: CurrentService) -> Response:
     if row.state != "succeeded" or row.kind != "validation":
         raise Conflict(f"the job is a {row.kind}, {row.state}; validations that succeeded have one")
     with service.database.reading() as connection:
-        trials = jobs.trials_of(connection, row.id)
+        trials = work.trials_of(connection, row.id)
     if trials is None:
         raise NotFound(f"the result of job {row.id} was deleted")
     return Response(trials, media_type="application/octet-stream")
@@ -248,17 +252,19 @@ def read_trials(row: Owned, service: CurrentService) -> Response:
 
 async def _hand_in(call: Call, kind: jobs.Kind, plan_id: str | None) -> Response:
     service = call.service
-    text = None
-    if plan_id is not None:
-        text = (await run_in_threadpool(find_or_refuse, service, call.owner, plan_id)).text
 
-    async def compute() -> tuple[str, int]:
-        checked: tuple[str, int] = await computed(
+    async def compute() -> tuple[str, int, str | None]:
+        # here, so that a request that was answered is answered again though its plan is gone
+        text = None
+        if plan_id is not None:
+            text = (await run_in_threadpool(find_or_refuse, service, call.owner, plan_id)).text
+        request, amount = await computed(
             service, "checked_request", kind, call.body, call.syntax, service.limits, text
         )
-        return checked
+        return request, amount, text
 
-    def store(connection: Connection, checked: tuple[str, int]) -> Answer:
+    def store(connection: Connection, checked: tuple[str, int, str | None]) -> Answer:
+        request, amount, text = checked
         waiting = len(jobs.unfinished(connection, call.owner))
         if waiting >= service.settings.max_queued_jobs:
             raise TooManyRequests(
@@ -266,7 +272,7 @@ async def _hand_in(call: Call, kind: jobs.Kind, plan_id: str | None) -> Response
                 "wait for one to end, or cancel one",
                 retry_after_s=_RETRY_AFTER_S,
             )
-        row = jobs.add_job(connection, call.owner, kind, *checked, plan_id, text)
+        row = jobs.add_job(connection, call.owner, kind, request, amount, plan_id, text)
         service.queue.enqueue(connection, row.id)
         headers = {"location": f"/v1/jobs/{row.id}"}
         return Answer(call.digest, 202, headers, job_answer(row).model_dump_json())

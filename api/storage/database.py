@@ -1,13 +1,14 @@
 """The database: connections, transactions, the file of SQLite, waiting out an outage."""
 
 import logging
+import sqlite3
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
-from sqlalchemy import Connection, Engine, create_engine, event, make_url, text
+from sqlalchemy import Connection, Engine, ExceptionContext, create_engine, event, make_url, text
 from sqlalchemy.exc import DBAPIError, OperationalError, SQLAlchemyError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
@@ -25,6 +26,7 @@ BUSY_S = 10
 _CONNECT_S = 3
 _UPGRADE_LOCK = 0x73796E63
 _LONGEST_WAIT_S = 2.0
+_NO_DISK = {sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CANTOPEN}
 
 _logger = logging.getLogger("syncplan.storage")
 
@@ -70,7 +72,9 @@ def open_database(url: str) -> Database:
     shown = parsed.render_as_string(hide_password=True)
     try:
         if parsed.get_backend_name() == "sqlite":
-            Path(parsed.database or "").parent.mkdir(parents=True, exist_ok=True)
+            folder = Path(parsed.database or "").parent
+            # what it holds is for nobody else on this machine
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         database = Database(_engine(url, parsed.get_backend_name() == "sqlite"))
         with database.writing() as connection:
             if not database.is_sqlite:
@@ -106,6 +110,18 @@ def _engine(url: str, sqlite: bool) -> Engine:
         connection.execute("PRAGMA foreign_keys=ON")
 
     return engine
+
+
+@event.listens_for(Engine, "handle_error")
+def _count_as_away(context: ExceptionContext) -> None:
+    """Let a disk that is full, or fails, count as a connection lost, also where DBOS writes.
+
+    DBOS waits for a connection to come back; any other error of the database ends its workflow.
+    """
+    code = getattr(context.original_exception, "sqlite_errorcode", 0)
+    if code & 0xFF in _NO_DISK:
+        context.is_disconnect = True
+        context.invalidate_pool_on_disconnect = False
 
 
 def unavailable(error: BaseException) -> bool:

@@ -254,9 +254,9 @@ def _run_in_children(
         return [done[start] for start in sorted(done)], interrupted.is_set()
 
 
-def serve_tasks(descriptor: int, parent: int) -> None:
+def serve_tasks(descriptor: int) -> None:
     """Work off tasks until the parent goes: what a child process runs."""
-    connection = connect_to_parent(descriptor, parent)
+    connection = connect_to_parent(descriptor)
     task: RefineTask = connection.recv()
     solver = StagedSolver(task.problem)
     orders: queue.Queue[tuple[int, float]] = queue.Queue()

@@ -1,0 +1,48 @@
+"""The application served on a socket until a signal ends it, those who follow jobs let go first."""
+
+import contextlib
+import signal
+import socket
+from types import FrameType
+
+import uvicorn
+from fastapi import FastAPI
+
+from api.protocol import HttpProtocol
+from api.service import Ending
+
+__all__ = ["serve_until_told"]
+
+_GRACE_S = 5
+
+
+class _Server(uvicorn.Server):
+    """A server that tells streams of its end: on their own they would outlast its patience."""
+
+    def __init__(self, config: uvicorn.Config, ending: Ending) -> None:
+        super().__init__(config)
+        self._ending = ending
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """Begin to end."""
+        self._ending.set()
+        super().handle_exit(sig, frame)
+
+
+def serve_until_told(app: FastAPI, listening: socket.socket) -> bool:
+    """Serve an application until SIGTERM or Ctrl-C; return whether it could start."""
+    config = uvicorn.Config(
+        app,
+        log_config=None,
+        access_log=False,
+        server_header=False,
+        http=HttpProtocol,
+        ws="none",
+        timeout_graceful_shutdown=_GRACE_S,
+    )
+    server = _Server(config, app.state.ending)
+    # uvicorn takes signals over, ends in good order and then raises them again: that is no failure
+    signal.signal(signal.SIGTERM, lambda number, frame: server.handle_exit(number, frame))
+    with contextlib.suppress(KeyboardInterrupt, SystemExit):
+        server.run(sockets=[listening])
+    return server.started

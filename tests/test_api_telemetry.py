@@ -1,0 +1,78 @@
+"""Telemetry: off by default, on where the settings ask for it and its packages are there."""
+
+import importlib.util
+from typing import Any
+
+import pytest
+from fastapi import FastAPI
+from fastapi.testclient import TestClient
+from opentelemetry import metrics, trace
+
+from api.settings import load_settings
+from api.telemetry import EXPORTERS, telemetry_options
+from syncplan.errors import InputError
+
+
+class Told(Exception):  # noqa: N818
+    """A request reached the telemetry."""
+
+
+class Tracers(trace.TracerProvider):
+    """A provider that tells when it is asked."""
+
+    def get_tracer(self, *_: Any, **__: Any) -> trace.Tracer:
+        raise Told
+
+
+def _client(app: FastAPI, path: str) -> TestClient:
+    @app.get(path)
+    def nothing() -> None: ...
+
+    return TestClient(app)
+
+
+def _find(*missing: str) -> Any:
+    def find_spec(name: str) -> object:
+        if name in missing:
+            raise ModuleNotFoundError(name)
+        return object()
+
+    return find_spec
+
+
+def test_telemetry_is_off_by_default(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FASTAPI_OTEL_AUTO_CONFIGURE", "true")
+    options = telemetry_options(load_settings())
+    assert not any(options.values())
+    app = FastAPI(telemetry={**options, "tracer_provider": Tracers()})
+    assert _client(app, "/v1").get("/v1").status_code == 200
+
+
+@pytest.mark.parametrize("missing", [EXPORTERS[:1], EXPORTERS[1:], EXPORTERS])
+def test_a_missing_exporter_is_told_with_its_remedy(
+    monkeypatch: pytest.MonkeyPatch, missing: tuple[str, ...]
+) -> None:
+    monkeypatch.setattr(importlib.util, "find_spec", _find(*missing))
+    with pytest.raises(InputError) as caught:
+        telemetry_options(load_settings(telemetry=True))
+    text = str(caught.value)
+    assert text.startswith("SYNCPLAN_TELEMETRY: needs ")
+    assert all((name in text) == (name in missing) for name in EXPORTERS)
+    assert "pip install 'fastapi[opentelemetry]'" in text
+    assert "\n" not in text
+
+
+def test_telemetry_sees_requests_but_no_probes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(importlib.util, "find_spec", _find())
+    options = telemetry_options(load_settings(telemetry=True))
+    assert options["auto_configure"]
+    app = FastAPI(
+        telemetry={
+            **options,
+            "tracer_provider": Tracers(),
+            "meter_provider": metrics.NoOpMeterProvider(),
+        }
+    )
+    assert _client(app, "/healthz").get("/healthz").status_code == 200
+    with pytest.raises(Told):
+        _client(app, "/v1").get("/v1")
