@@ -76,7 +76,7 @@ def _weight(medium: str, ranges: dict[str, float]) -> float:
 
 
 def body_kind(request: Request) -> Literal["json", "yaml"]:
-    """Return how the body of a request is written, by its Content-Type; a dependency too.
+    """Return how the body of a request is written, by its Content-Type.
 
     Raises the problem 415 for anything but JSON and YAML in UTF-8. An empty body needs no type.
     """
