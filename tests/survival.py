@@ -278,7 +278,7 @@ class Site:
                 left[:] = client.list_workflows(status=["PENDING", "ENQUEUED"])
                 return not left
 
-            wait_until(nothing, 15.0, lambda: f"{left}\n{self.logs()}")
+            wait_until(nothing, 60.0, lambda: f"{left}\n{self.logs()}")
 
     @contextlib.contextmanager
     def _dbos(self) -> Iterator[DBOSClient]:

@@ -242,6 +242,8 @@ def test_a_cancelled_job_stops_within_two_seconds_and_stays_cancelled(tmp_path: 
         assert site.ask("POST", f"/v1/jobs/{first}/cancel").json()["state"] == "cancelled"
         wait_until(lambda: not computing & at_work(site, worker), 2.0, site.logs)
         site.see_ended_once(first, "cancelled")
+        # what is left of a cancelled job holds up nobody
+        site.wait_for(site.hand_in(validation(10, 0)), "succeeded", seconds=30.0)
         third = site.ask("POST", path, json=body).json()["id"]
         busy(site, worker, 2)
         with ThreadPoolExecutor() as pool:

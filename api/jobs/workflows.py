@@ -11,7 +11,7 @@ a step that finds its job ended does nothing.
 import asyncio
 import logging
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 from dbos import DBOS, SetEnqueueOptions, SetWorkflowID
 from sqlalchemy import Connection
@@ -34,14 +34,15 @@ PARTS_QUEUE = "syncplan-parts"
 
 _LOOK_EVERY_S = 0.5
 _RESULT_EVERY_S = 0.25
+_BATCH = 1000
 
 _logger = logging.getLogger("syncplan.jobs")
 
 T = TypeVar("T")
 
 
-def part_id(job_id: str, number: int) -> str:
-    """Return the identifier of the workflow of a part."""
+def part_id(job_id: str, number: int | Literal[""]) -> str:
+    """Return the identifier of the workflow of a part; without a number, what all begin with."""
     return f"{job_id}-{number}"
 
 
@@ -64,15 +65,17 @@ async def _run_trials(job_id: str) -> None:
         with SetWorkflowID(part_id(job_id, number)), turn:
             handles.append(await DBOS.enqueue_workflow_async(PARTS_QUEUE, run_part, job_id, number))
     for handle in handles:
-        await handle.get_result(polling_interval_sec=_RESULT_EVERY_S)
+        if not await handle.get_result(polling_interval_sec=_RESULT_EVERY_S):
+            await _drop_parts(job_id)
+            return
     await _conclude(job_id)
 
 
 @DBOS.workflow(name="syncplan-part", max_recovery_attempts=1000)
-async def run_part(job_id: str, number: int) -> None:
-    """Do a part of a job's trials."""
+async def run_part(job_id: str, number: int) -> bool:
+    """Do a part of a job's trials; return whether the job goes on."""
     with current().at(part_id(job_id, number)):
-        await _fly(job_id, number)
+        return await _fly(job_id, number)
 
 
 # --- steps --------------------------------------------------------------------------------------
@@ -104,15 +107,34 @@ async def _cut(job_id: str) -> int:
 
 
 @DBOS.step(name="fly")
-async def _fly(job_id: str, number: int) -> None:
-    found = await _in_transaction(lambda connection: parts.next_part(connection, job_id, number))
+async def _fly(job_id: str, number: int) -> bool:
+    def begin(connection: Connection) -> tuple[Any, bool]:
+        goes_on = work.spec_of(connection, job_id) is not None
+        return parts.next_part(connection, job_id, number), goes_on
+
+    found, goes_on = await _in_transaction(begin)
     if found is None:
-        return
+        return goes_on
     latest = _Latest()
     ticket = current().pool.submit("flown_part", *found, progress=latest.take)
     data = await _computed(job_id, ticket, latest, number)
     if data is not None:
         await _in_transaction(lambda connection: parts.keep_part(connection, job_id, number, data))
+    return data is not None
+
+
+@DBOS.step(name="drop")
+async def _drop_parts(job_id: str) -> None:
+    """Take parts out of the queue, where they would hold up those of other jobs for nothing."""
+    waiting = await DBOS.list_workflows_async(
+        workflow_id_prefix=part_id(job_id, ""),
+        status="ENQUEUED",
+        load_input=False,
+        load_output=False,
+    )
+    for first in range(0, len(waiting), _BATCH):
+        dropped = [one.workflow_id for one in waiting[first : first + _BATCH]]
+        await DBOS.cancel_workflows_async(dropped)
 
 
 @DBOS.step(name="conclude")
