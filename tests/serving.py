@@ -75,7 +75,7 @@ class Postgres:
         self._port = free_port()
         self.url = f"postgresql://syncplan@127.0.0.1:{self._port}/postgres"
         folder.mkdir(parents=True, exist_ok=True)
-        self._as_user = _unprivileged(folder)
+        self._user = _unprivileged(folder)
         self._run("initdb", "--auth=trust", "--username=syncplan", "--no-sync", "-D", self._data)
         self.start()
 
@@ -96,14 +96,20 @@ class Postgres:
     def folder_for(self, folder: Path) -> Path:
         """Make a folder that PostgreSQL may write to, and return it."""
         folder.mkdir()
-        if self._as_user:
+        if self._user:
             shutil.chown(folder, "postgres")
         return folder
 
     def _run(self, program: str, *arguments: str) -> None:
-        command = [*self._as_user, str(self._programs / program), *arguments]
         subprocess.run(
-            command, check=True, cwd=self._folder, stdout=subprocess.DEVNULL, timeout=60.0
+            [str(self._programs / program), *arguments],
+            check=True,
+            cwd=self._folder,
+            stdout=subprocess.DEVNULL,
+            timeout=60.0,
+            user=self._user,
+            group=self._user,
+            extra_groups=None if self._user is None else [],
         )
 
 
@@ -116,16 +122,16 @@ def _postgres_programs() -> Path:
     return places[-1].parent
 
 
-def _unprivileged(folder: Path) -> list[str]:
-    """How to run as somebody else where this is root, whom PostgreSQL refuses."""
+def _unprivileged(folder: Path) -> str | None:
+    """Whom to run it as where this is root, whom PostgreSQL refuses."""
     if os.geteuid() != 0:
-        return []
+        return None
     shutil.chown(folder, "postgres")
     for parent in folder.parents:
         mode = parent.stat().st_mode
         if parent.owner() == "root" and not mode & 0o001 and parent != Path("/"):
             parent.chmod(mode | 0o011)
-    return ["runuser", "-u", "postgres", "--"]
+    return "postgres"
 
 
 def free_port() -> int:

@@ -187,6 +187,16 @@ class Site:
         """Return the answer to a request, whatever its status."""
         return httpx2.request(method, f"{self.url}{path}", timeout=30.0, **options)
 
+    def ask_until_up(self, path: str) -> httpx2.Response:
+        """Return the answer to a GET, asked again while the server is down."""
+        deadline = time.monotonic() + 60.0
+        while True:
+            try:
+                return self.ask("GET", path)
+            except httpx2.TransportError:
+                assert time.monotonic() < deadline, self.logs()
+                time.sleep(0.05)
+
     def hand_in_plan(self, of: Literal["grid", "pair"] = "grid") -> str:
         """Hand in a plan and return its identifier."""
         if of == "grid":

@@ -143,7 +143,7 @@ def test_a_client_that_asks_again_gets_each_plan_and_job_once(
                 for number in count():
                     made = client.plan(example("paper-grid-same"))
                     job = client.validate(made, trials=10, seed=seed)
-                    site.plans[made.id] = site.ask("GET", f"/v1/plans/{made.id}").text
+                    site.plans[made.id] = site.ask_until_up(f"/v1/plans/{made.id}").text
                     site.jobs[job.id] = validation(10, seed)
                     if over.is_set():
                         return number + 1
