@@ -5,7 +5,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from api.storage.jobs import JobRow
+from api.storage.jobs import JobRow, State
 from syncplan.document import PlanDocument, ValidationDocument
 
 __all__ = [
@@ -21,8 +21,6 @@ __all__ = [
 
 _ID = "019a2b3c-4d5e-7f60-8123-456789abcdef"
 _TIME = "2026-05-01T09:00:00.000000Z"
-
-State = Literal["queued", "running", "succeeded", "failed", "cancelled"]
 
 
 class _Answer(BaseModel):
@@ -78,7 +76,9 @@ class Job(_Answer):
     kind: Literal["refinement", "validation", "sweep"]
     state: State
     progress: Progress
-    request: dict[str, Any] = Field(description="What was asked, defaults filled in")
+    request: dict[str, Any] | None = Field(
+        description="What was asked, defaults filled in; null in lists"
+    )
     plan_id: str | None = Field(description="The plan it is about; null for a sweep")
     created_at: str = Field(description="RFC 3339, UTC", examples=[_TIME])
     started_at: str | None
@@ -133,7 +133,7 @@ def job_answer(row: JobRow) -> Job:
         kind=row.kind,
         state=row.state,
         progress=Progress(done=row.done, total=row.total),
-        request=json.loads(row.request),
+        request=None if row.request is None else json.loads(row.request),
         plan_id=row.plan_id,
         created_at=row.created_at,
         started_at=row.started_at,

@@ -2,6 +2,7 @@
 
 import asyncio
 import hashlib
+import logging
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal, TypeVar
@@ -21,6 +22,8 @@ from api.storage.answers import Answer, AnswerTakenError, find_answer, keep_answ
 __all__ = ["Call", "CurrentCall", "EmptyCall", "answer_once", "computed"]
 
 T = TypeVar("T")
+
+_logger = logging.getLogger("syncplan.calls")
 
 IdempotencyKey = Annotated[
     str | None,
@@ -139,5 +142,9 @@ async def computed(service: Service, task: str, *arguments: Any) -> Any:
         raise TooMuchWork(
             f"takes longer than the {limit:g} s a request may; ask for fewer vehicles or samples"
         ) from None
-    except ChildGoneError:
-        raise TooMuchWork("needs more memory than there is; ask for fewer vehicles") from None
+    except ChildGoneError as error:
+        _logger.error("the process computing %s ended, twice: %s", task, error)
+        raise TooMuchWork(
+            "can't be computed: the process at it ended, most likely for want of memory; ask for "
+            "fewer vehicles or samples"
+        ) from None

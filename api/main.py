@@ -1,7 +1,7 @@
 """The application: settings in, routes on, workers and database opened and closed around it."""
 
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import ExitStack, asynccontextmanager
 
 from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
@@ -30,6 +30,9 @@ initial poses and phases at once, refinement and Monte Carlo as jobs that surviv
 
 def create_app(settings: Settings | None = None) -> FastAPI:
     """Return the application, which opens its database and starts its processes when it is started.
+
+    Where it listens is the business of whoever serves it: `syncplan serve` refuses to let others in
+    without keys, another ASGI server does not.
 
     Settings come from the environment where none are given. Raises InputError.
     """
@@ -99,11 +102,10 @@ class _Running:
         return self.pool.busy + (0 if self.worker is None else self.worker.pool.busy)
 
     def close(self) -> None:
-        """End everything, the processes first."""
-        self.pool.close()
-        if self.worker is not None:
-            self.worker.close()
-        if self.guard is not None:
-            self.guard.close()
-        self.queue.close()
-        self.database.close()
+        """End everything, the processes first, each whatever happens to the others."""
+        with ExitStack() as last_first:
+            last_first.callback(self.database.close)
+            last_first.callback(self.queue.close)
+            for one in (self.guard, self.worker, self.pool):
+                if one is not None:
+                    last_first.callback(one.close)

@@ -1,7 +1,7 @@
 """What a client accepts and what it sends: 406 and 415 where the service can't serve that."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from typing import Literal
 
 from fastapi import Request
@@ -20,14 +20,14 @@ _UTF8 = {"utf-8", "utf8", "us-ascii"}
 _BODIES = "application/json or application/yaml, in UTF-8"
 
 
-def accepts(*media: str) -> Callable[[Request], str]:
+def accepts(*media: str) -> Callable[[Request], Awaitable[str]]:
     """Return a dependency: which of `media` the client likes best, the first one if all the same.
 
     It raises the problem 406 where the Accept header excludes them all; a header that can't be
     read accepts everything (RFC 9110, section 12.5.1).
     """
 
-    def chosen(request: Request) -> str:
+    async def chosen(request: Request) -> str:
         ranges = _ranges(",".join(request.headers.getlist("accept")))
         best = max(media, key=lambda medium: _weight(medium, ranges))
         if _weight(best, ranges) > 0.0:
@@ -76,7 +76,7 @@ def _weight(medium: str, ranges: dict[str, float]) -> float:
 
 
 def body_kind(request: Request) -> Literal["json", "yaml"]:
-    """Return how the body of a request is written, by its Content-Type; a dependency too.
+    """Return how the body of a request is written, by its Content-Type.
 
     Raises the problem 415 for anything but JSON and YAML in UTF-8. An empty body needs no type.
     """

@@ -26,15 +26,14 @@ from api.operations import (
     Body,
 )
 from api.problems import problem_responses
+from api.problems.openapi import REFERENCE
 from api.settings import Settings
 
 __all__ = ["document_operations", "operations"]
 
-REFERENCE = "#/components/schemas/{model}"
 _JSON, _YAML, _EVENTS = "application/json", "application/yaml", "text/event-stream"
 
 Tree = dict[str, Any]
-
 
 _DONE = {"200", "201", "202", "204"}
 

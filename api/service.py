@@ -46,7 +46,7 @@ def limits_of(settings: Settings) -> Limits:
     )
 
 
-def _service(request: Request) -> Service:
+async def _service(request: Request) -> Service:
     service: Service = request.app.state.service
     return service
 
@@ -54,7 +54,7 @@ def _service(request: Request) -> Service:
 CurrentService = Annotated[Service, Depends(_service)]
 
 
-def _ending(request: Request) -> Ending:
+async def _ending(request: Request) -> Ending:
     ending: Ending = request.app.state.ending
     return ending
 

@@ -45,7 +45,7 @@ class Settings(BaseSettings):
     )
     data_dir: Path = Field(
         default_factory=lambda: _data_home() / "syncplan",
-        description="folder of the embedded database and of what jobs leave on disk",
+        description="folder of the embedded database",
     )
     database_url: str | None = Field(
         default=None,

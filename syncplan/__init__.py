@@ -49,7 +49,7 @@ Modules, each using only those before it
     validation, sweeps                        a plan flown, many plans compared
     document, *_report                        contracts
     planfile, output                          files
-    client                                    the same, computed by a service
+    remote, client                            the same, computed by a service
     streams, tables, arguments,               the command line
     plan_commands, run_commands,
     service_commands, cli

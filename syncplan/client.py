@@ -9,45 +9,25 @@ Every POST carries an Idempotency-Key, so that a request whose answer was lost i
 doing anything twice.
 """
 
-import importlib.util
-import json
-import random
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import Any, Literal, Self
 from urllib.parse import quote
-from uuid import uuid4
 
-from syncplan.errors import Fault, InputError, NoSolutionError, SyncplanError
+from syncplan.errors import InputError
 from syncplan.loading import scenario_from
 from syncplan.parts import unpack
 from syncplan.planfile import loaded_from, plan_of
 from syncplan.planner import Plan
+from syncplan.remote import Remote, RemoteError, error_of, values_of
 from syncplan.scenario import Scenario
 from syncplan.validation import Validation, conclude, trial_run
 
-if TYPE_CHECKING:
-    from httpx2 import Response
+__all__ = ["Client", "Job", "StoredPlan"]
 
-__all__ = ["Client", "Job", "RemoteError", "StoredPlan"]
-
-_AGAIN = {429, 502, 503, 504}
-_LONGEST_WAIT_S = 5.0
-_CONNECT_S = 10.0
 _LOOK_AT_FIRST_S, _LOOK_AT_LAST_S = 0.1, 1.0
-
-
-class RemoteError(SyncplanError):
-    """The service can't be reached, or refused for a reason that is not the request's.
-
-    `status` is the HTTP status; None where there was no answer.
-    """
-
-    def __init__(self, message: str, status: int | None = None) -> None:
-        super().__init__(message)
-        self.status = status
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,6 +55,7 @@ class Job:
     ----------
     done, total : how far it is, in trials; a refinement in starts
     document : all that the service says of it
+    plan : what it is about, where the client was given that
     """
 
     id: str
@@ -83,6 +64,7 @@ class Job:
     done: int
     total: int
     document: Mapping[str, Any] = field(repr=False, compare=False)
+    plan: StoredPlan | None = field(default=None, repr=False, compare=False)
 
     @property
     def ended(self) -> bool:
@@ -109,30 +91,7 @@ class Client:
         timeout_s: float = 60.0,
         patience_s: float = 60.0,
     ) -> None:
-        if importlib.util.find_spec("httpx2") is None:
-            raise InputError(
-                "needs httpx2; install the extra: pip install 'syncplan[client]'",
-                source="the client",
-            )
-        import httpx2
-
-        headers = {"accept": "application/json"}
-        if api_key is not None:
-            if not (api_key.isascii() and api_key.isprintable()):
-                raise InputError("must be printable ASCII characters", key="api_key")
-            headers["authorization"] = f"Bearer {api_key}"
-        timeout = httpx2.Timeout(timeout_s, connect=min(timeout_s, _CONNECT_S))
-        try:
-            self._http = httpx2.Client(base_url=url, headers=headers, timeout=timeout)
-            address = self._http.base_url
-        except (httpx2.InvalidURL, TypeError, ValueError) as error:
-            raise InputError(f"{url!r}: {error}", key="url") from None
-        if address.scheme not in ("http", "https") or not address.host:
-            raise InputError(
-                f"{url!r}: must begin with http:// or https:// and name a host", key="url"
-            )
-        self._url = url
-        self._patience_s = patience_s
+        self._remote = Remote(url, api_key, timeout_s, patience_s)
 
     def __enter__(self) -> Self:
         return self
@@ -147,7 +106,7 @@ class Client:
 
     def close(self) -> None:
         """Close the connection."""
-        self._http.close()
+        self._remote.close()
 
     # --- plans ---
 
@@ -155,21 +114,23 @@ class Client:
         """Return the plan of a scenario, kept by the service; see syncplan.plan."""
         body = _as_document(scenario)
         parameters = {"steady": "true"} if steady else None
-        return _stored_plan(_values(self._post("/v1/plans", body, parameters)))
+        return _stored_plan(values_of(self._remote.send("POST", "/v1/plans", body, parameters)))
 
     def stored(self, plan_id: str) -> StoredPlan:
         """Return a plan that the service keeps."""
-        return _stored_plan(_values(self._send("GET", f"/v1/plans/{_id(plan_id)}")))
+        return _stored_plan(values_of(self._remote.send("GET", f"/v1/plans/{_id(plan_id)}")))
 
     def delete(self, plan: StoredPlan | str) -> None:
         """Delete a plan that the service keeps."""
-        self._send("DELETE", f"/v1/plans/{_id(plan)}")
+        self._remote.send("DELETE", f"/v1/plans/{_id(plan)}")
 
     # --- jobs ---
 
     def refine(self, plan: StoredPlan | str, **options: Any) -> Job:
         """Begin to refine a plan; options as syncplan.refine takes them. See wait."""
-        return _job(_values(self._post(f"/v1/plans/{_id(plan)}/refinements", options)))
+        return _job(
+            values_of(self._remote.send("POST", f"/v1/plans/{_id(plan)}/refinements", options))
+        )
 
     def validate(
         self,
@@ -194,20 +155,22 @@ class Client:
             "series": with_series,
         }
         given = {key: value for key, value in options.items() if value is not None}
-        return _job(_values(self._post(f"/v1/plans/{_id(plan)}/validations", given)))
+        answer = self._remote.send("POST", f"/v1/plans/{_id(plan)}/validations", given)
+        job = _job(values_of(answer))
+        return replace(job, plan=plan) if isinstance(plan, StoredPlan) else job
 
     def sweep(self, scenario: Scenario | Mapping[str, Any], **options: Any) -> Job:
         """Begin a sweep; options are the keys of the service's request, such as range_m."""
         body = {"scenario": _as_document(scenario), **options}
-        return _job(_values(self._post("/v1/sweeps", body)))
+        return _job(values_of(self._remote.send("POST", "/v1/sweeps", body)))
 
     def job(self, job_id: str) -> Job:
         """Return a job as it is now."""
-        return _job(_values(self._send("GET", f"/v1/jobs/{_id(job_id)}")))
+        return _job(values_of(self._remote.send("GET", f"/v1/jobs/{_id(job_id)}")))
 
     def cancel(self, job: Job | str) -> Job:
         """Stop a job; raises RemoteError where it has ended in another way."""
-        return _job(_values(self._post(f"/v1/jobs/{_id(job)}/cancel", None)))
+        return _job(values_of(self._remote.send("POST", f"/v1/jobs/{_id(job)}/cancel", None)))
 
     def wait(
         self,
@@ -230,29 +193,29 @@ class Client:
                 progress(now)
                 told = now
             if now.ended:
-                return self._result(now)
+                return self._result(now, job.plan if isinstance(job, Job) else None)
             if timeout_s is not None and time.monotonic() - began + pause > timeout_s:
                 raise RemoteError(f"job {now.id} is {now.state} after {timeout_s:g} s; it goes on")
             time.sleep(pause)
             pause = min(1.5 * pause, _LOOK_AT_LAST_S)
 
-    def _result(self, job: Job) -> Any:
+    def _result(self, job: Job, plan: StoredPlan | None) -> Any:
         if job.state == "failed":
             failure = job.document["error"]
-            raise _as_error(failure, f"job {job.id} failed: {failure['detail']}", None)
+            raise error_of(failure, f"job {job.id} failed: {failure['detail']}", None)
         if job.state == "cancelled":
             raise RemoteError(f"job {job.id} was cancelled")
         if job.kind == "validation":
-            return self._validation(job)
-        answer = self._send("GET", f"/v1/jobs/{job.id}/result")
+            return self._validation(job, plan)
+        answer = self._remote.send("GET", f"/v1/jobs/{job.id}/result")
         if job.kind == "sweep":
-            return _values(answer, "rows")
-        return _stored_plan(_values(answer))
+            return values_of(answer, "rows")
+        return _stored_plan(values_of(answer))
 
-    def _validation(self, job: Job) -> Validation:
+    def _validation(self, job: Job, plan: StoredPlan | None) -> Validation:
         asked = job.document["request"]
         run = trial_run(
-            self.stored(job.document["plan_id"]),
+            self.stored(job.document["plan_id"]) if plan is None else plan,
             trials=asked["trials"],
             seed=asked["seed"],
             duration=asked.get("duration_s"),
@@ -261,57 +224,10 @@ class Client:
             gate_probability=asked.get("gate_probability"),
             with_series=asked["series"],
         )
-        trials = self._send("GET", f"/v1/jobs/{job.id}/trials", accept="application/octet-stream")
+        trials = self._remote.send(
+            "GET", f"/v1/jobs/{job.id}/trials", accept="application/octet-stream"
+        )
         return conclude(run, [unpack(trials.content)])
-
-    # --- requests ---
-
-    def _post(
-        self, path: str, body: Mapping[str, Any] | None, parameters: dict[str, str] | None = None
-    ) -> "Response":
-        return self._send("POST", path, body, parameters)
-
-    def _send(
-        self,
-        method: str,
-        path: str,
-        body: Mapping[str, Any] | None = None,
-        parameters: dict[str, str] | None = None,
-        accept: str | None = None,
-    ) -> "Response":
-        """The answer to a request, repeated while the service is away or busy."""
-        import httpx2
-
-        headers = {} if accept is None else {"accept": accept}
-        if method == "POST":
-            headers["idempotency-key"] = str(uuid4())
-        content = None
-        if body is not None:
-            headers["content-type"] = "application/json"
-            try:
-                content = json.dumps(body, allow_nan=False).encode()
-            except (TypeError, ValueError) as error:
-                raise InputError(f"can't be sent as JSON: {error}", key="options") from None
-        began, pause = time.monotonic(), 0.2
-        while True:
-            answer, fault, asked = None, "", 0.0
-            try:
-                answer = self._http.request(
-                    method, path, content=content, params=parameters, headers=headers
-                )
-            except httpx2.RequestError as error:
-                fault = f"{self._url}: {error or type(error).__name__}"
-            if answer is not None and answer.status_code not in _AGAIN:
-                return _checked(answer)
-            if answer is not None:
-                asked = _seconds(answer.headers.get("retry-after"))
-            wait = max(pause * (0.5 + random.random()), asked)
-            if time.monotonic() - began + wait > self._patience_s:
-                if answer is not None:
-                    return _checked(answer)
-                raise RemoteError(f"can't be reached: {fault}")
-            time.sleep(wait)
-            pause = min(2.0 * pause, _LONGEST_WAIT_S)
 
 
 def _as_document(scenario: Scenario | Mapping[str, Any]) -> dict[str, Any]:
@@ -329,17 +245,6 @@ def _id(item: StoredPlan | Job | str) -> str:
             key="plan",
         )
     return item.id
-
-
-def _values(answer: "Response", key: str = "id") -> dict[str, Any]:
-    """The JSON object of an answer, which has a key; raises RemoteError where there is none."""
-    try:
-        values = answer.json()
-    except ValueError:
-        values = None
-    if not isinstance(values, dict) or key not in values:
-        raise RemoteError(f"{answer.url}: answers, but not as syncplan's service does")
-    return values
 
 
 def _stored_plan(document: Mapping[str, Any]) -> StoredPlan:
@@ -364,38 +269,3 @@ def _job(document: Mapping[str, Any]) -> Job:
         total=progress["total"],
         document=document,
     )
-
-
-def _checked(answer: "Response") -> "Response":
-    """The answer, if it is not a problem; raises what the problem means."""
-    if answer.is_success:
-        return answer
-    try:
-        problem = answer.json()
-        detail = str(problem["detail"])
-    except (ValueError, KeyError, TypeError):
-        problem, detail = {}, answer.text[:200]
-    raise _as_error(problem, f"{answer.status_code}: {detail}", answer.status_code)
-
-
-def _as_error(problem: Mapping[str, Any], message: str, status: int | None) -> SyncplanError:
-    errors = problem.get("errors") or []
-    if errors:
-        faults = tuple(
-            Fault(one["path"], one["message"], str(one.get("value", ""))) for one in errors
-        )
-        first, more = faults[0], len(faults) - 1
-        told = first.problem if more == 0 else f"{first.problem} (and {more} more)"
-        return InputError(
-            f"{first.value}: {told}" if first.value else told, key=first.key, faults=faults
-        )
-    if problem.get("title") == "No solution":
-        return NoSolutionError(message)
-    return RemoteError(message, status)
-
-
-def _seconds(text: str | None) -> float:
-    try:
-        return float(text or 0.0)
-    except ValueError:
-        return 0.0

@@ -2,10 +2,11 @@
 
 import importlib.util
 import logging
+import os
 import signal
 import socket
 import threading
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 
@@ -41,7 +42,7 @@ def _serve(
             show_default=False,
         ),
     ] = None,
-) -> int:
+) -> NoReturn:
     """Serve plans, refinements and validations over HTTP; settings from SYNCPLAN_* variables."""
     _require_extra()
     from api.logs import configure_logs
@@ -62,7 +63,7 @@ def _serve(
     with _listening(settings.host, settings.port) as listening:
         if not serve_until_told(app, listening):
             raise SyncplanError("the service could not start; its log says why")
-    return 0
+    _leave()
 
 
 def _listening(host: str, port: int) -> socket.socket:
@@ -85,7 +86,7 @@ def _listening(host: str, port: int) -> socket.socket:
     name="worker",
     epilog="Example: SYNCPLAN_DATABASE_URL=postgresql://syncplan@db/syncplan syncplan worker",
 )
-def _worker() -> int:
+def _worker() -> NoReturn:
     """Work on the jobs of a service, beside it or on another machine, until told to stop."""
     _require_extra()
     from api.jobs.worker import Worker
@@ -103,7 +104,13 @@ def _worker() -> int:
     stop.wait()
     worker.close()
     database.close()
-    return 0
+    _leave()
+
+
+def _leave() -> NoReturn:
+    """End this process at once, all in order: threads may wait for a database that is away."""
+    logging.shutdown()
+    os._exit(0)
 
 
 def _require_extra() -> None:

@@ -297,6 +297,10 @@ class Site:
             path = page["next"]
         return number
 
+    def log_lines(self) -> list[str]:
+        """Return what all processes have logged."""
+        return [line for one in self.folder.glob("*.log") for line in one.read_text().splitlines()]
+
     def logs(self) -> str:
         """Return the ends of the logs, for a failure's message."""
         return "\n".join(

@@ -221,3 +221,23 @@ def test_old_jobs_and_answers_are_swept_with_their_workflows_and_no_others(bench
     assert bench.workflow(waiting) == ("ENQUEUED", JOBS_QUEUE)
     with bench.database.reading() as connection:
         assert find_answer(connection, "ann", "key") is None
+
+
+def test_a_sweep_that_is_cut_short_is_made_up_for_by_the_next(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    old = bench.job()
+    bench.set_workflow(old, "SUCCESS")
+    bench.end(old)
+    bench.guard = bench.another("own", keep_s=-60.0)
+
+    def killed(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(bench.client, "delete_workflows", killed)
+        with pytest.raises(KeyboardInterrupt):
+            bench.look(10)
+    bench.look(10)
+    assert bench.state(old) is None
+    assert bench.workflow(old) is None

@@ -233,3 +233,52 @@ def test_parts_of_a_long_run_take_about_what_they_should() -> None:
 def test_a_short_run_is_cut_for_all_processes_and_a_shorter_one_is_not_cut() -> None:
     assert len(cuts_of([(2000, 0.002)], 7.0, 2)) == 2
     assert len(cuts_of([(200, 0.002)], 7.0, 2)) == 1
+
+
+def test_a_pool_outlives_a_system_without_room_for_a_process(
+    made: PlanText, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begin = Child.__init__
+    refused: list[int] = []
+
+    def refuse_twice(self: Child, *, background: bool) -> None:
+        if len(refused) < 2:
+            refused.append(1)
+            raise OSError(12, "Cannot allocate memory")
+        begin(self, background=background)
+
+    monkeypatch.setattr(Child, "__init__", refuse_twice)
+    pool = Pool(1, background=False)
+    assert pool.call("made_plan", GRID, "yaml", LIMITS, False) == made
+    assert len(refused) == 2
+    pool.close()
+
+
+def test_a_caller_who_went_away_harms_nobody(pool: Pool, made: PlanText) -> None:
+    first = long_flight(pool, made)
+    waiting = pool.submit("made_plan", GRID, "yaml", LIMITS, False)
+    assert waiting.future.cancel()
+    first.cancel()
+    first.future.exception(timeout=5.0)
+    assert pool.call("made_plan", GRID, "yaml", LIMITS, False) == made
+
+
+def test_a_pool_closes_though_a_caller_went_away(made: PlanText) -> None:
+    pool = Pool(1, background=True)
+    pool.call("made_plan", GRID, "yaml", LIMITS, False)
+    running = long_flight(pool, made)
+    waiting = [pool.submit("made_plan", GRID, "yaml", LIMITS, False) for _ in range(2)]
+    waiting[0].future.cancel()
+    pool.close()
+    for ticket in (running, waiting[1]):
+        with pytest.raises(GivenUpError):
+            ticket.future.result(timeout=5.0)
+
+
+def test_a_task_that_waited_too_long_for_its_turn_is_refused(pool: Pool, made: PlanText) -> None:
+    first = long_flight(pool, made)
+    waiting = pool.submit("made_plan", GRID, "yaml", LIMITS, False, timeout_s=0.2)
+    time.sleep(0.4)
+    first.cancel()
+    with pytest.raises(PoolFullError):
+        waiting.future.result(timeout=5.0)

@@ -76,11 +76,12 @@ def test_a_head_without_end_is_a_431_problem(port: int) -> None:
     assert _problem(_said(port, head, b"X: ", *[b"x" * 1000] * 500))["status"] == 431
 
 
-def test_a_large_body_is_no_large_head(port: int) -> None:
+def test_large_bodies_and_many_requests_are_no_large_head(port: int) -> None:
     body = b" " * 900 + b'{"a": 1}'
     head = b"POST / HTTP/1.1\r\n" + HOST + b"Content-Type: application/json\r\n"
+    head += b"X: " + b"x" * 900 + b"\r\n"
     one = head + b"Content-Length: %d\r\n\r\n" % len(body)
-    many = (one, body) * (2 * LARGEST_HEAD_BYTES // len(body))
+    many = (one, body) * (4 * LARGEST_HEAD_BYTES // len(body))
     assert _said(port, *many).count(b"HTTP/1.1 200 OK") == len(many) // 2
 
 

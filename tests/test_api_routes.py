@@ -350,7 +350,9 @@ def test_jobs_are_listed_by_state(idle: Server) -> None:
         assert ([one["id"] for one in page["items"]], page["next"]) == ([made[2]], None)
         listed = dan.get("/v1/jobs").json()["items"]
         assert [one["id"] for one in listed] == made
-        assert listed[1] == dan.get(f"/v1/jobs/{made[1]}").json()
+        read = dan.get(f"/v1/jobs/{made[1]}").json()
+        assert read["request"]["trials"] == 200
+        assert listed[1] == {**read, "request": None}
         assert dan.get("/v1/jobs?state=running").json() == {"items": [], "next": None}
         problem(dan.get("/v1/jobs?state=lost"), 422)
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from sqlalchemy import Connection, create_engine, insert, select, update
-from sqlalchemy.exc import OperationalError
+from sqlalchemy.exc import IntegrityError, OperationalError
 
 from api.computing.tasks import Cut, PlanText
 from api.storage import executors, jobs, parts, work
@@ -18,7 +18,9 @@ from api.storage.answers import (
     keep_answer,
 )
 from api.storage.database import Database, open_database, patiently, unavailable
+from api.storage.events import MOST_EVENTS, events_after
 from api.storage.migrations import MIGRATIONS
+from api.storage.old_jobs import delete_jobs, ended_before
 from api.storage.plans import add_plan, body_of, delete_plan, find_plan, list_plans
 from api.storage.tables import executors as executor_rows
 from api.storage.tables import job_parts, moment, new_id, schema_version
@@ -48,9 +50,7 @@ def job(connection: Connection, owner: str = "ann", work: int = 40) -> str:
 
 def states(connection: Connection, job_id: str) -> list[tuple[int, str, int]]:
     """Number, state and progress of all events of a job."""
-    found = [
-        (number, json.loads(data)) for number, data in jobs.events_after(connection, job_id, 0)
-    ]
+    found = [(number, json.loads(data)) for number, data in events_after(connection, job_id, 0)]
     return [(number, told["state"], told["progress"]["done"]) for number, told in found]
 
 
@@ -164,10 +164,12 @@ def test_jobs_that_ended_long_ago_are_deleted_with_all_that_hangs_on_them(
 ) -> None:
     old, running = job(connection), job(connection)
     jobs.end_job(connection, old, "succeeded", report="report")
-    assert jobs.delete_ended(connection, moment(60.0)) == []
-    assert jobs.delete_ended(connection, moment(-60.0)) == [old]
+    assert ended_before(connection, moment(60.0), 10) == []
+    assert ended_before(connection, moment(-60.0), 10) == [old]
+    assert ended_before(connection, moment(-60.0), 0) == []
+    delete_jobs(connection, [old])
     assert jobs.find_job(connection, "ann", old) is None
-    assert jobs.events_after(connection, old, 0) == []
+    assert events_after(connection, old, 0) == []
     assert work.report_of(connection, old) is None
     assert jobs.find_job(connection, "ann", running) is not None
 
@@ -306,3 +308,46 @@ def test_a_full_disk_counts_as_a_lost_connection_whoever_writes(tmp_path: Path) 
     engine.dispose()
     assert caught.value.connection_invalidated
     assert unavailable(caught.value)
+
+
+def test_no_parts_are_entered_for_a_job_that_has_ended(connection: Connection) -> None:
+    job_id = job(connection)
+    jobs.end_job(connection, job_id, "cancelled")
+    assert parts.cut_job(connection, job_id, CUTS) == 0
+    assert connection.execute(select(job_parts)).all() == []
+
+
+def test_a_mistake_in_a_statement_is_not_taken_for_an_outage(database: Database) -> None:
+    def ask() -> None:
+        with database.reading() as connection:
+            connection.exec_driver_sql("SELECT 1 FROM nowhere")
+
+    with pytest.raises(OperationalError, match="no such table"):
+        patiently(ask)
+
+
+def test_what_is_stored_stays_out_of_errors(connection: Connection) -> None:
+    row = add_plan(connection, "ann", MADE)
+    with pytest.raises(IntegrityError) as caught:
+        add_plan(connection, "secret owner", MADE, plan_id=row.id)
+    assert "secret owner" not in str(caught.value)
+
+
+def test_a_password_among_the_parameters_stays_out_of_errors() -> None:
+    with pytest.raises(InputError) as caught:
+        open_database("postgresql+psycopg://127.0.0.1:9/db?password=secretword")
+    assert "secretword" not in str(caught.value)
+
+
+def test_the_file_of_the_database_is_its_owners_alone(tmp_path: Path) -> None:
+    open_database(f"sqlite:///{tmp_path / 'syncplan.db'}").close()
+    assert (tmp_path / "syncplan.db").stat().st_mode & 0o077 == 0
+
+
+def test_events_are_read_some_hundreds_at_a_time(connection: Connection) -> None:
+    job_id = job(connection, work=MOST_EVENTS + 100)
+    for done in range(1, MOST_EVENTS + 50):
+        parts.note_progress(connection, job_id, done)
+    first = events_after(connection, job_id, 0)
+    then = events_after(connection, job_id, first[-1][0])
+    assert [number for number, _ in first + then] == list(range(1, MOST_EVENTS + 51))

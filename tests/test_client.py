@@ -15,9 +15,10 @@ import numpy as np
 import pytest
 
 import syncplan
-from syncplan.client import Client, Job, RemoteError, StoredPlan
+from syncplan.client import Client, Job, StoredPlan
 from syncplan.output import as_text
 from syncplan.plan_report import plan_document
+from syncplan.remote import RemoteError
 from syncplan.sweeps import sweep
 from syncplan.validation_report import sweep_document, validation_document
 from tests.scenarios import document, example, small
@@ -426,9 +427,11 @@ def test_a_post_whose_answer_is_lost_is_done_once(server: Server, stored: Stored
         assert now - known == {job.id}
         assert stands.seen[0] == stands.seen[1]
 
+        # the first of the two deletes it: that it is gone then is no failure
         stands.turns[:] = [cut_off]
+        client.delete(plan)
+        assert http.get(f"/v1/plans/{plan.id}").status_code == 404
         with pytest.raises(RemoteError, match="404"):
-            # the first of the two deleted it: there is no key for a DELETE
             client.delete(plan)
 
 
@@ -513,3 +516,18 @@ def test_a_path_before_the_services_own_is_kept(server: Server) -> None:
     ):
         client.job("any")
     assert stands.seen[0][1] == "/planner/v1/jobs/any"
+
+
+def test_a_validation_outlives_the_plan_it_is_about(client: Client) -> None:
+    plan = client.plan(example("paper-grid-same"))
+    job = client.validate(plan, trials=16, seed=1)
+    client.delete(plan)
+    assert client.wait(job).result.trials == 16
+
+
+def test_the_name_and_password_of_an_address_stay_out_of_errors() -> None:
+    client = Client("http://somebody:secretword@127.0.0.1:9", patience_s=0.0)
+    with pytest.raises(RemoteError) as caught:
+        client.job("1")
+    assert "secretword" not in str(caught.value)
+    assert "127.0.0.1:9" in str(caught.value)

@@ -2,16 +2,18 @@
 
     submit --> waiting --> a thread for each child --> the child process
                  |                                          |
-              cancel: dropped                     cancel: killed, and started anew
+              cancel: left out                    cancel: killed, and started anew
 
 The thread that started a child outlives it, because the kernel ends a child with that thread.
 """
 
 import contextlib
+import logging
 import threading
+import time
 from collections import deque
 from collections.abc import Callable
-from concurrent.futures import Future
+from concurrent.futures import Future, InvalidStateError
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -23,6 +25,9 @@ LARGEST_GROWTH_BYTES = 48 * 2**20
 """A child that has grown by more than this since its first task is replaced."""
 
 _RETRIES = 1
+_PAUSE_S = 0.2
+
+_logger = logging.getLogger("syncplan.pool")
 
 
 class GivenUpError(Exception):
@@ -30,23 +35,39 @@ class GivenUpError(Exception):
 
 
 class PoolFullError(Exception):
-    """Too many tasks are waiting already."""
+    """Too many tasks are waiting already, or have been for too long."""
 
 
 @dataclass(slots=True)
 class Ticket:
-    """A task handed in: `future` holds its result; `cancel` gives it up wherever it is."""
+    """A task handed in: `future` holds its result; `cancel` gives it up wherever it is.
+
+    Attributes
+    ----------
+    timeout_s, deadline : how long it may run, and until when it may wait for its turn
+    """
 
     task: str
     arguments: tuple[Any, ...]
     timeout_s: float | None
     progress: Callable[[int], None] | None
+    deadline: float | None
     future: "Future[Any]" = field(default_factory=Future)
     cancelled: threading.Event = field(default_factory=threading.Event)
     child: Child | None = None
 
+    def settle(self, error: Exception | None, value: Any = None) -> None:
+        """Tell who waits what came of the task, unless nobody does any more."""
+        if not self.future.cancelled():
+            # whoever waits may go at this very moment
+            with contextlib.suppress(InvalidStateError):
+                if error is None:
+                    self.future.set_result(value)
+                else:
+                    self.future.set_exception(error)
+
     def cancel(self) -> None:
-        """Give the task up: it is dropped, or its process killed."""
+        """Give the task up: its process is killed, or it is left out when its turn comes."""
         self.cancelled.set()
         child = self.child
         if child is not None:
@@ -90,8 +111,12 @@ class Pool:
         timeout_s: float | None = None,
         progress: Callable[[int], None] | None = None,
     ) -> Ticket:
-        """Hand in a task; raises PoolFullError. `progress` is called from another thread."""
-        ticket = Ticket(task, arguments, timeout_s, progress)
+        """Hand in a task; raises PoolFullError. `progress` is called from another thread.
+
+        With `timeout_s`, a task that waits longer than that for its turn ends in PoolFullError.
+        """
+        deadline = None if timeout_s is None else time.monotonic() + timeout_s
+        ticket = Ticket(task, arguments, timeout_s, progress, deadline)
         with self._changed:
             if self._most_waiting is not None and len(self._waiting) >= self._most_waiting:
                 raise PoolFullError
@@ -112,15 +137,15 @@ class Pool:
             running = list(self._running.values())
             self._changed.notify_all()
         for ticket in waiting:
-            ticket.future.set_exception(GivenUpError())
+            ticket.settle(GivenUpError())
         for ticket in running:
             ticket.cancel()
         for thread in self._threads:
             thread.join(timeout=5.0)
 
     def _serve(self, number: int) -> None:
-        """Start a child and pass tasks to it, one at a time."""
-        child = Child(background=self._background)
+        """Pass tasks to a child, one at a time; a new child where there is none."""
+        child = self._started()
         while True:
             with self._changed:
                 while not self._waiting and not self._closed:
@@ -128,21 +153,39 @@ class Pool:
                 if self._closed:
                     break
                 ticket = self._running[number] = self._waiting.popleft()
-            child = self._run(ticket, child)
-            del self._running[number]
-            if child.memory - child.first_memory > LARGEST_GROWTH_BYTES:
+            try:
+                child = self._run(ticket, child)
+            finally:
+                del self._running[number]
+            if child is not None and child.memory - child.first_memory > LARGEST_GROWTH_BYTES:
                 child.end()
-                child = Child(background=self._background)
-        with contextlib.suppress(OSError):
+                child = None
+            child = child or self._started()
+        if child is not None:
             child.end()
 
-    def _run(self, ticket: Ticket, child: Child) -> Child:
-        """Settle a ticket and return the child to go on with: a new one where this one is gone."""
+    def _started(self) -> Child | None:
+        """A new child; None where the system has no room for one just now."""
+        try:
+            return Child(background=self._background)
+        except OSError as error:
+            _logger.error("no process could be started: %s", error)
+            return None
+
+    def _run(self, ticket: Ticket, child: Child | None) -> Child | None:
+        """Settle a ticket and return the child to go on with, if it is still there."""
+        if ticket.future.cancelled():
+            return child
+        if ticket.deadline is not None and time.monotonic() > ticket.deadline:
+            ticket.settle(PoolFullError())
+            return child
         for attempt in range(_RETRIES + 1):
-            ticket.child = child
+            child = ticket.child = child or self._started()
             try:
                 if ticket.cancelled.is_set():
                     raise GivenUpError
+                if child is None:
+                    raise ChildGoneError("no process could be started")
                 value = child.call(
                     ticket.task,
                     *ticket.arguments,
@@ -150,18 +193,20 @@ class Pool:
                     progress=ticket.progress,
                 )
             except (ChildGoneError, TooSlowError) as error:
-                child.end()
-                child = Child(background=self._background)
+                if child is not None:
+                    child.end()
+                child = None
                 if ticket.cancelled.is_set():
-                    ticket.future.set_exception(GivenUpError())
+                    ticket.settle(GivenUpError())
                 elif isinstance(error, TooSlowError) or attempt == _RETRIES:
-                    ticket.future.set_exception(error)
+                    ticket.settle(error)
                 else:
+                    time.sleep(_PAUSE_S)
                     continue
             except Exception as error:
-                ticket.future.set_exception(error)
+                ticket.settle(error)
             else:
-                ticket.future.set_result(value)
-            ticket.child = None
-            return child
+                ticket.settle(None, value)
+            break
+        ticket.child = None
         return child

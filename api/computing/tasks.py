@@ -24,7 +24,7 @@ __all__ = [
     "finished_report",
     "flown_part",
     "made_plan",
-    "measured_run",
+    "measured_runs",
     "refined_plan",
     "warm_up",
 ]
@@ -122,18 +122,21 @@ def refined_plan(spec: JobSpec, workers: int, progress: Progress) -> PlanText:
     return _as_plan_text(better)
 
 
-def measured_run(spec: JobSpec) -> list[tuple[int, float]]:
-    """Return the trials and the seconds a trial takes here, for each run of a job."""
-    figures = []
-    for run in _runs(spec):
-        from syncplan.validation import run_part
+def measured_runs(spec: JobSpec) -> list[tuple[int, float]]:
+    """Return the trials, and about how many seconds a trial takes here, for each run of a job.
 
-        count = min(CHUNK_TRIALS, run.trials)
-        run_part(run, 0, 1, threads=1)
-        began = time.perf_counter()
-        run_part(run, 0, count, threads=1)
-        figures.append((run.trials, (time.perf_counter() - began) / count))
-    return figures
+    The first run is timed; the others count by their samples and sightings.
+    """
+    from syncplan.validation import run_part
+
+    runs = _runs(spec)
+    count = min(CHUNK_TRIALS, runs[0].trials)
+    run_part(runs[0], 0, 1, threads=1)
+    began = time.perf_counter()
+    run_part(runs[0], 0, count, threads=1)
+    seconds = (time.perf_counter() - began) / count
+    sizes = [run.steps + len(run.sightings.observers) for run in runs]
+    return [(run.trials, seconds * size / sizes[0]) for run, size in zip(runs, sizes, strict=True)]
 
 
 def flown_part(spec: JobSpec, cut: Cut, progress: Progress) -> bytes:

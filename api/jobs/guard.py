@@ -15,18 +15,20 @@ import time
 from collections import defaultdict
 from collections.abc import Callable, Collection
 
-from dbos import DBOSClient
+from dbos import DBOSClient, WorkflowStatus
 
-from api.jobs.queue import APPLICATION
+from api.jobs.queue import APPLICATION, WORKFLOWS_VERSION
 from api.storage import executors, jobs
 from api.storage.answers import forget_answers
 from api.storage.database import Database
+from api.storage.old_jobs import delete_jobs, ended_before
 from api.storage.tables import moment
 
 __all__ = ["Guard"]
 
 _SWEEP_EVERY_S = 20.0
 _BATCH = 1000
+_SWEPT_AT_ONCE = 20
 _BROKEN = {"ERROR", "MAX_RECOVERY_ATTEMPTS_EXCEEDED", "CANCELLED"}
 _LOST = {"title": "Internal fault", "detail": "the job was lost; see the service's log"}
 
@@ -160,24 +162,33 @@ class Guard:
         for first in range(0, len(waiting), _BATCH):
             asked = waiting[first : first + _BATCH]
             found = {
-                one.workflow_id: one.status
+                one.workflow_id: one
                 for one in self._client.list_workflows(
                     workflow_ids=asked, load_input=False, load_output=False
                 )
             }
             for job_id in asked:
-                if found.get(job_id) is None or found[job_id] in _BROKEN:
-                    _logger.error("job %s was lost: workflow %s", job_id, found.get(job_id))
+                workflow = found.get(job_id)
+                if workflow is None or workflow.status in _BROKEN or _outdated(workflow):
+                    status = None if workflow is None else workflow.status
+                    _logger.error("job %s was lost: workflow %s", job_id, status)
                     with self._database.writing() as connection:
                         jobs.end_job(connection, job_id, "failed", error=_LOST)
 
     def _sweep(self) -> None:
-        """Delete what was kept long enough."""
-        with self._database.writing() as connection:
-            forget_answers(connection, moment(self._keep_answers_s))
-            old = jobs.delete_ended(connection, moment(self._keep_jobs_s))
+        """Delete what was kept long enough; jobs last, so that none is forgotten half deleted."""
+        with self._database.reading() as connection:
+            old = ended_before(connection, moment(self._keep_jobs_s), _SWEPT_AT_ONCE)
         for job_id in old:
             parts = self._client.list_workflows(
                 workflow_id_prefix=job_id, load_input=False, load_output=False
             )
             self._client.delete_workflows([one.workflow_id for one in parts])
+        with self._database.writing() as connection:
+            forget_answers(connection, moment(self._keep_answers_s))
+            delete_jobs(connection, old)
+
+
+def _outdated(workflow: WorkflowStatus) -> bool:
+    """Whether a workflow waits for a syncplan older than this one."""
+    return workflow.status == "ENQUEUED" and workflow.app_version not in (None, WORKFLOWS_VERSION)

@@ -15,7 +15,6 @@ from api.jobs.queue import APPLICATION, JOBS_QUEUE, WORKFLOWS_VERSION, JobQueue
 from api.jobs.runtime import Runtime
 from api.jobs.workflows import PARTS_QUEUE
 from api.settings import Settings
-from api.storage import executors
 from api.storage.database import Database
 
 __all__ = ["Worker"]
@@ -39,8 +38,8 @@ class Worker:
         self._guard = guard_of(
             settings, database, self._queue, self.executor_id, self._runtime.at_work
         )
-        with database.writing() as connection:
-            executors.beat(connection, self.executor_id)
+        # first: what is begun by a process that is not on the list is taken up by others
+        self._guard.start()
         DBOS(config=_config(settings, self.executor_id))
         DBOS.listen_queues([JOBS_QUEUE, PARTS_QUEUE])
         DBOS.launch()
@@ -51,7 +50,6 @@ class Worker:
                 polling_interval_sec=_POLL_S,
                 on_conflict="always_update",
             )
-        self._guard.start()
         _logger.info("worker %s with %d processes", self.executor_id, size)
 
     def close(self) -> None:

@@ -13,7 +13,7 @@ import logging
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from dbos import DBOS, SetWorkflowID
+from dbos import DBOS, SetEnqueueOptions, SetWorkflowID
 from sqlalchemy import Connection
 
 from api.computing.child import ChildGoneError, TaskFailedError
@@ -59,7 +59,9 @@ async def run_job(job_id: str) -> None:
 async def _run_trials(job_id: str) -> None:
     handles = []
     for number in range(await _cut(job_id)):
-        with SetWorkflowID(part_id(job_id, number)):
+        # a job's later parts wait for the first ones of others, so that none holds up all
+        turn = SetEnqueueOptions(priority=number + 1)
+        with SetWorkflowID(part_id(job_id, number)), turn:
             handles.append(await DBOS.enqueue_workflow_async(PARTS_QUEUE, run_part, job_id, number))
     for handle in handles:
         await handle.get_result(polling_interval_sec=_RESULT_EVERY_S)
@@ -94,7 +96,7 @@ async def _cut(job_id: str) -> int:
     spec = await _in_transaction(lambda connection: work.spec_of(connection, job_id))
     if spec is None:
         return 0
-    runs = await _computed(job_id, runtime.pool.submit("measured_run", spec))
+    runs = await _computed(job_id, runtime.pool.submit("measured_runs", spec))
     if runs is None:
         return 0
     cuts: list[Cut] = cuts_of(runs, runtime.settings.batch_s, runtime.settings.process_count)
@@ -139,7 +141,8 @@ async def _refine(job_id: str) -> None:
     if spec is None:
         return
     latest = _Latest()
-    workers = runtime.settings.process_count
+    # processes of its own, beside those at work for others
+    workers = max(runtime.settings.process_count - runtime.pool.busy, 1)
     ticket = runtime.pool.submit("refined_plan", spec, workers, progress=latest.take)
     made = await _computed(job_id, ticket, latest)
     if made is not None:

@@ -37,13 +37,13 @@ def install_handlers(app: FastAPI) -> None:
     for kind in TABLE:
         if kind is not Exception:
             app.add_exception_handler(kind, _answered)
-    # what fails further out than Guard: the server logs it
+    # what fails further out than Answered: the server logs it
     app.add_exception_handler(Exception, _unlogged)
-    app.add_middleware(Guard, body_limit_bytes=limit)
+    app.add_middleware(Answered, body_limit_bytes=limit)
     document_problems(app)
 
 
-class Guard:
+class Answered:
     """ASGI middleware that lets no exception out and no body in beyond the limit."""
 
     def __init__(self, app: ASGIApp, body_limit_bytes: int | None) -> None:

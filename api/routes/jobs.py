@@ -19,6 +19,7 @@ from api.service import CurrentEnding, CurrentService, Service
 from api.storage import jobs, work
 from api.storage.answers import Answer
 from api.storage.database import unavailable
+from api.storage.events import MOST_EVENTS, events_after
 from api.storage.jobs import JobRow, State
 from api.storage.plans import body_of
 
@@ -150,7 +151,7 @@ async def follow_job(
 
     def changes(after: int) -> list[tuple[int, str]]:
         with service.database.reading() as connection:
-            return jobs.events_after(connection, row.id, after)
+            return events_after(connection, row.id, after)
 
     told, ended = int(last_event_id), False
     while not ended and not ending.is_set():
@@ -165,7 +166,7 @@ async def follow_job(
         for number, data in found:
             told = number
             yield ServerSentEvent(id=str(number), event="job", raw_data=data)
-        ended = now not in jobs.UNFINISHED
+        ended = now not in jobs.UNFINISHED and len(found) < MOST_EVENTS
         if not ended:
             await asyncio.sleep(_LOOK_EVERY_S)
 
@@ -265,6 +266,7 @@ async def _hand_in(call: Call, kind: jobs.Kind, plan_id: str | None) -> Response
 
     def store(connection: Connection, checked: tuple[str, int, str | None]) -> Answer:
         request, amount, text = checked
+        jobs.hold_owner(connection, call.owner)
         waiting = len(jobs.unfinished(connection, call.owner))
         if waiting >= service.settings.max_queued_jobs:
             raise TooManyRequests(

@@ -1,6 +1,7 @@
 """The database: connections, transactions, the file of SQLite, waiting out an outage."""
 
 import logging
+import os
 import sqlite3
 import time
 from collections.abc import Callable, Iterator
@@ -24,9 +25,14 @@ BUSY_S = 10
 """How long a statement waits for others' locks."""
 
 _CONNECT_S = 3
+_STATEMENT_S = 60
 _UPGRADE_LOCK = 0x73796E63
 _LONGEST_WAIT_S = 2.0
 _NO_DISK = {sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CANTOPEN}
+
+_PASSING = _NO_DISK | {sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED}
+_PASSING_STATES = ("08", "40", "53", "55", "57P")
+"""SQLSTATEs that begin so: connection, conflict of transactions, resources, locks, shutdown."""
 
 _logger = logging.getLogger("syncplan.storage")
 
@@ -69,12 +75,14 @@ def open_database(url: str) -> Database:
     Raises InputError if it can't be opened.
     """
     parsed = make_url(url)
-    shown = parsed.render_as_string(hide_password=True)
+    # a password may also stand among the parameters
+    shown = parsed.set(query={}).render_as_string(hide_password=True)
     try:
         if parsed.get_backend_name() == "sqlite":
             folder = Path(parsed.database or "").parent
             # what it holds is for nobody else on this machine
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            os.close(os.open(parsed.database or "", os.O_CREAT | os.O_RDWR, 0o600))
         database = Database(_engine(url, parsed.get_backend_name() == "sqlite"))
         with database.writing() as connection:
             if not database.is_sqlite:
@@ -88,14 +96,20 @@ def open_database(url: str) -> Database:
 
 
 def _engine(url: str, sqlite: bool) -> Engine:
-    shared: dict[str, Any] = {"pool_size": 10, "max_overflow": 30, "pool_timeout": BUSY_S}
+    shared: dict[str, Any] = {
+        "pool_size": 10,
+        "max_overflow": 30,
+        "pool_timeout": BUSY_S,
+        # what customers plan is nothing for logs
+        "hide_parameters": True,
+    }
     if not sqlite:
         return create_engine(
             url,
             pool_pre_ping=True,
             connect_args={
                 "connect_timeout": _CONNECT_S,
-                "options": f"-c statement_timeout={BUSY_S * 1000} -c lock_timeout={BUSY_S * 1000}",
+                "options": f"-c statement_timeout={_STATEMENT_S}s -c lock_timeout={BUSY_S}s",
             },
             **shared,
         )
@@ -126,9 +140,20 @@ def _count_as_away(context: ExceptionContext) -> None:
 
 def unavailable(error: BaseException) -> bool:
     """Return whether an error means that the database can't be reached or written to just now."""
-    if isinstance(error, PoolTimeoutError | OperationalError):
+    if isinstance(error, PoolTimeoutError):
         return True
-    return isinstance(error, DBAPIError) and error.connection_invalidated
+    if not isinstance(error, DBAPIError):
+        return False
+    if error.connection_invalidated:
+        return True
+    code = getattr(error.orig, "sqlite_errorcode", None)
+    if code is not None:
+        return code & 0xFF in _PASSING
+    state = getattr(error.orig, "sqlstate", None)
+    # psycopg has no state for a connection that it could not make
+    return isinstance(error, OperationalError) and (
+        state is None or state.startswith(_PASSING_STATES)
+    )
 
 
 def patiently(function: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:

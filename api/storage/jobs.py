@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from sqlalchemy import Connection, delete, insert, select, update
+from sqlalchemy import Connection, delete, func, insert, null, select, update
 
 from api.storage.tables import job_events, job_parts, job_results, jobs, moment, new_id
 
@@ -23,10 +23,9 @@ __all__ = [
     "State",
     "add_job",
     "change",
-    "delete_ended",
     "end_job",
-    "events_after",
     "find_job",
+    "hold_owner",
     "list_jobs",
     "state_of",
     "unfinished",
@@ -40,12 +39,12 @@ UNFINISHED: tuple[State, State] = ("queued", "running")
 
 @dataclass(frozen=True, slots=True)
 class JobRow:
-    """A job as lists and answers show it; `request` and `error` are JSON."""
+    """A job as answers show it; `request` and `error` are JSON, lists leave the first out."""
 
     id: str
     kind: Kind
     state: State
-    request: str
+    request: str | None
     plan_id: str | None
     done: int
     total: int
@@ -54,15 +53,11 @@ class JobRow:
     ended_at: str | None
     result_plan_id: str | None
     error: str | None
-    events: int
-
-    @property
-    def ended(self) -> bool:
-        """Whether the job changes no more."""
-        return self.state not in UNFINISHED
 
 
 _SHOWN = tuple(jobs.c[name] for name in JobRow.__dataclass_fields__)
+# a sweep's request holds a scenario
+_LISTED = tuple(null() if column.name == "request" else column for column in _SHOWN)
 
 
 def add_job(
@@ -108,12 +103,18 @@ def list_jobs(
     connection: Connection, owner: str, limit: int, before: str | None, state: State | None = None
 ) -> list[JobRow]:
     """Return up to `limit` of an owner's jobs, newest first, older than `before`."""
-    query = select(*_SHOWN).where(jobs.c.owner == owner).order_by(jobs.c.id.desc())
+    query = select(*_LISTED).where(jobs.c.owner == owner).order_by(jobs.c.id.desc())
     if before is not None:
         query = query.where(jobs.c.id < before)
     if state is not None:
         query = query.where(jobs.c.state == state)
     return [JobRow(*row) for row in connection.execute(query.limit(limit))]
+
+
+def hold_owner(connection: Connection, owner: str) -> None:
+    """Let an owner's transactions that do this go one after the other."""
+    if connection.dialect.name == "postgresql":
+        connection.execute(select(func.pg_advisory_xact_lock(func.hashtext(owner))))
 
 
 def unfinished(connection: Connection, owner: str | None = None) -> list[str]:
@@ -128,16 +129,6 @@ def state_of(connection: Connection, job_id: str) -> State | None:
     """Return a job's state; None if there is no such job."""
     query = select(jobs.c.state).where(jobs.c.id == job_id)
     return connection.execute(query).scalar()
-
-
-def events_after(connection: Connection, job_id: str, number: int) -> list[tuple[int, str]]:
-    """Return (number, JSON) of the events of a job after the one with a number, in order."""
-    query = (
-        select(job_events.c.number, job_events.c.data)
-        .where(job_events.c.job_id == job_id, job_events.c.number > number)
-        .order_by(job_events.c.number)
-    )
-    return [(row[0], row[1]) for row in connection.execute(query)]
 
 
 # --- changes ------------------------------------------------------------------------------------
@@ -165,15 +156,6 @@ def end_job(
         connection.execute(insert(job_results).values(job_id=job_id, text=report, trials=trials))
     connection.execute(delete(job_parts).where(job_parts.c.job_id == job_id))
     return True
-
-
-def delete_ended(connection: Connection, before: str) -> list[str]:
-    """Delete jobs that ended before a time, with all that hangs on them; return which."""
-    query = select(jobs.c.id).where(jobs.c.state.not_in(UNFINISHED), jobs.c.ended_at < before)
-    old = list(connection.execute(query).scalars())
-    if old:
-        connection.execute(delete(jobs).where(jobs.c.id.in_(old)))
-    return old
 
 
 def change(
