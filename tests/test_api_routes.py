@@ -79,7 +79,7 @@ def planned(http: httpx2.Client, **changes: Any) -> dict[str, Any]:
 
 def ended(http: httpx2.Client, at: str) -> Job:
     """Return a job once it has ended."""
-    wait_until(lambda: Job.model_validate_json(http.get(at).content).ended_at is not None, 60.0)
+    wait_until(lambda: Job.model_validate_json(http.get(at).content).ended_at is not None, 180.0)
     return Job.model_validate_json(http.get(at).content)
 
 
