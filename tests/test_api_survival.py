@@ -203,7 +203,8 @@ def test_what_ends_in_good_order_gives_its_jobs_up_at_once(
         busy(site, process, 2)
         began = time.monotonic()
         assert process.stop() == 0
-        assert time.monotonic() - began < 10.0
+        # about a second; DBOS may wait ten more for a thread of its own to end
+        assert time.monotonic() - began < 15.0
         site.see_family_gone(process)
         assert site.held_by(process) == []
         _ = site.serve() if victim == "server" else site.work()
