@@ -15,7 +15,7 @@ __all__ = ["cut_job", "finished_parts", "keep_part", "next_part", "note_progress
 def cut_job(connection: Connection, job_id: str, cuts: Sequence[Cut]) -> int:
     """Enter the parts of a job, unless that was done before; return how many there are.
 
-    None for a job that has ended.
+    0 for a job that has ended.
     """
     if _hold(connection, job_id) is None:
         return 0
