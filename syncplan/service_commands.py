@@ -92,7 +92,7 @@ def _worker() -> NoReturn:
     from api.jobs.worker import Worker
     from api.logs import configure_logs
     from api.settings import load_settings
-    from api.storage.database import open_database
+    from api.storage.database import open_database, unavailable
 
     settings = load_settings()
     configure_logs(settings.log_level)
@@ -100,7 +100,15 @@ def _worker() -> NoReturn:
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
-    worker = Worker(settings, database)
+    try:
+        worker = Worker(settings, database)
+    except Exception as error:
+        if not unavailable(error):
+            raise
+        raise InputError(
+            "went away while the worker was starting; start it again once it can be reached",
+            source="the database",
+        ) from None
     stop.wait()
     worker.close()
     database.close()

@@ -89,6 +89,12 @@ def busy(site: Site, process: Process, number: int = 1) -> set[int]:
     return found
 
 
+def on_duty(site: Site, number: int) -> None:
+    """Wait until that many workers have started."""
+    log = site.folder / "worker.log"
+    wait_until(lambda: log.read_text().count('"syncplan.worker"') >= number, 60.0, site.logs)
+
+
 def warm(site: Site, process: Process) -> None:
     """Wait until the children of a process have got ready and compute no more."""
     wait_until(lambda: len(site.family(process)) >= 2, 60.0, site.logs)
@@ -121,7 +127,7 @@ def test_the_jobs_of_a_dead_worker_go_on_within_15_seconds(tmp_path: Path) -> No
         job_id = site.hand_in(validation(2400, 1))
         busy(site, first)
         second = site.work()
-        wait_until(lambda: "worker" in (tmp_path / "worker.log").read_text(), 30.0)
+        on_duty(site, 2)
         site.kill(first)
         killed = time.monotonic()
         wait_until(lambda: job_id in site.held_by(second), 15.0, site.logs)
@@ -321,6 +327,7 @@ def test_the_database_away_for_ten_seconds_costs_nothing_but_time(
             for order in (validation(2400, 1), refinement(0), validation(1200, 1))
         ]
         busy(site, server)
+        on_duty(site, 2)
         with ThreadPoolExecutor() as pool:
             followed = pool.submit(site.events, jobs[0])
             time.sleep(0.5)

@@ -146,6 +146,19 @@ def test_a_postgresql_that_does_not_answer_is_one_line_soon() -> None:
     assert time.monotonic() - began < 30.0
 
 
+def test_a_database_that_goes_away_while_a_worker_starts_is_one_line(tmp_path: Path) -> None:
+    gone = f"""
+import sqlalchemy
+import api.jobs.worker
+def start(settings, database):
+    url = "postgresql+psycopg://syncplan@127.0.0.1:{free_port()}/none"
+    sqlalchemy.create_engine(url).connect()
+api.jobs.worker.Worker = start
+"""
+    done = command("worker", before=gone, SYNCPLAN_DATA_DIR=str(tmp_path))
+    assert "the database: went away while the worker was starting; start it again" in refused(done)
+
+
 def test_a_data_folder_that_is_a_file_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "data").write_text("")
     line = refused(command("serve", "--port", "0", SYNCPLAN_DATA_DIR=str(tmp_path / "data")))
