@@ -112,15 +112,22 @@ def signs_of_life(client: syncplan.Client, url: str, plan_id: str) -> list[float
 def durable_and_bare(client: syncplan.Client, plan_id: str) -> dict[str, float]:
     """Return the seconds of the same Monte Carlo as a job and by the library, and its trials.
 
-    Raises RuntimeError where the two reports differ.
+    The library runs before the job and after it, so that a machine whose pace changes favours
+    neither; its time is the mean. Raises RuntimeError where the two reports differ.
     """
     plan = syncplan.plan(example(GRID))
     began = time.perf_counter()
     syncplan.validate(plan, trials=SHORT_TRIALS, seed=1)
     trials = round(SHORT_TRIALS * BARE_S / (time.perf_counter() - began))
-    began = time.perf_counter()
-    bare = syncplan.validate(plan, trials=trials, seed=1)
-    bare_s = time.perf_counter() - began
+    bare_s = []
+
+    def by_the_library() -> syncplan.Validation:
+        began = time.perf_counter()
+        found = syncplan.validate(plan, trials=trials, seed=1)
+        bare_s.append(time.perf_counter() - began)
+        return found
+
+    bare = by_the_library()
     began = time.perf_counter()
     job = client.validate(plan_id, trials=trials, seed=1)
     while not client.job(job.id).ended:
@@ -129,7 +136,8 @@ def durable_and_bare(client: syncplan.Client, plan_id: str) -> dict[str, float]:
     reports = [as_text(validation_document(one).as_json()) for one in (bare, client.wait(job))]
     if reports[0] != reports[1]:
         raise RuntimeError("the job's report is not the library's")
-    return {"bare_s": bare_s, "durable_s": durable_s, "trials": float(trials)}
+    by_the_library()
+    return {"bare_s": sum(bare_s) / 2.0, "durable_s": durable_s, "trials": float(trials)}
 
 
 def main() -> dict[str, float]:
