@@ -1,6 +1,7 @@
 """A child process that works off tasks by name, and the parent's handle on it."""
 
 import contextlib
+import gc
 import os
 import time
 import traceback
@@ -101,6 +102,8 @@ def serve(descriptor: int) -> None:
     if background:
         os.nice(_POLITE)
     tasks.warm_up(trials=background)
+    # what is loaded by now stays: the collector need not look through it again and again
+    gc.freeze()
 
     def progress_every() -> Callable[[int], None]:
         last = time.monotonic()

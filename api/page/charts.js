@@ -1,0 +1,78 @@
+// The figures beside the map: those of the plan come with it, others are asked for.
+
+import { byId } from "./elements.js";
+import { askJson } from "./service.js";
+import { theme } from "./planner.js";
+import { tabs } from "./tabs.js";
+
+const CONFIG = { displayModeBar: false, responsive: true };
+const TITLES = {
+  timeline: "Contacts",
+  spectrum: "Singular values",
+  prediction: "Predicted error",
+  comparison: "Before and after",
+  refinement: "Refinement",
+  accuracy: "Error found",
+  errors: "Errors over time",
+  consistency: "Consistency",
+};
+const OF_PLANS = ["timeline", "spectrum", "prediction"];
+
+/** The tabs of figures. */
+export class Charts {
+  #plot = byId("panel-plot");
+  #text = byId("panel-text");
+  #figures = {};
+  #tabs;
+
+  constructor(store) {
+    this.#tabs = tabs(byId("tabs"), TITLES, (name) => this.#draw(name));
+    store.addEventListener("plan", (event) => this.#take(event.detail.figures));
+    store.addEventListener("scenario", () => this.#forget());
+    store.addEventListener("opened", () => this.#forget());
+  }
+
+  /** The contact timeline, if it is on show: the animation moves a line along it. */
+  get timeline() {
+    return this.#tabs.current() === "timeline" && this.#plot.data ? this.#plot : null;
+  }
+
+  /** Add figures of a stored plan or a job, by their addresses. */
+  async add(addresses, { show } = {}) {
+    const names = Object.keys(addresses);
+    const found = await Promise.all(
+      names.map((name) => askJson("GET", `${addresses[name]}?theme=${theme()}`)),
+    );
+    names.forEach((name, k) => (this.#figures[name] = found[k]));
+    this.#tabs.show(Object.keys(TITLES).filter((name) => name in this.#figures));
+    if (show) this.#tabs.choose(show);
+  }
+
+  #take(figures) {
+    for (const name of OF_PLANS) if (figures[name]) this.#figures[name] = figures[name];
+    this.#tabs.show(Object.keys(TITLES).filter((name) => name in this.#figures));
+    if (OF_PLANS.includes(this.#tabs.current())) this.#draw(this.#tabs.current());
+  }
+
+  #forget() {
+    for (const name of Object.keys(this.#figures)) if (!OF_PLANS.includes(name)) delete this.#figures[name];
+    this.#tabs.show(Object.keys(TITLES).filter((name) => name in this.#figures));
+  }
+
+  #draw(name) {
+    const figure = this.#figures[name];
+    if (!figure) return;
+    byId("panel").setAttribute("aria-labelledby", `tab-${name}`);
+    const { title, ...layout } = figure.layout;
+    this.#text.textContent = plain(title?.subtitle?.text || "");
+    this.#plot.setAttribute("aria-label", `${TITLES[name]}. ${this.#text.textContent}`);
+    const margin = { ...layout.margin, t: 28 };
+    Plotly.react(this.#plot, figure.data, { ...layout, margin, dragmode: false }, CONFIG);
+  }
+}
+
+/** Text of a figure without Plotly's markup. */
+function plain(text) {
+  const parsed = new DOMParser().parseFromString(text.replaceAll("<br>", " "), "text/html");
+  return parsed.body.textContent;
+}

@@ -1,0 +1,98 @@
+// One period played on the map, with the sightings of each moment and a line in the timeline.
+
+import { byId, notice, shown } from "./elements.js";
+import { fitted } from "./map.js";
+import { Planner, theme } from "./planner.js";
+import { askJson } from "./service.js";
+
+const FRAME_MS = 120;
+
+/** Plays a store's plan. */
+export class Player {
+  #store;
+  #map;
+  #charts;
+  #button = byId("play");
+  #slider = byId("moment");
+  #figure = null;
+  #timer = 0;
+
+  constructor(store, map, charts) {
+    Object.assign(this, {});
+    this.#store = store;
+    this.#map = map;
+    this.#charts = charts;
+    this.#button.addEventListener("click", () => (this.#timer ? this.pause() : this.#play()));
+    this.#slider.addEventListener("input", () => this.#seek());
+    for (const name of ["scenario", "opened"]) store.addEventListener(name, () => this.#reset());
+  }
+
+  pause() {
+    clearInterval(this.#timer);
+    this.#timer = 0;
+    this.#button.textContent = "Play";
+    this.#button.setAttribute("aria-pressed", "false");
+  }
+
+  #reset() {
+    this.pause();
+    this.#figure = null;
+    this.#slider.value = 0;
+    this.#say(0);
+  }
+
+  async #play() {
+    if (!(await this.#ready())) return;
+    this.#button.textContent = "Pause";
+    this.#button.setAttribute("aria-pressed", "true");
+    this.#timer = setInterval(() => {
+      this.#slider.value = (Number(this.#slider.value) + 1) % this.#figure.frames.length;
+      this.#show();
+    }, FRAME_MS);
+  }
+
+  async #seek() {
+    if (await this.#ready()) this.#show();
+  }
+
+  /** Fetch the animation of the plan on show and put it on the map. */
+  async #ready() {
+    if (this.#figure) return true;
+    const { scenario, planId } = this.#store;
+    if (!scenario) return false;
+    try {
+      const found = planId
+        ? await askJson("GET", `v1/plans/${planId}/figures/animation?theme=${theme()}`)
+        : (await Planner.preview(scenario, { figures: ["animation"] })).figures.animation;
+      if (this.#store.scenario !== scenario) return false;
+      this.#figure = found;
+      this.#slider.max = found.frames.length - 1;
+      await this.#map.draw({ data: found.data, layout: fitted(found.layout) });
+      return true;
+    } catch (error) {
+      notice(error.message, { fault: true });
+      return false;
+    }
+  }
+
+  #show() {
+    const frame = this.#figure.frames[Number(this.#slider.value)];
+    Plotly.animate(
+      this.#map.plot,
+      { data: frame.data, traces: frame.traces },
+      { mode: "immediate", frame: { duration: 0, redraw: false }, transition: { duration: 0 } },
+    );
+    const time = (this.#store.plan.period_s * Number(this.#slider.value)) / this.#figure.frames.length;
+    this.#say(time);
+    const timeline = this.#charts.timeline;
+    if (timeline) {
+      const line = { type: "line", xref: "x", yref: "paper", x0: time, x1: time, y0: 0, y1: 1, line: { width: 2, color: "#d55e00" } };
+      Plotly.relayout(timeline, { shapes: [...(timeline.layout.shapes || []).filter((one) => one.name !== "moment"), { ...line, name: "moment" }] });
+    }
+  }
+
+  #say(time) {
+    byId("moment-text").textContent = `${shown(time)} s`;
+    this.#slider.setAttribute("aria-valuetext", `${shown(time)} seconds`);
+  }
+}
