@@ -95,6 +95,7 @@ ORDER = (
     "plotting.palette",
     "plotting.canvas",
     "plotting.standing",
+    "plotting.maps",
     "plotting.formation",
     "plotting.animation",
     "plotting.timeline",

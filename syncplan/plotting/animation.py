@@ -15,7 +15,15 @@ from syncplan.plotting.canvas import (
     layout,
     numbers,
 )
-from syncplan.plotting.formation import circle_traces, landmark_traces, map_axes, view_box
+from syncplan.plotting.maps import (
+    circle_traces,
+    landmark_traces,
+    map_axes,
+    map_height,
+    mark_px,
+    name_trace,
+    view_box,
+)
 from syncplan.plotting.palette import GREEN, INK, PURPLE
 from syncplan.plotting.standing import body_names
 
@@ -38,19 +46,25 @@ def animation_spec(plan: Plan, frames: int = FRAMES) -> Spec:
     low, high = view_box(plan)
     places = decimals(float(np.max(high - low))) - 1
     names = body_names(plan)
-    still = [*circle_traces(plan, places, arrows=False), *landmark_traces(plan, names, places)]
+    still = [
+        *circle_traces(plan, places, arrows=False),
+        *landmark_traces(plan, names, places),
+        name_trace(plan, names, places),
+    ]
     times = np.arange(frames) * plan.orbits.period / frames
-    moving = [_moving_traces(plan, names, float(time), places) for time in times]
+    moving = [_moving_traces(plan, float(time), places) for time in times]
     first = moving[0]
     for trace, more in zip(first, _looks(names), strict=True):
         trace.update(more)
     index = [len(still) + k for k in range(len(first))]
     steps = [{"name": str(k), "data": traces, "traces": index} for k, traces in enumerate(moving)]
-    steps[0] = {**steps[0], "data": _moving_traces(plan, names, 0.0, places)}
+    steps[0] = {**steps[0], "data": _moving_traces(plan, 0.0, places)}
     title = f"{escaped(plan.scenario.name or 'Formation')}: one period"
     note = f"{plan.orbits.period:.4g} s in {frames} steps; arrowheads point at what is seen"
-    drawn = layout(title, note=note, height=680, **map_axes(plan), **_controls(times))
-    drawn["margin"]["b"] = 150
+    drawn = layout(
+        title, note=note, height=map_height(plan) + 236, **map_axes(plan), **_controls(times)
+    )
+    drawn["margin"]["b"] = 160
     return {"data": [*still, *first], "layout": drawn, "frames": steps}
 
 
@@ -61,7 +75,7 @@ def live(windows: Windows, period: float, time: float) -> tuple[Array, Array]:
     return windows.observers[pair[now]], windows.targets[pair[now]]
 
 
-def _moving_traces(plan: Plan, names: list[str], time: float, places: int) -> list[Spec]:
+def _moving_traces(plan: Plan, time: float, places: int) -> list[Spec]:
     """What changes from frame to frame: sight lines of two kinds, their heads, the vehicles."""
     orbits = plan.orbits
     where = position(orbits, time)
@@ -83,7 +97,7 @@ def _moving_traces(plan: Plan, names: list[str], time: float, places: int) -> li
             "y": numbers(heads[:, 1], places),
             "marker": {
                 "symbol": "arrow",
-                "size": 9,
+                "size": mark_px(plan, 9),
                 "color": INK,
                 "angle": compass(np.arctan2(away[:, 1], away[:, 0])),
             },
@@ -93,7 +107,7 @@ def _moving_traces(plan: Plan, names: list[str], time: float, places: int) -> li
             "y": numbers(where[:, 1], places),
             "marker": {
                 "symbol": "arrow",
-                "size": 15,
+                "size": mark_px(plan, 15),
                 "color": INK,
                 "angle": compass(heading(orbits, time)),
             },
@@ -131,11 +145,10 @@ def _looks(names: list[str]) -> list[Spec]:
         },
         {
             "type": "scatter",
-            "mode": "markers+text",
+            "mode": "markers",
             "uid": "vehicles",
             "name": "vehicle",
             "text": names,
-            "textposition": "top center",
             "hovertemplate": "<b>%{text}</b><br>%{x} m, %{y} m<extra></extra>",
         },
     ]

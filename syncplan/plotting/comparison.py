@@ -17,7 +17,7 @@ from syncplan.plotting.canvas import (
     numbers,
     panel_title,
 )
-from syncplan.plotting.formation import circle_points, landmark_traces, view_box
+from syncplan.plotting.maps import circle_points, landmark_traces, view_box
 from syncplan.plotting.palette import BLUE, INK, MUTED, ORANGE
 from syncplan.plotting.standing import body_names
 

@@ -1,7 +1,6 @@
 """The formation: circles and senses, poses at time 0, links by worth, unobservable motions."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -11,7 +10,6 @@ from syncplan.planner import DroppedLink, Plan
 from syncplan.plotting.canvas import (
     Array,
     Spec,
-    axis,
     compass,
     decimals,
     escaped,
@@ -20,43 +18,42 @@ from syncplan.plotting.canvas import (
     layout,
     numbers,
 )
-from syncplan.plotting.palette import BLUE, INK, MUTED, ORANGE, PURPLE, VERMILLION, translucent
+from syncplan.plotting.maps import (
+    circle_traces,
+    landmark_traces,
+    line_trace,
+    map_axes,
+    map_height,
+    mark_px,
+    name_trace,
+    view_box,
+)
+from syncplan.plotting.palette import INK, MUTED, PURPLE, translucent
 from syncplan.plotting.standing import DROPPED, Standing, body_names, grouped, hover
 
-__all__ = [
-    "circle_points",
-    "circle_traces",
-    "formation_spec",
-    "landmark_traces",
-    "map_axes",
-    "verdict_words",
-    "view_box",
-]
+__all__ = ["formation_spec", "verdict_words"]
 
-CIRCLE_POINTS = 72
-"""Points of a circle; the chord is a thousandth of the radius inside it."""
 
 MOTIONS_SHOWN = 3
 """Unobservable motions drawn at first; the others stand in the legend, to be switched on."""
+
 
 _HIDDEN_ENDS = 0.45
 """Share of a radius near a centre that link lines leave free, for the names."""
 
 _ARROW = 0.9
-"""Length of the longest arrow of a motion, in mean radii."""
+_LEAST_ARROW = 0.05
+"""Length of the longest arrow of a motion in mean radii, and at least in widths of the map."""
 
-_SENSE_STYLES = (
-    (1.0, "ccw", "counter-clockwise circle", BLUE, "solid"),
-    (-1.0, "cw", "clockwise circle", ORANGE, "dash"),
-)
-_MOTION_STYLES = ((PURPLE, "solid"), (VERMILLION, "dash"), (BLUE, "dot"))
+_MOTION_DASHES = ("solid", "dash", "dot")
 
 
 def formation_spec(plan: Plan) -> Spec:
     """Return the figure of a plan's formation at time 0, both axes to one scale.
 
     Links run between centres, by what they are worth. An unobservable motion is an arrow at each
-    vehicle that it displaces, the longest 0.9 mean radii long; turns are told when pointed at.
+    vehicle that it displaces, the longest 0.9 mean radii long (more on a large map).
+    Turns are told when pointed at.
     """
     low, high = view_box(plan)
     places = decimals(float(np.max(high - low)))
@@ -67,13 +64,15 @@ def formation_spec(plan: Plan) -> Spec:
         *circle_traces(plan, places, arrows=True),
         *landmark_traces(plan, names, places),
         _vehicle_trace(plan, names, places),
-        _name_trace(plan, names, places),
+        name_trace(plan, names, places),
         *_motion_traces(plan, names, places),
     ]
     title = escaped(plan.scenario.name or "Formation")
     entries = sum(trace.get("showlegend", True) for trace in traces)
-    drawn = layout(title, note=verdict_words(plan), height=560 + 12 * entries, **map_axes(plan))
-    drawn["margin"]["b"] = 70 + 12 * entries
+    below = 70 + 12 * entries
+    height = 80 + map_height(plan) + below
+    drawn = layout(title, note=verdict_words(plan), height=height, **map_axes(plan))
+    drawn["margin"]["b"] = below
     return {"data": traces, "layout": drawn}
 
 
@@ -83,113 +82,6 @@ def verdict_words(plan: Plan) -> str:
     state = "observable" if verdict.observable else "NOT observable"
     holds = "holds" if plan.certificate.holds else "does not hold"
     return f"{state}: rank {verdict.rank} of {verdict.state_dim}; certificate {holds}"
-
-
-def view_box(plan: Plan) -> tuple[Array, Array]:
-    """Return the corners (2,), (2,) in m of what is to be seen: circles, landmarks, area."""
-    orbits = plan.orbits
-    points = [
-        orbits.centers - orbits.radii[:, None],
-        orbits.centers + orbits.radii[:, None],
-        plan.landmarks.reshape(-1, 2),
-    ]
-    if plan.scenario.area_m is not None:
-        points.append(np.array(plan.scenario.area_m, dtype=float))
-    everything = np.concatenate(points)
-    low, high = everything.min(axis=0), everything.max(axis=0)
-    room = 0.06 * float(np.max(high - low))
-    return low - room, high + room
-
-
-def map_axes(plan: Plan) -> Spec:
-    """Return the two axes of a map, to one scale, with room around the formation."""
-    low, high = view_box(plan)
-    return {
-        "xaxis": axis("x (east), m", range=numbers([low[0], high[0]], 6), constrain="domain"),
-        "yaxis": axis(
-            "y (north), m",
-            range=numbers([low[1], high[1]], 6),
-            scaleanchor="x",
-            scaleratio=1,
-            constrain="domain",
-        ),
-    }
-
-
-def circle_points(plan: Plan) -> Array:
-    """Return (n, CIRCLE_POINTS + 1, 2) m: each circle from phase 0, closed."""
-    turn = unit(np.linspace(0.0, 2.0 * np.pi, CIRCLE_POINTS + 1))
-    orbits = plan.orbits
-    return np.asarray(orbits.centers[:, None] + orbits.radii[:, None, None] * turn)
-
-
-def circle_traces(plan: Plan, places: int, *, arrows: bool) -> list[Spec]:
-    """Return the circles, a trace for each sense; `arrows` adds heads that show the sense."""
-    points = circle_points(plan)
-    traces: list[Spec] = []
-    for sense, key, name, color, dash in _SENSE_STYLES:
-        chosen = plan.orbits.senses == sense
-        if not chosen.any():
-            continue
-        x, y = gapped(points[chosen], places)
-        line = {"color": color, "dash": dash, "width": 1.8}
-        traces.append(_lines(f"circles-{key}", name, x, y, line, legendgroup=key))
-        if arrows:
-            traces.append(_sense_heads(plan, chosen, key, color, places))
-    return traces
-
-
-def landmark_traces(plan: Plan, names: list[str], places: int) -> list[Spec]:
-    """Return the landmarks with their names, if there are any."""
-    if not len(plan.landmarks):
-        return []
-    return [
-        {
-            "type": "scatter",
-            "uid": "landmarks",
-            "name": "landmark",
-            "mode": "markers+text",
-            "x": numbers(plan.landmarks[:, 0], places),
-            "y": numbers(plan.landmarks[:, 1], places),
-            "text": names[plan.orbits.count :],
-            "textposition": "top center",
-            "marker": {"symbol": "star", "size": 13, "color": INK},
-            "hovertemplate": "<b>%{text}</b><br>%{x} m, %{y} m<extra></extra>",
-        }
-    ]
-
-
-def _lines(uid: str, name: str, x: Any, y: Any, line: Spec, **more: Any) -> Spec:
-    return {
-        "type": "scatter",
-        "uid": uid,
-        "name": name,
-        "mode": "lines",
-        "x": x,
-        "y": y,
-        "line": line,
-        "hoverinfo": "skip",
-        **more,
-    }
-
-
-def _sense_heads(plan: Plan, chosen: Array, key: str, color: str, places: int) -> Spec:
-    """A head on each circle opposite the vehicle, pointing the way it flies round."""
-    orbits = plan.orbits
-    across = orbits.phases + np.pi
-    where = (orbits.centers + orbits.radii[:, None] * unit(across))[chosen]
-    ahead = (across + orbits.senses * np.pi / 2.0)[chosen]
-    return {
-        "type": "scatter",
-        "uid": f"heads-{key}",
-        "mode": "markers",
-        "x": numbers(where[:, 0], places),
-        "y": numbers(where[:, 1], places),
-        "marker": {"symbol": "arrow", "size": 9, "angle": compass(ahead), "color": color},
-        "legendgroup": key,
-        "showlegend": False,
-        "hoverinfo": "skip",
-    }
 
 
 def _vehicle_trace(plan: Plan, names: list[str], places: int) -> Spec:
@@ -210,30 +102,12 @@ def _vehicle_trace(plan: Plan, names: list[str], places: int) -> Spec:
         "y": numbers(where[:, 1], places),
         "marker": {
             "symbol": "arrow",
-            "size": 15,
+            "size": mark_px(plan, 15),
             "angle": compass(heading(orbits, 0.0)),
             "color": INK,
         },
         "text": told,
         "hoverinfo": "text",
-    }
-
-
-def _name_trace(plan: Plan, names: list[str], places: int) -> Spec:
-    """Names at the centres; vehicles that share one share a label."""
-    shared: dict[tuple[float, float], list[str]] = {}
-    for k, center in enumerate(np.round(plan.orbits.centers, places).tolist()):
-        shared.setdefault((center[0], center[1]), []).append(names[k])
-    return {
-        "type": "scatter",
-        "uid": "names",
-        "mode": "text",
-        "x": [x for x, _ in shared],
-        "y": [y for _, y in shared],
-        "text": [", ".join(who) for who in shared.values()],
-        "textfont": {"size": 13 if plan.orbits.count <= 24 else 10},
-        "showlegend": False,
-        "hoverinfo": "skip",
     }
 
 
@@ -271,7 +145,7 @@ def _pair_trace(
     text = [""] * len(x)
     text[1::4] = told
     line = {"color": shown.color, "dash": shown.dash, "width": shown.width}
-    return _lines(
+    return line_trace(
         shown.key,
         shown.text,
         x,
@@ -288,14 +162,16 @@ def _area_traces(plan: Plan, places: int) -> list[Spec]:
     traces = []
     if scenario.area_m is not None:
         x, y = gapped(_closed(scenario.area_m), places)
-        traces.append(_lines("area", "area", x, y, {"color": MUTED, "dash": "dot", "width": 1.5}))
+        traces.append(
+            line_trace("area", "area", x, y, {"color": MUTED, "dash": "dot", "width": 1.5})
+        )
     kept_out = [gapped(_closed(polygon), places) for polygon in scenario.keep_out_m or []]
     if kept_out:
         x = [value for one, _ in kept_out for value in one]
         y = [value for _, one in kept_out for value in one]
         filled = {"fill": "toself", "fillcolor": translucent(MUTED, 0.25)}
         line = {"color": MUTED, "width": 1}
-        traces.append(_lines("keep-out", "keep-out zone", x, y, line, **filled))
+        traces.append(line_trace("keep-out", "keep-out zone", x, y, line, **filled))
     return traces
 
 
@@ -314,13 +190,15 @@ def _motion_trace(
     plan: Plan, motion: UnobservableMotion, names: list[str], places: int, number: int
 ) -> Spec:
     """Arrows at the vehicles that move, to one scale; an arc for one that only turns."""
-    color, dash = _MOTION_STYLES[number % len(_MOTION_STYLES)]
-    length = _ARROW * float(plan.orbits.radii.mean())
+    radius = float(plan.orbits.radii.mean())
+    low, high = view_box(plan)
+    length = max(_ARROW * radius, _LEAST_ARROW * float(np.max(high - low)))
+    head = mark_px(plan, 15)
     where = position(plan.orbits, 0.0)
     shifts = np.hypot(motion.motion[:, 0], motion.motion[:, 1])
     x: list[float | None] = []
     y: list[float | None] = []
-    sizes: list[int] = []
+    sizes: list[float] = []
     angles: list[float] = []
     text: list[str] = []
     for k in motion.vehicles:
@@ -328,12 +206,12 @@ def _motion_trace(
             path = where[k] + length * np.array([[0.0, 0.0], motion.motion[k, :2]])
             ahead = motion.motion[k, :2]
         else:
-            path = _turning_arc(where[k], length / 3.0, float(motion.motion[k, 2]))
+            path = _turning_arc(where[k], radius / 3.0, float(motion.motion[k, 2]))
             ahead = path[-1] - path[-2]
         one_x, one_y = gapped(path[None], places)
         x, y = x + one_x, y + one_y
         plain = len(path) - 1
-        sizes += [0] * plain + [11, 0]
+        sizes += [0] * plain + [head, 0]
         angles += [0.0] * plain + compass(np.arctan2(ahead[1], ahead[0])) + [0.0]
         told = (
             f"<b>{names[k]}</b> may move unseen: {shifts[k]:.2f} toward "
@@ -348,8 +226,19 @@ def _motion_trace(
         "mode": "lines+markers",
         "x": x,
         "y": y,
-        "line": {"color": color, "dash": dash, "width": 3},
-        "marker": {"symbol": "arrow", "size": sizes, "angle": angles, "color": color},
+        "line": {
+            "color": PURPLE,
+            "dash": _MOTION_DASHES[number % len(_MOTION_DASHES)],
+            "width": 3.5,
+        },
+        "marker": {
+            "symbol": "arrow",
+            "size": sizes,
+            "angle": angles,
+            "color": PURPLE,
+            "opacity": 1,
+            "line": {"width": 0},
+        },
         "text": text,
         "hovertemplate": "%{text}<extra></extra>",
         "visible": True if number < MOTIONS_SHOWN else "legendonly",

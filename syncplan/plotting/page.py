@@ -125,7 +125,8 @@ function valuesOf(name, dark) {
     // the page has its own controls, which take the keyboard
     delete spec.layout.updatemenus;
     delete spec.layout.sliders;
-    spec.layout.margin.b = 60;
+    spec.layout.height -= 80;
+    spec.layout.margin.b = 80;
   }
   return spec;
 }

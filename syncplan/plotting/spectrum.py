@@ -44,13 +44,13 @@ def spectrum_spec(plan: Plan) -> Spec:
     low = min(float(drawn[-1]), limit) / 3.0
     shown = layout(
         title,
-        note=verdict_words(plan),
+        note=f"{verdict_words(plan)}; positions in mean radii",
         height=460,
         xaxis=axis("number, largest first", range=width),
         yaxis=axis(
-            "singular value (positions in mean radii)",
+            "singular value",
             type="log",
-            exponentformat="power",
+            exponentformat="e",
             range=numbers(np.log10([low, 3.0 * largest]), 4),
         ),
         annotations=[_gap(rank, drawn, verdict.gap, limit)],
