@@ -6,7 +6,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from api.storage.jobs import JobRow, State
-from syncplan.document import PlanDocument, ValidationDocument
+from syncplan.document import PlanDocument
 
 __all__ = [
     "Job",
@@ -15,7 +15,6 @@ __all__ = [
     "PlanPage",
     "PlanSummary",
     "StoredPlan",
-    "SweepReport",
     "job_answer",
 ]
 
@@ -101,29 +100,6 @@ class JobEvent(_Answer):
     state: State
     progress: Progress
     at: str = Field(description="RFC 3339, UTC", examples=[_TIME])
-
-
-class SweepRow(_Answer):
-    """One value of a sweep: what came of its plan, and of the trials."""
-
-    label: str = Field(examples=["0.4"])
-    value: float = Field(description="What the swept key was set to", examples=[0.4])
-    range_m: list[float] = Field(description="Range of each vehicle's sensor")
-    rank: int
-    state_dim: int
-    connectivity_period_s: float | None
-    mean_rms_x_m: float
-    mean_rms_y_m: float
-    validation: ValidationDocument
-
-
-class SweepReport(_Answer):
-    """A sweep: a row for each value."""
-
-    swept: Literal[
-        "orbit.angular_rate_rad_s", "sensor.range_m", "orbit.radius_m", "formation.spacing_m"
-    ]
-    rows: list[SweepRow]
 
 
 def job_answer(row: JobRow) -> Job:

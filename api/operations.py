@@ -5,9 +5,9 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from api.answers import StoredPlan, SweepReport
+from api.answers import StoredPlan
 from api.requests import RefinementRequest, SweepRequest, ValidationRequest
-from syncplan.document import ValidationDocument
+from syncplan.document import SweepReport, ValidationDocument
 from syncplan.scenario import Scenario
 
 __all__ = ["ANSWERS", "BODIES", "FOLLOWING", "HEADERS", "REQUEST_ID", "RESULTS", "SENT", "Body"]

@@ -12,6 +12,7 @@ from syncplan import __version__
 from syncplan.arguments import Output
 from syncplan.errors import InputError, SyncplanError
 from syncplan.plan_commands import plans
+from syncplan.plot_commands import plots
 from syncplan.run_commands import runs
 from syncplan.service_commands import services
 from syncplan.streams import Format, deliver, open_closed_streams, say
@@ -37,6 +38,9 @@ OPTIONS = {
     "time_limit_s": "--time-limit-s",
     "starts": "--starts",
     "choose": "--choose",
+    "figure": "--figure",
+    "compare": "--compare",
+    "output": "--output",
 }
 """Options by the name of the library's argument that they set."""
 
@@ -93,6 +97,7 @@ def _schema(
 
 app.add_typer(plans)
 app.add_typer(runs)
+app.add_typer(plots)
 app.add_typer(services)
 app.add_typer(schemas)
 

@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 from pydantic import BaseModel, ValidationError
 from schemathesis.config import SchemathesisConfig as Config
 
-from api.answers import SweepReport
 from api.main import create_app
 from api.openapi import operations
 from api.requests import RefinementRequest, SweepRequest, ValidationRequest
 from api.settings import load_settings
+from syncplan.document import SweepReport
 from syncplan.scenario import Scenario
 from tests.record_examples import SCENARIO
 from tests.serving import ROOT
