@@ -11,6 +11,7 @@ from typer.exceptions import TyperException
 from syncplan import __version__
 from syncplan.arguments import Output
 from syncplan.errors import InputError, SyncplanError
+from syncplan.export_commands import exporters
 from syncplan.plan_commands import plans
 from syncplan.plot_commands import plots
 from syncplan.run_commands import runs
@@ -41,6 +42,13 @@ OPTIONS = {
     "figure": "--figure",
     "compare": "--compare",
     "output": "--output",
+    "format": "--format",
+    "altitude_m": "--altitude-m",
+    "turns": "--turns",
+    "sample_time_s": "--sample-time-s",
+    "sagitta_m": "--sagitta-m",
+    "autopilot": "--autopilot",
+    "vehicle": "--vehicle",
 }
 """Options by the name of the library's argument that they set."""
 
@@ -67,6 +75,7 @@ class Contract(StrEnum):
     plan = "plan"
     sites = "sites"
     validation = "validation"
+    sync = "sync"
 
 
 @schemas.command(name="schema", epilog="Example: syncplan schema scenario")
@@ -87,6 +96,10 @@ def _schema(
         from syncplan.sites_report import SitesDocument
 
         schema = SitesDocument.model_json_schema(mode="serialization")
+    elif contract is Contract.sync:
+        from syncplan.exporting.sync_document import SyncDocument
+
+        schema = SyncDocument.model_json_schema(mode="serialization")
     else:
         from syncplan.document import ValidationDocument
 
@@ -98,6 +111,7 @@ def _schema(
 app.add_typer(plans)
 app.add_typer(runs)
 app.add_typer(plots)
+app.add_typer(exporters)
 app.add_typer(services)
 app.add_typer(schemas)
 
