@@ -9,11 +9,13 @@ from api.storage.jobs import JobRow, State
 from syncplan.document import PlanDocument
 
 __all__ = [
+    "FigureValues",
     "Job",
     "JobEvent",
     "JobPage",
     "PlanPage",
     "PlanSummary",
+    "Preview",
     "StoredPlan",
     "job_answer",
 ]
@@ -51,6 +53,23 @@ class PlanPage(_Answer):
 
     items: list[PlanSummary]
     next: str | None = Field(description="Where the next page is; null on the last")
+
+
+class FigureValues(_Answer):
+    """A figure as Plotly takes it."""
+
+    data: list[dict[str, Any]] = Field(description="Plotly's traces")
+    layout: dict[str, Any] = Field(description="Plotly's layout")
+    frames: list[dict[str, Any]] | None = Field(
+        default=None, description="Plotly's frames, of an animation"
+    )
+
+
+class Preview(_Answer):
+    """A plan that was not stored, with figures of it."""
+
+    plan: PlanDocument
+    figures: dict[str, FigureValues] = Field(description="The figures asked for, by name")
 
 
 class Progress(_Answer):

@@ -27,6 +27,7 @@ BODIES = {
     "refinePlan": Body(
         RefinementRequest, False, "What changes of the plan's own options; nothing if empty"
     ),
+    "previewScenario": Body(Scenario, True, "The scenario, as in a file of it"),
     "validatePlan": Body(ValidationRequest, False, "How to fly; defaults if empty"),
     "sweepScenario": Body(SweepRequest, True, "The scenario, what is varied, and how to fly"),
 }
@@ -46,6 +47,10 @@ ANSWERS = {
     "cancelJob": "The job, cancelled",
     "readJobResult": "The report, or the plan that a refinement made",
     "readJobTrials": "NumPy arrays in an .npz archive",
+    "previewScenario": "The plan, stored nowhere, and the figures asked for",
+    "readPlanFigure": "The figure",
+    "readJobFigure": "The figure",
+    "exportPlan": "A zip archive",
     "readScenarioSchema": "The schema",
     "readPlanSchema": "The schema",
     "checkHealth": "It is alive",

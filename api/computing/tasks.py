@@ -4,28 +4,38 @@ Jobs are described by a JobSpec. The trials of a validation are one run; those o
 each of its rows. A child keeps what it set up for the job it served last.
 """
 
+import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from api.limits import Limits, check_size
 from api.requests import REQUESTS, RefinementRequest, SweepRequest, ValidationRequest
 from syncplan.loading import decoded, parse_document, scenario_from
+from syncplan.scenario import Scenario
 from syncplan.trials import CHUNK_TRIALS
 from syncplan.validation import TrialRun
+
+if TYPE_CHECKING:
+    from syncplan.planner import Plan
+    from syncplan.plotting.palette import Theme
 
 __all__ = [
     "Cut",
     "JobSpec",
     "PlanText",
     "checked_request",
+    "exported_archive",
     "finished_report",
     "flown_part",
     "made_plan",
     "measured_runs",
+    "plan_figure",
+    "previewed",
     "refined_plan",
+    "report_figure",
     "warm_up",
 ]
 
@@ -70,10 +80,27 @@ def made_plan(body: bytes, syntax: Syntax, limits: Limits, steady: bool) -> Plan
     """Return the plan of a scenario as it was sent; raises InputError, NoSolutionError."""
     from syncplan.planner import plan
 
+    return _as_plan_text(plan(_scenario(body, syntax, limits), steady=steady))
+
+
+def previewed(
+    body: bytes, syntax: Syntax, limits: Limits, quick: bool, names: Sequence[str], theme: "Theme"
+) -> str:
+    """Return the plan of a scenario with figures of it, as JSON; raises as made_plan does."""
+    from syncplan.plan_report import plan_document
+    from syncplan.planner import plan
+    from syncplan.plotting.catalogue import specs_of
+
+    made = plan(_scenario(body, syntax, limits), margin_bound=not quick)
+    specs = specs_of(made, names, theme=theme) if names else {}
+    return _compact({"plan": plan_document(made).as_json(), "figures": specs})
+
+
+def _scenario(body: bytes, syntax: Syntax, limits: Limits) -> Scenario:
     document = parse_document(decoded(body, ""), "", syntax)
     scenario = scenario_from(document, max_vehicles=limits.vehicles)
     check_size(scenario, limits)
-    return _as_plan_text(plan(scenario, steady=steady))
+    return scenario
 
 
 def checked_request(
@@ -97,6 +124,52 @@ def checked_request(
     request = request.settled(subject, limits)
     work = request.work(subject, limits)
     return request.model_dump_json(exclude_none=True), work
+
+
+# --- figures and exports ------------------------------------------------------------------------
+
+
+def plan_figure(text: str, name: str, theme: "Theme", parent_text: str | None) -> str:
+    """Return a figure of a plan as JSON; raises InputError for one that it does not have.
+
+    With its parent's text, `comparison` shows the parent beside it.
+    """
+    from syncplan.document import RefinementResult
+    from syncplan.plotting.catalogue import specs_of
+
+    if name == "comparison" and parent_text is not None:
+        specs = specs_of(_judged(parent_text), [name], theme=theme, after=_judged(text))
+        return _compact(specs[name])
+    record = json.loads(text).get("refinement")
+    refined = None if record is None else RefinementResult.model_validate(record)
+    return _compact(specs_of(_judged(text), [name], theme=theme, refined=refined)[name])
+
+
+def report_figure(text: str, kind: str, name: str, theme: "Theme") -> str:
+    """Return a figure of the report of a validation or a sweep as JSON; raises InputError."""
+    from syncplan.document import SweepReport, ValidationDocument
+    from syncplan.plotting.catalogue import specs_of
+
+    model = SweepReport if kind == "sweep" else ValidationDocument
+    return _compact(specs_of(model.model_validate_json(text), [name], theme=theme)[name])
+
+
+def exported_archive(text: str, name: str, options: Mapping[str, Any]) -> bytes:
+    """Return the files of an export of a plan in a zip archive; raises InputError."""
+    from syncplan.exports import ExportOptions, as_archive, export
+
+    return as_archive(export(_judged(text), name, ExportOptions(**options)))
+
+
+@lru_cache(maxsize=4)
+def _judged(text: str) -> "Plan":
+    from syncplan.planfile import plan_of
+
+    return plan_of(_loaded(text))
+
+
+def _compact(values: Any) -> str:
+    return json.dumps(values, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
 
 
 # --- jobs ---------------------------------------------------------------------------------------

@@ -1,11 +1,11 @@
 // The figures beside the map: those of the plan come with it, others are asked for.
 
+import { draw } from "./drawing.js";
 import { byId } from "./elements.js";
 import { askJson } from "./service.js";
 import { theme } from "./planner.js";
 import { tabs } from "./tabs.js";
 
-const CONFIG = { displayModeBar: false, responsive: true };
 const TITLES = {
   timeline: "Contacts",
   spectrum: "Singular values",
@@ -63,11 +63,9 @@ export class Charts {
     const figure = this.#figures[name];
     if (!figure) return;
     byId("panel").setAttribute("aria-labelledby", `tab-${name}`);
-    const { title, ...layout } = figure.layout;
-    this.#text.textContent = plain(title?.subtitle?.text || "");
+    this.#text.textContent = plain(figure.layout.title?.subtitle?.text || "");
     this.#plot.setAttribute("aria-label", `${TITLES[name]}. ${this.#text.textContent}`);
-    const margin = { ...layout.margin, t: 28 };
-    Plotly.react(this.#plot, figure.data, { ...layout, margin, dragmode: false }, CONFIG);
+    draw(this.#plot, figure);
   }
 }
 

@@ -30,7 +30,7 @@ export function offerDownloads(store, storePlan) {
   ];
   byId("downloads").append(
     element("div", { class: "row" }, buttons[0], buttons[1]),
-    element("div", { class: "field" }, element("label", { for: "format" }, "Format"), format),
+    element("div", { class: "field wide" }, element("label", { for: "format" }, "Format"), format),
     buttons[2],
     element("p", { class: "hint" }, "Missions, GeoJSON and KML need the place of the origin, above."),
     fault,

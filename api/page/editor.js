@@ -111,7 +111,7 @@ export class Editor {
     this.#inputs.set(key || path, { input, kind, path });
     return element(
       "div",
-      { class: "field" },
+      { class: kind ? "field wide" : "field" },
       element("label", { for: id }, label, unit ? element("span", { class: "unit" }, ` (${unit})`) : null),
       input,
       element("p", { class: "fault", id: `${id}-fault` }),
@@ -173,7 +173,7 @@ export class Editor {
     picker.value = known ? `${selected.kind} ${selected.k}` : "";
     this.#chosen.replaceChildren(
       element("legend", {}, "One of them"),
-      element("div", { class: "field" }, element("label", { for: "chosen" }, "Vehicle or landmark"), picker),
+      element("div", { class: "field wide" }, element("label", { for: "chosen" }, "Vehicle or landmark"), picker),
       ...(known ? this.#fieldsOf(selected) : []),
       element(
         "div",
@@ -193,7 +193,7 @@ export class Editor {
   }
 
   #fieldsOf({ kind, k }) {
-    const { edit } = { edit: (change) => this.#store.edit(change(this.#store.scenario), { live: true }) };
+    const edit = (change) => this.#store.edit(change(this.#store.scenario), { live: true });
     const field = (key, path, label, unit, more, changed) =>
       this.#field({ key: `chosen.${key}`, path, label, unit, ...more }, changed);
     if (kind === "landmark") {

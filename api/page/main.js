@@ -15,12 +15,13 @@ import { Work } from "./work.js";
 const FIRST_EXAMPLE = "paper-grid-same";
 const PLAN_FIGURES = ["formation", "timeline", "spectrum", "prediction"];
 
+let waiting = 0;
 const store = new Store();
 const charts = new Charts(store);
 const map = new FormationMap(store);
 new Editor(store);
 new Player(store, map, charts);
-new Planner(store, (busy) => byId("workspace").setAttribute("aria-busy", busy));
+new Planner(store, busy);
 showVerdicts(store);
 const work = new Work(store, storePlan, { began, cancelled: forgetJob, succeeded });
 offerDownloads(store, storePlan);
@@ -132,7 +133,7 @@ byId("share").addEventListener("click", () =>
 byId("key-form").addEventListener("submit", (event) => {
   event.preventDefault();
   key.set(byId("key").value.trim());
-  attempt(start);
+  attempt(start).then(resume);
 });
 
 for (const name of ["opened", "scenario", "plan"]) {
@@ -149,12 +150,21 @@ store.addEventListener("plan", () => byId("notice").classList.contains("bad") &&
 /** Do something that may fail, and say so. */
 async function attempt(task) {
   notice("");
+  busy(true);
   try {
     await task();
   } catch (error) {
     if (error instanceof Refusal && error.status === 401) askForKey();
     else notice(error.message, { fault: true });
+  } finally {
+    busy(false);
   }
+}
+
+/** Count what there is to wait for. */
+function busy(flag) {
+  waiting += flag ? 1 : -1;
+  byId("workspace").setAttribute("aria-busy", waiting > 0);
 }
 
 function askForKey() {
@@ -169,7 +179,11 @@ async function start() {
   else await openExample(FIRST_EXAMPLE);
   byId("key-form").hidden = true;
   performance.mark("ready");
-  if (asked.get("job")) await work.resume(asked.get("job"));
 }
 
-attempt(start);
+async function resume() {
+  const jobId = new URLSearchParams(location.search).get("job");
+  if (jobId) await work.resume(jobId).catch((error) => notice(error.message, { fault: true }));
+}
+
+attempt(start).then(resume);

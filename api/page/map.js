@@ -1,9 +1,9 @@
 // The formation drawn by Plotly, with handles over it that pointer and keyboard move.
 
+import { draw } from "./drawing.js";
 import { byId, element, shown } from "./elements.js";
 import { landmarksOf, round, vehiclesOf, withCenter, withLandmark } from "./scenario.js";
 
-const CONFIG = { displayModeBar: false, responsive: true, scrollZoom: false, doubleClick: "reset" };
 const STEP = 0.01;
 const LONG_STEP = 0.05;
 
@@ -30,13 +30,13 @@ export class FormationMap {
   /** Draw a formation or one of its moments; the view stays while something is dragged. */
   async draw(figure) {
     if (!figure) return;
-    const layout = fitted(figure.layout);
+    const { layout } = figure;
     if (this.#held) {
       layout.xaxis.range = this.#held.x;
       layout.yaxis.range = this.#held.y;
     }
     const first = !this.#plot.data;
-    await Plotly.react(this.#plot, figure.data, layout, CONFIG);
+    await draw(this.#plot, figure, { filling: true });
     if (first) {
       for (const name of ["plotly_afterplot", "plotly_relayouting", "plotly_relayout"]) {
         this.#plot.on(name, () => this.#placeHandles());
@@ -153,11 +153,4 @@ function tidied(value, plot) {
   const pixel = Math.abs(range[1] - range[0]) / length;
   const tidy = 10 ** Math.floor(Math.log10(pixel));
   return round(Math.round(value / tidy) * tidy);
-}
-
-/** A figure's layout made to fill its frame, which has a heading of its own. */
-export function fitted(layout) {
-  const { title, height, ...rest } = layout;
-  const margin = { ...rest.margin, t: 16 };
-  return { ...rest, autosize: true, margin, dragmode: false, updatemenus: [], sliders: [] };
 }

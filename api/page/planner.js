@@ -17,6 +17,7 @@ export class Planner {
   #waiting = null;
   #running = false;
   #timer = 0;
+  #told = false;
 
   constructor(store, busy) {
     this.#store = store;
@@ -36,15 +37,15 @@ export class Planner {
   }
 
   #ask(live) {
+    this.#tellBusy(true);
     clearTimeout(this.#timer);
-    if (live) this.#timer = setTimeout(() => this.#ask(false), SETTLE_MS);
+    this.#timer = live ? setTimeout(() => this.#ask(false), SETTLE_MS) : 0;
     this.#waiting = { scenario: this.#store.scenario, live, asked: performance.now() };
     if (!this.#running) this.#run();
   }
 
   async #run() {
     this.#running = true;
-    this.#busy(true);
     while (this.#waiting) {
       const { scenario, live, asked } = this.#waiting;
       this.#waiting = null;
@@ -61,7 +62,12 @@ export class Planner {
       }
     }
     this.#running = false;
-    this.#busy(false);
+    this.#tellBusy(this.#timer !== 0);
+  }
+
+  #tellBusy(flag) {
+    if (flag !== this.#told) this.#busy(flag);
+    this.#told = flag;
   }
 }
 

@@ -1,7 +1,7 @@
 // One period played on the map, with the sightings of each moment and a line in the timeline.
 
+import { reshape, showFrame } from "./drawing.js";
 import { byId, notice, shown } from "./elements.js";
-import { fitted } from "./map.js";
 import { Planner, theme } from "./planner.js";
 import { askJson } from "./service.js";
 
@@ -18,7 +18,6 @@ export class Player {
   #timer = 0;
 
   constructor(store, map, charts) {
-    Object.assign(this, {});
     this.#store = store;
     this.#map = map;
     this.#charts = charts;
@@ -67,7 +66,7 @@ export class Player {
       if (this.#store.scenario !== scenario) return false;
       this.#figure = found;
       this.#slider.max = found.frames.length - 1;
-      await this.#map.draw({ data: found.data, layout: fitted(found.layout) });
+      await this.#map.draw(found);
       return true;
     } catch (error) {
       notice(error.message, { fault: true });
@@ -77,17 +76,13 @@ export class Player {
 
   #show() {
     const frame = this.#figure.frames[Number(this.#slider.value)];
-    Plotly.animate(
-      this.#map.plot,
-      { data: frame.data, traces: frame.traces },
-      { mode: "immediate", frame: { duration: 0, redraw: false }, transition: { duration: 0 } },
-    );
+    showFrame(this.#map.plot, frame);
     const time = (this.#store.plan.period_s * Number(this.#slider.value)) / this.#figure.frames.length;
     this.#say(time);
     const timeline = this.#charts.timeline;
     if (timeline) {
-      const line = { type: "line", xref: "x", yref: "paper", x0: time, x1: time, y0: 0, y1: 1, line: { width: 2, color: "#d55e00" } };
-      Plotly.relayout(timeline, { shapes: [...(timeline.layout.shapes || []).filter((one) => one.name !== "moment"), { ...line, name: "moment" }] });
+      const others = (timeline.layout.shapes || []).filter((one) => one.name !== "moment");
+      reshape(timeline, [...others, momentLine(time)]);
     }
   }
 
@@ -95,4 +90,8 @@ export class Player {
     byId("moment-text").textContent = `${shown(time)} s`;
     this.#slider.setAttribute("aria-valuetext", `${shown(time)} seconds`);
   }
+}
+
+function momentLine(time) {
+  return { name: "moment", type: "line", xref: "x", yref: "paper", x0: time, x1: time, y0: 0, y1: 1, line: { width: 2, color: "#d55e00" } };
 }

@@ -9,7 +9,11 @@ export function showVerdicts(store) {
     place.replaceChildren(...verdictOf(store.plan, event.detail.quick));
     place.classList.remove("stale");
   });
-  store.addEventListener("faults", () => place.classList.add("stale"));
+  store.addEventListener("faults", () => {
+    if (!store.plan || place.classList.contains("stale")) return;
+    place.classList.add("stale");
+    place.append(element("p", { class: "hint" }, "Of the scenario before the fault."));
+  });
 }
 
 function verdictOf(plan, quick) {

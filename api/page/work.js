@@ -72,7 +72,7 @@ export class Work {
       "Move phases, centres and radii to the least predicted error.",
       "refinements",
       read,
-      labelled("Improve the", objective),
+      wide("Improve the", objective),
       element("div", { class: "row" }, "Move phases,", centers.label, box, "m"),
       element("div", { class: "row" }, radii.label, least, "to", most, "m"),
       labelled("Time limit (s)", time),
@@ -239,6 +239,10 @@ function number(id, value, { min, label } = {}) {
 function check(id, text, checked) {
   const input = element("input", { id, type: "checkbox", checked });
   return { input, label: element("label", { for: id, class: "check" }, input, ` ${text}`) };
+}
+
+function wide(text, input) {
+  return element("div", { class: "field wide" }, element("label", { for: input.id }, text), input);
 }
 
 function labelled(text, input) {

@@ -1,0 +1,40 @@
+// Plotly, which loads while the first plan is being made, and how a figure is fitted to its frame.
+
+import { byId } from "./elements.js";
+
+const CONFIG = { displayModeBar: false, responsive: true, scrollZoom: false, doubleClick: "reset" };
+
+const loaded = new Promise((resolve, reject) => {
+  if (globalThis.Plotly) resolve(globalThis.Plotly);
+  const script = byId("plotly");
+  script.addEventListener("load", () => resolve(globalThis.Plotly));
+  script.addEventListener("error", () => reject(new Error("the drawing library did not load; reload the page")));
+});
+
+/** Draw a figure in a frame that has a heading of its own; resolves once it is there. */
+export async function draw(frame, figure, { filling = false } = {}) {
+  const Plotly = await loaded;
+  const { title, height, ...layout } = figure.layout;
+  const fitted = {
+    ...layout,
+    ...(filling ? { autosize: true } : { height }),
+    margin: { ...layout.margin, t: filling ? 16 : 28 },
+    dragmode: false,
+    updatemenus: [],
+    sliders: [],
+  };
+  return Plotly.react(frame, figure.data, fitted, CONFIG);
+}
+
+/** Show one frame of an animation that was drawn. */
+export async function showFrame(frame, { data, traces }) {
+  const Plotly = await loaded;
+  const atOnce = { mode: "immediate", frame: { duration: 0, redraw: false }, transition: { duration: 0 } };
+  return Plotly.animate(frame, { data, traces }, atOnce);
+}
+
+/** Change what lies over a figure. */
+export async function reshape(frame, shapes) {
+  const Plotly = await loaded;
+  return Plotly.relayout(frame, { shapes });
+}
