@@ -43,7 +43,7 @@ def consistency_spec(report: ValidationDocument) -> Spec:
         "share within 3 sigma",
         domain=[0, 0.5],
         anchor="x3",
-        range=[lowest - 0.05 * (1.005 - lowest), 1.005],
+        range=[lowest - 0.05 * (1.0 - lowest), 1.002],
         tickformat=".1%",
     )
     titles = [
@@ -63,7 +63,9 @@ def _verdict(name: str, figure: Spread) -> str:
         return f"{name}: nothing to judge"
     low, high = figure.band
     band = f"95 % band {low:.4g} to {high:.4g}"
-    return f"{name} {figure.value:.4g}: {figure.verdict}<br><sup>{band}</sup>"
+    return (
+        f"{name} {figure.value:.4g}: {figure.verdict}<br><span style='font-size:11px'>{band}</span>"
+    )
 
 
 def _room(values: list[float]) -> list[float | None]:
