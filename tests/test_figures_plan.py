@@ -299,7 +299,7 @@ def _sees(made: Plan, observer: int, away: np.ndarray, time: float) -> bool:
         return False
     middle = float(heading(made.orbits, time)[observer] + sensors.boresights[observer])
     off = math.acos(float(np.clip(away @ unit(middle) / np.hypot(*away), -1.0, 1.0)))
-    return off <= sensors.fields_of_view[observer] / 2.0 + 1e-9
+    return off <= float(sensors.fields_of_view[observer]) / 2.0 + 1e-9
 
 
 def test_a_refined_plan_is_shown_before_and_after() -> None:

@@ -53,6 +53,9 @@ class _Page(HTMLParser):
             self.policy = given["content"]
         self._open = given.get("id", "") if tag == "script" else ""
 
+    def handle_endtag(self, tag: str) -> None:
+        self._open = ""
+
     def handle_data(self, data: str) -> None:
         if self._open.startswith("values-"):
             self.values[self._open.removeprefix("values-")] = json.loads(data)
@@ -78,10 +81,15 @@ def test_a_page_holds_all_figures_and_fetches_nothing(run: Run, tmp_path: Path) 
     assert "connect-src" not in page.policy
     before, after = text[: text.index("<style>")], text[text.index("<style>") :]
     style = after[: after.index("</style>")]
-    assert "http" not in before
+    assert "http:" not in before + style
+    assert "https:" not in before + style
     assert "url(" not in style
     assert "@import" not in style
     assert text.count("plotly.js v") == 1
+    # the toolbar offers no upload
+    assert '"showSendToCloud":false' in text
+    for values in page.values.values():
+        assert values["layout"]["modebar"]["remove"] == ["sendChartToCloud"]
     assert [path.name for path in tmp_path.iterdir()] == ["plan.html"]
 
 
@@ -260,6 +268,7 @@ def test_without_a_browser_the_remedy_is_named(
 
 
 @needs_browser
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", ["png", "svg", "pdf"])
 def test_images_are_what_their_names_say_and_the_same_each_time(
     run: Run, ending: str, tmp_path: Path

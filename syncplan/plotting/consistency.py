@@ -54,7 +54,8 @@ def consistency_spec(report: ValidationDocument) -> Spec:
     note = f"{report.trials} trials of {report.duration_s:g} s, seed {report.seed}"
     title = f"{escaped(report.name or 'Plan')}: is the filter honest?"
     drawn = layout(title, note=note, height=560, annotations=titles, **axes)
-    drawn["margin"].update({"t": 84, "b": 104})
+    drawn["margin"]["t"] += 10
+    drawn["margin"]["b"] = 104
     return {"data": traces, "layout": drawn}
 
 

@@ -49,7 +49,8 @@ def errors_spec(report: ValidationDocument, vehicles: Sequence[str] | None = Non
         note += f"; the {len(rows)} of {len(report.vehicles)} vehicles with the largest errors"
     title = f"{escaped(report.name or 'Plan')}: errors over time"
     drawn = layout(title, note=note, height=whole + 216, annotations=titles, **axes)
-    drawn["margin"].update({"t": 104, "b": 112})
+    drawn["margin"]["t"] += 26
+    drawn["margin"]["b"] = 112
     return {"data": traces, "layout": drawn}
 
 

@@ -5,7 +5,7 @@ import json
 from collections.abc import Mapping
 
 from syncplan.errors import InputError
-from syncplan.plotting.canvas import Spec
+from syncplan.plotting.canvas import CONFIG, Spec
 from syncplan.plotting.catalogue import ENTRIES
 from syncplan.plotting.palette import DARK
 
@@ -40,6 +40,7 @@ def figure_page(title: str, specs: Mapping[str, Spec]) -> str:
 </main>
 {values}
 {_values("dark-colors", dict(DARK))}
+{_values("plotly-config", dict(CONFIG))}
 <script>{_plotly_script()}</script>
 <script>{_SCRIPT}</script>
 </body>
@@ -110,7 +111,7 @@ _SCRIPT = """
 const read = (id) => document.getElementById(id).textContent;
 const darkColors = JSON.parse(read("dark-colors"));
 const darkScheme = matchMedia("(prefers-color-scheme: dark)");
-const config = { responsive: true, displaylogo: false };
+const config = JSON.parse(read("plotly-config"));
 const printWidth = 700;
 
 function valuesOf(name, dark) {

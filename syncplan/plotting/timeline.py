@@ -68,7 +68,8 @@ def timeline_spec(plan: Plan) -> Spec:
         yaxis2=axis("number", domain=[0, split], rangemode="tozero", anchor="x2"),
         annotations=[panel_title("What the union of the sightings joins", 0, split)],
     )
-    drawn["margin"].update({"t": 90, "b": bottom})
+    drawn["margin"]["t"] += 14
+    drawn["margin"]["b"] = bottom
     return {"data": [*_bars(plan, rows, names), *_union_traces(plan)], "layout": drawn}
 
 
