@@ -53,8 +53,8 @@ def consistency_spec(report: ValidationDocument) -> Spec:
     titles.append(panel_title("Coordinates within the filter's own 3 sigma", 0, 0.51))
     note = f"{report.trials} trials of {report.duration_s:g} s, seed {report.seed}"
     title = f"{escaped(report.name or 'Plan')}: is the filter honest?"
-    drawn = layout(title, note=note, height=560, annotations=titles, **axes)
-    drawn["margin"]["t"] += 10
+    drawn = layout(title, note=note, height=590, annotations=titles, **axes)
+    drawn["margin"]["t"] += 34
     drawn["margin"]["b"] = 104
     return {"data": traces, "layout": drawn}
 
