@@ -403,3 +403,22 @@ def test_vehicles_that_share_a_circle_share_a_label() -> None:
     made = plan(small(formation={"centers_m": [[0.0, 0.0], [0.0, 0.0], [70.0, 0.0]]}))
     names = _trace(_formation(made), "names")
     assert names["text"] == ["v1, v2", "v3"]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"formation": {"centers_m": [[0.0, 0.0]]}},
+        {"formation": {"centers_m": [[0.0, 0.0], [900.0, 0.0]]}},
+        {"formation": {"centers_m": [[0.0, 0.0], [0.0, 0.0]]}},
+        {"formation": {"centers_m": [[0.0, 0.0]]}, "landmarks_m": [[0.0, 0.0], [1.0, 0.0]]},
+    ],
+    ids=["alone", "out of sight", "on one circle", "around a landmark"],
+)
+def test_teams_that_hardly_are_one_are_drawn_too(changes: dict[str, Any]) -> None:
+    made = plan(small(**changes))
+    for name, spec in specs_of(made).items():
+        assert json.dumps(spec, allow_nan=False), name
+        assert Figure(spec).to_json(), name
+    drawn = [t for t in _formation(made)["data"] if t["uid"].startswith("motion")]
+    assert len(drawn) == len(made.unobservable)

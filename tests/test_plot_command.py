@@ -4,6 +4,7 @@ import importlib.util
 import io
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -18,6 +19,7 @@ from syncplan import figures
 from syncplan.errors import InputError
 from syncplan.planner import plan
 from syncplan.plotting.catalogue import specs_of
+from syncplan.plotting.page import figure_page
 from tests.scenarios import FILES, document, small
 
 GRID = str(FILES / "paper-grid-alternate.yaml")
@@ -116,6 +118,15 @@ def test_names_in_a_page_can_break_out_of_nothing(run: Run, tmp_path: Path) -> N
     _, out, _ = run("plot", str(source))
     assert odd not in out
     assert "<script>alert" not in out
+
+
+def test_values_in_a_page_end_no_script() -> None:
+    spec = specs_of(plan(small()), ["formation"])["formation"]
+    spec["layout"]["title"]["text"] = "</script><!--"
+    text = figure_page("<title>", {"formation": spec})
+    assert "</script><!--" not in text
+    assert _page(text).values["formation"] == json.loads(json.dumps(spec))
+    assert "<title>&lt;title&gt;</title>" in text
 
 
 def test_a_plan_file_and_its_scenario_give_the_same_page(run: Run, tmp_path: Path) -> None:
@@ -290,10 +301,17 @@ def test_images_are_what_their_names_say_and_the_same_each_time(
 
 @needs_browser
 @pytest.mark.slow
-def test_a_browser_draws_the_page_without_a_fault(run: Run, tmp_path: Path) -> None:
+def test_a_browser_draws_the_page_and_plays_it_without_a_fault(run: Run, tmp_path: Path) -> None:
     assert BROWSER is not None
     target = tmp_path / "plan.html"
     assert run("plot", GRID, "-o", str(target))[0] == 0
+    page = target.read_text(encoding="utf-8")
+    play = (
+        "let steps = 0; new MutationObserver(() => { document.body.dataset.steps = ++steps; })"
+        ".observe(document.querySelector('.player output'), { childList: true });"
+        "document.querySelector('.player button').click()"
+    )
+    target.write_text(page.replace("</body>", f"<script>{play}</script></body>"), encoding="utf-8")
     done = subprocess.run(
         [
             BROWSER,
@@ -313,4 +331,8 @@ def test_a_browser_draws_the_page_without_a_fault(run: Run, tmp_path: Path) -> N
     )
     assert done.stdout.count('class="main-svg"') >= 5
     assert done.stdout.count('class="player"') == 1
+    assert ">Pause</button>" in done.stdout
+    steps = re.search(r'data-steps="(\d+)"', done.stdout)
+    assert steps is not None
+    assert int(steps[1]) >= 3
     assert "CONSOLE" not in done.stderr, done.stderr
