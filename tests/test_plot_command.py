@@ -311,7 +311,8 @@ def test_a_browser_draws_the_page_and_plays_it_without_a_fault(run: Run, tmp_pat
         ".observe(document.querySelector('.player output'), { childList: true });"
         "document.querySelector('.player button').click()"
     )
-    target.write_text(page.replace("</body>", f"<script>{play}</script></body>"), encoding="utf-8")
+    page, _, end = page.rpartition("</body>")
+    target.write_text(f"{page}<script>{play}</script></body>{end}", encoding="utf-8")
     done = subprocess.run(
         [
             BROWSER,

@@ -119,8 +119,9 @@ def _moving_traces(plan: Plan, time: float, places: int) -> list[Spec]:
 
 
 def _segments(ends: Array, places: int) -> Spec:
+    # of a trace with nothing in it, the legend's entry would come and go
     x, y = gapped(ends.reshape(-1, 2, 2), places)
-    return {"x": x, "y": y}
+    return {"x": x or [None], "y": y or [None]}
 
 
 def _looks(names: list[str]) -> list[Spec]:

@@ -108,18 +108,21 @@ def union_growth(plan: Plan) -> tuple[Array, Array, Array]:
     seen: dict[int, set[int]] = {k: set() for k in range(count)}
     size = dict.fromkeys(range(count), 1)
     steps: list[tuple[float, int, int]] = [(0.0, count, 0)]
-    groups = count
+    groups, held = count, 0
     for time, a, b in _beginnings(plan):
+        parts = {merged[a]} if b >= count else {merged[a], merged[b]}
+        if b < count and len(parts) == 1:
+            continue
+        before = sum(size[part] for part in parts if _distinct(plan, seen[part]))
+        known = set().union(*(seen[part] for part in parts))
+        whole = sum(size[part] for part in parts)
         if b >= count:
-            seen[merged[a]].add(b - count)
-        elif merged[a] != merged[b]:
-            one, other = merged[a], merged[b]
+            known.add(b - count)
+        else:
             merged.union(a, b)
-            seen[merged[a]] = seen[one] | seen[other]
-            size[merged[a]] = size[one] + size[other]
             groups -= 1
-        roots = {merged[k] for k in range(count)}
-        held = sum(size[root] for root in roots if _distinct(plan, seen[root]))
+        seen[merged[a]], size[merged[a]] = known, whole
+        held += (whole if _distinct(plan, known) else 0) - before
         if (groups, held) != steps[-1][1:]:
             steps = steps[:-1] if steps[-1][0] == time else steps
             steps.append((time, groups, held))
