@@ -17,6 +17,7 @@ from benchmarks import (
     service,
     startup,
 )
+from benchmarks import figures as drawings
 
 README = Path(__file__).with_name("README.md")
 BEGIN, END = "<!-- figures: python -m benchmarks --write -->", "<!-- end of figures -->"
@@ -50,6 +51,8 @@ def main() -> list[Figure]:
     figures += refinement.main()
     _announce("service")
     figures += service.figures(service.main())
+    _announce("figures")
+    figures += drawings.figures(drawings.main())
     return figures
 
 

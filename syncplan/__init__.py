@@ -49,11 +49,13 @@ Modules, each using only those before it
     validation, sweeps                        a plan flown, many plans compared
     document, *_report                        contracts
     planfile, output                          files
+    plotting.*, figures                       what is drawn: plain values; Plotly's figures
     exporting.*, exports                      other programs' formats
     remote, client                            the same, computed by a service
     streams, tables, arguments,               the command line
     plan_commands, run_commands,
-    export_commands, service_commands, cli
+    plot_commands, export_commands,
+    service_commands, cli
 
 References
 ----------

@@ -289,7 +289,9 @@ def test_each_frame_has_the_poses_and_sightings_of_its_moment(made: Plan) -> Non
             for b in range(len(bodies)):
                 expected += a != b and _sees(made, a, bodies[b] - where[a], time)
         assert len(parts["directions"]["x"]) == expected
-        assert len(parts["landmark-sightings"]["x"]) % 3 == 0
+        anchored = [x for x in parts["landmark-sightings"]["x"] if x is not None]
+        _, targets = live(made.windows, made.orbits.period, time)
+        assert len(anchored) == 2 * np.sum(targets >= made.orbits.count)
 
 
 def _sees(made: Plan, observer: int, away: np.ndarray, time: float) -> bool:
@@ -299,7 +301,7 @@ def _sees(made: Plan, observer: int, away: np.ndarray, time: float) -> bool:
         return False
     middle = float(heading(made.orbits, time)[observer] + sensors.boresights[observer])
     off = math.acos(float(np.clip(away @ unit(middle) / np.hypot(*away), -1.0, 1.0)))
-    return off <= sensors.fields_of_view[observer] / 2.0 + 1e-9
+    return off <= float(sensors.fields_of_view[observer]) / 2.0 + 1e-9
 
 
 def test_a_refined_plan_is_shown_before_and_after() -> None:
@@ -403,3 +405,22 @@ def test_vehicles_that_share_a_circle_share_a_label() -> None:
     made = plan(small(formation={"centers_m": [[0.0, 0.0], [0.0, 0.0], [70.0, 0.0]]}))
     names = _trace(_formation(made), "names")
     assert names["text"] == ["v1, v2", "v3"]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"formation": {"centers_m": [[0.0, 0.0]]}},
+        {"formation": {"centers_m": [[0.0, 0.0], [900.0, 0.0]]}},
+        {"formation": {"centers_m": [[0.0, 0.0], [0.0, 0.0]]}},
+        {"formation": {"centers_m": [[0.0, 0.0]]}, "landmarks_m": [[0.0, 0.0], [1.0, 0.0]]},
+    ],
+    ids=["alone", "out of sight", "on one circle", "around a landmark"],
+)
+def test_teams_that_hardly_are_one_are_drawn_too(changes: dict[str, Any]) -> None:
+    made = plan(small(**changes))
+    for name, spec in specs_of(made).items():
+        assert json.dumps(spec, allow_nan=False), name
+        assert Figure(spec).to_json(), name
+    drawn = [t for t in _formation(made)["data"] if t["uid"].startswith("motion")]
+    assert len(drawn) == len(made.unobservable)

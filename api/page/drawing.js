@@ -26,11 +26,11 @@ export async function draw(frame, figure, { filling = false } = {}) {
   return Plotly.react(frame, figure.data, fitted, CONFIG);
 }
 
-/** Show one frame of an animation that was drawn. */
+/** Show one frame of an animation that was drawn: Plotly.animate stalls where a page is hidden. */
 export async function showFrame(frame, { data, traces }) {
   const Plotly = await loaded;
-  const atOnce = { mode: "immediate", frame: { duration: 0, redraw: false }, transition: { duration: 0 } };
-  return Plotly.animate(frame, { data, traces }, atOnce);
+  const now = frame.data.map((trace, k) => (traces.includes(k) ? { ...trace, ...data[traces.indexOf(k)] } : trace));
+  return Plotly.react(frame, now, frame.layout, CONFIG);
 }
 
 /** Change what lies over a figure. */

@@ -1,6 +1,7 @@
 """One period, animated: where everybody is, and who sees whom at that moment."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from syncplan.contacts import Windows
 from syncplan.orbits import heading, position
@@ -28,6 +29,8 @@ from syncplan.plotting.palette import GREEN, INK, PURPLE
 from syncplan.plotting.standing import body_names
 
 __all__ = ["FRAMES", "animation_spec", "live"]
+
+Index = NDArray[np.int64]
 
 FRAMES = 60
 """Moments shown of one period."""
@@ -68,7 +71,7 @@ def animation_spec(plan: Plan, frames: int = FRAMES) -> Spec:
     return {"data": [*still, *first], "layout": drawn, "frames": steps}
 
 
-def live(windows: Windows, period: float, time: float) -> tuple[Array, Array]:
+def live(windows: Windows, period: float, time: float) -> tuple[Index, Index]:
     """Return (observers, targets) of the sightings in contact at `time` s, windows' edges in."""
     pair = np.repeat(np.arange(len(windows.observers)), np.diff(windows.first))
     now = (time - windows.starts) % period <= windows.ends - windows.starts
@@ -116,8 +119,9 @@ def _moving_traces(plan: Plan, time: float, places: int) -> list[Spec]:
 
 
 def _segments(ends: Array, places: int) -> Spec:
+    # of a trace with nothing in it, the legend's entry would come and go
     x, y = gapped(ends.reshape(-1, 2, 2), places)
-    return {"x": x, "y": y}
+    return {"x": x or [None], "y": y or [None]}
 
 
 def _looks(names: list[str]) -> list[Spec]:

@@ -6,7 +6,7 @@ strings and numbers: the same go to Plotly in Python, to a page and through the 
 
 import html
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from syncplan.plotting.palette import GRID, INK, MUTED
 
 __all__ = [
+    "CONFIG",
     "Spec",
     "axis",
     "compass",
@@ -34,11 +35,21 @@ Spec = dict[str, Any]
 CLEAR = "rgba(0,0,0,0)"
 FONT = "system-ui, -apple-system, 'Segoe UI', 'DejaVu Sans', Arial, sans-serif"
 
+CONFIG: Mapping[str, Any] = {
+    "responsive": True,
+    "displaylogo": False,
+    "showSendToCloud": False,
+    "plotlyServerURL": "",
+}
+"""Plotly's configuration for pages: nothing is offered that would send a plan elsewhere."""
+
 _LINE_LENGTH = 46
+_NOTE_LENGTH = 92
+_NOTE_LINE_PX = 18
 
 
 def layout(title: str, *, note: str = "", height: int = 520, **more: Any) -> Spec:
-    """Return a layout: title, a line under it, legend below, clear background.
+    """Return a layout: title, a note under it, legend below, clear background.
 
     `title` and `note` are shown as they are: names in them must be escaped. uirevision keeps zoom
     and hidden legend entries when a page draws the figure again.
@@ -54,17 +65,24 @@ def layout(title: str, *, note: str = "", height: int = 520, **more: Any) -> Spe
         "pad": {"t": 14, "l": 14},
         "font": {"size": 17},
     }
-    if note:
-        heading["subtitle"] = {"text": note, "font": {"size": 13, "color": MUTED}}
+    lines = list(_lines(note, _NOTE_LENGTH)) if note else []
+    if lines:
+        heading["subtitle"] = {"text": "<br>".join(lines), "font": {"size": 13, "color": MUTED}}
     return {
         "title": heading,
         "font": {"family": FONT, "size": 13, "color": INK},
         "paper_bgcolor": CLEAR,
         "plot_bgcolor": CLEAR,
         "height": height,
-        "margin": {"l": 70, "r": 24, "t": 76 if note else 56, "b": 60},
+        "margin": {"l": 70, "r": 24, "t": 56 + _NOTE_LINE_PX * len(lines), "b": 60},
         "legend": {"orientation": "h", "x": 0, "y": 0, "yref": "container", "yanchor": "bottom"},
         "hovermode": "closest",
+        "modebar": {
+            "bgcolor": CLEAR,
+            "color": MUTED,
+            "activecolor": INK,
+            "remove": ["sendChartToCloud"],
+        },
         "uirevision": "syncplan",
         "template": {},
         **more,

@@ -17,17 +17,20 @@ from syncplan.plotting.canvas import (
     numbers,
     panel_title,
 )
-from syncplan.plotting.maps import circle_points, landmark_traces, view_box
+from syncplan.plotting.maps import circle_points, landmark_traces, map_height, view_box
 from syncplan.plotting.palette import BLUE, INK, MUTED, ORANGE
 from syncplan.plotting.standing import body_names
 
 __all__ = ["comparison_spec", "refinement_spec"]
 
+_BARS_PX = 170
+_GAP_PX = 100
+
 _METRES = (
-    ("predicted RMS", "predicted_rms_m"),
-    ("of the worst vehicle", "worst_predicted_rms_m"),
-    ("one window's bound, worst vehicle", "window_bound_m"),
-    ("least distance of two vehicles", "least_distance_m"),
+    ("predicted RMS,<br>all vehicles", "predicted_rms_m"),
+    ("predicted RMS,<br>worst vehicle", "worst_predicted_rms_m"),
+    ("bound of one window,<br>worst vehicle", "window_bound_m"),
+    ("least distance<br>of two vehicles", "least_distance_m"),
     ("contact margin", "contact_margin_m"),
 )
 
@@ -93,10 +96,13 @@ def comparison_spec(before: Plan, after: Plan) -> Spec:
         ):
             trace = bars(f"{side}-rms", f"error {side}", shown, np.asarray(rms), color, pattern)
             traces.append({**trace, "xaxis": "x2", "yaxis": "y2"})
+    map_px = max(map_height(before), map_height(after))
+    inner = map_px + _GAP_PX + _BARS_PX
+    share = _BARS_PX / inner
     drawn = layout(
         f"{escaped(after.scenario.name or 'Plan')}: before and after",
         note=f"{_verdict(before)} before; {_verdict(after)} after",
-        height=860,
+        height=inner + 196,
         barmode="group",
         xaxis=axis("x (east), m", range=numbers([low[0], high[0]], 6), constrain="domain"),
         yaxis=axis(
@@ -105,11 +111,11 @@ def comparison_spec(before: Plan, after: Plan) -> Spec:
             scaleanchor="x",
             scaleratio=1,
             constrain="domain",
-            domain=[0.44, 1],
+            domain=[1.0 - map_px / inner, 1],
         ),
         xaxis2=axis("vehicle", type="category", anchor="y2"),
-        yaxis2=axis("predicted RMS, m", rangemode="tozero", domain=[0, 0.26], anchor="x2"),
-        annotations=[panel_title("Predicted position error, second half of the run", 0, 0.27)],
+        yaxis2=axis("predicted RMS, m", rangemode="tozero", domain=[0, share], anchor="x2"),
+        annotations=[panel_title("Predicted position error, second half of the run", 0, share)],
     )
     drawn["margin"]["b"] = 110
     return {"data": traces, "layout": drawn}

@@ -43,7 +43,7 @@ def consistency_spec(report: ValidationDocument) -> Spec:
         "share within 3 sigma",
         domain=[0, 0.5],
         anchor="x3",
-        range=[lowest - 0.05 * (1.005 - lowest), 1.005],
+        range=[lowest - 0.05 * (1.0 - lowest), 1.002],
         tickformat=".1%",
     )
     titles = [
@@ -53,8 +53,9 @@ def consistency_spec(report: ValidationDocument) -> Spec:
     titles.append(panel_title("Coordinates within the filter's own 3 sigma", 0, 0.51))
     note = f"{report.trials} trials of {report.duration_s:g} s, seed {report.seed}"
     title = f"{escaped(report.name or 'Plan')}: is the filter honest?"
-    drawn = layout(title, note=note, height=560, annotations=titles, **axes)
-    drawn["margin"].update({"t": 84, "b": 104})
+    drawn = layout(title, note=note, height=590, annotations=titles, **axes)
+    drawn["margin"]["t"] += 34
+    drawn["margin"]["b"] = 104
     return {"data": traces, "layout": drawn}
 
 
@@ -63,7 +64,9 @@ def _verdict(name: str, figure: Spread) -> str:
         return f"{name}: nothing to judge"
     low, high = figure.band
     band = f"95 % band {low:.4g} to {high:.4g}"
-    return f"{name} {figure.value:.4g}: {figure.verdict}<br><sup>{band}</sup>"
+    return (
+        f"{name} {figure.value:.4g}: {figure.verdict}<br><span style='font-size:11px'>{band}</span>"
+    )
 
 
 def _room(values: list[float]) -> list[float | None]:

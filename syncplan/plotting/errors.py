@@ -20,7 +20,7 @@ MOST_POINTS = 400
 
 _ROW_PX = 150
 _GAP_PX = 34
-_COLUMNS = ("x, m", "y, m", "heading, rad")
+_COLUMNS = ("x in m", "y in m", "heading in rad")
 
 
 def errors_spec(report: ValidationDocument, vehicles: Sequence[str] | None = None) -> Spec:
@@ -49,7 +49,8 @@ def errors_spec(report: ValidationDocument, vehicles: Sequence[str] | None = Non
         note += f"; the {len(rows)} of {len(report.vehicles)} vehicles with the largest errors"
     title = f"{escaped(report.name or 'Plan')}: errors over time"
     drawn = layout(title, note=note, height=whole + 216, annotations=titles, **axes)
-    drawn["margin"].update({"t": 104, "b": 112})
+    drawn["margin"]["t"] += 26
+    drawn["margin"]["b"] = 112
     return {"data": traces, "layout": drawn}
 
 
@@ -149,12 +150,12 @@ def _axes(rows: list[VehicleSeries], whole: int) -> tuple[Spec, list[Spec]]:
     for r, row in enumerate(rows):
         top = 1.0 - r * (_ROW_PX + _GAP_PX) / whole
         bottom = top - _ROW_PX / whole
-        titles.append(panel_title(f"<b>{escaped(row.name)}</b>", 0, top))
         for c in range(3):
             number = 3 * r + c
             suffix = str(number + 1) if number else ""
             left = c * 0.35
             last = r == len(rows) - 1
+            titles.append(panel_title(f"<b>{escaped(row.name)}</b>: {_COLUMNS[c]}", left, top))
             axes[f"xaxis{suffix}"] = axis(
                 "time, s" if last else "",
                 domain=[left, left + 0.30],
@@ -163,6 +164,6 @@ def _axes(rows: list[VehicleSeries], whole: int) -> tuple[Spec, list[Spec]]:
                 **({"matches": "x"} if number else {}),
             )
             axes[f"yaxis{suffix}"] = axis(
-                _COLUMNS[c], domain=[max(bottom, 0.0), top], anchor=f"x{suffix}", nticks=5
+                domain=[max(bottom, 0.0), top], anchor=f"x{suffix}", nticks=5
             )
     return axes, titles

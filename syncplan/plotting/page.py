@@ -5,7 +5,7 @@ import json
 from collections.abc import Mapping
 
 from syncplan.errors import InputError
-from syncplan.plotting.canvas import Spec
+from syncplan.plotting.canvas import CONFIG, Spec
 from syncplan.plotting.catalogue import ENTRIES
 from syncplan.plotting.palette import DARK
 
@@ -40,6 +40,7 @@ def figure_page(title: str, specs: Mapping[str, Spec]) -> str:
 </main>
 {values}
 {_values("dark-colors", dict(DARK))}
+{_values("plotly-config", dict(CONFIG))}
 <script>{_plotly_script()}</script>
 <script>{_SCRIPT}</script>
 </body>
@@ -110,7 +111,7 @@ _SCRIPT = """
 const read = (id) => document.getElementById(id).textContent;
 const darkColors = JSON.parse(read("dark-colors"));
 const darkScheme = matchMedia("(prefers-color-scheme: dark)");
-const config = { responsive: true, displaylogo: false };
+const config = JSON.parse(read("plotly-config"));
 const printWidth = 700;
 
 function valuesOf(name, dark) {
@@ -140,8 +141,8 @@ function draw(div, dark, width) {
 }
 
 function player(div, spec) {
+  let known = null;
   let dark = null;
-  let frames = [];
   const times = spec.layout.sliders[0].steps.map((step) => step.label);
   const button = document.createElement("button");
   const slider = document.createElement("input");
@@ -157,37 +158,57 @@ function player(div, spec) {
   slider.value = 0;
   slider.setAttribute("aria-label", "Time within the period");
   let playing = false;
-  const show = () => {
+  let timer = 0;
+  const show = (wanted) => {
     const k = Number(slider.value);
     output.textContent = times[k] + " s";
     slider.setAttribute("aria-valuetext", times[k] + " seconds");
-    if (dark !== darkScheme.matches) {
-      dark = darkScheme.matches;
-      frames = valuesOf(div.id.slice(5), dark).frames;
+    if (dark !== wanted) {
+      dark = wanted;
+      known = valuesOf(div.id.slice(5), dark);
     }
-    return Plotly.animate(div, [frames[k]], {
-      mode: "immediate", frame: { duration: 0, redraw: true }, transition: { duration: 0 } });
+    const frame = known.frames[k];
+    const data = [...known.data];
+    frame.traces.forEach((n, i) => { data[n] = { ...data[n], ...frame.data[i] }; });
+    // the layout as it is keeps the reader's zoom
+    Plotly.react(div, data, div.layout, config);
   };
-  const step = async () => {
+  const step = () => {
     if (!playing) { return; }
     slider.value = (Number(slider.value) + 1) % spec.frames.length;
-    await show();
-    setTimeout(step, 100);
+    show(darkScheme.matches);
+    timer = setTimeout(step, 100);
   };
   const label = () => { button.textContent = playing ? "Pause" : "Play"; };
-  button.addEventListener("click", () => { playing = !playing; label(); step(); });
-  slider.addEventListener("input", () => { playing = false; label(); show(); });
+  button.addEventListener("click", () => {
+    clearTimeout(timer);
+    playing = !playing;
+    label();
+    step();
+  });
+  slider.addEventListener("input", () => {
+    playing = false;
+    label();
+    show(darkScheme.matches);
+  });
   label();
   output.textContent = times[0] + " s";
+  return show;
 }
 
+const shown = new Map();
 const plots = [...document.querySelectorAll(".plot")];
 for (const div of plots) {
   draw(div, darkScheme.matches);
   const spec = JSON.parse(read("values-" + div.id.slice(5)));
-  if (spec.frames) { player(div, spec); }
+  if (spec.frames) { shown.set(div, player(div, spec)); }
 }
-const drawAll = (dark, width) => { for (const div of plots) { draw(div, dark, width); } };
+function drawAll(dark, width) {
+  for (const div of plots) {
+    draw(div, dark, width);
+    shown.get(div)?.(dark);
+  }
+}
 darkScheme.addEventListener("change", () => drawAll(darkScheme.matches));
 addEventListener("beforeprint", () => drawAll(false, printWidth));
 addEventListener("afterprint", () => drawAll(darkScheme.matches));

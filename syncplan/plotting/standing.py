@@ -7,7 +7,7 @@ from syncplan.planner import Plan
 from syncplan.plotting.canvas import escaped
 from syncplan.plotting.palette import GREEN, MUTED, SKY, VERMILLION
 
-__all__ = ["DROPPED", "Standing", "body_names", "grouped", "hover", "standing"]
+__all__ = ["DROPPED", "Standing", "body_names", "grouped", "hover", "standing_of"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ _KINDS = {"link": 3.0, "incidental": 1.3, "landmark": 1.8}
 _WORDS = {"link": "link", "incidental": "incidental link", "landmark": "landmark link"}
 
 
-def standing(plan: Plan, meeting: Meeting, *, incidental: bool = False) -> Standing:
+def standing_of(plan: Plan, meeting: Meeting, *, incidental: bool = False) -> Standing:
     """Return what a meeting is worth for observability: certified, too weak, or short of rank."""
     to_landmark = meeting.b >= plan.orbits.count
     kind = "landmark" if to_landmark else "incidental" if incidental else "link"
@@ -61,7 +61,7 @@ def grouped(plan: Plan) -> dict[Standing, list[Meeting]]:
         (plan.landmark_links, False),
     ):
         for meeting in meetings:
-            found.setdefault(standing(plan, meeting, incidental=incidental), []).append(meeting)
+            found.setdefault(standing_of(plan, meeting, incidental=incidental), []).append(meeting)
     return found
 
 

@@ -36,7 +36,7 @@ _CURVES: tuple[tuple[str, str, _Figure, str, str, str], ...] = (
         lambda r: r.validation.overall.predicted_rms_m,
         INK,
         "dashdot",
-        "line-ew-open",
+        "triangle-up",
     ),
 )
 
@@ -89,7 +89,6 @@ def _curve(
 
 def _beside(uid: str, name: str, of: _Figure, color: str, symbol: str, row: SweepRow) -> Spec:
     value = of(row)
-    hollow = symbol if symbol.endswith("-open") else f"{symbol}-open"
     return {
         "type": "scatter",
         "uid": f"{uid}-connected",
@@ -97,7 +96,7 @@ def _beside(uid: str, name: str, of: _Figure, color: str, symbol: str, row: Swee
         "mode": "markers",
         "x": [row.value],
         "y": [] if value is None else numbers([value], 6),
-        "marker": {"symbol": hollow, "size": 13, "color": color, "line": {"width": 2.5}},
+        "marker": {"symbol": f"{symbol}-open", "size": 13, "color": color, "line": {"width": 2.5}},
         "hovertemplate": f"{escaped(row.label)}: %{{y:.3g}} m<extra></extra>",
         "showlegend": uid == "x",
     }

@@ -68,7 +68,8 @@ def timeline_spec(plan: Plan) -> Spec:
         yaxis2=axis("number", domain=[0, split], rangemode="tozero", anchor="x2"),
         annotations=[panel_title("What the union of the sightings joins", 0, split)],
     )
-    drawn["margin"].update({"t": 90, "b": bottom})
+    drawn["margin"]["t"] += 14
+    drawn["margin"]["b"] = bottom
     return {"data": [*_bars(plan, rows, names), *_union_traces(plan)], "layout": drawn}
 
 
@@ -107,18 +108,21 @@ def union_growth(plan: Plan) -> tuple[Array, Array, Array]:
     seen: dict[int, set[int]] = {k: set() for k in range(count)}
     size = dict.fromkeys(range(count), 1)
     steps: list[tuple[float, int, int]] = [(0.0, count, 0)]
-    groups = count
+    groups, held = count, 0
     for time, a, b in _beginnings(plan):
+        parts = {merged[a]} if b >= count else {merged[a], merged[b]}
+        if b < count and len(parts) == 1:
+            continue
+        before = sum(size[part] for part in parts if _distinct(plan, seen[part]))
+        known = set().union(*(seen[part] for part in parts))
+        whole = sum(size[part] for part in parts)
         if b >= count:
-            seen[merged[a]].add(b - count)
-        elif merged[a] != merged[b]:
-            one, other = merged[a], merged[b]
+            known.add(b - count)
+        else:
             merged.union(a, b)
-            seen[merged[a]] = seen[one] | seen[other]
-            size[merged[a]] = size[one] + size[other]
             groups -= 1
-        roots = {merged[k] for k in range(count)}
-        held = sum(size[root] for root in roots if _distinct(plan, seen[root]))
+        seen[merged[a]], size[merged[a]] = known, whole
+        held += (whole if _distinct(plan, known) else 0) - before
         if (groups, held) != steps[-1][1:]:
             steps = steps[:-1] if steps[-1][0] == time else steps
             steps.append((time, groups, held))
