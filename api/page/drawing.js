@@ -29,7 +29,11 @@ export async function draw(frame, figure, { filling = false } = {}) {
 /** Show one frame of an animation that was drawn: Plotly.animate stalls where a page is hidden. */
 export async function showFrame(frame, { data, traces }) {
   const Plotly = await loaded;
-  const now = frame.data.map((trace, k) => (traces.includes(k) ? { ...trace, ...data[traces.indexOf(k)] } : trace));
+  const now = [...frame.data];
+  traces.forEach((k, i) => {
+    const marker = { ...now[k].marker, ...data[i].marker };
+    now[k] = { ...now[k], ...data[i], marker };
+  });
   return Plotly.react(frame, now, frame.layout, CONFIG);
 }
 
