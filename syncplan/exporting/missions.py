@@ -115,7 +115,7 @@ def snapped_radii(radii: Array) -> Array:
     if radii.max(initial=0.0) > TENS_UP_TO:
         raise InputError(_too_large(float(radii.max())), key="orbit.radius_m")
     whole = np.clip(np.round(radii), 1.0, WHOLE_METRES_UP_TO)
-    tens = 10.0 * np.round(radii / 10.0)
+    tens = np.maximum(10.0 * np.round(radii / 10.0), WHOLE_METRES_UP_TO + 5.0)
     return np.where(np.abs(whole - radii) <= np.abs(tens - radii), whole, tens)
 
 
