@@ -9,6 +9,7 @@ from pathlib import Path
 from benchmarks import (
     Figure,
     contacts,
+    exports,
     montecarlo,
     objectives,
     observability,
@@ -50,6 +51,8 @@ def main() -> list[Figure]:
     figures += refinement.main()
     _announce("service")
     figures += service.figures(service.main())
+    _announce("exports")
+    figures += exports.figures(exports.main())
     return figures
 
 

@@ -264,6 +264,28 @@ def test_every_sidecar_fits_its_schema(name: str, run: Any) -> None:
     assert told["format"] == name
 
 
+def test_the_sidecar_tells_planned_meetings_from_others() -> None:
+    places = {"left": [-40, 10], "mid": [30, 0], "right": [90, 40]}
+    plan = team(formation={"centers_m": places, "links": [["left", "mid"]]})
+    told = json.loads(contents(export(plan, "csv"), ".sync.json")[SIDECAR])
+    assert [(one["a"], one["b"], one["planned"]) for one in told["meetings"]] == [
+        ("left", "mid", True),
+        ("mid", "right", False),
+    ]
+
+
+def test_one_vehicle_without_landmarks_goes_out_in_every_format() -> None:
+    alone = team(
+        orbit={"radius_m": 20.0, "angular_rate_rad_s": 0.2, "direction": "cw"},
+        formation={"centers_m": [[0, 0]]},
+        landmarks_m=[],
+    )
+    made = export(alone, ALL)
+    assert {file.name.split("/")[0] for file in made.files} == set(FORMATS)
+    told = json.loads(contents(made, ".sync.json")[f"qgc/{SIDECAR}"])
+    assert (told["meetings"], told["vehicles"][0]["tolerance_s"]) == ([], None)
+
+
 # --- the scenario's key -------------------------------------------------------------------------
 
 
