@@ -6,8 +6,8 @@ Commands and their parameters are MAVLink's (common.xml). What autopilots make o
 - ArduPilot keeps turns and radius in one byte each (AP_Mission.cpp): the radius in whole metres up
   to 255, in tens of metres up to 2,550, fractions cut off, not rounded; turns up to 255, and of
   more than one turn the fraction is cut off as well.
-- Copter turns at the rate of its parameter CIRCLE_RATE, whatever speed it was told; older ones also
-  in that parameter's direction (ArduPilot pull request 22834). Plane holds the airspeed it was told.
+- Copter turns at the rate of its parameter CIRCLE_RATE, whatever speed it was told; older ones take
+  the direction from it as well (ArduPilot pull request 22834). Plane holds the airspeed told.
 - PX4 refuses loiter turns.
 """
 
