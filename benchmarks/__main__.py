@@ -9,6 +9,7 @@ from pathlib import Path
 from benchmarks import (
     Figure,
     contacts,
+    exports,
     montecarlo,
     objectives,
     observability,
@@ -53,6 +54,8 @@ def main() -> list[Figure]:
     figures += service.figures(service.main())
     _announce("figures")
     figures += drawings.figures(drawings.main())
+    _announce("exports")
+    figures += exports.figures(exports.main())
     return figures
 
 

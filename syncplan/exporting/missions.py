@@ -6,9 +6,8 @@ Commands and their parameters are MAVLink's (common.xml). What autopilots make o
 - ArduPilot keeps turns and radius in one byte each (AP_Mission.cpp): the radius in whole metres up
   to 255, in tens of metres up to 2,550, fractions cut off, not rounded; turns up to 255, and of
   more than one turn the fraction is cut off as well.
-- Copter turns at the rate of its parameter CIRCLE_RATE, whatever speed it was told, and before
-  early 2023 also in that parameter's direction (ArduPilot pull request 22834). Plane holds the
-  airspeed it was told.
+- Copter turns at the rate of its parameter CIRCLE_RATE, whatever speed it was told; older ones take
+  the direction from it as well (ArduPilot pull request 22834). Plane holds the airspeed told.
 - PX4 refuses loiter turns.
 """
 
@@ -115,7 +114,7 @@ def snapped_radii(radii: Array) -> Array:
     if radii.max(initial=0.0) > TENS_UP_TO:
         raise InputError(_too_large(float(radii.max())), key="orbit.radius_m")
     whole = np.clip(np.round(radii), 1.0, WHOLE_METRES_UP_TO)
-    tens = 10.0 * np.round(radii / 10.0)
+    tens = np.maximum(10.0 * np.round(radii / 10.0), WHOLE_METRES_UP_TO + 5.0)
     return np.where(np.abs(whole - radii) <= np.abs(tens - radii), whole, tens)
 
 
@@ -256,8 +255,8 @@ def _speed_notes(flight: Flight) -> list[str]:
     rate = math.degrees(flight.plan.orbits.rate)
     notes = [
         f"Copter circles at the rate of its own parameter: set CIRCLE_RATE to {rate:.6g} (deg/s) "
-        "and CIRCLE_OPTIONS to 2 (nose along the path) on every vehicle; in Copters from before "
-        "2023 its sign also says which way round, negative for ccw"
+        "and CIRCLE_OPTIONS to 2 (nose along the path) on every vehicle; in older Copters "
+        "its sign also says which way round, negative for ccw"
     ]
     if rate > 90.0:
         notes.append(f"CIRCLE_RATE goes up to 90 deg/s, and this plan needs {rate:.4g}")

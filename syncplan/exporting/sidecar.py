@@ -53,11 +53,13 @@ def sync_document(flight: Flight, format_: str, written: Written) -> SyncDocumen
             VehicleMeeting(
                 a=names[item.a],
                 b=names[item.b],
+                planned=planned,
                 min_distance_m=item.min_distance,
                 windows_s=_windows(item.windows),
                 tolerance_s=_tolerance(flight, [item]),
             )
-            for item in (*plan.links, *plan.incidental_links)
+            for planned, items in ((True, plan.links), (False, plan.incidental_links))
+            for item in items
         ],
         landmark_sightings=[
             LandmarkSighting(

@@ -47,7 +47,7 @@ class SyncedVehicle(_Part):
         description="To hold on the straight legs between waypoints; null without"
     )
     tolerance_s: float | None = Field(
-        description="How early or late it may be before a first meeting is lost; null if none is"
+        description="How early or late it may be before a planned meeting is lost; null if none is"
     )
 
 
@@ -56,6 +56,7 @@ class VehicleMeeting(_Part):
 
     a: str
     b: str
+    planned: bool = Field(description="False for those that come about by the way")
     min_distance_m: float
     windows_s: list[Window] = Field(description="Since time 0; again every period_s")
     tolerance_s: float | None = Field(description="How late either may be; null if never too late")
