@@ -7,7 +7,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from playwright.sync_api import (
+    Browser,
+    ConsoleMessage,
+    Page,
+    Request,
+    expect,
+    sync_playwright,
+)
 
 __all__ = ["DESKTOP", "PHONE", "Visit", "accessibility_faults", "chromium", "visiting"]
 
@@ -99,15 +106,18 @@ def visiting(
     page = context.new_page()
     visit = Visit(page)
     origin = "/".join(address.split("/")[:3])
-    page.on("console", lambda told: told.type in _HEARD and visit.complaints.append(told.text))
+
+    def hear(told: ConsoleMessage) -> None:
+        if told.type in _HEARD:
+            visit.complaints.append(told.text)
+
+    def watch(asked: Request) -> None:
+        if not asked.url.startswith((origin, "blob:", "data:")):
+            visit.complaints.append(f"asked elsewhere: {asked.url}")
+
+    page.on("console", hear)
     page.on("pageerror", lambda error: visit.complaints.append(str(error)))
-    page.on(
-        "request",
-        lambda asked: (
-            asked.url.startswith((origin, "blob:", "data:"))
-            or visit.complaints.append(f"asked elsewhere: {asked.url}")
-        ),
-    )
+    page.on("request", watch)
     try:
         page.goto(address)
         yield visit

@@ -35,7 +35,7 @@ def browser() -> Iterator[Browser]:
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     """A service that asks nobody for a key, its filter's kernels compiled."""
     folder = tmp_path_factory.mktemp("page")
-    one = Server(folder / "log", **settings_of(folder / "data"))
+    one = Server(folder / "log", port=None, **settings_of(folder / "data"))
     with running(one):
         yield one
 
@@ -364,7 +364,7 @@ def test_a_server_that_dies_in_mid_job_and_returns_costs_nothing_but_time(
     browser: Browser, tmp_path: Path
 ) -> None:
     given = settings_of(tmp_path / "data")
-    first = Server(tmp_path / "log", **given)
+    first = Server(tmp_path / "log", port=None, **given)
     with running(first), visiting(browser, first.url) as visit:
         page = visit.page
         visit.expect_complaints("net::ERR", "503")
