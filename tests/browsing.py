@@ -121,7 +121,7 @@ def visiting(
     try:
         page.goto(address)
         yield visit
-        assert visit.unexpected == []
+        assert visit.unexpected == [], visit.unexpected
     finally:
         context.close()
 

@@ -8,7 +8,7 @@ import traceback
 from collections.abc import Callable
 from typing import Any
 
-from api.computing import tasks
+from api.computing import renditions, tasks
 from syncplan.children import ChildProcess, connect_to_parent
 from syncplan.errors import Fault, InputError, NoSolutionError
 
@@ -121,7 +121,7 @@ def serve(descriptor: int) -> None:
             name, arguments = connection.recv()
             try:
                 extra = (progress_every(),) if name in _WITH_PROGRESS else ()
-                answer = "done", getattr(tasks, name)(*arguments, *extra)
+                answer = "done", _task(name)(*arguments, *extra)
             except InputError as error:
                 faults = [(one.key, one.problem, one.value) for one in error.faults]
                 answer = "failed", ("input", error.problem, error.key, faults)
@@ -133,6 +133,11 @@ def serve(descriptor: int) -> None:
                 answer = "failed", ("fault", traceback.format_exc(), "", [])
             connection.send(("memory", _memory()))
             connection.send(answer)
+
+
+def _task(name: str) -> Callable[..., Any]:
+    found: Callable[..., Any] = getattr(renditions if name in renditions.__all__ else tasks, name)
+    return found
 
 
 def _memory() -> int:

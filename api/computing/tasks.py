@@ -4,42 +4,32 @@ Jobs are described by a JobSpec. The trials of a validation are one run; those o
 each of its rows. A child keeps what it set up for the job it served last.
 """
 
-import json
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
-from api.limits import Limits, check_size
+from api.computing.inputs import Syntax, loaded_plan, scenario_of
+from api.limits import Limits
 from api.requests import REQUESTS, RefinementRequest, SweepRequest, ValidationRequest
 from syncplan.loading import decoded, parse_document, scenario_from
-from syncplan.scenario import Scenario
 from syncplan.trials import CHUNK_TRIALS
 from syncplan.validation import TrialRun
-
-if TYPE_CHECKING:
-    from syncplan.planner import Plan
-    from syncplan.plotting.palette import Theme
 
 __all__ = [
     "Cut",
     "JobSpec",
     "PlanText",
     "checked_request",
-    "exported_archive",
     "finished_report",
     "flown_part",
     "made_plan",
     "measured_runs",
-    "plan_figure",
-    "previewed",
     "refined_plan",
-    "report_figure",
     "warm_up",
 ]
 
-Syntax = Literal["json", "yaml"]
 Progress = Callable[[int], None]
 
 
@@ -80,27 +70,7 @@ def made_plan(body: bytes, syntax: Syntax, limits: Limits, steady: bool) -> Plan
     """Return the plan of a scenario as it was sent; raises InputError, NoSolutionError."""
     from syncplan.planner import plan
 
-    return _as_plan_text(plan(_scenario(body, syntax, limits), steady=steady))
-
-
-def previewed(
-    body: bytes, syntax: Syntax, limits: Limits, quick: bool, names: Sequence[str], theme: "Theme"
-) -> str:
-    """Return the plan of a scenario with figures of it, as JSON; raises as made_plan does."""
-    from syncplan.plan_report import plan_document
-    from syncplan.planner import plan
-    from syncplan.plotting.catalogue import specs_of
-
-    made = plan(_scenario(body, syntax, limits), margin_bound=not quick)
-    specs = specs_of(made, names, theme=theme) if names else {}
-    return _compact({"plan": plan_document(made).as_json(), "figures": specs})
-
-
-def _scenario(body: bytes, syntax: Syntax, limits: Limits) -> Scenario:
-    document = parse_document(decoded(body, ""), "", syntax)
-    scenario = scenario_from(document, max_vehicles=limits.vehicles)
-    check_size(scenario, limits)
-    return scenario
+    return _as_plan_text(plan(scenario_of(body, syntax, limits), steady=steady))
 
 
 def checked_request(
@@ -120,56 +90,10 @@ def checked_request(
         request = model.model_validate(document)
     except ValidationError as error:
         validation_fault(error, model, "")
-    subject = None if plan_text is None else _loaded(plan_text)
+    subject = None if plan_text is None else loaded_plan(plan_text)
     request = request.settled(subject, limits)
     work = request.work(subject, limits)
     return request.model_dump_json(exclude_none=True), work
-
-
-# --- figures and exports ------------------------------------------------------------------------
-
-
-def plan_figure(text: str, name: str, theme: "Theme", parent_text: str | None) -> str:
-    """Return a figure of a plan as JSON; raises InputError for one that it does not have.
-
-    With its parent's text, `comparison` shows the parent beside it.
-    """
-    from syncplan.document import RefinementResult
-    from syncplan.plotting.catalogue import specs_of
-
-    if name == "comparison" and parent_text is not None:
-        specs = specs_of(_judged(parent_text), [name], theme=theme, after=_judged(text))
-        return _compact(specs[name])
-    record = json.loads(text).get("refinement")
-    refined = None if record is None else RefinementResult.model_validate(record)
-    return _compact(specs_of(_judged(text), [name], theme=theme, refined=refined)[name])
-
-
-def report_figure(text: str, kind: str, name: str, theme: "Theme") -> str:
-    """Return a figure of the report of a validation or a sweep as JSON; raises InputError."""
-    from syncplan.document import SweepReport, ValidationDocument
-    from syncplan.plotting.catalogue import specs_of
-
-    model = SweepReport if kind == "sweep" else ValidationDocument
-    return _compact(specs_of(model.model_validate_json(text), [name], theme=theme)[name])
-
-
-def exported_archive(text: str, name: str, options: Mapping[str, Any]) -> bytes:
-    """Return the files of an export of a plan in a zip archive; raises InputError."""
-    from syncplan.exports import ExportOptions, as_archive, export
-
-    return as_archive(export(_judged(text), name, ExportOptions(**options)))
-
-
-@lru_cache(maxsize=4)
-def _judged(text: str) -> "Plan":
-    from syncplan.planfile import plan_of
-
-    return plan_of(_loaded(text))
-
-
-def _compact(values: Any) -> str:
-    return json.dumps(values, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
 
 
 # --- jobs ---------------------------------------------------------------------------------------
@@ -191,7 +115,7 @@ def refined_plan(spec: JobSpec, workers: int, progress: Progress) -> PlanText:
         begun.add(start)
         progress(max(len(begun) - workers, 0))
 
-    better = refine(plan_of(_loaded(spec.plan)), workers=workers, progress=told, **changes)
+    better = refine(plan_of(loaded_plan(spec.plan)), workers=workers, progress=told, **changes)
     return _as_plan_text(better)
 
 
@@ -259,7 +183,7 @@ def _runs(spec: JobSpec) -> list[TrialRun]:
         return [trial_run(row.plan, **options) for row in _planned(spec)]
     assert spec.plan is not None
     options = ValidationRequest.model_validate_json(spec.request).run_options()
-    return [trial_run(plan_of(_loaded(spec.plan)), **options)]
+    return [trial_run(plan_of(loaded_plan(spec.plan)), **options)]
 
 
 @lru_cache(maxsize=2)
@@ -270,12 +194,6 @@ def _planned(spec: JobSpec) -> list[Any]:
     scenario = scenario_from(request.scenario)
     name, values = request.swept()
     return planned_rows(scenario, name, values, connected=request.connected)
-
-
-def _loaded(plan_text: str) -> Any:
-    from syncplan.planfile import loaded_from
-
-    return loaded_from(parse_document(plan_text, "", "json"))
 
 
 def _as_plan_text(made: Any) -> PlanText:

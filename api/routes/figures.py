@@ -12,9 +12,10 @@ from api.problems import Conflict, NotFound, problem_responses
 from api.routes.jobs import Owned
 from api.routes.plans import Identifier, find_or_refuse
 from api.security import CurrentOwner
-from api.service import CurrentService
+from api.service import CurrentService, Service
 from api.storage import work
 from api.storage.answers import Answer
+from syncplan.errors import InputError
 
 __all__ = ["router"]
 
@@ -81,8 +82,7 @@ async def read_plan_figure(
         if row.parent_id is None:
             raise NotFound(f"plan {plan_id} was not refined from another: nothing to compare with")
         parent = (await run_in_threadpool(find_or_refuse, service, owner, row.parent_id)).text
-    drawn = await computed(service, "plan_figure", row.text, figure, theme, parent)
-    return Response(drawn, media_type="application/json")
+    return await _drawn(service, "plan_figure", row.text, figure, theme, parent)
 
 
 @router.get(
@@ -109,5 +109,13 @@ async def read_job_figure(
     text = await run_in_threadpool(report)
     if text is None:
         raise NotFound(f"the result of job {row.id} was deleted")
-    drawn = await computed(service, "report_figure", text, row.kind, figure, theme)
+    return await _drawn(service, "report_figure", text, row.kind, figure, theme)
+
+
+async def _drawn(service: Service, task: str, *arguments: str | None) -> Response:
+    """The figure that a task draws; raises NotFound for one that its subject does not have."""
+    try:
+        drawn = await computed(service, task, *arguments)
+    except InputError as error:
+        raise NotFound(error.problem) from None
     return Response(drawn, media_type="application/json")
