@@ -13,7 +13,7 @@ DEMO   ?= examples/scenarios/paper-grid-same.yaml
 
 export PIP_DISABLE_PIP_VERSION_CHECK = 1
 
-.PHONY: demo serve check postgresql container-steps benchmarks lock clean
+.PHONY: demo serve check postgresql chromium container-steps benchmarks lock clean
 
 demo: $(VENV)/.run
 	$(BIN)/syncplan plan $(DEMO) --format table
@@ -22,7 +22,7 @@ demo: $(VENV)/.run
 serve: $(VENV)/.api
 	$(BIN)/syncplan serve
 
-check: postgresql $(VENV)/.dev
+check: postgresql chromium $(VENV)/.dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
@@ -32,6 +32,12 @@ check: postgresql $(VENV)/.dev
 postgresql:
 	@command -v initdb >/dev/null || ls /usr/lib/postgresql/*/bin/initdb >/dev/null 2>&1 || \
 		{ echo "the tests need PostgreSQL's initdb: apt-get install postgresql" >&2; exit 1; }
+
+# tests look at the web page in a browser
+chromium:
+	@command -v chromium chromium-browser google-chrome chrome >/dev/null || \
+		[ -n "$$SYNCPLAN_CHROMIUM" ] || \
+		{ echo "the tests need Chromium: apt-get install chromium" >&2; exit 1; }
 
 container-steps:
 	docker/steps.sh
