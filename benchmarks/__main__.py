@@ -13,6 +13,7 @@ from benchmarks import (
     montecarlo,
     objectives,
     observability,
+    page,
     print_figures,
     refinement,
     service,
@@ -54,6 +55,8 @@ def main() -> list[Figure]:
     figures += service.figures(service.main())
     _announce("figures")
     figures += drawings.figures(drawings.main())
+    _announce("page")
+    figures += page.figures(page.main())
     _announce("exports")
     figures += exports.figures(exports.main())
     return figures

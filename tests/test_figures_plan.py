@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from itertools import pairwise
 from typing import Any
 
@@ -374,6 +375,12 @@ def test_names_are_shown_as_they_are_and_never_as_markup() -> None:
         assert odd not in text, name
         if name != "spectrum":
             assert "&lt;b&gt;a&amp;b&lt;/b&gt;" in text, name
+
+
+def test_texts_break_lines_and_hold_no_other_markup(made: Plan) -> None:
+    """Plotly gives such markup a style of its own, which a strict policy forbids."""
+    tags = re.findall(r"</?\w+[^>]*>", json.dumps(specs_of(made)))
+    assert set(tags) <= {"<br>", "<extra>", "</extra>"}
 
 
 def test_areas_and_dropped_links_are_drawn() -> None:

@@ -144,6 +144,9 @@ for (const name of ["opened", "scenario", "plan"]) {
     if (name === "scenario") address({});
   });
 }
+store.addEventListener("scenario", (event) => {
+  if (event.detail.wasRefined) notice("Edited: phases are found anew. Refine again, or undo and open the link to the refined plan.");
+});
 store.addEventListener("faults", (event) => notice(event.detail.message, { fault: true }));
 store.addEventListener("plan", () => byId("notice").classList.contains("bad") && notice(""));
 

@@ -55,7 +55,8 @@ export class Planner {
         // a plan opened meanwhile is not to be overwritten by an older edit
         if (this.#store.scenario !== scenario && !this.#waiting) continue;
         this.#store.judged(found.plan, found.figures, { quick: live });
-        performance.measure("edit to verdict", { start: asked, end: performance.now() });
+        const measured = live ? "moved to verdict" : "edited to verdict";
+        requestAnimationFrame(() => performance.measure(measured, { start: asked }));
       } catch (error) {
         const faults = error instanceof Refusal ? error.faults : [];
         this.#store.faulty(faults, error.message);

@@ -17,10 +17,9 @@ export class Store extends EventTarget {
   /** Take an edit: the plan on show is then of an older scenario until the service answers. */
   edit(scenario, { live = false, step = true } = {}) {
     if (step && this.scenario) this.#remember(this.scenario);
-    this.scenario = scenario;
-    this.planId = null;
-    this.parentId = null;
-    this.#tell("scenario", { live });
+    const wasRefined = this.parentId !== null;
+    Object.assign(this, { scenario, planId: null, parentId: null });
+    this.#tell("scenario", { live, wasRefined });
   }
 
   /** Start over with another scenario or plan. */

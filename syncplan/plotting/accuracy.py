@@ -83,7 +83,7 @@ def bars(
         "x": vehicles,
         "y": numbers(np.array(values, dtype=float), 6),
         "marker": marker,
-        "hovertemplate": "<b>%{x}</b>: %{y:.3g} m<extra></extra>",
+        "hovertemplate": "%{x}: %{y:.3g} m<extra></extra>",
     }
 
 
@@ -101,7 +101,7 @@ def _marks(uid: str, name: str, vehicles: list[str], values: np.ndarray, symbol:
             "color": GREEN if symbol == "diamond" else INK,
             "line": {"width": 2.5, "color": INK},
         },
-        "hovertemplate": "<b>%{x}</b>: %{y:.3g} m<extra></extra>",
+        "hovertemplate": "%{x}: %{y:.3g} m<extra></extra>",
     }
 
 

@@ -153,7 +153,7 @@ def _looks(names: list[str]) -> list[Spec]:
             "uid": "vehicles",
             "name": "vehicle",
             "text": names,
-            "hovertemplate": "<b>%{text}</b><br>%{x} m, %{y} m<extra></extra>",
+            "hovertemplate": "%{text}<br>%{x} m, %{y} m<extra></extra>",
         },
     ]
 

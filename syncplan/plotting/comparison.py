@@ -146,7 +146,7 @@ def _circles(plan: Plan, side: str, color: str, dash: str, places: int) -> list[
             "textposition": "top center",
             "marker": {"symbol": "circle" if side == "after" else "circle-open", "color": INK},
             "textfont": {"color": MUTED},
-            "hovertemplate": f"<b>%{{text}}</b> {side}: %{{x}} m, %{{y}} m<extra></extra>",
+            "hovertemplate": f"%{{text}} {side}: %{{x}} m, %{{y}} m<extra></extra>",
             "legendgroup": side,
             "showlegend": False,
         },

@@ -138,7 +138,7 @@ def _coverage_traces(names: list[str], covered: list[float]) -> list[Spec]:
             "x": names,
             "y": numbers(covered, 6),
             "marker": {"symbol": "diamond", "size": 11, "color": BLUE},
-            "hovertemplate": "<b>%{x}</b>: %{y:.2%}<extra></extra>",
+            "hovertemplate": "%{x}: %{y:.2%}<extra></extra>",
         },
         {
             **shared,

@@ -126,7 +126,7 @@ def _panel(
         "x": at,
         "y": numbers(mean, 5),
         "line": {"color": INK, "width": 1.3},
-        "hovertemplate": f"<b>{escaped(row.name)}</b> at %{{x}} s: %{{y}}<extra></extra>",
+        "hovertemplate": f"{escaped(row.name)} at %{{x}} s: %{{y}}<extra></extra>",
     }
     if report.trials == 1:
         return [band, line]
@@ -155,7 +155,7 @@ def _axes(rows: list[VehicleSeries], whole: int) -> tuple[Spec, list[Spec]]:
             suffix = str(number + 1) if number else ""
             left = c * 0.35
             last = r == len(rows) - 1
-            titles.append(panel_title(f"<b>{escaped(row.name)}</b>: {_COLUMNS[c]}", left, top))
+            titles.append(panel_title(f"{escaped(row.name)}: {_COLUMNS[c]}", left, top))
             axes[f"xaxis{suffix}"] = axis(
                 "time, s" if last else "",
                 domain=[left, left + 0.30],

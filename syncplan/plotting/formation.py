@@ -89,7 +89,7 @@ def _vehicle_trace(plan: Plan, names: list[str], places: int) -> Spec:
     where = position(orbits, 0.0)
     turns = ["counter-clockwise" if sense > 0.0 else "clockwise" for sense in orbits.senses]
     told = [
-        f"<b>{names[k]}</b>, {turns[k]}<br>radius {orbits.radii[k]:.4g} m, "
+        f"{names[k]}, {turns[k]}<br>radius {orbits.radii[k]:.4g} m, "
         f"{orbits.speeds[k]:.4g} m/s<br>phase {orbits.phases[k]:.4f} rad"
         for k in range(orbits.count)
     ]
@@ -126,7 +126,7 @@ def _link_traces(plan: Plan, names: list[str], places: int) -> list[Spec]:
 
 
 def _dropped_words(item: DroppedLink, names: list[str]) -> str:
-    return f"<b>{names[item.a]}-{names[item.b]}</b>, dropped<br>{escaped(item.reason)}"
+    return f"{names[item.a]}-{names[item.b]}, dropped<br>{escaped(item.reason)}"
 
 
 def _pair_trace(
@@ -214,7 +214,7 @@ def _motion_trace(
         sizes += [0] * plain + [head, 0]
         angles += [0.0] * plain + compass(np.arctan2(ahead[1], ahead[0])) + [0.0]
         told = (
-            f"<b>{names[k]}</b> may move unseen: {shifts[k]:.2f} toward "
+            f"{names[k]} may move unseen: {shifts[k]:.2f} toward "
             f"({motion.motion[k, 0]:.2f}, {motion.motion[k, 1]:.2f}), turning "
             f"{motion.motion[k, 2]:.4f} rad<br>{label(motion.description)}"
         )

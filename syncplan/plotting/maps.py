@@ -116,7 +116,7 @@ def landmark_traces(plan: Plan, names: list[str], places: int) -> list[Spec]:
             "text": names[plan.orbits.count :],
             "textposition": "top center",
             "marker": {"symbol": "star", "size": 13, "color": INK},
-            "hovertemplate": "<b>%{text}</b><br>%{x} m, %{y} m<extra></extra>",
+            "hovertemplate": "%{text}<br>%{x} m, %{y} m<extra></extra>",
         }
     ]
 

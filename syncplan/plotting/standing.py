@@ -73,7 +73,7 @@ def body_names(plan: Plan) -> list[str]:
 def hover(meeting: Meeting, names: list[str], shown: Standing) -> str:
     """Return what a meeting says when pointed at; `names` escaped."""
     lines = [
-        f"<b>{names[meeting.a]}-{names[meeting.b]}</b>, {shown.text}",
+        f"{names[meeting.a]}-{names[meeting.b]}, {shown.text}",
         f"least distance {meeting.min_distance:.4g} m, in contact {meeting.contact:.4g} s a period",
     ]
     if meeting.reason:
