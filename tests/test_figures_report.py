@@ -1,6 +1,7 @@
 """Figures of validations and sweeps: what is drawn is what the report holds."""
 
 import json
+import re
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from plotly.graph_objects import Figure
 from syncplan import figures
 from syncplan.document import SweepReport, ValidationDocument
 from syncplan.errors import InputError
+from syncplan.planner import plan
 from syncplan.plotting.catalogue import specs_of
 from syncplan.plotting.errors import MOST_POINTS, MOST_VEHICLES
 from syncplan.sweeps import sweep
@@ -206,6 +208,15 @@ def test_a_row_that_is_not_observable_is_crossed_out(swept: SweepReport) -> None
     spec = specs_of(SweepReport(swept=swept.swept, rows=[lost, *swept.rows[1:]]))["sweep"]
     assert _trace(spec, "unobservable")["x"] == [0.4]
     assert all(trace["uid"] != "unobservable" for trace in specs_of(swept)["sweep"]["data"])
+
+
+def test_texts_break_lines_and_hold_no_other_markup(
+    report: ValidationDocument, swept: SweepReport
+) -> None:
+    """Plotly gives such markup a style of its own, which the policy of the web page forbids."""
+    for subject in (plan(example("paper-grid-alternate")), report, swept):
+        tags = re.findall(r"</?\w[^<>]*>", json.dumps(specs_of(subject)))
+        assert set(tags) <= {"<br>", "<extra>", "</extra>"}
 
 
 def test_a_report_is_not_compared_with_a_plan(flown: Validation) -> None:

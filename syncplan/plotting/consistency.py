@@ -64,9 +64,7 @@ def _verdict(name: str, figure: Spread) -> str:
         return f"{name}: nothing to judge"
     low, high = figure.band
     band = f"95 % band {low:.4g} to {high:.4g}"
-    return (
-        f"{name} {figure.value:.4g}: {figure.verdict}<br><span style='font-size:11px'>{band}</span>"
-    )
+    return f"{name} {figure.value:.4g}: {figure.verdict}<br>{band}"
 
 
 def _room(values: list[float]) -> list[float | None]:
