@@ -41,7 +41,11 @@ def test_no_variable_is_named_that_is_no_setting() -> None:
 
 
 def test_every_route_is_told_and_no_other() -> None:
-    paths = {re.sub(r"\{\w+\}", "ID", path) for path in create_app().openapi()["paths"]}
+    names = {"figure": "NAME", "format": "FORMAT"}
+    paths = {
+        re.sub(r"\{(\w+)\}", lambda found: names.get(found[1], "ID"), path)
+        for path in create_app().openapi()["paths"]
+    }
     section = README[README.index("## The service") : README.index("### Settings")]
     table = section[section.index("| request |") : section.index("Errors are problem documents")]
     told: set[str] = {"/openapi.json"}
