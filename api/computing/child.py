@@ -102,6 +102,8 @@ def serve(descriptor: int) -> None:
     if background:
         os.nice(_POLITE)
     tasks.warm_up(trials=background)
+    if not background:
+        renditions.ready()
     # what is loaded by now stays: the collector need not look through it again and again
     gc.freeze()
 

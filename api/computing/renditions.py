@@ -12,7 +12,12 @@ if TYPE_CHECKING:
     from syncplan.planner import Plan
     from syncplan.plotting.palette import Theme
 
-__all__ = ["exported_archive", "plan_figure", "previewed", "report_figure"]
+__all__ = ["exported_archive", "plan_figure", "previewed", "ready", "report_figure"]
+
+
+def ready() -> None:
+    """Load what the first preview would otherwise wait for."""
+    import syncplan.plotting.catalogue  # noqa: F401
 
 
 def previewed(
