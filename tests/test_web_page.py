@@ -435,7 +435,7 @@ def test_plans_and_exports_are_saved_and_an_export_says_what_it_lacks(
     page.get_by_label("Format", exact=True).select_option("qgc")
     page.get_by_role("button", name="Export").click()
     expect(page.locator("#download-fault")).to_contain_text("geo_origin")
-    page.get_by_text("Place and time, for exports").click()
+    page.locator("summary", has_text="Place and time").click()
     page.get_by_label("Latitude of the origin").fill("47.4")
     page.get_by_label("Longitude of the origin").fill("8.5")
     visit.settle()
