@@ -38,15 +38,25 @@ class Asset:
     etag: str
 
 
-@lru_cache(maxsize=64)
 def find_asset(name: str) -> Asset | None:
-    """Return a file by its name, or None; examples are named examples/NAME.yaml.
+    """Return a file by its name, or None; examples are named examples/NAME.yaml."""
+    return _asset(name) if name in _names() else None
 
-    Kept once it was asked for: compressing Plotly's script takes a quarter of a second.
-    """
+
+@lru_cache
+def _names() -> frozenset[str]:
+    """Every name there is: no other leads anywhere."""
+    folder = files("api").joinpath("page")
+    own = [one.name for one in folder.iterdir() if one.is_file()]
+    examples = [f"{_EXAMPLES}/{one.name}" for one in folder.joinpath(_EXAMPLES).iterdir()]
+    known = [name for name in (*own, *examples) if name.rpartition(".")[2] in _MEDIA]
+    return frozenset((*known, PLOTLY))
+
+
+@lru_cache
+def _asset(name: str) -> Asset:
+    """Kept once it was asked for: compressing Plotly's script takes a quarter of a second."""
     content = _content(name)
-    if content is None:
-        return None
     return Asset(
         content=content,
         compressed=gzip.compress(content, _LEVEL, mtime=0),
@@ -55,14 +65,7 @@ def find_asset(name: str) -> Asset | None:
     )
 
 
-def _content(name: str) -> bytes | None:
+def _content(name: str) -> bytes:
     if name == PLOTLY:
         return files("plotly").joinpath("package_data", PLOTLY).read_bytes()
-    folder = files("api").joinpath("page")
-    if name.startswith(f"{_EXAMPLES}/"):
-        folder, name = folder.joinpath(_EXAMPLES), name.removeprefix(f"{_EXAMPLES}/")
-    # by comparison, so that no name leads out of the folder
-    for one in folder.iterdir():
-        if one.name == name and one.is_file() and name.rpartition(".")[2] in _MEDIA:
-            return one.read_bytes()
-    return None
+    return files("api").joinpath("page", *name.split("/")).read_bytes()

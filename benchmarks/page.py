@@ -90,7 +90,7 @@ def main() -> dict[str, Any]:
             loads = [first_load(browser, server.url) for _ in range(LOADS)]
             page = browser.new_page(viewport={"width": DESKTOP[0], "height": DESKTOP[1]})
             page.goto(server.url)
-            page.wait_for_selector("#verdict .badge")
+            page.wait_for_selector(_AT_REST)
             moved = {direction: drag(page, direction) for direction in ("ccw", "alternate")}
     return {
         "bytes": max(size for size, _ in loads),

@@ -15,7 +15,7 @@ from playwright.sync_api import Browser, Download, Locator, Page, expect
 from syncplan.exports import FORMATS
 from tests.api_servers import key_of, serving
 from tests.browsing import DESKTOP, PHONE, Visit, accessibility_faults, chromium, visiting
-from tests.scenarios import BAD_FILES, FILES
+from tests.scenarios import BAD_FILES, FILES, document
 from tests.serving import Server, running, settings_of
 
 pytestmark = pytest.mark.slow
@@ -300,6 +300,79 @@ def test_a_file_of_a_scenario_or_of_a_plan_opens(visit: Visit, server: Server) -
     visit.verdict("Not observable: rank 16 of 18")
 
 
+def test_a_click_by_an_unsteady_hand_chooses_and_moves_nothing(visit: Visit) -> None:
+    page = visit.page
+    drag(page, "v2", (2.0, -1.0))
+    expect(page.get_by_label("Centre east")).to_have_value("70")
+    expect(page.get_by_role("button", name="Undo")).to_have_attribute("aria-disabled", "true")
+
+
+def test_a_field_that_is_typed_anew_moves_nothing_meanwhile(visit: Visit) -> None:
+    page = visit.page
+    handle(page, "v4").click()
+    page.get_by_label("Centre east").fill("")
+    page.wait_for_timeout(600)
+    visit.verdict("Observable: rank 18 of 18")
+    page.get_by_label("Centre east").fill("141")
+    visit.settle()
+    expect(handle(page, "v4")).to_have_attribute("aria-label", "Circle of v4, centre at 141, 70 m")
+
+
+def opened(page: Page, scenario: dict[str, Any]) -> None:
+    """Open a scenario as a file."""
+    buffer = json.dumps(scenario).encode()
+    upload: Any = {"name": "some.json", "mimeType": "application/json", "buffer": buffer}
+    page.get_by_label("Open a file").set_input_files(upload)
+    expect(page.locator("#map-name")).to_have_text(scenario["name"])
+
+
+def downloaded(page: Page) -> dict[str, Any]:
+    """The scenario as the page saves it."""
+    with page.expect_download() as waiting:
+        page.get_by_role("button", name="Scenario").click()
+    found: dict[str, Any] = json.loads(saved(waiting.value))
+    return found
+
+
+def test_vehicles_named_by_numbers_keep_their_order(visit: Visit) -> None:
+    page = visit.page
+    scenario = document(
+        name="numbers",
+        orbit={"radius_m": [20.0, 15.0], "angular_rate_rad_s": 0.2, "direction": "ccw"},
+        formation={"centers_m": {"10": [0.0, 0.0], "2": [65.0, 0.0]}},
+    )
+    opened(page, scenario)
+    page.get_by_label("Least separation").fill("5")
+    visit.settle()
+    found = downloaded(page)
+    assert found["formation"]["names"] == ["10", "2"]
+    assert found["formation"]["centers_m"] == [[0, 0], [65, 0]]
+    assert found["orbit"]["radius_m"] == [20, 15]
+
+
+def test_a_window_that_was_given_stays_and_one_of_a_period_follows_it(visit: Visit) -> None:
+    page = visit.page
+    for window, kept in ((60.0, 60), (None, None)):
+        scenario = document(name=f"window {window}")
+        if window is not None:
+            scenario["window_s"] = window
+        opened(page, scenario)
+        page.get_by_label("Angular rate").fill("0.25")
+        visit.settle()
+        assert downloaded(page).get("window_s") == kept
+
+
+def test_undo_goes_back_over_an_opened_file_with_the_fields_it_needs(visit: Visit) -> None:
+    page = visit.page
+    page.get_by_label("Open a file").set_input_files(FILES / "four-ground-robots.yaml")
+    visit.verdict("rank 12 of 12")
+    expect(page.get_by_label("Speed (m/s)")).to_have_value("0.4")
+    page.get_by_role("button", name="Undo").click()
+    visit.verdict("Observable: rank 18 of 18")
+    expect(page.get_by_label("Angular rate")).to_have_value("0.2")
+    expect(page.get_by_label("Speed (m/s)")).to_have_count(0)
+
+
 # --- jobs ---------------------------------------------------------------------------------------
 
 
@@ -350,14 +423,35 @@ def test_a_job_can_be_cancelled(visit: Visit, server: Server) -> None:
     assert found["state"] == "cancelled"
 
 
-def test_wrong_numbers_of_a_job_are_told(visit: Visit) -> None:
-    visit.expect_complaints("422")
+def test_wrong_numbers_of_a_job_are_told_next_to_their_fields(visit: Visit) -> None:
     page = visit.page
+    visit.expect_complaints("422")
     page.get_by_label("Trials").fill("0")
     page.get_by_role("button", name="Validate").click()
-    expect(page.locator("#work-fault")).to_contain_text(
-        "trials: must be greater than or equal to 1"
-    )
+    told = page.locator("#validate-trials-fault")
+    expect(told).to_have_text("must be greater than or equal to 1")
+    expect(page.get_by_label("Trials")).to_have_attribute("aria-invalid", "true")
+    page.get_by_label("Time limit (s)").fill("")
+    page.get_by_role("button", name="Refine").click()
+    expect(page.locator("#refine-time-fault")).to_contain_text("is missing")
+    expect(page.get_by_label("Time limit (s)")).to_be_focused()
+    assert accessibility_faults(page) == []
+
+
+def test_what_is_edited_while_a_job_runs_stays(visit: Visit) -> None:
+    page = visit.page
+    page.get_by_label("Trials").fill("4000")
+    page.get_by_role("button", name="Validate").click()
+    expect(page.locator("#job-text")).to_contain_text("of 4000 trials")
+    page.get_by_label("Radius of all").fill("21")
+    visit.settle()
+    assert "job=" in page.url
+    assert "plan=" not in page.url
+    expect(page.locator(".outcome")).to_contain_text("before your edits", timeout=60_000)
+    expect(page.get_by_label("Radius of all")).to_have_value("21")
+    assert page.url.rpartition("/")[2] == ""
+    visit.choose("four-ground-robots")
+    expect(page.locator(".outcome")).to_be_empty()
 
 
 def test_a_server_that_dies_in_mid_job_and_returns_costs_nothing_but_time(
@@ -415,6 +509,25 @@ def test_the_animation_moves_vehicles_sightings_and_a_line_in_the_timeline(visit
     assert len(set(shown.values())) == 3
     page.get_by_label("Radius of all").fill("21")
     expect(page.locator("#moment-text")).to_have_text("0 s")
+
+
+def test_playing_can_be_paused_however_fast_it_was_begun_and_ends_with_an_edit(
+    visit: Visit,
+) -> None:
+    page = visit.page
+    page.locator("#play").dblclick()
+    expect(page.locator("#play")).to_have_text("Pause")
+    page.locator("#play").click()
+    told = page.locator("#moment-text").text_content()
+    page.wait_for_timeout(500)
+    expect(page.locator("#moment-text")).to_have_text(told or "")
+    page.get_by_label("Radius of all").fill("19")
+    page.locator("#play").click()
+    visit.settle()
+    page.wait_for_timeout(300)
+    uids = "document.getElementById('map-plot').data.map(t => t.uid)"
+    assert "vehicles" in page.evaluate(uids)
+    expect(page.locator("#play")).to_have_text("Play")
 
 
 def test_plans_and_exports_are_saved_and_an_export_says_what_it_lacks(

@@ -2,7 +2,7 @@
 
 import { draw } from "./drawing.js";
 import { byId } from "./elements.js";
-import { askJson } from "./service.js";
+import { askJson, patiently } from "./service.js";
 import { theme } from "./planner.js";
 import { tabs } from "./tabs.js";
 
@@ -40,12 +40,15 @@ export class Charts {
   /** Add figures of a stored plan or a job, by their addresses. */
   async add(addresses, { show } = {}) {
     const names = Object.keys(addresses);
-    const found = await Promise.all(
-      names.map((name) => askJson("GET", `${addresses[name]}?theme=${theme()}`)),
+    const found = await Promise.allSettled(
+      names.map((name) => patiently(() => askJson("GET", `${addresses[name]}?theme=${theme()}`))),
     );
-    names.forEach((name, k) => (this.#figures[name] = found[k]));
+    // what a figure is of may have been deleted: the others are there
+    names.forEach((name, k) => {
+      if (found[k].status === "fulfilled") this.#figures[name] = found[k].value;
+    });
     this.#tabs.show(Object.keys(TITLES).filter((name) => name in this.#figures));
-    if (show) this.#tabs.choose(show);
+    if (show in this.#figures) this.#tabs.choose(show);
   }
 
   #take(figures) {

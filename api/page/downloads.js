@@ -35,8 +35,11 @@ export function offerDownloads(store, storePlan) {
     element("p", { class: "hint" }, "Missions, GeoJSON and KML need the place of the origin, above."),
     fault,
   );
-  const enable = () => buttons.forEach((one) => (one.disabled = store.scenario === null));
-  store.addEventListener("opened", enable);
+  const enable = () => {
+    buttons.forEach((one) => (one.disabled = store.scenario === null));
+    fault.textContent = "";
+  };
+  for (const name of ["opened", "scenario"]) store.addEventListener(name, enable);
   enable();
 
   async function run(task) {
@@ -66,5 +69,5 @@ function saveScenario(store) {
 }
 
 function nameOf(store) {
-  return (store.scenario.name || "scenario").replaceAll(/[^\w.-]+/g, "-");
+  return (store.scenario.name || "scenario").replaceAll(/[^\p{L}\p{N}._-]+/gu, "-");
 }

@@ -2,6 +2,7 @@
 
 import { byId } from "./elements.js";
 
+const NARROW_PX = 480;
 const CONFIG = { displayModeBar: false, responsive: true, scrollZoom: false, doubleClick: "reset" };
 
 const loaded = new Promise((resolve, reject) => {
@@ -15,10 +16,13 @@ const loaded = new Promise((resolve, reject) => {
 export async function draw(frame, figure, { filling = false } = {}) {
   const Plotly = await loaded;
   const { title, height, ...layout } = figure.layout;
+  // where there is no room for both, the map matters more; the verdict says what the legend would
+  const narrow = filling && frame.clientWidth < NARROW_PX;
   const fitted = {
     ...layout,
     ...(filling ? { autosize: true } : { height }),
-    margin: { ...layout.margin, t: filling ? 16 : 28 },
+    margin: { ...layout.margin, t: filling ? 16 : 28, ...(narrow ? { b: 50 } : {}) },
+    ...(narrow ? { showlegend: false } : {}),
     dragmode: false,
     updatemenus: [],
     sliders: [],

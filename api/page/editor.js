@@ -1,6 +1,6 @@
 // The scenario as a form: every field has a path, and a fault is told next to its field.
 
-import { byId, element } from "./elements.js";
+import { byId, element, mark } from "./elements.js";
 import {
   addLandmark,
   landmarksOf,
@@ -56,6 +56,7 @@ export class Editor {
   #chosen = element("fieldset", { class: "group" });
   #inputs = new Map();
   #shape = "";
+  #rated = true;
 
   constructor(store) {
     this.#store = store;
@@ -71,6 +72,7 @@ export class Editor {
   #build() {
     this.#inputs.clear();
     this.#shape = "";
+    this.#rated = this.#store.scenario.orbit.speed_mps === undefined;
     const rest = element("p", { class: "fault block", role: "alert", id: "fault-rest" });
     this.#form.replaceChildren(
       rest,
@@ -125,14 +127,17 @@ export class Editor {
     if (section === "sensor") changed = withSensor(scenario, key, value);
     else changed = withValue(scenario, path, value === "" ? undefined : value);
     if (section === "geo_origin") changed = wholeOrigin(changed);
-    // windows that are a period follow the period
-    if (section === "orbit") changed = withValue(changed, "window_s", undefined);
     this.#store.edit(changed, { live: true });
   }
 
   #show() {
     const { scenario, plan } = this.#store;
     if (!scenario) return;
+    const rated = scenario.orbit.speed_mps === undefined;
+    if (rated !== this.#rated) {
+      this.#build();
+      return;
+    }
     const shape = `${vehiclesOf(scenario).length} ${landmarksOf(scenario).length}`;
     if (shape !== this.#shape) {
       this.#shape = shape;
@@ -180,7 +185,9 @@ export class Editor {
         { class: "row" },
         element("button", { type: "button", onclick: () => this.#grow(withVehicle) }, "Add vehicle"),
         element("button", { type: "button", onclick: () => this.#grow(addLandmark) }, "Add landmark"),
-        known ? element("button", { type: "button", onclick: () => this.#remove(selected) }, "Remove") : null,
+        known && (selected.kind === "landmark" || vehicles.length > 1)
+          ? element("button", { type: "button", onclick: () => this.#remove(selected) }, "Remove")
+          : null,
       ),
     );
     this.#showChosen(this.#store.plan);
@@ -195,20 +202,22 @@ export class Editor {
   #fieldsOf({ kind, k }) {
     const edit = (change) => this.#store.edit(change(this.#store.scenario), { live: true });
     const field = (key, path, label, unit, more, changed) =>
-      this.#field({ key: `chosen.${key}`, path, label, unit, ...more }, changed);
+      // a field that is being typed anew is empty for a moment
+      this.#field({ key: `chosen.${key}`, path, label, unit, ...more }, (value) => value !== "" && changed(value));
     if (kind === "landmark") {
       const at = () => landmarksOf(this.#store.scenario)[k];
-      const path = `landmarks_m[${k}]`;
+      const landmarks = this.#store.scenario.landmarks_m;
+      const path = Array.isArray(landmarks) ? `landmarks_m[${k}]` : `landmarks_m.${at().name}`;
       return [
-        field("x", path, "East", "m", {}, (x) => edit((old) => withLandmark(old, k, x, at().y))),
-        field("y", path, "North", "m", {}, (y) => edit((old) => withLandmark(old, k, at().x, y))),
+        field("x", `${path}[0]`, "East", "m", {}, (x) => edit((old) => withLandmark(old, k, x, at().y))),
+        field("y", `${path}[1]`, "North", "m", {}, (y) => edit((old) => withLandmark(old, k, at().x, y))),
       ];
     }
     const at = () => vehiclesOf(this.#store.scenario)[k];
     const path = `formation.centers_m[${k}]`;
     return [
-      field("x", path, "Centre east", "m", {}, (x) => edit((old) => withCenter(old, k, x, at().y))),
-      field("y", path, "Centre north", "m", {}, (y) => edit((old) => withCenter(old, k, at().x, y))),
+      field("x", `${path}[0]`, "Centre east", "m", {}, (x) => edit((old) => withCenter(old, k, x, at().y))),
+      field("y", `${path}[1]`, "Centre north", "m", {}, (y) => edit((old) => withCenter(old, k, at().x, y))),
       field("radius", `orbit.radius_m[${k}]`, "Radius", "m", { min: 0 }, (radius) => edit((old) => withRadius(old, k, radius))),
       field("direction", `orbit.direction[${k}]`, "Turns", "", { kind: "choice" }, (turn) =>
         edit((old) => withDirection(old, this.#store.plan, k, turn)),
@@ -243,12 +252,13 @@ export class Editor {
 
   #grow(change) {
     this.#store.edit(change(this.#store.scenario));
+    byId("chosen").focus();
   }
 
   #remove({ kind, k }) {
-    this.#store.selected = null;
+    this.#store.select(null);
     this.#store.edit((kind === "vehicle" ? withoutVehicle : withoutLandmark)(this.#store.scenario, k));
-    this.#chooseBody();
+    byId("chosen").focus();
   }
 
   // --- faults ------------------------------------------------------------------------------------
@@ -272,7 +282,7 @@ export class Editor {
   /** The input of a fault's path: its own, that of the vehicle on show, or that of the whole team. */
   #placeOf(path) {
     const entries = [...this.#inputs.values()];
-    const own = entries.find((one) => one.path === path) || entries.find((one) => path.startsWith(`${one.path}[`));
+    const own = entries.find((one) => one.path === path) || entries.find((one) => one.path.startsWith(`${path}[`));
     return (own || entries.find((one) => one.path === path.replaceAll(/\[\d+\]/g, "")))?.input;
   }
 }
@@ -294,20 +304,6 @@ function put(input, value) {
   const text = value === undefined || value === null ? "" : Array.isArray(value) ? "" : String(value);
   if (input.value !== text) input.value = text;
   input.placeholder = Array.isArray(value) ? "differs" : "";
-}
-
-function mark(input, text) {
-  const place = byId(`${input.id}-fault`);
-  if (place.textContent === text) return;
-  place.textContent = text;
-  if (text) {
-    input.setAttribute("aria-invalid", "true");
-    place.setAttribute("role", "alert");
-    input.closest("details")?.setAttribute("open", "");
-  } else {
-    input.removeAttribute("aria-invalid");
-    place.removeAttribute("role");
-  }
 }
 
 /** An origin with latitude and longitude has an altitude; one without either is none. */

@@ -24,15 +24,26 @@ export function shown(value, unit = "") {
   return unit ? `${text} ${unit}` : text;
 }
 
-let lastNotice = 0;
-
 /** Tell people something, in the one line for it; an empty text clears it. */
 export function notice(text, { fault = false } = {}) {
   const line = byId("notice");
   line.textContent = text;
   line.classList.toggle("bad", fault);
-  lastNotice += 1;
-  return lastNotice;
+}
+
+/** Tell what is wrong with an input next to it, in the element of its id and "-fault". */
+export function mark(input, text) {
+  const place = byId(`${input.id}-fault`);
+  if (place.textContent === text) return;
+  place.textContent = text;
+  if (text) {
+    input.setAttribute("aria-invalid", "true");
+    place.setAttribute("role", "alert");
+    input.closest("details")?.setAttribute("open", "");
+  } else {
+    input.removeAttribute("aria-invalid");
+    place.removeAttribute("role");
+  }
 }
 
 /** Offer a file for saving. */

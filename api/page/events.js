@@ -9,15 +9,14 @@ const ENDED = ["succeeded", "failed", "cancelled"];
  *
  * `away(true)` is called while the service can't be reached, `away(false)` once it is back.
  */
-export async function follow(jobId, { told, away, signal }) {
+export async function follow(jobId, { told, away }) {
   let last = "0";
   let ended = false;
-  while (!ended && !signal.aborted) {
+  while (!ended) {
     try {
       const answer = await ask("GET", `v1/jobs/${jobId}/events`, {
         accept: "text/event-stream",
         headers: { "Last-Event-ID": last },
-        signal,
       });
       away(false);
       for await (const event of eventsOf(answer.body)) {
@@ -27,7 +26,6 @@ export async function follow(jobId, { told, away, signal }) {
         ended = ENDED.includes(job.state);
       }
     } catch (error) {
-      if (error.name === "AbortError") return;
       // a stream that breaks off is a TypeError
       const passing = error instanceof Unreachable || error instanceof TypeError;
       if (!passing && !(error instanceof Refusal && error.status >= 500)) throw error;

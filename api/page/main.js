@@ -7,7 +7,7 @@ import { byId, notice } from "./elements.js";
 import { FormationMap } from "./map.js";
 import { Planner, theme } from "./planner.js";
 import { Player } from "./player.js";
-import { askJson, key, postOnce, Refusal } from "./service.js";
+import { ask, askJson, key, postOnce } from "./service.js";
 import { Store } from "./store.js";
 import { showVerdicts } from "./verdict.js";
 import { Work } from "./work.js";
@@ -23,45 +23,56 @@ new Editor(store);
 new Player(store, map, charts);
 new Planner(store, busy);
 showVerdicts(store);
-const work = new Work(store, storePlan, { began, cancelled: forgetJob, succeeded });
+const work = new Work(store, storePlan, { began, ended });
 offerDownloads(store, storePlan);
 
 // --- opening ------------------------------------------------------------------------------------
 
+let opening = 0;
+
 /** Open a scenario's text, YAML or JSON, or a plan's. */
 async function openText(text, name) {
-  const { scenario, plan } = readPlan(text);
-  const found = await Planner.preview(plan ? JSON.stringify(scenario) : text);
-  store.open({ scenario: found.plan.scenario });
+  const turn = ++opening;
+  const plan = planIn(text);
+  const found = await Planner.preview(plan ? JSON.stringify(plan.scenario) : text);
+  // people may have chosen something else meanwhile
+  if (turn !== opening) return;
+  store.open({ plan: found.plan });
   store.judged(found.plan, found.figures, { quick: false });
   address({});
-  notice(plan ? `${name}: the plan's scenario, planned again.` : "");
+  if (plan) notice(`${name}: the plan's scenario, planned again.`);
 }
 
 async function openExample(name) {
-  const answer = await fetch(`assets/examples/${name}.yaml`);
+  const answer = await ask("GET", `assets/examples/${name}.yaml`, { accept: "application/yaml" });
   await openText(await answer.text(), name);
 }
 
 async function openPlan(planId) {
-  const plan = await askJson("GET", `v1/plans/${planId}`);
-  const figures = await Promise.all(
-    PLAN_FIGURES.map((name) => askJson("GET", `v1/plans/${planId}/figures/${name}?theme=${theme()}`)),
-  );
-  store.open({ scenario: plan.scenario, plan, planId, parentId: plan.parent_id });
-  store.judged(plan, Object.fromEntries(PLAN_FIGURES.map((name, k) => [name, figures[k]])), { quick: false });
-  if (plan.parent_id) {
-    const at = `v1/plans/${planId}/figures`;
-    await charts.add({ comparison: `${at}/comparison`, refinement: `${at}/refinement` }, { show: "comparison" });
-  }
+  const turn = ++opening;
+  const at = `v1/plans/${encodeURIComponent(planId)}`;
+  const [plan, figures] = await Promise.all([askJson("GET", at), figuresOf(at)]);
+  if (turn !== opening) return;
+  store.open({ plan, planId, parentId: plan.parent_id });
+  store.judged(plan, figures, { quick: false });
+  if (!plan.parent_id) return;
+  const more = { comparison: `${at}/figures/comparison`, refinement: `${at}/figures/refinement` };
+  await charts.add(more, { show: "comparison" });
 }
 
-function readPlan(text) {
+async function figuresOf(at) {
+  const asked = PLAN_FIGURES.map((name) => askJson("GET", `${at}/figures/${name}?theme=${theme()}`));
+  const found = await Promise.all(asked);
+  return Object.fromEntries(PLAN_FIGURES.map((name, k) => [name, found[k]]));
+}
+
+/** The plan that a file holds, null for a scenario. */
+function planIn(text) {
   try {
     const read = JSON.parse(text);
-    return read.scenario && read.vehicles ? { scenario: read.scenario, plan: read } : {};
+    return read.scenario && read.vehicles ? read : null;
   } catch {
-    return {};
+    return null;
   }
 }
 
@@ -79,32 +90,36 @@ async function storePlan() {
   return plan.id;
 }
 
-function began(job) {
-  address({ plan: job.plan_id, job: job.id });
-}
+let following = null;
 
-function forgetJob() {
+function began(job) {
+  following = job.id;
   address({ plan: store.planId });
 }
 
-async function succeeded(job, result) {
+/** Show what a job came to; resolves with whether the plan on show is still the one it was about. */
+async function ended(job, result) {
+  following = null;
+  const current = store.planId === job.plan_id;
+  address({ plan: store.planId });
+  if (!result || !current) return current;
   if (job.kind === "refinement") {
     address({ plan: result.id });
     await openPlan(result.id);
-    return;
+    return true;
   }
-  address({ plan: job.plan_id });
   const at = `v1/jobs/${job.id}/figures`;
   const found = { accuracy: `${at}/accuracy`, consistency: `${at}/consistency` };
   if (result.series) found.errors = `${at}/errors`;
   await charts.add(found, { show: "accuracy" });
+  return true;
 }
 
-/** Say in the address what is on show, so that a link opens it again. */
-function address({ plan, job }) {
+/** Say in the address what is on show and followed, so that a link or a reload goes on with it. */
+function address({ plan }) {
   const parts = new URLSearchParams();
   if (plan) parts.set("plan", plan);
-  if (job) parts.set("job", job);
+  if (following) parts.set("job", following);
   const text = parts.toString();
   history.replaceState(null, "", text ? `?${text}` : location.pathname);
 }
@@ -124,7 +139,7 @@ byId("upload").addEventListener("change", async (event) => {
 byId("undo").addEventListener("click", () => store.undo());
 byId("redo").addEventListener("click", () => store.redo());
 byId("share").addEventListener("click", () =>
-  attempt(async () => {
+  store.scenario && attempt(async () => {
     await storePlan();
     await navigator.clipboard.writeText(location.href).catch(() => {});
     notice(`Link to this plan: ${location.href}`);
@@ -133,13 +148,19 @@ byId("share").addEventListener("click", () =>
 byId("key-form").addEventListener("submit", (event) => {
   event.preventDefault();
   key.set(byId("key").value.trim());
-  attempt(start).then(resume);
+  byId("key-form").hidden = true;
+  // an edit that waits for the key is not lost to the first example
+  if (store.scenario) store.edit(store.scenario, { step: false });
+  else attempt(start);
 });
+document.addEventListener("syncplan:key", askForKey);
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => attempt(redraw));
 
 for (const name of ["opened", "scenario", "plan"]) {
   store.addEventListener(name, () => {
-    byId("undo").disabled = !store.canUndo;
-    byId("redo").disabled = !store.canRedo;
+    allow("undo", store.canUndo);
+    allow("redo", store.canRedo);
+    allow("share", true);
     byId("map-name").textContent = store.scenario.name || "";
     if (name === "scenario") address({});
   });
@@ -150,18 +171,24 @@ store.addEventListener("scenario", (event) => {
 store.addEventListener("faults", (event) => notice(event.detail.message, { fault: true }));
 store.addEventListener("plan", () => byId("notice").classList.contains("bad") && notice(""));
 
-/** Do something that may fail, and say so. */
+/** Do something that may fail, and say so; resolves with whether it went well. */
 async function attempt(task) {
   notice("");
   busy(true);
   try {
     await task();
+    return true;
   } catch (error) {
-    if (error instanceof Refusal && error.status === 401) askForKey();
-    else notice(error.message, { fault: true });
+    notice(error.message, { fault: true });
+    return false;
   } finally {
     busy(false);
   }
+}
+
+/** Let a button be pressed or not; one that has the focus keeps it. */
+function allow(id, may) {
+  byId(id).setAttribute("aria-disabled", !may);
 }
 
 /** Count what there is to wait for. */
@@ -178,15 +205,19 @@ function askForKey() {
 
 async function start() {
   const asked = new URLSearchParams(location.search);
+  following = asked.get("job");
   if (asked.get("plan")) await openPlan(asked.get("plan"));
   else await openExample(FIRST_EXAMPLE);
-  byId("key-form").hidden = true;
   performance.mark("ready");
+  if (asked.get("job")) work.resume(asked.get("job")).catch((error) => notice(error.message, { fault: true }));
 }
 
-async function resume() {
-  const jobId = new URLSearchParams(location.search).get("job");
-  if (jobId) await work.resume(jobId).catch((error) => notice(error.message, { fault: true }));
+/** Draw everything anew, in the colours of the theme. */
+async function redraw() {
+  const { plan, planId, scenario } = store;
+  if (!plan) return;
+  const figures = planId ? await figuresOf(`v1/plans/${planId}`) : (await Planner.preview(scenario)).figures;
+  if (store.plan === plan) store.judged(plan, figures, { quick: false });
 }
 
-attempt(start).then(resume);
+attempt(start);

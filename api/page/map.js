@@ -6,6 +6,7 @@ import { landmarksOf, round, vehiclesOf, withCenter, withLandmark } from "./scen
 
 const STEP = 0.01;
 const LONG_STEP = 0.05;
+const TREMOR_PX = 4;
 
 /** The map: draws what the service sends, and turns handles that move into edits. */
 export class FormationMap {
@@ -96,7 +97,8 @@ export class FormationMap {
     handle.setPointerCapture(event.pointerId);
     this.#dragged = handle;
     const { xaxis, yaxis } = this.#plot._fullLayout;
-    this.#held = { x: [...xaxis.range], y: [...yaxis.range], first: true };
+    const at = [event.clientX, event.clientY];
+    this.#held = { x: [...xaxis.range], y: [...yaxis.range], first: true, at };
     const box = handle.getBoundingClientRect();
     this.#held.grip = [event.clientX - (box.left + box.width / 2), event.clientY - (box.top + box.height / 2)];
   }
@@ -108,7 +110,9 @@ export class FormationMap {
     const [gripX, gripY] = this.#held.grip;
     const x = xaxis.p2d(event.clientX - gripX - box.left - xaxis._offset);
     const y = yaxis.p2d(event.clientY - gripY - box.top - yaxis._offset);
-    if (this.#held.first && Math.hypot(event.movementX, event.movementY) === 0) return;
+    const [startX, startY] = this.#held.at;
+    // a click by an unsteady hand is none of a drag
+    if (this.#held.first && Math.hypot(event.clientX - startX, event.clientY - startY) < TREMOR_PX) return;
     this.#move(handle.body, x, y, { live: true, step: this.#held.first });
     this.#held.first = false;
   }

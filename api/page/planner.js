@@ -1,8 +1,9 @@
 // Plans of the scenario being edited: one request at a time, always of the latest edit.
 
-import { askJson, Refusal } from "./service.js";
+import { askJson, passing, pause, Refusal } from "./service.js";
 
 const SETTLE_MS = 350;
+const AWAY_S = 2;
 const LIVE = ["formation"];
 const FULL = ["formation", "timeline", "spectrum", "prediction"];
 
@@ -60,6 +61,10 @@ export class Planner {
       } catch (error) {
         const faults = error instanceof Refusal ? error.faults : [];
         this.#store.faulty(faults, error.message);
+        if (!passing(error)) continue;
+        await pause(AWAY_S);
+        // once the service is back, the latest edit is planned
+        if (this.#store.scenario === scenario) this.#waiting ??= { scenario, live: false, asked: performance.now() };
       }
     }
     this.#running = false;

@@ -15,6 +15,7 @@ export class Player {
   #button = byId("play");
   #slider = byId("moment");
   #figure = null;
+  #loading = null;
   #timer = 0;
 
   constructor(store, map, charts) {
@@ -23,7 +24,9 @@ export class Player {
     this.#charts = charts;
     this.#button.addEventListener("click", () => (this.#timer ? this.pause() : this.#play()));
     this.#slider.addEventListener("input", () => this.#seek());
-    for (const name of ["scenario", "opened"]) store.addEventListener(name, () => this.#reset());
+    // a plan that is judged puts its formation on the map
+    for (const name of ["scenario", "opened", "plan"]) store.addEventListener(name, () => this.#reset());
+    for (const one of [this.#button, this.#slider]) one.disabled = true;
   }
 
   pause() {
@@ -35,13 +38,14 @@ export class Player {
 
   #reset() {
     this.pause();
-    this.#figure = null;
+    this.#figure = this.#loading = null;
+    for (const one of [this.#button, this.#slider]) one.disabled = this.#store.scenario === null;
     this.#slider.value = 0;
     this.#say(0);
   }
 
   async #play() {
-    if (!(await this.#ready())) return;
+    if (!(await this.#ready()) || this.#timer) return;
     this.#button.textContent = "Pause";
     this.#button.setAttribute("aria-pressed", "true");
     this.#timer = setInterval(() => {
@@ -54,22 +58,26 @@ export class Player {
     if (await this.#ready()) this.#show();
   }
 
-  /** Fetch the animation of the plan on show and put it on the map. */
-  async #ready() {
-    if (this.#figure) return true;
-    const { scenario, planId } = this.#store;
-    if (!scenario) return false;
+  /** Whether the animation of the plan on show is on the map; fetches it once. */
+  #ready() {
+    this.#loading ??= this.#load();
+    return this.#loading;
+  }
+
+  async #load() {
+    const { scenario, plan, planId } = this.#store;
     try {
       const found = planId
         ? await askJson("GET", `v1/plans/${planId}/figures/animation?theme=${theme()}`)
         : (await Planner.preview(scenario, { figures: ["animation"] })).figures.animation;
-      if (this.#store.scenario !== scenario) return false;
+      if (this.#store.scenario !== scenario || this.#store.plan !== plan) return false;
       this.#figure = found;
       this.#slider.max = found.frames.length - 1;
       await this.#map.draw(found);
       return true;
     } catch (error) {
       notice(error.message, { fault: true });
+      this.#loading = null;
       return false;
     }
   }

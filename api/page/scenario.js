@@ -2,9 +2,27 @@
 
 const turnOf = { ccw: "ccw", cw: "cw" };
 
+const SAME = 1e-9;
+
+/** Return a plan's scenario as it is edited here.
+ *
+ * Centres become a list: objects of JavaScript put names such as "10" in an order of their own. A
+ * window of one period is left to follow the period.
+ */
+export function editable(plan) {
+  const scenario = structuredClone(plan.scenario);
+  const { formation } = scenario;
+  if (!Array.isArray(formation.centers_m)) {
+    formation.names = plan.vehicles.map((one) => one.name);
+    formation.centers_m = formation.names.map((name) => formation.centers_m[name]);
+  }
+  if (Math.abs(scenario.window_s - plan.period_s) <= SAME * plan.period_s) delete scenario.window_s;
+  return scenario;
+}
+
 /** Return {name, x, y, radius, direction, sensor} of each vehicle; directions as planned, if known. */
 export function vehiclesOf(scenario, plan) {
-  const centers = pointsOf(scenario.formation.centers_m);
+  const centers = scenario.formation.centers_m;
   const names = namesOf(scenario);
   const turns = plan && plan.vehicles.length === names.length ? plan.vehicles.map((one) => one.direction) : null;
   return centers.map(([x, y], k) => ({
@@ -27,7 +45,6 @@ export function landmarksOf(scenario) {
 
 export function namesOf(scenario) {
   const { centers_m: centers, names } = scenario.formation;
-  if (!Array.isArray(centers)) return Object.keys(centers);
   return names || centers.map((_, k) => `v${k + 1}`);
 }
 
@@ -93,7 +110,7 @@ export function withVehicle(scenario) {
   const last = all.at(-1);
   const spacing = all.length > 1 ? Math.hypot(last.x - all.at(-2).x, last.y - all.at(-2).y) : 3 * last.radius;
   const { formation, orbit } = changed;
-  appendPoint(formation, "centers_m", [round(last.x + spacing), last.y], "v");
+  formation.centers_m.push([round(last.x + spacing), last.y]);
   if (formation.names) formation.names.push(free("v", formation.names));
   for (const part of ["radius_m", "direction", "desync_rad", "speed_mps"]) {
     if (Array.isArray(orbit[part])) orbit[part].push(orbit[part].at(-1));
@@ -107,7 +124,7 @@ export function withoutVehicle(scenario, k) {
   const changed = structuredClone(scenario);
   const before = namesOf(scenario);
   const { formation, orbit } = changed;
-  removePoint(formation, "centers_m", k);
+  formation.centers_m.splice(k, 1);
   if (formation.names) formation.names.splice(k, 1);
   for (const part of ["radius_m", "direction", "desync_rad", "speed_mps"]) {
     if (Array.isArray(orbit[part])) orbit[part].splice(k, 1);
@@ -128,13 +145,17 @@ export function addLandmark(scenario) {
   const { x, y, radius } = vehiclesOf(scenario)[0];
   const all = landmarksOf(scenario);
   const beside = all.length ? [all.at(-1).x, all.at(-1).y + 2 * radius] : [x, y + 2 * radius];
-  appendPoint(changed, "landmarks_m", beside.map(round), "L");
+  const { landmarks_m: landmarks } = changed;
+  if (Array.isArray(landmarks)) landmarks.push(beside.map(round));
+  else landmarks[free("L", Object.keys(landmarks))] = beside.map(round);
   return changed;
 }
 
 export function withoutLandmark(scenario, k) {
   const changed = structuredClone(scenario);
-  removePoint(changed, "landmarks_m", k);
+  const { landmarks_m: landmarks } = changed;
+  if (Array.isArray(landmarks)) landmarks.splice(k, 1);
+  else delete landmarks[Object.keys(landmarks)[k]];
   return changed;
 }
 
@@ -155,18 +176,6 @@ function withPoint(scenario, path, k, point) {
   const points = valueAt(changed, path);
   points[Array.isArray(points) ? k : Object.keys(points)[k]] = point.map(round);
   return changed;
-}
-
-function appendPoint(holder, part, point, letter) {
-  const points = holder[part];
-  if (Array.isArray(points)) points.push(point);
-  else points[free(letter, Object.keys(points))] = point;
-}
-
-function removePoint(holder, part, k) {
-  const points = holder[part];
-  if (Array.isArray(points)) points.splice(k, 1);
-  else delete points[Object.keys(points)[k]];
 }
 
 function free(letter, taken) {

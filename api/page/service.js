@@ -32,6 +32,7 @@ export async function ask(method, path, { body, type, accept, headers, signal } 
     if (error.name === "AbortError") throw error;
     throw new Unreachable("the service can't be reached");
   }
+  if (answer.status === 401) document.dispatchEvent(new Event("syncplan:key"));
   if (!answer.ok) throw new Refusal(answer.status, await problemOf(answer));
   return answer;
 }
@@ -48,17 +49,27 @@ export async function askJson(method, path, options) {
 }
 
 /** Post JSON once, however often the connection has to be tried: by its Idempotency-Key. */
-export async function postOnce(path, value) {
+export function postOnce(path, value) {
   const headers = { "Idempotency-Key": crypto.randomUUID ? crypto.randomUUID() : randomName() };
-  for (const wait of [...RETRY_S, null]) {
+  return patiently(() => askJson("POST", path, { body: JSON.stringify(value), headers }));
+}
+
+/** Return what a request comes to, asked again while the service is away. */
+export async function patiently(request) {
+  for (const wait of RETRY_S) {
     try {
-      return await askJson("POST", path, { body: JSON.stringify(value), headers });
+      return await request();
     } catch (error) {
-      const passing = error instanceof Unreachable || (error instanceof Refusal && error.status === 503);
-      if (!passing || wait === null) throw error;
+      if (!passing(error)) throw error;
       await pause(wait);
     }
   }
+  return request();
+}
+
+/** Whether asking again later may help. */
+export function passing(error) {
+  return error instanceof Unreachable || (error instanceof Refusal && error.status === 503);
 }
 
 export function pause(seconds) {

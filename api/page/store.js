@@ -1,8 +1,10 @@
 // What the page knows: the scenario being edited, its plan, and who wants to hear of changes.
 
+import { editable } from "./scenario.js";
+
 const MOST_STEPS = 100;
 
-/** The page's state. Events: "scenario" (edited), "plan" (judged), "faults", "stored". */
+/** The page's state. Events: "opened", "scenario" (edited), "plan" (judged), "faults", "selected". */
 export class Store extends EventTarget {
   scenario = null;
   plan = null;
@@ -22,9 +24,10 @@ export class Store extends EventTarget {
     this.#tell("scenario", { live, wasRefined });
   }
 
-  /** Start over with another scenario or plan. */
-  open({ scenario, plan = null, planId = null, parentId = null }) {
+  /** Start over with a plan, stored or not. */
+  open({ plan, planId = null, parentId = null }) {
     if (this.scenario) this.#remember(this.scenario);
+    const scenario = editable(plan);
     Object.assign(this, { scenario, plan, planId, parentId, selected: null });
     this.#tell("opened");
   }
@@ -40,7 +43,6 @@ export class Store extends EventTarget {
 
   stored(planId, parentId) {
     Object.assign(this, { planId, parentId });
-    this.#tell("stored");
   }
 
   select(what) {

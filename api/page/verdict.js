@@ -5,7 +5,13 @@ import { byId, element, shown } from "./elements.js";
 /** Shows the verdict on a store's plan. */
 export function showVerdicts(store) {
   const place = byId("verdict");
+  const badge = byId("badge");
   store.addEventListener("plan", (event) => {
+    const { observability: seen } = store.plan;
+    const text = `${seen.observable ? "✓ Observable" : "✗ Not observable"}: rank ${seen.rank} of ${seen.state_dim}`;
+    // read out when it changes, and only then
+    if (badge.textContent !== text) badge.textContent = text;
+    badge.className = `badge ${seen.observable ? "good" : "bad"}`;
     place.replaceChildren(...verdictOf(store.plan, event.detail.quick));
     place.classList.remove("stale");
   });
@@ -19,13 +25,6 @@ export function showVerdicts(store) {
 function verdictOf(plan, quick) {
   const { observability: seen, predicted_rms_m: predicted } = plan;
   return [
-    element(
-      "p",
-      { class: `badge ${seen.observable ? "good" : "bad"}` },
-      element("span", { "aria-hidden": "true" }, seen.observable ? "✓ " : "✗ "),
-      seen.observable ? "Observable" : "Not observable",
-      `: rank ${seen.rank} of ${seen.state_dim}`,
-    ),
     table(plan, predicted),
     ...seen.unobservable.map(motionOf),
     ...plan.dropped_links.map((link) =>

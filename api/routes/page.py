@@ -43,7 +43,7 @@ Conditions = Annotated[str, Header(alias="If-None-Match")]
 Encodings = Annotated[str, Header(alias="Accept-Encoding")]
 
 
-@router.get("/")
+@router.api_route("/", methods=["GET", "HEAD"])
 def read_page(if_none_match: Conditions = "", accept_encoding: Encodings = "") -> Response:
     """The page."""
     page = find_asset(PAGE)
@@ -51,7 +51,7 @@ def read_page(if_none_match: Conditions = "", accept_encoding: Encodings = "") -
     return _sent(page, if_none_match, accept_encoding)
 
 
-@router.get("/assets/{name:path}")
+@router.api_route("/assets/{name:path}", methods=["GET", "HEAD"])
 def read_asset(
     name: str, if_none_match: Conditions = "", accept_encoding: Encodings = ""
 ) -> Response:
