@@ -26,7 +26,7 @@ from syncplan.candidates import named_candidates
 from syncplan.loading import parse_values, scenario_from
 from syncplan.scenario import Scenario
 from tests.likeness import Likeness
-from tests.serving import ROOT, free_port
+from tests.serving import ROOT, free_port, wait_until
 from tests.terminal import Terminal
 
 __all__ = ["Block", "Walk", "blocks_of"]
@@ -35,7 +35,7 @@ ADDRESS = "127.0.0.1:8000"
 DATABASE = "postgresql://syncplan:PASSWORD@db.example/syncplan"
 NOT_RUN = "data-not-run"
 
-_PATIENCE_S = 90.0
+_PATIENCE_S = 30.0
 _BASE: dict[str, Any] = {
     "orbit": {"radius_m": 20, "angular_rate_rad_s": 0.2},
     "formation": {"shape": "grid", "count": 6, "columns": 3, "spacing_m": 70},
@@ -102,6 +102,12 @@ class Walk:
         }.get(block.language)
         assert action is not None, f"{block.place}: nothing runs a block of {block.language!r}"
         action(block)
+
+    def serve(self) -> None:
+        """Start the service, as a reader of `make serve` has done."""
+        self._terminal.run("syncplan serve 2> serve.log &")
+        url = f"http://127.0.0.1:{self.port}/readyz"
+        wait_until(lambda: self._terminal.run(f"curl -sf {url}")[0] == 0, _PATIENCE_S)
 
     def _environment(self) -> dict[str, str]:
         kept = {k: v for k, v in os.environ.items() if not k.startswith(("SYNCPLAN_", "COLUMNS"))}

@@ -12,7 +12,7 @@ from syncplan.orbits import position
 from syncplan.planner import Plan
 from syncplan.plotting.canvas import Spec, axis, layout, numbers
 from syncplan.plotting.catalogue import specs_of
-from syncplan.plotting.palette import BLUE, GREEN, INK, MUTED, ORANGE, VERMILLION
+from syncplan.plotting.palette import BLUE, GREEN, ORANGE, VERMILLION
 
 __all__ = ["DRAWN", "Drawn", "final_error", "sight_direction"]
 
@@ -111,7 +111,9 @@ def _lines_of_sight() -> Drawn:
         yaxis=axis("direction from the line of centres, degrees"),
     )
     drawn["margin"]["b"] = 160
-    return Drawn({"data": traces, "layout": drawn}, f"Direction of the line of sight. {'. '.join(words)}.")
+    return Drawn(
+        {"data": traces, "layout": drawn}, f"Direction of the line of sight. {'. '.join(words)}."
+    )
 
 
 def _optimism() -> Drawn:
@@ -121,7 +123,9 @@ def _optimism() -> Drawn:
         assert report.series is not None
         first, time = report.series.vehicles[0], np.array(report.series.time_s)
         traces.append(_line(f"{name}: RMS error", time, first.rms_x_m, colour, "solid", 3.0))
-        traces.append(_line(f"{name}: the filter's own sigma", time, first.sigma_x_m, colour, "dash", 2.0))
+        traces.append(
+            _line(f"{name}: the filter's own sigma", time, first.sigma_x_m, colour, "dash", 2.0)
+        )
     (wrong, claimed), (right, own) = final_error(exact), final_error(cured)
     drawn = layout(
         "Error of v1 along x, and what the filter says of it",

@@ -13,7 +13,7 @@ from syncplan.errors import InputError
 from syncplan.plotting.canvas import CONFIG
 from syncplan.plotting.palette import DARK
 
-__all__ = ["DOCS", "write_pages"]
+__all__ = ["DOCS", "with_figures", "write_pages"]
 
 DOCS = Path(__file__).parents[1]
 """The folder of the pages written by hand."""
@@ -33,7 +33,7 @@ def write_pages(folder: Path) -> None:
     shutil.copytree(DOCS, folder, ignore=lambda _, names: _LEFT_OUT & set(names))
     for path in sorted(folder.rglob("*.md")):
         name = path.relative_to(folder).as_posix()
-        path.write_text(_with_figures(path.read_text("utf-8"), name), "utf-8")
+        path.write_text(with_figures(path.read_text("utf-8"), name), "utf-8")
     for name, content in PAGES.items():
         target = folder / name
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -41,8 +41,11 @@ def write_pages(folder: Path) -> None:
     (folder / _PLOTLY).write_text(_plotly_script(), "utf-8")
 
 
-def _with_figures(markdown: str, name: str) -> str:
-    """A page with the figures where `<!-- figure: NAME -->` stands, and the scripts they need."""
+def with_figures(markdown: str, name: str) -> str:
+    """Return a page with figures where `<!-- figure: NAME -->` stands, and the scripts they need.
+
+    Raises InputError for a figure that is not there.
+    """
     drawn = _PLACE.sub(lambda found: _figure(found[1], name), markdown)
     if drawn == markdown:
         return markdown

@@ -34,7 +34,9 @@ def keys_page() -> str:
     parts = [_INTRODUCTION]
     for title, rows in described_keys(schema):
         parts.append(f"## {title}\n")
-        parts.append("| key | type | unit | default | meaning | example |\n|---|---|---|---|---|---|")
+        parts.append(
+            "| key | type | unit | default | meaning | example |\n|---|---|---|---|---|---|"
+        )
         parts.append("\n".join(f"| {' | '.join(row)} |" for row in rows) + "\n")
     return "\n".join(parts)
 
@@ -96,7 +98,9 @@ def _kind(described: Schema) -> str:
         return f"list of ({_kind(described['items'])})"
     if kind == "object":
         return f"mapping of names to ({_kind(described['additionalProperties'])})"
-    words = {"string": "text", "integer": "whole number", "boolean": "true or false"}.get(kind, kind)
+    words = {"string": "text", "integer": "whole number", "boolean": "true or false"}.get(
+        kind, kind
+    )
     limits = [
         f"{sign} {described[bound]:g}"
         for bound, sign in (

@@ -163,7 +163,9 @@ def _examples(content: Tree, language: str) -> Iterator[str]:
     example = _first_example({"content": {"": content}})
     if example is None:
         return
-    text = example if isinstance(example, str) else json.dumps(example, indent=1, ensure_ascii=False)
+    text = (
+        example if isinstance(example, str) else json.dumps(example, indent=1, ensure_ascii=False)
+    )
     lines = text.splitlines()
     if len(lines) > _LONGEST_EXAMPLE:
         # no JSON any more
