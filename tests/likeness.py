@@ -90,4 +90,4 @@ def _alike(written: list[str], shown: list[str], known: dict[str, str]) -> bool:
 def _allowed(said: str) -> float:
     mantissa, _, exponent = said.lower().partition("e")
     last_digit = 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
-    return max(RELATIVE * abs(float(said)), 1.5 * last_digit)
+    return max(RELATIVE * abs(float(said)), 1.001 * last_digit)

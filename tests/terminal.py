@@ -47,7 +47,9 @@ class Terminal:
     def run(self, command: str) -> tuple[int, str]:
         """Return the exit status of a command and what it wrote, output and messages together."""
         self._script.write_text(command, encoding="utf-8")
-        line = f"(exit ${{status:-0}}); . '{self._script}' </dev/null; status=$?; echo; echo {_ENDED} $status\n"
+        # "$?" in a command is the status of the one before
+        line = f"(exit ${{status:-0}}); . '{self._script}' </dev/null; status=$?; "
+        line += f"echo; echo {_ENDED} $status\n"
         assert self._bash.stdin is not None
         self._bash.stdin.write(line.encode())
         self._bash.stdin.flush()

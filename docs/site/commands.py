@@ -3,6 +3,7 @@
 import html
 import re
 
+import typer
 from typer.cli import get_docs_for_click
 from typer.main import get_command
 
@@ -12,8 +13,9 @@ __all__ = ["commands_page"]
 
 _INTRODUCTION = """# Command line
 
-Results go to standard output, or whole or not at all to the file named with `-o`; words and progress
-go to standard error. `-` is standard input. At a terminal a table is shown, elsewhere JSON.
+Results go to standard output, or whole or not at all to the file named with `-o`; words and
+progress go to standard error. `-` is standard input. At a terminal a table is shown, elsewhere
+JSON.
 
 | exit status | meaning |
 |---|---|
@@ -30,13 +32,7 @@ go to standard error. `-` is standard input. At a terminal a table is shown, els
 def commands_page() -> str:
     """Return the page of all commands, in the order of the command line."""
     command = get_command(app)
-    written = get_docs_for_click(obj=command, ctx=_context(command), name="syncplan")
+    written = get_docs_for_click(obj=command, ctx=typer.Context(command), name="syncplan")
     body = html.unescape(written).partition("\n")[2]
     # examples are typed as they stand
     return _INTRODUCTION + re.sub(r"^Example: (.+)$", r"Example: `\1`", body, flags=re.MULTILINE)
-
-
-def _context(command: object) -> object:
-    from typer import Context
-
-    return Context(command)  # type: ignore[arg-type]

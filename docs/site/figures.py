@@ -64,7 +64,8 @@ def _of_plan(name: str, words: str, plan: Callable[[], Plan]) -> Drawn:
 
 def _comparison() -> Drawn:
     before, after = studies.alternating(), studies.refined()
-    worst = [float(np.max(one.predicted)) for one in (before, after) if one.predicted is not None]
+    errors = [one.prediction.rms for one in (before, after)]
+    worst = [float(np.max(rms)) for rms in errors if rms is not None]
     words = (
         f"Before and after refinement: rank {before.observability.rank} and "
         f"{after.observability.rank} of {after.observability.state_dim}, predicted error of the "

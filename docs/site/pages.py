@@ -10,7 +10,7 @@ from typing import Any
 from docs.site.figures import DRAWN
 from docs.site.reference import PAGES
 from syncplan.errors import InputError
-from syncplan.plotting.canvas import CONFIG
+from syncplan.plotting.canvas import CONFIG, Spec
 from syncplan.plotting.palette import DARK
 
 __all__ = ["DOCS", "with_figures", "write_pages"]
@@ -20,7 +20,7 @@ DOCS = Path(__file__).parents[1]
 
 _PLOTLY = "assets/plotly.min.js"
 _FIGURES = "assets/figures.js"
-_LEFT_OUT = {"site", "__pycache__"}
+_LEFT_OUT = {"__init__.py", "__pycache__", "site"}
 _PLACE = re.compile(r"^<!-- figure: ([\w-]+) -->$", re.MULTILINE)
 
 
@@ -60,12 +60,18 @@ def _figure(name: str, page: str) -> str:
         raise InputError(f"no figure {name!r}; there are {', '.join(DRAWN)}", source=page)
     drawn = DRAWN[name]()
     words = html.escape(drawn.words)
+    title = html.escape(_title(drawn.spec))
+    # a group, not an image: it holds buttons
+    told = f'role="group" aria-label="{title}" aria-describedby="words-{name}"'
     return (
-        f'<figure class="drawn" id="{name}">\n'
-        f'<div class="plot" id="plot-{name}" role="img" aria-describedby="words-{name}"></div>\n'
+        f'<figure class="drawn" id="{name}">\n<div class="plot" id="plot-{name}" {told}></div>\n'
         f'<figcaption id="words-{name}">{words}</figcaption>\n</figure>\n'
         f"{_values(f'plot-{name}-values', drawn.spec)}\n"
     )
+
+
+def _title(spec: Spec) -> str:
+    return str(spec["layout"]["title"]["text"])
 
 
 def _values(name: str, values: Any) -> str:

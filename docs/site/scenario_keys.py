@@ -86,8 +86,8 @@ def _kind(described: Schema) -> str:
     """The type in words, with its limits."""
     choices = [*described.get("anyOf", ()), *described.get("oneOf", ())]
     if choices:
-        words = [_kind(one) for one in choices if one.get("type") != "null"]
-        return " or ".join(dict.fromkeys(words))
+        kinds = [_kind(one) for one in choices if one.get("type") != "null"]
+        return " or ".join(dict.fromkeys(kinds))
     if "enum" in described:
         return ", ".join(f"`{value}`" for value in described["enum"])
     kind = described["type"]

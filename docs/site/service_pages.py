@@ -16,6 +16,8 @@ Tree = Mapping[str, Any]
 
 _LONGEST_EXAMPLE = 24
 """Lines of an example that are shown; the OpenAPI document has all of it."""
+_MOST_NAMED = 4
+"""Operations that are named where they share a problem."""
 
 _SERVICE = """# REST API
 
@@ -44,7 +46,7 @@ Environment variables of `syncplan serve` and `syncplan worker`, all optional.
 
 @cache
 def _document() -> Tree:
-    document: Tree = create_app(Settings()).openapi()
+    document: Tree = create_app().openapi()
     return document
 
 
@@ -84,14 +86,15 @@ def problems_page() -> str:
     for status in sorted(found):
         response, by = found[status]
         detail = _cell(_first_example(response)["detail"])
-        everywhere = len(by) == len(list(_operations()))
-        told = "every operation" if everywhere else ", ".join(by)
+        told = ", ".join(by) if len(by) <= _MOST_NAMED else f"{len(by)} operations"
         rows.append(f"| {status} | {response['description']} | {detail} | {told} |")
     return (
         _PROBLEMS
         + "\n".join(rows)
-        + f"\n\nA scenario that is sound, but has no solution, is a 422 of the type `{NO_SOLUTION}`; "
-        "all others are `about:blank`.\n"
+        + "\n\nBeside these, whatever the path: 400 for a request that can't be read, 404 for a "
+        "path that is not there, 405 for a method that it does not take, 431 for a head above "
+        "64 KiB.\n\nA scenario that is sound, but has no solution, is a 422 of the type "
+        + f"`{NO_SOLUTION}`; all others are `about:blank`.\n"
     )
 
 
