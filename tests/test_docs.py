@@ -193,12 +193,14 @@ def test_every_page_is_built_and_asks_nobody_else(site: Path) -> None:
         "README.html"
     }
     generated = {name.replace(".md", ".html") for name in REFERENCE}
+    quick_start = site.joinpath("quick-start.html").read_text("utf-8")
+    assert 'data-not-run="installs from the package index"' in quick_start
     assert set(built) >= written | generated | {"index.html", "concepts.html", "theory.html"}
     for path in site.rglob("*.html"):
-        fetched = re.findall(
-            r'<(?:script|link|img|iframe)\b[^>]*?(?:src|href)="([^"]*)"', path.read_text()
-        )
+        text = path.read_text("utf-8")
+        fetched = re.findall(r'<(?:script|link|img|iframe)\b[^>]*?(?:src|href)="([^"]*)"', text)
         assert fetched
+        assert "```" not in text, path
         assert not [address for address in fetched if "//" in address], path
 
 
@@ -214,17 +216,25 @@ def test_the_site_opens_as_a_file_with_figures_and_search(site: Path) -> None:
             page.on("request", lambda asked: requests.append(asked.url))
             page.goto((site / "concepts.html").as_uri())
             expect(page.locator(".plot .main-svg").first).to_be_visible()
-            assert (
-                page.locator(".plot").count() == page.locator(".plot .plot-container").count() > 5
-            )
-            faults = accessibility_faults(page)
-            assert [fault for fault in faults if not fault.startswith(OF_THE_THEME)] == []
+            drawn = page.locator(".plot .plot-container").count()
+            assert drawn == page.locator(".plot").count() > 5
         page.keyboard.press("/")
         page.keyboard.type("desynchronised")
         expect(page.locator(".md-search-result__item").first).to_be_visible()
     assert complaints == []
     assert requests
     assert [url for url in requests if not url.startswith(("file:", "data:", "blob:"))] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["concepts", "reference/scenario"])
+def test_pages_are_accessible_but_for_their_theme(site: Path, name: str) -> None:
+    with chromium() as browser:
+        page = browser.new_page()
+        page.goto((site / f"{name}.html").as_uri())
+        page.wait_for_load_state()
+        faults = accessibility_faults(page)
+        assert [fault for fault in faults if not fault.startswith(OF_THE_THEME)] == []
 
 
 @pytest.mark.slow

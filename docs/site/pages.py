@@ -21,6 +21,8 @@ DOCS = Path(__file__).parents[1]
 _PLOTLY = "assets/plotly.min.js"
 _FIGURES = "assets/figures.js"
 _LEFT_OUT = {"__init__.py", "__pycache__", "site"}
+_NOT_RUN = re.compile(r'^(```+)(\w+) (data-not-run="[^"]*")$', re.MULTILINE)
+"""The first line of a block that is not run; MkDocs wants such an attribute in braces."""
 _PLACE = re.compile(r"^<!-- figure: ([\w-]+) -->$", re.MULTILINE)
 
 
@@ -33,7 +35,8 @@ def write_pages(folder: Path) -> None:
     shutil.copytree(DOCS, folder, ignore=lambda _, names: _LEFT_OUT & set(names))
     for path in sorted(folder.rglob("*.md")):
         name = path.relative_to(folder).as_posix()
-        path.write_text(with_figures(path.read_text("utf-8"), name), "utf-8")
+        markdown = _NOT_RUN.sub(r"\1{ .\2 \3 }", path.read_text("utf-8"))
+        path.write_text(with_figures(markdown, name), "utf-8")
     for name, content in PAGES.items():
         target = folder / name
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -48,7 +51,7 @@ def with_figures(markdown: str, name: str) -> str:
     """
     drawn = _PLACE.sub(lambda found: _figure(found[1], name), markdown)
     if drawn == markdown:
-        return markdown
+        return drawn
     settings = _values("plot-settings", {"config": dict(CONFIG), "dark": dict(DARK)})
     up = "../" * name.count("/")
     scripts = "\n".join(f'<script defer src="{up}{one}"></script>' for one in (_PLOTLY, _FIGURES))

@@ -24,17 +24,15 @@ _SECTIONS = (
 def python_page() -> str:
     """Return the page: a directive of mkdocstrings for each public name."""
     parts = [_INTRODUCTION]
-    shown: set[str] = set()
+    shown: list[object] = []
     for title, module, name in _SECTIONS:
         parts.append(f"{title}\n")
         if module is not syncplan:
             parts.append(f"{inspect.getdoc(module)}\n".replace("\n    ", "\n\n    ", 1))
         for public in module.__all__:
             thing = getattr(module, public)
-            home = f"{getattr(thing, '__module__', name)}.{public}"
-            if not (inspect.isclass(thing) or inspect.isfunction(thing)):
-                home = f"{name}.{public}"
-            if home not in shown:
-                shown.add(home)
-                parts.append(f"::: {home}\n")
+            # exports has names of the package as well
+            if not any(thing is one for one in shown):
+                shown.append(thing)
+                parts.append(f"::: {name}.{public}\n")
     return "\n".join(parts)
