@@ -36,7 +36,9 @@ def test_every_route_is_told_and_no_other() -> None:
     assert told == paths | {"/openapi.json"}
 
 
-@pytest.mark.parametrize("word", ["make serve", "make check", "make container-steps", "make demo"])
+@pytest.mark.parametrize(
+    "word", ["make serve", "make check", "make container-steps", "make demo", "make docs"]
+)
 def test_every_target_named_is_there(word: str) -> None:
     assert word in README
     assert f"\n{word.split()[1]}:" in (ROOT / "Makefile").read_text()

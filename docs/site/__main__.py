@@ -17,7 +17,7 @@ def main() -> int:
     # its page about MkDocs 2.0 is no warning about this site
     environment = {**os.environ, "NO_MKDOCS_2_WARNING": "1", "PYTHONWARNINGS": "ignore"}
     command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--strict", "-f", str(CONFIG)]
-    status = subprocess.run(command, env=environment).returncode
+    status = subprocess.run(command, env=environment, cwd=DOCS.parent).returncode
     if status == 0:
         print("wrote build/site/index.html")
     return status
