@@ -12,6 +12,7 @@ from typer.main import get_command
 import syncplan
 from api.main import create_app
 from docs.site import studies
+from docs.site.__main__ import generate
 from docs.site.__main__ import main as build_site
 from docs.site.figures import DRAWN, final_error, sight_direction
 from docs.site.pages import with_figures
@@ -40,8 +41,8 @@ NOT_RUN = {
 """Why blocks may be left out, and how many are for each reason."""
 
 
-OF_THE_THEME = ("aria-dialog-name", "scrollable-region-focusable")
-"""Faults of accessibility that Material for MkDocs brings along: its search, wide tables."""
+OF_THE_THEME = ("aria-dialog-name", "landmark-unique", "scrollable-region-focusable")
+"""Faults of accessibility that Material brings along: its search, copy buttons, wide tables."""
 
 
 @pytest.fixture
@@ -289,3 +290,13 @@ def test_the_reference_names_every_command_operation_and_public_name() -> None:
 def test_a_figure_that_is_not_there_is_told(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no figure 'nothing'; there are accuracy"):
         with_figures("<!-- figure: nothing -->", "page.md")
+
+
+@pytest.mark.slow
+def test_a_link_that_leads_nowhere_ends_the_build(tmp_path: Path) -> None:
+    (tmp_path / "docs").mkdir()
+    (tmp_path / "docs" / "index.md").write_text("[x](nothing.md)\n")
+    (tmp_path / "mkdocs.yml").write_text("site_name: x\ntheme: {name: material, font: false}\n")
+    assert generate(tmp_path / "mkdocs.yml") == 1
+    (tmp_path / "docs" / "index.md").write_text("[x](index.md)\n")
+    assert generate(tmp_path / "mkdocs.yml") == 0

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 from docs.site.pages import DOCS, write_pages
 from syncplan.errors import InputError
@@ -14,13 +15,19 @@ SOURCE = DOCS.parent / "build" / "docs"
 def main() -> int:
     """Write the pages and let MkDocs build them strictly; return its exit status."""
     write_pages(SOURCE)
-    # its page about MkDocs 2.0 is no warning about this site
-    environment = {**os.environ, "NO_MKDOCS_2_WARNING": "1", "PYTHONWARNINGS": "ignore"}
-    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--strict", "-f", str(CONFIG)]
-    status = subprocess.run(command, env=environment, cwd=DOCS.parent).returncode
+    status = generate(CONFIG)
     if status == 0:
         print("wrote build/site/index.html")
     return status
+
+
+def generate(config: Path) -> int:
+    """Return MkDocs' exit status over a configuration: 1 if there was any warning."""
+    # a banner about MkDocs 2.0 is no warning about this site
+    environment = {**os.environ, "NO_MKDOCS_2_WARNING": "1", "PYTHONWARNINGS": "ignore"}
+    # not --quiet, with which warnings are neither shown nor counted
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "-f", str(config)]
+    return subprocess.run(command, env=environment, cwd=DOCS.parent).returncode
 
 
 if __name__ == "__main__":
