@@ -103,7 +103,8 @@ def _lines_of_sight() -> Drawn:
         seen = np.where(length <= plan.scenario.sensors[0].range_m, turn, np.nan)
         mark = _line("within range", time, seen, color, "solid", width + 5.0)
         traces.append({**mark, "opacity": 0.35, "showlegend": False, "hoverinfo": "skip"})
-        words.append(f"{name}: between {turn.min():.1f} and {turn.max():.1f} degrees, rank {rank}")
+        most = np.abs(turn).max()
+        words.append(f"{name}: turns by up to {most:.1f} degrees, rank {rank}")
     drawn = layout(
         "Direction of the line of sight over one period",
         note="two vehicles whose centres are 70 m apart; broad where they see each other",

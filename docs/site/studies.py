@@ -9,7 +9,17 @@ from syncplan.document import ValidationDocument
 from syncplan.loading import scenario_from
 from syncplan.validation_report import validation_document
 
-__all__ = ["DESYNC_RAD", "LONG_RUN_S", "TRIALS", "alternating", "flown", "pair", "refined", "same"]
+__all__ = [
+    "DESYNC_RAD",
+    "LONG_RUN_S",
+    "TRIALS",
+    "alternating",
+    "flown",
+    "pair",
+    "proven",
+    "refined",
+    "same",
+]
 
 SCENARIOS = Path(__file__).parents[2] / "examples" / "scenarios"
 
