@@ -107,10 +107,10 @@ def _lines_of_sight() -> Drawn:
         words.append(f"{name}: turns by up to {most:.1f} degrees, rank {rank}")
     drawn = layout(
         "Direction of the line of sight over one period",
-        note="two vehicles whose centres are 70 m apart; broad where they see each other",
+        note="from the line of centres, 70 m apart; broad where the two see each other",
         height=520,
         xaxis=axis("time, s"),
-        yaxis=axis("direction from the line of centres, degrees"),
+        yaxis=axis("direction, degrees"),
     )
     drawn["margin"]["b"] = 160
     return Drawn(
