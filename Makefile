@@ -1,6 +1,7 @@
 # make demo    set up and run the main job on an example: a plan and its validation
 # make serve   set up and start the service at http://127.0.0.1:8000
 # make check   set up and run formatter check, linter, strict types and tests
+# make docs    set up and build the documentation into build/site, which opens without a server
 # make container-steps    follow the steps of the Dockerfile without a container
 # make benchmarks    measure against peers, side by side
 # make lock    renew requirements.lock
@@ -13,7 +14,7 @@ DEMO   ?= examples/scenarios/paper-grid-same.yaml
 
 export PIP_DISABLE_PIP_VERSION_CHECK = 1
 
-.PHONY: demo serve check postgresql chromium container-steps benchmarks lock clean
+.PHONY: demo serve check docs postgresql chromium container-steps benchmarks lock clean
 
 demo: $(VENV)/.run
 	$(BIN)/syncplan plan $(DEMO) --format table
@@ -39,6 +40,9 @@ chromium:
 		[ -n "$$SYNCPLAN_CHROMIUM" ] || \
 		{ echo "the tests need Chromium: apt-get install chromium" >&2; exit 1; }
 
+docs: $(VENV)/.docs
+	$(BIN)/python -m docs.site
+
 container-steps:
 	docker/steps.sh
 
@@ -60,6 +64,10 @@ $(VENV)/.api: $(BIN)/python pyproject.toml requirements.lock
 
 $(VENV)/.dev: $(BIN)/python pyproject.toml requirements.lock
 	$(BIN)/pip install --quiet --constraint requirements.lock --editable '.[dev]'
+	touch $@ $(VENV)/.api $(VENV)/.run
+
+$(VENV)/.docs: $(BIN)/python pyproject.toml requirements.lock
+	$(BIN)/pip install --quiet --constraint requirements.lock --editable '.[api,client,docs]'
 	touch $@ $(VENV)/.api $(VENV)/.run
 
 lock: $(BIN)/python
