@@ -14,6 +14,7 @@ COPY requirements.lock pyproject.toml README.md ./
 COPY syncplan ./syncplan
 COPY api ./api
 COPY docker ./docker
+COPY examples ./examples
 RUN PIP_NO_CACHE_DIR=1 sh docker/install.sh /source /opt/syncplan
 
 FROM python:3.11-slim

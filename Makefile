@@ -1,6 +1,7 @@
 # make demo    set up and run the main job on an example: a plan and its validation
 # make serve   set up and start the service at http://127.0.0.1:8000
 # make check   set up and run formatter check, linter, strict types and tests
+# make docs    set up and build the documentation into build/site, which opens without a server
 # make container-steps    follow the steps of the Dockerfile without a container
 # make benchmarks    measure against peers, side by side
 # make lock    renew requirements.lock
@@ -13,7 +14,7 @@ DEMO   ?= examples/scenarios/paper-grid-same.yaml
 
 export PIP_DISABLE_PIP_VERSION_CHECK = 1
 
-.PHONY: demo serve check postgresql container-steps benchmarks lock clean
+.PHONY: demo serve check docs postgresql chromium container-steps benchmarks lock clean
 
 demo: $(VENV)/.run
 	$(BIN)/syncplan plan $(DEMO) --format table
@@ -22,7 +23,7 @@ demo: $(VENV)/.run
 serve: $(VENV)/.api
 	$(BIN)/syncplan serve
 
-check: postgresql $(VENV)/.dev
+check: postgresql chromium $(VENV)/.dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
@@ -32,6 +33,15 @@ check: postgresql $(VENV)/.dev
 postgresql:
 	@command -v initdb >/dev/null || ls /usr/lib/postgresql/*/bin/initdb >/dev/null 2>&1 || \
 		{ echo "the tests need PostgreSQL's initdb: apt-get install postgresql" >&2; exit 1; }
+
+# tests look at the web page in a browser
+chromium:
+	@command -v chromium chromium-browser google-chrome chrome >/dev/null || \
+		[ -n "$$SYNCPLAN_CHROMIUM" ] || \
+		{ echo "the tests need Chromium: apt-get install chromium" >&2; exit 1; }
+
+docs: $(VENV)/.docs
+	$(BIN)/python -m docs.site
 
 container-steps:
 	docker/steps.sh
@@ -54,6 +64,10 @@ $(VENV)/.api: $(BIN)/python pyproject.toml requirements.lock
 
 $(VENV)/.dev: $(BIN)/python pyproject.toml requirements.lock
 	$(BIN)/pip install --quiet --constraint requirements.lock --editable '.[dev]'
+	touch $@ $(VENV)/.api $(VENV)/.run
+
+$(VENV)/.docs: $(BIN)/python pyproject.toml requirements.lock
+	$(BIN)/pip install --quiet --constraint requirements.lock --editable '.[api,client,docs]'
 	touch $@ $(VENV)/.api $(VENV)/.run
 
 lock: $(BIN)/python

@@ -6,16 +6,17 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from api.storage.jobs import JobRow, State
-from syncplan.document import PlanDocument, ValidationDocument
+from syncplan.document import PlanDocument
 
 __all__ = [
+    "FigureValues",
     "Job",
     "JobEvent",
     "JobPage",
     "PlanPage",
     "PlanSummary",
+    "Preview",
     "StoredPlan",
-    "SweepReport",
     "job_answer",
 ]
 
@@ -52,6 +53,23 @@ class PlanPage(_Answer):
 
     items: list[PlanSummary]
     next: str | None = Field(description="Where the next page is; null on the last")
+
+
+class FigureValues(_Answer):
+    """A figure as Plotly takes it."""
+
+    data: list[dict[str, Any]] = Field(description="Plotly's traces")
+    layout: dict[str, Any] = Field(description="Plotly's layout")
+    frames: list[dict[str, Any]] | None = Field(
+        default=None, description="Plotly's frames, of an animation"
+    )
+
+
+class Preview(_Answer):
+    """A plan that was not stored, with figures of it."""
+
+    plan: PlanDocument
+    figures: dict[str, FigureValues] = Field(description="The figures asked for, by name")
 
 
 class Progress(_Answer):
@@ -101,29 +119,6 @@ class JobEvent(_Answer):
     state: State
     progress: Progress
     at: str = Field(description="RFC 3339, UTC", examples=[_TIME])
-
-
-class SweepRow(_Answer):
-    """One value of a sweep: what came of its plan, and of the trials."""
-
-    label: str = Field(examples=["0.4"])
-    value: float = Field(description="What the swept key was set to", examples=[0.4])
-    range_m: list[float] = Field(description="Range of each vehicle's sensor")
-    rank: int
-    state_dim: int
-    connectivity_period_s: float | None
-    mean_rms_x_m: float
-    mean_rms_y_m: float
-    validation: ValidationDocument
-
-
-class SweepReport(_Answer):
-    """A sweep: a row for each value."""
-
-    swept: Literal[
-        "orbit.angular_rate_rad_s", "sensor.range_m", "orbit.radius_m", "formation.spacing_m"
-    ]
-    rows: list[SweepRow]
 
 
 def job_answer(row: JobRow) -> Job:

@@ -13,7 +13,7 @@ from api.logs import RequestLog
 from api.metrics import Metrics, RequestMetrics
 from api.openapi import document_operations
 from api.problems import install_handlers
-from api.routes import health, jobs, plans, schemas
+from api.routes import exports, figures, health, jobs, page, plans, schemas
 from api.security import Keyring
 from api.service import Ending, Service, limits_of
 from api.settings import Settings, load_settings
@@ -56,8 +56,11 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     document_operations(app)
     app.include_router(plans.router, prefix="/v1")
     app.include_router(jobs.router, prefix="/v1")
+    app.include_router(figures.router, prefix="/v1")
+    app.include_router(exports.router, prefix="/v1")
     app.include_router(schemas.router, prefix="/v1")
     app.include_router(health.router)
+    app.include_router(page.router)
     app.add_middleware(RequestMetrics, metrics=app.state.metrics)
     app.add_middleware(RequestLog)
     return app

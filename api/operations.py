@@ -5,9 +5,9 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from api.answers import StoredPlan, SweepReport
+from api.answers import StoredPlan
 from api.requests import RefinementRequest, SweepRequest, ValidationRequest
-from syncplan.document import ValidationDocument
+from syncplan.document import SweepReport, ValidationDocument
 from syncplan.scenario import Scenario
 
 __all__ = ["ANSWERS", "BODIES", "FOLLOWING", "HEADERS", "REQUEST_ID", "RESULTS", "SENT", "Body"]
@@ -27,6 +27,7 @@ BODIES = {
     "refinePlan": Body(
         RefinementRequest, False, "What changes of the plan's own options; nothing if empty"
     ),
+    "previewScenario": Body(Scenario, True, "The scenario, as in a file of it"),
     "validatePlan": Body(ValidationRequest, False, "How to fly; defaults if empty"),
     "sweepScenario": Body(SweepRequest, True, "The scenario, what is varied, and how to fly"),
 }
@@ -46,6 +47,10 @@ ANSWERS = {
     "cancelJob": "The job, cancelled",
     "readJobResult": "The report, or the plan that a refinement made",
     "readJobTrials": "NumPy arrays in an .npz archive",
+    "previewScenario": "The plan, stored nowhere, and the figures asked for",
+    "readPlanFigure": "The figure",
+    "readJobFigure": "The figure",
+    "exportPlan": "A zip archive",
     "readScenarioSchema": "The schema",
     "readPlanSchema": "The schema",
     "checkHealth": "It is alive",

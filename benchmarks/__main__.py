@@ -9,14 +9,17 @@ from pathlib import Path
 from benchmarks import (
     Figure,
     contacts,
+    exports,
     montecarlo,
     objectives,
     observability,
+    page,
     print_figures,
     refinement,
     service,
     startup,
 )
+from benchmarks import figures as drawings
 
 README = Path(__file__).with_name("README.md")
 BEGIN, END = "<!-- figures: python -m benchmarks --write -->", "<!-- end of figures -->"
@@ -50,6 +53,12 @@ def main() -> list[Figure]:
     figures += refinement.main()
     _announce("service")
     figures += service.figures(service.main())
+    _announce("figures")
+    figures += drawings.figures(drawings.main())
+    _announce("page")
+    figures += page.figures(page.main())
+    _announce("exports")
+    figures += exports.figures(exports.main())
     return figures
 
 

@@ -44,7 +44,7 @@ find "$folder/source" -name __pycache__ -prune -exec rm -rf {} +
 echo "steps: install"
 sh docker/install.sh "$folder/source" "$folder/syncplan" >"$folder/pip.log" 2>&1 ||
     { tail -n 20 "$folder/pip.log" >&2; exit 1; }
-mkdir "$folder/syncplan/share"
+mkdir -p "$folder/syncplan/share"
 cp docker/warm_up.py docker/healthcheck.py "$folder/syncplan/share"
 rm -rf "$folder/source"
 
@@ -94,7 +94,8 @@ from pathlib import Path
 from urllib.request import ProxyHandler, Request, build_opener
 
 key, scenario = sys.argv[1:]
-address = f"http://127.0.0.1:{os.environ['SYNCPLAN_PORT']}/v1/plans"
+service = f"http://127.0.0.1:{os.environ['SYNCPLAN_PORT']}"
+address = f"{service}/v1/plans"
 headers = {"Authorization": f"Bearer {key}", "Content-Type": "application/yaml"}
 request = Request(address, Path(scenario).read_bytes(), headers)
 with build_opener(ProxyHandler({})).open(request, timeout=30.0) as answer:
@@ -103,6 +104,9 @@ for vehicle in plan["vehicles"]:
     print(vehicle["name"], vehicle["phase_rad"], vehicle["position_m"])
 assert len(plan["vehicles"]) == 6
 assert plan["observability"]["observable"]
+for asset in ("", "assets/main.js", "assets/plotly.min.js", "assets/examples/paper-grid-same.yaml"):
+    with build_opener(ProxyHandler({})).open(f"{service}/{asset}", timeout=30.0) as answer:
+        assert answer.status == 200, asset
 PYTHON
 unprivileged "$bin/syncplan" plan - <"$scenario" | "$bin/python" -c \
     'import json, sys; assert len(json.load(sys.stdin)["vehicles"]) == 6'

@@ -32,8 +32,8 @@ symbols in bodies:
 Modules, each using only those before it
 ----------------------------------------
     errors, formation, areas, quantities,     what the user says, checked
-    refine_options, checks, sections,
-    scenario, loading, candidates
+    georeference, refine_options, checks,
+    sections, scenario, loading, candidates
     blas, cores, children                     threads, cores, child processes
     orbits, trigpoly, contacts, separation    circles, exact contact windows, least distances
     sightings, noise, graph                   samples, sigmas, who sees whom
@@ -49,9 +49,12 @@ Modules, each using only those before it
     validation, sweeps                        a plan flown, many plans compared
     document, *_report                        contracts
     planfile, output                          files
+    plotting.*, figures                       what is drawn: plain values; Plotly's figures
+    exporting.*, exports                      other programs' formats
     remote, client                            the same, computed by a service
     streams, tables, arguments,               the command line
     plan_commands, run_commands,
+    plot_commands, export_commands,
     service_commands, cli
 
 References
@@ -72,6 +75,7 @@ __all__ = [
     "Scenario",
     "SyncplanError",
     "Validation",
+    "export",
     "load_scenario",
     "place",
     "plan",
@@ -90,6 +94,7 @@ _HOME = {
     "Scenario": "scenario",
     "SyncplanError": "errors",
     "Validation": "validation",
+    "export": "exports",
     "load_scenario": "loading",
     "place": "placement",
     "plan": "planner",
@@ -101,6 +106,7 @@ _HOME = {
 if TYPE_CHECKING:
     from syncplan.client import Client
     from syncplan.errors import InputError, NoSolutionError, SyncplanError
+    from syncplan.exports import export
     from syncplan.loading import load_scenario
     from syncplan.placement import place
     from syncplan.planner import Plan, plan

@@ -11,7 +11,9 @@ from typer.exceptions import TyperException
 from syncplan import __version__
 from syncplan.arguments import Output
 from syncplan.errors import InputError, SyncplanError
+from syncplan.export_commands import exporters
 from syncplan.plan_commands import plans
+from syncplan.plot_commands import plots
 from syncplan.run_commands import runs
 from syncplan.service_commands import services
 from syncplan.streams import Format, deliver, open_closed_streams, say
@@ -37,6 +39,16 @@ OPTIONS = {
     "time_limit_s": "--time-limit-s",
     "starts": "--starts",
     "choose": "--choose",
+    "figure": "--figure",
+    "compare": "--compare",
+    "output": "--output",
+    "format": "--format",
+    "altitude_m": "--altitude-m",
+    "turns": "--turns",
+    "sample_time_s": "--sample-time-s",
+    "sagitta_m": "--sagitta-m",
+    "autopilot": "--autopilot",
+    "vehicle": "--vehicle",
 }
 """Options by the name of the library's argument that they set."""
 
@@ -63,6 +75,7 @@ class Contract(StrEnum):
     plan = "plan"
     sites = "sites"
     validation = "validation"
+    sync = "sync"
 
 
 @schemas.command(name="schema", epilog="Example: syncplan schema scenario")
@@ -83,6 +96,10 @@ def _schema(
         from syncplan.sites_report import SitesDocument
 
         schema = SitesDocument.model_json_schema(mode="serialization")
+    elif contract is Contract.sync:
+        from syncplan.exporting.sync_document import SyncDocument
+
+        schema = SyncDocument.model_json_schema(mode="serialization")
     else:
         from syncplan.document import ValidationDocument
 
@@ -93,6 +110,8 @@ def _schema(
 
 app.add_typer(plans)
 app.add_typer(runs)
+app.add_typer(plots)
+app.add_typer(exporters)
 app.add_typer(services)
 app.add_typer(schemas)
 

@@ -7,7 +7,17 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from syncplan.scenario import Scenario
 
-__all__ = ["PlanDocument", "ValidationDocument", "finite_or_none"]
+__all__ = [
+    "PlanDocument",
+    "RefinementResult",
+    "Series",
+    "Spread",
+    "SweepReport",
+    "SweepRow",
+    "ValidationDocument",
+    "VehicleSeries",
+    "finite_or_none",
+]
 
 Point = tuple[float, float]
 Window = tuple[float, float]
@@ -284,14 +294,19 @@ class FilterRecord(_Part):
 
 
 class VehicleSeries(_Part):
-    """Errors of one vehicle over time, averaged over the trials."""
+    """Errors of one vehicle over time: RMS, mean and the filter's own sigma over the trials."""
 
     name: str
     rms_m: list[float]
+    rms_x_m: list[float]
+    rms_y_m: list[float]
+    rms_heading_rad: list[float]
     mean_x_m: list[float]
     mean_y_m: list[float]
     mean_heading_rad: list[float]
     sigma_m: list[float] = Field(description="The filter's own position sigma")
+    sigma_x_m: list[float]
+    sigma_y_m: list[float]
     sigma_heading_rad: list[float]
 
 
@@ -323,6 +338,29 @@ class ValidationDocument(_Part):
         """Return the report as JSON values, without `series` where it was not asked for."""
         left_out = {"series"} if self.series is None else set()
         return self.model_dump(mode="json", exclude=left_out)
+
+
+class SweepRow(_Part):
+    """One value of a sweep: what came of its plan, and of the trials."""
+
+    label: str = Field(examples=["0.4"])
+    value: float = Field(description="What the swept key was set to", examples=[0.4])
+    range_m: list[float] = Field(description="Range of each vehicle's sensor")
+    rank: int
+    state_dim: int
+    connectivity_period_s: float | None
+    mean_rms_x_m: float
+    mean_rms_y_m: float
+    validation: ValidationDocument
+
+
+class SweepReport(_Part):
+    """A sweep: a row for each value."""
+
+    swept: Literal[
+        "orbit.angular_rate_rad_s", "sensor.range_m", "orbit.radius_m", "formation.spacing_m"
+    ]
+    rows: list[SweepRow] = Field(min_length=1)
 
 
 def finite_or_none(value: float) -> float | None:

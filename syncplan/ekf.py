@@ -62,8 +62,12 @@ SMALLEST_PIVOT = 1e-13
 SMALLEST_SQUARE = 1e-300
 """Least squared distance in m^2: bodies estimated at one place give a row of zeros, not NaN."""
 
-SERIES = ("error_x", "error_y", "error_heading", "position", "heading", "var_position", "var_head")
-"""What a tally's series sums over trials: three signed errors, two squared ones, two variances."""
+SERIES = (
+    *("error_x", "error_y", "error_heading", "position", "heading", "var_position", "var_head"),
+    *("square_x", "square_y", "var_x", "var_y"),
+)
+"""What a tally's series sums over trials: three signed errors, the squared errors of position and
+heading, their two variances, and squares and variances of x and y alone."""
 
 
 class Drive(NamedTuple):
@@ -134,7 +138,7 @@ class Tally(NamedTuple):
     covered : (n, lanes) coordinates within three sigma, over the sampled steps
     nees, nees_samples : (lanes,) sum and number of samples with a positive definite covariance
     nis, accepted, gated : (lanes,) sum and number over accepted innovations, and number left out
-    series : (steps + 1, n, 7) as SERIES, or (0, n, 7) when not wanted; added to
+    series : (steps + 1, n, 11) as SERIES, or (0, n, 11) when not wanted; added to
     """
 
     squares: Array
@@ -425,7 +429,7 @@ def _tally_coverage(P: Array, error: Array, tally: Tally, lanes: Lanes) -> None:
 
 @_compiled
 def _tally_series(P: Array, error: Array, sums: Array, lanes: Lanes) -> None:
-    """Add one step's errors and variances, lane after lane, to (n, 7)."""
+    """Add one step's errors and variances, lane after lane, to (n, 11)."""
     for i in range(len(sums)):
         r = 3 * i
         for lane in range(len(lanes)):
@@ -437,6 +441,10 @@ def _tally_series(P: Array, error: Array, sums: Array, lanes: Lanes) -> None:
             sums[i, 4] += eh * eh
             sums[i, 5] += P[r, r, lane] + P[r + 1, r + 1, lane]
             sums[i, 6] += P[r + 2, r + 2, lane]
+            sums[i, 7] += ex * ex
+            sums[i, 8] += ey * ey
+            sums[i, 9] += P[r, r, lane]
+            sums[i, 10] += P[r + 1, r + 1, lane]
 
 
 @_compiled

@@ -10,7 +10,7 @@ from typing import Any
 
 from syncplan.errors import InputError
 
-__all__ = ["as_text", "write_text"]
+__all__ = ["as_text", "write_bytes", "write_text"]
 
 _STREAM_FOLDERS = ("/dev/", "/proc/")
 _PREFIX_LENGTH = 50
@@ -22,7 +22,12 @@ def as_text(values: Any) -> str:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write `text` to `path` by way of a temporary file beside it, so that no half is ever left.
+    """Write `text`, as UTF-8, to `path` whole or not at all; see write_bytes."""
+    write_bytes(path, text.encode("utf-8"))
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write `content` to `path` by way of a temporary file beside it, so that no half is ever left.
 
     Links are followed and an existing file keeps its permissions. Devices, pipes and standard
     streams by name are written to as they are. Raises InputError if the path can't be written;
@@ -34,11 +39,11 @@ def write_text(path: Path, text: str) -> None:
             raise InputError("is a directory; give the name of a file", source=str(path))
         stream = str(path).startswith(_STREAM_FOLDERS)
         if stream or (before is not None and not stat.S_ISREG(before.st_mode)):
-            path.write_text(text, encoding="utf-8")
+            path.write_bytes(content)
         elif before is not None and not os.access(path, os.W_OK):
             raise InputError("can't be written: it is read-only", source=str(path))
         else:
-            _replace(Path(os.path.realpath(path)), text, before)
+            _replace(Path(os.path.realpath(path)), content, before)
     except OSError as error:
         raise InputError(f"can't be written: {error.strerror}", source=str(path)) from None
 
@@ -50,13 +55,13 @@ def _status(path: Path) -> os.stat_result | None:
         return None
 
 
-def _replace(path: Path, text: str, before: os.stat_result | None) -> None:
+def _replace(path: Path, content: bytes, before: os.stat_result | None) -> None:
     """Write beside `path`, then rename over it."""
     prefix = f".{path.name[:_PREFIX_LENGTH]}."
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=prefix, suffix=".tmp")
     try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
             file.flush()
             os.fsync(file.fileno())
         Path(name).chmod(stat.S_IMODE(before.st_mode) if before else _default_mode())

@@ -118,13 +118,21 @@ class Plan:
 
 
 @single_threaded_blas
-def plan(scenario: Scenario, *, bound: BoundChoice = "auto", steady: bool = False) -> Plan:
+def plan(
+    scenario: Scenario,
+    *,
+    bound: BoundChoice = "auto",
+    steady: bool = False,
+    margin_bound: bool = True,
+) -> Plan:
     """Return the plan of a scenario: senses, phases, meetings and the verdict on observability.
 
     Centres that are not given are found first, see syncplan.placement.
 
     `bound` says whether the posterior bound is computed: for teams up to a stated amount of work
-    (auto), always or never. `steady` adds its periodic limit.
+    (auto), always or never. `steady` adds its periodic limit. `margin_bound` says whether the
+    bound on the links' smallest margin is computed, which takes most of the time where phases have
+    no closed form.
     """
     if bound not in ("auto", "always", "never"):
         raise InputError(f"{bound!r}: must be auto, always or never", key="bound")
@@ -143,6 +151,7 @@ def plan(scenario: Scenario, *, bound: BoundChoice = "auto", steady: bool = Fals
         pairs,
         resolved.orbit.first_phase_rad,
         resolved.min_separation_m,
+        margin_bound=margin_bound,
     )
     off = np.array(per_vehicle(resolved.orbit.desync_rad, resolved.size), dtype=float)
     phases = (found.phases + off) % (2.0 * np.pi) if off.any() else found.phases

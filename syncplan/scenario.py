@@ -19,6 +19,7 @@ from syncplan.checks import (
     check_shared_circles,
 )
 from syncplan.formation import SHAPES, shape_centers
+from syncplan.georeference import GeoOrigin
 from syncplan.portions import Many
 from syncplan.quantities import (
     ListedOrNamed,
@@ -80,6 +81,10 @@ class Scenario(Section):
     )
     start_time: StartTime | None = Field(
         default=None, description="Moment of time 0, RFC 3339", examples=["2026-05-01T09:00:00Z"]
+    )
+    geo_origin: GeoOrigin | None = Field(
+        default=None,
+        description="Where on Earth [0, 0] lies; exports to maps and autopilots need it",
     )
 
     @model_validator(mode="after")

@@ -123,7 +123,15 @@ def _leave() -> NoReturn:
 
 def _require_extra() -> None:
     """Raise InputError if the service's libraries are not installed."""
-    wanted = ("fastapi", "uvicorn", "dbos", "pydantic_settings", "prometheus_client", "psycopg")
+    wanted = (
+        "fastapi",
+        "uvicorn",
+        "dbos",
+        "pydantic_settings",
+        "prometheus_client",
+        "psycopg",
+        "plotly",
+    )
     missing = [name for name in wanted if importlib.util.find_spec(name) is None]
     if missing:
         raise InputError(

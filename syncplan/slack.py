@@ -138,12 +138,16 @@ def _cost(rules: Rules, residual: Array, table: Array) -> Array:
     return np.where(crossing[:, None], np.maximum(grown, at_limit), table)
 
 
-def largest_margin(slack: Slack, start: Array, count: int) -> tuple[Array, float]:
+def largest_margin(
+    slack: Slack, start: Array, count: int, above: float = -np.inf
+) -> tuple[Array, float]:
     """Return (theta, margin in m): the largest smallest reach less cost with the turns of `start`.
 
     Below zero not every link is in contact. The margin is -inf if separation can't be had with
-    those turns, and for a team without links 0 if it can.
+    those turns, or if it can't be as large as `above`; for a team without links it is 0 otherwise.
     """
+    if above > -np.inf and _feasible(slack, above, start, count) is None:
+        return start, -np.inf
     reach = slack.rules.reach[: slack.links]
     high = float(np.min(reach - slack.cost.min(axis=1), initial=np.inf)) if slack.links else 0.0
     low = min(float(np.min(reach - slack.cost.max(axis=1), initial=0.0)), high)

@@ -259,4 +259,6 @@ def _spread(spread: Spread) -> str:
 
 
 def _point(point: tuple[float, float]) -> str:
-    return f"{point[0]:.5g}, {point[1]:.5g}"
+    # zero where rounding errors are all there is, and never "-0"
+    x, y = (round(value, 9) + 0.0 for value in point)
+    return f"{x:.5g}, {y:.5g}"

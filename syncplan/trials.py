@@ -43,7 +43,7 @@ class Branch:
     Attributes
     ----------
     level, index : place in the binary tree over the chunks
-    sums : (steps + 1, n, 7) as ekf.SERIES
+    sums : (steps + 1, n, 11) as ekf.SERIES
     """
 
     level: int
@@ -127,6 +127,7 @@ class Series:
     mean_errors : (steps + 1, n, 3) signed, m, m, rad
     position_rms, heading_rms : (steps + 1, n) m, rad
     position_sigma, heading_sigma : (steps + 1, n) root of the mean of Pxx + Pyy in m, of Phh in rad
+    axis_rms, axis_sigma : (steps + 1, n, 2) m, of x and y alone
     """
 
     mean_errors: Array
@@ -134,6 +135,8 @@ class Series:
     heading_rms: Array
     position_sigma: Array
     heading_sigma: Array
+    axis_rms: Array
+    axis_sigma: Array
 
 
 def merge(parts: Sequence[MonteCarloResult]) -> MonteCarloResult:
@@ -202,6 +205,8 @@ def series(result: MonteCarloResult) -> Series:
         heading_rms=np.sqrt(mean[..., 4]),
         position_sigma=np.sqrt(mean[..., 5]),
         heading_sigma=np.sqrt(mean[..., 6]),
+        axis_rms=np.sqrt(mean[..., 7:9]),
+        axis_sigma=np.sqrt(mean[..., 9:11]),
     )
 
 

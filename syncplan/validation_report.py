@@ -127,10 +127,15 @@ def _series(validation: Validation, names: list[str]) -> Series:
             VehicleSeries(
                 name=name,
                 rms_m=kept.position_rms[:, k].tolist(),
+                rms_x_m=kept.axis_rms[:, k, 0].tolist(),
+                rms_y_m=kept.axis_rms[:, k, 1].tolist(),
+                rms_heading_rad=kept.heading_rms[:, k].tolist(),
                 mean_x_m=kept.mean_errors[:, k, 0].tolist(),
                 mean_y_m=kept.mean_errors[:, k, 1].tolist(),
                 mean_heading_rad=kept.mean_errors[:, k, 2].tolist(),
                 sigma_m=kept.position_sigma[:, k].tolist(),
+                sigma_x_m=kept.axis_sigma[:, k, 0].tolist(),
+                sigma_y_m=kept.axis_sigma[:, k, 1].tolist(),
                 sigma_heading_rad=kept.heading_sigma[:, k].tolist(),
             )
             for k, name in enumerate(names)

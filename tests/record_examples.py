@@ -24,6 +24,7 @@ KEY = "example-key-0123456789"
 UNKNOWN = "019a2b3c-4d5e-7f60-8123-456789abcdef"
 REQUEST_ID = "5b1f0c52a7c14f7e9d4b8a1a6f0b6f0e"
 METRICS = 3
+BINARY = ("application/octet-stream", "application/zip")
 
 SCENARIO: dict[str, Any] = {
     "name": "survey",
@@ -64,7 +65,7 @@ class _Recorder:
             # the document has them in full
             value = {k: v for k, v in value.items() if k not in ("$defs", "properties")}
         kept = self.kept[operation]["responses"].setdefault(str(response.status_code), {})
-        if response.content and medium != "application/octet-stream":
+        if response.content and medium not in BINARY:
             kept[name] = {"summary": summary, "value": value}
         return value
 
@@ -114,12 +115,23 @@ def _plans(recorder: _Recorder) -> str:
     plan = recorder.ask("createPlan", "survey", "The plan", "POST", "/v1/plans", json=scenario)
     wrong = {**SCENARIO, "sensor": {**SCENARIO["sensor"], "range_m": -5}, "radius": 3}
     recorder.ask("createPlan", "faults", "Faults of a scenario", "POST", "/v1/plans", json=wrong)
+    recorder.request("previewScenario", "survey", "The same three vehicles", SCENARIO)
+    for name, summary, body in (
+        ("survey", "The plan and a figure", SCENARIO),
+        ("faults", "Faults of a scenario", wrong),
+    ):
+        previews = "/v1/previews?quick=true&figure=prediction"
+        recorder.ask("previewScenario", name, summary, "POST", previews, json=body)
     path = f"/v1/plans/{plan['id']}"
+    recorder.ask("readPlanFigure", "prediction", "A figure", "GET", f"{path}/figures/prediction")
+    recorder.ask("readPlanFigure", "parent", "Not refined", "GET", f"{path}/figures/comparison")
+    recorder.ask("exportPlan", "origin", "No geo_origin", "GET", f"{path}/exports/qgc")
     recorder.ask("readPlan", "survey", "The plan", "GET", path)
     recorder.ask("listPlans", "page", "The only page", "GET", "/v1/plans")
     missing = f"/v1/plans/{UNKNOWN}"
     recorder.ask("readPlan", "unknown", "No such plan", "GET", missing)
     recorder.ask("deletePlan", "unknown", "No such plan", "DELETE", missing)
+    recorder.ask("exportPlan", "unknown", "No such plan", "GET", f"{missing}/exports/csv")
     tag = {"if-match": '"another"'}
     recorder.ask("deletePlan", "changed", "Another tag", "DELETE", path, headers=tag)
     for operation, last in (("refinePlan", "refinements"), ("validatePlan", "validations")):
@@ -147,11 +159,14 @@ def _jobs(recorder: _Recorder, plan: str) -> None:
     recorder.ask("readJob", "validation", "A validation that has ended", "GET", job)
     recorder.ask("followJob", "validation", "The last event", "GET", f"{job}/events")
     recorder.ask("readJobResult", "validation", "A validation", "GET", f"{job}/result")
+    recorder.ask("readJobFigure", "accuracy", "A figure", "GET", f"{job}/figures/accuracy")
+    recorder.ask("readJobFigure", "errors", "No series", "GET", f"{job}/figures/errors")
     recorder.ask("cancelJob", "ended", "Too late", "POST", f"{job}/cancel")
     job = recorder.job("refinePlan", "queued", "Queued", f"{plan}/refinements", refining)
     recorder.ask("readJob", "refinement", "A refinement that has ended", "GET", job)
     recorder.ask("readJobResult", "refinement", "A refined plan", "GET", f"{job}/result")
     recorder.ask("readJobTrials", "refinement", "Not a validation", "GET", f"{job}/trials")
+    recorder.ask("readJobFigure", "refinement", "Not a report", "GET", f"{job}/figures/accuracy")
     job = recorder.job("sweepScenario", "queued", "Queued", "/v1/sweeps", sweeping)
     recorder.ask("readJobResult", "sweep", "A sweep", "GET", f"{job}/result")
     _refused(recorder, plan)
@@ -181,6 +196,7 @@ def _refused(recorder: _Recorder, plan: str) -> None:
         ("cancelJob", "POST", "/cancel"),
         ("readJobResult", "GET", "/result"),
         ("readJobTrials", "GET", "/trials"),
+        ("readJobFigure", "GET", "/figures/accuracy"),
     ):
         accept = {"accept": "*/*"}
         path = f"{missing}{last}"

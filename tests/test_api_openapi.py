@@ -14,13 +14,13 @@ from hypothesis import strategies as st
 from pydantic import BaseModel, ValidationError
 from schemathesis.config import SchemathesisConfig as Config
 
-from api.answers import SweepReport
 from api.main import create_app
 from api.openapi import operations
 from api.requests import RefinementRequest, SweepRequest, ValidationRequest
 from api.settings import load_settings
+from syncplan.document import SweepReport
 from syncplan.scenario import Scenario
-from tests.record_examples import SCENARIO
+from tests.record_examples import BINARY, SCENARIO
 from tests.serving import ROOT
 
 MEDIA = ("application/json", "application/yaml")
@@ -45,6 +45,10 @@ NAMES = {
     "cancelJob",
     "readJobResult",
     "readJobTrials",
+    "previewScenario",
+    "readPlanFigure",
+    "readJobFigure",
+    "exportPlan",
     "readScenarioSchema",
     "readPlanSchema",
     "checkHealth",
@@ -112,7 +116,7 @@ def test_every_answer_of_an_operation_has_a_true_example(name: str) -> None:
             assert "content" not in response
             continue
         ((medium, content),) = response["content"].items()
-        if medium == "application/octet-stream":
+        if medium in BINARY:
             continue
         examples = [one["value"] for one in content.get("examples", {}).values()]
         examples += [content["example"]] if "example" in content else []
@@ -124,10 +128,12 @@ def test_every_answer_of_an_operation_has_a_true_example(name: str) -> None:
             assert {one["status"] for one in examples} == {int(status)}
 
 
-@pytest.mark.parametrize("name", ["createPlan", "refinePlan", "validatePlan", "sweepScenario"])
+@pytest.mark.parametrize(
+    "name", ["createPlan", "previewScenario", "refinePlan", "validatePlan", "sweepScenario"]
+)
 def test_bodies_are_json_and_yaml_with_true_examples(name: str) -> None:
     body = BY_NAME[name]["requestBody"]
-    assert body["required"] == (name in ("createPlan", "sweepScenario"))
+    assert body["required"] == (name not in ("refinePlan", "validatePlan"))
     assert tuple(body["content"]) == MEDIA
     for content in body["content"].values():
         assert content["examples"]
@@ -156,7 +162,14 @@ def test_headers_are_documented(name: str) -> None:
     if name in ("createPlan", "readPlan"):
         assert all("ETag" in responses[one]["headers"] for one in responses if one < "400")
     named = {one["name"] for one in BY_NAME[name].get("parameters", [])}
-    posted = {"createPlan", "refinePlan", "validatePlan", "sweepScenario", "cancelJob"}
+    posted = {
+        "createPlan",
+        "previewScenario",
+        "refinePlan",
+        "validatePlan",
+        "sweepScenario",
+        "cancelJob",
+    }
     assert ("Idempotency-Key" in named) == (name in posted)
 
 
@@ -227,6 +240,7 @@ def _beyond_a_schema(fault: Any) -> bool:
     ("path", "model"),
     [
         ("/v1/plans", Scenario),
+        ("/v1/previews", Scenario),
         ("/v1/plans/{plan_id}/refinements", RefinementRequest),
         ("/v1/plans/{plan_id}/validations", ValidationRequest),
         ("/v1/sweeps", SweepRequest),

@@ -411,7 +411,7 @@ def test_an_event_that_can_not_be_is_refused(cat: httpx2.Client, queued: str, la
 # --- what is the same everywhere ----------------------------------------------------------------
 
 
-@pytest.mark.parametrize("path", ["/", "/v1", "/v2/plans", "/v1/plan", "/docs", "/redoc"])
+@pytest.mark.parametrize("path", ["/nothing", "/v1", "/v2/plans", "/v1/plan", "/docs", "/redoc"])
 def test_what_is_not_there_is_a_404(ann: httpx2.Client, path: str) -> None:
     told = problem(ann.get(path), 404)
     assert told.detail == "there is nothing at this path"

@@ -435,3 +435,15 @@ def test_a_duration_of_endless_periods_is_refused(run: Any, tmp_path: Path) -> N
     status, _, err = run("validate", str(scenario), "--trials", "1", "--duration", "1e7")
     assert status == 2
     assert "--duration: 1e+07 s holds more than 20000 periods" in err
+
+
+def test_rounding_errors_are_shown_as_zero(tmp_path: Path, run: Any) -> None:
+    scenario = tmp_path / "mirror.yaml"
+    scenario.write_text(
+        "orbit: {radius_m: 20, angular_rate_rad_s: 0.2, direction: alternate}\n"
+        "formation: {centers_m: [[0, 0], [70, 0]]}\nsensor: {range_m: 50}\n"
+    )
+    status, shown, _ = run("plan", str(scenario), "--format", "table")
+    assert status == 0
+    assert " 50, 0 " in shown
+    assert "e-1" not in shown

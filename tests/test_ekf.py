@@ -331,9 +331,11 @@ def test_a_large_team_in_one_lane_has_the_bytes_of_many_lanes() -> None:
         *(random.uniform(0.1, 1, (*shape, 4)) for shape in [(n, 3), (steps, n), (steps, n), (39,)])
     )
     assert ekf.lanes_for(n) == 1
-    x, P = ekf.filter_lanes(course, readings, ekf.empty_tally(n, 4, np.zeros((0, n, 7))))
+    x, P = ekf.filter_lanes(
+        course, readings, ekf.empty_tally(n, 4, np.zeros((0, n, len(ekf.SERIES))))
+    )
     one = ekf.Readings(*(np.ascontiguousarray(field[..., 2:3]) for field in readings))
-    tally = ekf.empty_tally(n, 1, np.zeros((0, n, 7)))
+    tally = ekf.empty_tally(n, 1, np.zeros((0, n, len(ekf.SERIES))))
     x_one, P_one = ekf.filter_lanes(course, one, tally)
     assert x_one.tobytes() == x[..., 2:3].tobytes()
     assert P_one.tobytes() == P[..., 2:3].tobytes()

@@ -1,34 +1,15 @@
 """What the README says of the service is so: its settings, its routes, its Python."""
 
 import re
-from pathlib import Path
 
 import pytest
 
 from api.main import create_app
 from api.settings import PREFIX, Settings
+from docs.site.service_pages import settings_table
 from tests.serving import ROOT
 
 README = (ROOT / "README.md").read_text()
-
-
-def settings_table() -> str:
-    """The table of settings as the README must have it."""
-    rows = ["| variable | default | what it is |", "|---|---|---|"]
-    for name, field in Settings.model_fields.items():
-        default = field.get_default(call_default_factory=True)
-        if isinstance(default, Path):
-            # not this machine's own
-            shown = "~/.local/share/syncplan"
-        elif isinstance(default, bool):
-            shown = str(default).lower()
-        elif isinstance(default, int | float):
-            shown = f"{default:.12g}"
-        else:
-            shown = default or ""
-        shown = f"`{shown}`" if shown else ""
-        rows.append(f"| `{PREFIX}{name.upper()}` | {shown} | {field.description} |")
-    return "\n".join(rows)
 
 
 def test_the_settings_are_those_of_the_service() -> None:
@@ -41,7 +22,11 @@ def test_no_variable_is_named_that_is_no_setting() -> None:
 
 
 def test_every_route_is_told_and_no_other() -> None:
-    paths = {re.sub(r"\{\w+\}", "ID", path) for path in create_app().openapi()["paths"]}
+    names = {"figure": "NAME", "format": "FORMAT"}
+    paths = {
+        re.sub(r"\{(\w+)\}", lambda found: names.get(found[1], "ID"), path)
+        for path in create_app().openapi()["paths"]
+    }
     section = README[README.index("## The service") : README.index("### Settings")]
     table = section[section.index("| request |") : section.index("Errors are problem documents")]
     told: set[str] = {"/openapi.json"}
@@ -55,7 +40,9 @@ def test_every_route_is_told_and_no_other() -> None:
     assert told == paths | {"/openapi.json"}
 
 
-@pytest.mark.parametrize("word", ["make serve", "make check", "make container-steps", "make demo"])
+@pytest.mark.parametrize(
+    "word", ["make serve", "make check", "make container-steps", "make demo", "make docs"]
+)
 def test_every_target_named_is_there(word: str) -> None:
     assert word in README
     assert f"\n{word.split()[1]}:" in (ROOT / "Makefile").read_text()

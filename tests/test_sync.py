@@ -139,6 +139,18 @@ def test_a_large_team_says_that_no_bound_was_computed() -> None:
     assert least.max() < 35.4
 
 
+@pytest.mark.parametrize("name", ["five-ring", "triangle-lattice", "triangle-alternate"])
+def test_phases_without_the_relaxation_are_as_good_and_say_that_none_bounds_them(name: str) -> None:
+    bounded, quick = (plan(example(name), bound="never", margin_bound=one) for one in (True, False))
+    assert bounded.synchronisation is not None
+    assert quick.synchronisation is not None
+    assert bounded.synchronisation.margin is not None
+    assert quick.synchronisation.margin == pytest.approx(bounded.synchronisation.margin, abs=1e-4)
+    assert bounded.synchronisation.bound is not None
+    assert quick.synchronisation.bound is None
+    assert quick.synchronisation.bound_note == "no bound: it was not asked for"
+
+
 def test_links_that_cannot_all_be_served_are_dropped_with_a_reason() -> None:
     # four vehicles all linked, neighbours 88 m apart: opposite phases needed everywhere
     scenario = small(

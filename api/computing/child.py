@@ -1,13 +1,14 @@
 """A child process that works off tasks by name, and the parent's handle on it."""
 
 import contextlib
+import gc
 import os
 import time
 import traceback
 from collections.abc import Callable
 from typing import Any
 
-from api.computing import tasks
+from api.computing import renditions, tasks
 from syncplan.children import ChildProcess, connect_to_parent
 from syncplan.errors import Fault, InputError, NoSolutionError
 
@@ -101,6 +102,10 @@ def serve(descriptor: int) -> None:
     if background:
         os.nice(_POLITE)
     tasks.warm_up(trials=background)
+    if not background:
+        renditions.ready()
+    # what is loaded by now stays: the collector need not look through it again and again
+    gc.freeze()
 
     def progress_every() -> Callable[[int], None]:
         last = time.monotonic()
@@ -118,7 +123,7 @@ def serve(descriptor: int) -> None:
             name, arguments = connection.recv()
             try:
                 extra = (progress_every(),) if name in _WITH_PROGRESS else ()
-                answer = "done", getattr(tasks, name)(*arguments, *extra)
+                answer = "done", _task(name)(*arguments, *extra)
             except InputError as error:
                 faults = [(one.key, one.problem, one.value) for one in error.faults]
                 answer = "failed", ("input", error.problem, error.key, faults)
@@ -130,6 +135,11 @@ def serve(descriptor: int) -> None:
                 answer = "failed", ("fault", traceback.format_exc(), "", [])
             connection.send(("memory", _memory()))
             connection.send(answer)
+
+
+def _task(name: str) -> Callable[..., Any]:
+    found: Callable[..., Any] = getattr(renditions if name in renditions.__all__ else tasks, name)
+    return found
 
 
 def _memory() -> int:

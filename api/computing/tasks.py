@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Literal
 
-from api.limits import Limits, check_size
+from api.computing.inputs import Syntax, loaded_plan, scenario_of
+from api.limits import Limits
 from api.requests import REQUESTS, RefinementRequest, SweepRequest, ValidationRequest
 from syncplan.loading import decoded, parse_document, scenario_from
 from syncplan.trials import CHUNK_TRIALS
@@ -29,7 +30,6 @@ __all__ = [
     "warm_up",
 ]
 
-Syntax = Literal["json", "yaml"]
 Progress = Callable[[int], None]
 
 
@@ -70,10 +70,7 @@ def made_plan(body: bytes, syntax: Syntax, limits: Limits, steady: bool) -> Plan
     """Return the plan of a scenario as it was sent; raises InputError, NoSolutionError."""
     from syncplan.planner import plan
 
-    document = parse_document(decoded(body, ""), "", syntax)
-    scenario = scenario_from(document, max_vehicles=limits.vehicles)
-    check_size(scenario, limits)
-    return _as_plan_text(plan(scenario, steady=steady))
+    return _as_plan_text(plan(scenario_of(body, syntax, limits), steady=steady))
 
 
 def checked_request(
@@ -93,7 +90,7 @@ def checked_request(
         request = model.model_validate(document)
     except ValidationError as error:
         validation_fault(error, model, "")
-    subject = None if plan_text is None else _loaded(plan_text)
+    subject = None if plan_text is None else loaded_plan(plan_text)
     request = request.settled(subject, limits)
     work = request.work(subject, limits)
     return request.model_dump_json(exclude_none=True), work
@@ -118,7 +115,7 @@ def refined_plan(spec: JobSpec, workers: int, progress: Progress) -> PlanText:
         begun.add(start)
         progress(max(len(begun) - workers, 0))
 
-    better = refine(plan_of(_loaded(spec.plan)), workers=workers, progress=told, **changes)
+    better = refine(plan_of(loaded_plan(spec.plan)), workers=workers, progress=told, **changes)
     return _as_plan_text(better)
 
 
@@ -186,7 +183,7 @@ def _runs(spec: JobSpec) -> list[TrialRun]:
         return [trial_run(row.plan, **options) for row in _planned(spec)]
     assert spec.plan is not None
     options = ValidationRequest.model_validate_json(spec.request).run_options()
-    return [trial_run(plan_of(_loaded(spec.plan)), **options)]
+    return [trial_run(plan_of(loaded_plan(spec.plan)), **options)]
 
 
 @lru_cache(maxsize=2)
@@ -197,12 +194,6 @@ def _planned(spec: JobSpec) -> list[Any]:
     scenario = scenario_from(request.scenario)
     name, values = request.swept()
     return planned_rows(scenario, name, values, connected=request.connected)
-
-
-def _loaded(plan_text: str) -> Any:
-    from syncplan.planfile import loaded_from
-
-    return loaded_from(parse_document(plan_text, "", "json"))
 
 
 def _as_plan_text(made: Any) -> PlanText:

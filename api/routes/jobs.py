@@ -23,7 +23,7 @@ from api.storage.events import MOST_EVENTS, events_after
 from api.storage.jobs import JobRow, State
 from api.storage.plans import body_of
 
-__all__ = ["router"]
+__all__ = ["Owned", "router"]
 
 router = APIRouter(tags=["jobs"])
 

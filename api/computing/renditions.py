@@ -1,0 +1,76 @@
+"""Tasks that show plans and reports: previews, figures, exports."""
+
+import json
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+from api.computing.inputs import Syntax, loaded_plan, scenario_of
+from api.limits import Limits
+
+if TYPE_CHECKING:
+    from syncplan.planner import Plan
+    from syncplan.plotting.palette import Theme
+
+__all__ = ["exported_archive", "plan_figure", "previewed", "ready", "report_figure"]
+
+
+def ready() -> None:
+    """Load what the first preview would otherwise wait for."""
+    import syncplan.plotting.catalogue  # noqa: F401
+
+
+def previewed(
+    body: bytes, syntax: Syntax, limits: Limits, quick: bool, names: Sequence[str], theme: "Theme"
+) -> str:
+    """Return the plan of a scenario with figures of it, as JSON; raises as made_plan does."""
+    from syncplan.plan_report import plan_document
+    from syncplan.planner import plan
+    from syncplan.plotting.catalogue import specs_of
+
+    made = plan(scenario_of(body, syntax, limits), margin_bound=not quick)
+    specs = specs_of(made, names, theme=theme) if names else {}
+    return _compact({"plan": plan_document(made).as_json(), "figures": specs})
+
+
+def plan_figure(text: str, name: str, theme: "Theme", parent_text: str | None) -> str:
+    """Return a figure of a plan as JSON; raises InputError for one that it does not have.
+
+    With its parent's text, `comparison` shows the parent beside it.
+    """
+    from syncplan.document import RefinementResult
+    from syncplan.plotting.catalogue import specs_of
+
+    if name == "comparison" and parent_text is not None:
+        specs = specs_of(_judged(parent_text), [name], theme=theme, after=_judged(text))
+        return _compact(specs[name])
+    record = json.loads(text).get("refinement")
+    refined = None if record is None else RefinementResult.model_validate(record)
+    return _compact(specs_of(_judged(text), [name], theme=theme, refined=refined)[name])
+
+
+def report_figure(text: str, kind: str, name: str, theme: "Theme") -> str:
+    """Return a figure of the report of a validation or a sweep as JSON; raises InputError."""
+    from syncplan.document import SweepReport, ValidationDocument
+    from syncplan.plotting.catalogue import specs_of
+
+    model = SweepReport if kind == "sweep" else ValidationDocument
+    return _compact(specs_of(model.model_validate_json(text), [name], theme=theme)[name])
+
+
+def exported_archive(text: str, name: str, options: Mapping[str, Any]) -> bytes:
+    """Return the files of an export of a plan in a zip archive; raises InputError."""
+    from syncplan.exports import ExportOptions, as_archive, export
+
+    return as_archive(export(_judged(text), name, ExportOptions(**options)))
+
+
+@lru_cache(maxsize=4)
+def _judged(text: str) -> "Plan":
+    from syncplan.planfile import plan_of
+
+    return plan_of(loaded_plan(text))
+
+
+def _compact(values: Any) -> str:
+    return json.dumps(values, separators=(",", ":"), ensure_ascii=False, allow_nan=False)

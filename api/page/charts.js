@@ -1,0 +1,79 @@
+// The figures beside the map: those of the plan come with it, others are asked for.
+
+import { draw } from "./drawing.js";
+import { byId } from "./elements.js";
+import { askJson, patiently } from "./service.js";
+import { theme } from "./planner.js";
+import { tabs } from "./tabs.js";
+
+const TITLES = {
+  timeline: "Contacts",
+  spectrum: "Singular values",
+  prediction: "Predicted error",
+  comparison: "Before and after",
+  refinement: "Refinement",
+  accuracy: "Error found",
+  errors: "Errors over time",
+  consistency: "Consistency",
+};
+const OF_PLANS = ["timeline", "spectrum", "prediction"];
+
+/** The tabs of figures. */
+export class Charts {
+  #plot = byId("panel-plot");
+  #text = byId("panel-text");
+  #figures = {};
+  #tabs;
+
+  constructor(store) {
+    this.#tabs = tabs(byId("tabs"), TITLES, (name) => this.#draw(name));
+    store.addEventListener("plan", (event) => this.#take(event.detail.figures));
+    store.addEventListener("scenario", () => this.#forget());
+    store.addEventListener("opened", () => this.#forget());
+  }
+
+  /** The contact timeline, if it is on show: the animation moves a line along it. */
+  get timeline() {
+    return this.#tabs.current() === "timeline" && this.#plot.data ? this.#plot : null;
+  }
+
+  /** Add figures of a stored plan or a job, by their addresses. */
+  async add(addresses, { show } = {}) {
+    const names = Object.keys(addresses);
+    const found = await Promise.allSettled(
+      names.map((name) => patiently(() => askJson("GET", `${addresses[name]}?theme=${theme()}`))),
+    );
+    // what a figure is of may have been deleted: the others are there
+    names.forEach((name, k) => {
+      if (found[k].status === "fulfilled") this.#figures[name] = found[k].value;
+    });
+    this.#tabs.show(Object.keys(TITLES).filter((name) => name in this.#figures));
+    if (show in this.#figures) this.#tabs.choose(show);
+  }
+
+  #take(figures) {
+    for (const name of OF_PLANS) if (figures[name]) this.#figures[name] = figures[name];
+    this.#tabs.show(Object.keys(TITLES).filter((name) => name in this.#figures));
+    if (OF_PLANS.includes(this.#tabs.current())) this.#draw(this.#tabs.current());
+  }
+
+  #forget() {
+    for (const name of Object.keys(this.#figures)) if (!OF_PLANS.includes(name)) delete this.#figures[name];
+    this.#tabs.show(Object.keys(TITLES).filter((name) => name in this.#figures));
+  }
+
+  #draw(name) {
+    const figure = this.#figures[name];
+    if (!figure) return;
+    byId("panel").setAttribute("aria-labelledby", `tab-${name}`);
+    this.#text.textContent = plain(figure.layout.title?.subtitle?.text || "");
+    this.#plot.setAttribute("aria-label", `${TITLES[name]}. ${this.#text.textContent}`);
+    draw(this.#plot, figure);
+  }
+}
+
+/** Text of a figure without Plotly's markup. */
+function plain(text) {
+  const parsed = new DOMParser().parseFromString(text.replaceAll("<br>", " "), "text/html");
+  return parsed.body.textContent;
+}

@@ -1,0 +1,73 @@
+// Files to take along: the scenario, the plan, and every export of it.
+
+import { byId, element, notice, save, shown } from "./elements.js";
+import { ask } from "./service.js";
+
+/** The formats of syncplan.exports, in words. */
+const FORMATS = {
+  qgc: "QGroundControl missions",
+  ardupilot: "ArduPilot missions (WPL 110)",
+  csv: "Timed poses (CSV)",
+  rosbag2: "ROS 2 bag (sqlite3)",
+  mcap: "ROS 2 bag (MCAP)",
+  crazyswarm: "Crazyswarm 2 trajectories",
+  geojson: "GeoJSON",
+  kml: "KML",
+};
+
+/** The panel of downloads. `storePlan()` resolves with the identifier of the plan on show. */
+export function offerDownloads(store, storePlan) {
+  const fault = element("p", { class: "fault", role: "alert", id: "download-fault" });
+  const format = element(
+    "select",
+    { id: "format" },
+    ...Object.entries(FORMATS).map(([value, text]) => element("option", { value }, text)),
+  );
+  const buttons = [
+    element("button", { type: "button", onclick: () => saveScenario(store) }, "Scenario"),
+    element("button", { type: "button", onclick: () => run(savePlan) }, "Plan"),
+    element("button", { type: "button", onclick: () => run(saveExport) }, "Export"),
+  ];
+  byId("downloads").append(
+    element("div", { class: "row" }, buttons[0], buttons[1]),
+    element("div", { class: "field wide" }, element("label", { for: "format" }, "Format"), format),
+    buttons[2],
+    element("p", { class: "hint" }, "Missions, GeoJSON and KML need the place of the origin, above."),
+    fault,
+  );
+  const enable = () => {
+    buttons.forEach((one) => (one.disabled = store.scenario === null));
+    fault.textContent = "";
+  };
+  for (const name of ["opened", "scenario"]) store.addEventListener(name, enable);
+  enable();
+
+  async function run(task) {
+    fault.textContent = "";
+    try {
+      await task(await storePlan());
+    } catch (error) {
+      fault.textContent = error.message;
+    }
+  }
+
+  async function savePlan(planId) {
+    const answer = await ask("GET", `v1/plans/${planId}`);
+    save(await answer.blob(), `${nameOf(store)}.plan.json`, "application/json");
+  }
+
+  async function saveExport(planId) {
+    const answer = await ask("GET", `v1/plans/${planId}/exports/${format.value}`, { accept: "application/zip" });
+    const file = await answer.blob();
+    save(file, `${nameOf(store)}-${format.value}.zip`, "application/zip");
+    notice(`Exported, ${shown(file.size / 1024)} KiB. Notes are in the file of the same name ending in .sync.json.`);
+  }
+}
+
+function saveScenario(store) {
+  save(`${JSON.stringify(store.scenario, null, 1)}\n`, `${nameOf(store)}.json`, "application/json");
+}
+
+function nameOf(store) {
+  return (store.scenario.name || "scenario").replaceAll(/[^\p{L}\p{N}._-]+/gu, "-");
+}

@@ -1,0 +1,57 @@
+// Elements made without markup: what users name things never becomes HTML.
+
+/** Return an element: element("p", {class: "hint", onclick: f}, "text", child, ...). */
+export function element(name, attributes = {}, ...children) {
+  const made = document.createElement(name);
+  for (const [key, value] of Object.entries(attributes)) {
+    if (value === undefined || value === null || value === false) continue;
+    if (key.startsWith("on")) made.addEventListener(key.slice(2), value);
+    else if (value === true) made.setAttribute(key, "");
+    else made.setAttribute(key, value);
+  }
+  made.append(...children.filter((child) => child !== null && child !== undefined));
+  return made;
+}
+
+export function byId(id) {
+  return document.getElementById(id);
+}
+
+/** Return a number as people read it: four digits, no exponent where that can be. */
+export function shown(value, unit = "") {
+  if (value === null || value === undefined) return "—";
+  const text = Number(value.toPrecision(4)).toString();
+  return unit ? `${text} ${unit}` : text;
+}
+
+/** Tell people something, in the one line for it; an empty text clears it. */
+export function notice(text, { fault = false } = {}) {
+  const line = byId("notice");
+  line.textContent = text;
+  line.classList.toggle("bad", fault);
+}
+
+/** Tell what is wrong with an input next to it, in the element of its id and "-fault". */
+export function mark(input, text) {
+  const place = byId(`${input.id}-fault`);
+  if (place.textContent === text) return;
+  place.textContent = text;
+  if (text) {
+    input.setAttribute("aria-invalid", "true");
+    place.setAttribute("role", "alert");
+    input.closest("details")?.setAttribute("open", "");
+  } else {
+    input.removeAttribute("aria-invalid");
+    place.removeAttribute("role");
+  }
+}
+
+/** Offer a file for saving. */
+export function save(content, name, type) {
+  const url = URL.createObjectURL(new Blob([content], { type }));
+  const link = element("a", { href: url, download: name });
+  document.body.append(link);
+  link.click();
+  link.remove();
+  setTimeout(() => URL.revokeObjectURL(url), 10_000);
+}

@@ -1,0 +1,62 @@
+// A job's server-sent events by fetch: EventSource could not send a key.
+
+import { ask, pause, Refusal, Unreachable } from "./service.js";
+
+const RETRY_S = 1;
+const ENDED = ["succeeded", "failed", "cancelled"];
+
+/** Call `told(event)` for every change of a job until it has ended, whatever the connection does.
+ *
+ * `away(true)` is called while the service can't be reached, `away(false)` once it is back.
+ */
+export async function follow(jobId, { told, away }) {
+  let last = "0";
+  let ended = false;
+  while (!ended) {
+    try {
+      const answer = await ask("GET", `v1/jobs/${jobId}/events`, {
+        accept: "text/event-stream",
+        headers: { "Last-Event-ID": last },
+      });
+      away(false);
+      for await (const event of eventsOf(answer.body)) {
+        last = event.id;
+        const job = JSON.parse(event.data);
+        told(job);
+        ended = ENDED.includes(job.state);
+      }
+    } catch (error) {
+      // a stream that breaks off is a TypeError
+      const passing = error instanceof Unreachable || error instanceof TypeError;
+      if (!passing && !(error instanceof Refusal && error.status >= 500)) throw error;
+      away(true);
+    }
+    if (!ended) await pause(RETRY_S);
+  }
+}
+
+async function* eventsOf(stream) {
+  const reader = stream.pipeThrough(new TextDecoderStream()).getReader();
+  let text = "";
+  while (true) {
+    const { value, done } = await reader.read();
+    if (done) return;
+    text += value.replaceAll("\r\n", "\n");
+    const blocks = text.split("\n\n");
+    text = blocks.pop();
+    for (const block of blocks) {
+      const event = fieldsOf(block);
+      if (event.data !== undefined) yield event;
+    }
+  }
+}
+
+function fieldsOf(block) {
+  const fields = {};
+  for (const line of block.split("\n")) {
+    if (!line || line.startsWith(":")) continue;
+    const at = line.indexOf(":");
+    fields[line.slice(0, at)] = line.slice(at + 1).replace(/^ /, "");
+  }
+  return fields;
+}

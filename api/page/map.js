@@ -1,0 +1,160 @@
+// The formation drawn by Plotly, with handles over it that pointer and keyboard move.
+
+import { draw } from "./drawing.js";
+import { byId, element, shown } from "./elements.js";
+import { landmarksOf, round, vehiclesOf, withCenter, withLandmark } from "./scenario.js";
+
+const STEP = 0.01;
+const LONG_STEP = 0.05;
+const TREMOR_PX = 4;
+
+/** The map: draws what the service sends, and turns handles that move into edits. */
+export class FormationMap {
+  #store;
+  #plot = byId("map-plot");
+  #handles = byId("handles");
+  #dragged = null;
+  #held = null;
+
+  constructor(store) {
+    this.#store = store;
+    store.addEventListener("plan", (event) => this.draw(event.detail.figures.formation));
+    for (const name of ["scenario", "opened", "selected"]) {
+      store.addEventListener(name, () => this.#placeHandles());
+    }
+  }
+
+  get plot() {
+    return this.#plot;
+  }
+
+  /** Draw a formation or one of its moments; the view stays while something is dragged. */
+  async draw(figure) {
+    if (!figure) return;
+    const { layout } = figure;
+    if (this.#held) {
+      layout.xaxis.range = this.#held.x;
+      layout.yaxis.range = this.#held.y;
+    }
+    const first = !this.#plot.data;
+    await draw(this.#plot, figure, { filling: true });
+    if (first) {
+      for (const name of ["plotly_afterplot", "plotly_relayouting", "plotly_relayout"]) {
+        this.#plot.on(name, () => this.#placeHandles());
+      }
+    }
+    this.#plot.setAttribute("aria-label", `Map of the formation. ${figure.layout.title?.subtitle?.text || ""}`);
+    this.#placeHandles();
+  }
+
+  #bodies() {
+    const { scenario, plan } = this.#store;
+    const vehicles = vehiclesOf(scenario, plan).map((one, k) => ({ ...one, kind: "vehicle", k }));
+    const landmarks = landmarksOf(scenario).map((one, k) => ({ ...one, kind: "landmark", k }));
+    return [...vehicles, ...landmarks];
+  }
+
+  #placeHandles() {
+    const axes = this.#plot._fullLayout;
+    if (!axes?.xaxis || !this.#store.scenario) return;
+    const bodies = this.#bodies();
+    const made = [...this.#handles.children];
+    made.slice(bodies.length).forEach((one) => one.remove());
+    bodies.forEach((body, k) => {
+      const handle = made[k] || this.#newHandle();
+      const { selected } = this.#store;
+      handle.body = body;
+      handle.className = `handle ${body.kind}`;
+      handle.setAttribute("aria-pressed", selected?.kind === body.kind && selected.k === body.k);
+      handle.setAttribute("aria-label", labelOf(body));
+      handle.title = body.name;
+      handle.style.left = `${axes.xaxis._offset + axes.xaxis.d2p(body.x)}px`;
+      handle.style.top = `${axes.yaxis._offset + axes.yaxis.d2p(body.y)}px`;
+      const ring = handle.firstChild;
+      ring.hidden = !(this.#dragged === handle && body.kind === "vehicle");
+      if (!ring.hidden) {
+        const size = 2 * Math.abs(axes.xaxis.d2p(body.radius) - axes.xaxis.d2p(0));
+        ring.style.width = ring.style.height = `${size}px`;
+      }
+    });
+  }
+
+  #newHandle() {
+    const handle = element("button", { type: "button" }, element("span", { class: "ring", hidden: true }));
+    handle.addEventListener("pointerdown", (event) => this.#grab(handle, event));
+    handle.addEventListener("pointermove", (event) => this.#drag(handle, event));
+    for (const name of ["pointerup", "pointercancel", "lostpointercapture"]) {
+      handle.addEventListener(name, () => this.#drop(handle));
+    }
+    handle.addEventListener("keydown", (event) => this.#nudge(handle, event));
+    handle.addEventListener("click", () => this.#store.select({ kind: handle.body.kind, k: handle.body.k }));
+    this.#handles.append(handle);
+    return handle;
+  }
+
+  #grab(handle, event) {
+    if (event.button !== 0) return;
+    handle.setPointerCapture(event.pointerId);
+    this.#dragged = handle;
+    const { xaxis, yaxis } = this.#plot._fullLayout;
+    const at = [event.clientX, event.clientY];
+    this.#held = { x: [...xaxis.range], y: [...yaxis.range], first: true, at };
+    const box = handle.getBoundingClientRect();
+    this.#held.grip = [event.clientX - (box.left + box.width / 2), event.clientY - (box.top + box.height / 2)];
+  }
+
+  #drag(handle, event) {
+    if (this.#dragged !== handle) return;
+    const { xaxis, yaxis } = this.#plot._fullLayout;
+    const box = this.#plot.getBoundingClientRect();
+    const [gripX, gripY] = this.#held.grip;
+    const x = xaxis.p2d(event.clientX - gripX - box.left - xaxis._offset);
+    const y = yaxis.p2d(event.clientY - gripY - box.top - yaxis._offset);
+    const [startX, startY] = this.#held.at;
+    // a click by an unsteady hand is none of a drag
+    if (this.#held.first && Math.hypot(event.clientX - startX, event.clientY - startY) < TREMOR_PX) return;
+    this.#move(handle.body, x, y, { live: true, step: this.#held.first });
+    this.#held.first = false;
+  }
+
+  #drop(handle) {
+    if (this.#dragged !== handle) return;
+    const moved = !this.#held.first;
+    this.#dragged = null;
+    this.#held = null;
+    const { kind, k } = handle.body;
+    this.#store.select({ kind, k });
+    if (moved) this.#store.edit(this.#store.scenario, { step: false });
+  }
+
+  #nudge(handle, event) {
+    const ways = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+    const way = ways[event.key];
+    if (!way) return;
+    event.preventDefault();
+    const { range } = this.#plot._fullLayout.xaxis;
+    const step = Math.abs(range[1] - range[0]) * (event.shiftKey ? LONG_STEP : STEP);
+    const tidy = 10 ** Math.floor(Math.log10(step));
+    const by = Math.round(step / tidy) * tidy;
+    const { body } = handle;
+    this.#move(body, body.x + way[0] * by, body.y + way[1] * by, { live: true });
+  }
+
+  #move(body, x, y, how) {
+    const change = body.kind === "vehicle" ? withCenter : withLandmark;
+    this.#store.edit(change(this.#store.scenario, body.k, tidied(x, this.#plot), tidied(y, this.#plot)), how);
+  }
+}
+
+function labelOf(body) {
+  const where = `${shown(body.x)}, ${shown(body.y)} m`;
+  return body.kind === "vehicle" ? `Circle of ${body.name}, centre at ${where}` : `Landmark ${body.name} at ${where}`;
+}
+
+/** A coordinate rounded to what a pixel tells. */
+function tidied(value, plot) {
+  const { range, _length: length } = plot._fullLayout.xaxis;
+  const pixel = Math.abs(range[1] - range[0]) / length;
+  const tidy = 10 ** Math.floor(Math.log10(pixel));
+  return round(Math.round(value / tidy) * tidy);
+}

@@ -1,0 +1,105 @@
+// One period played on the map, with the sightings of each moment and a line in the timeline.
+
+import { reshape, showFrame } from "./drawing.js";
+import { byId, notice, shown } from "./elements.js";
+import { Planner, theme } from "./planner.js";
+import { askJson } from "./service.js";
+
+const FRAME_MS = 120;
+
+/** Plays a store's plan. */
+export class Player {
+  #store;
+  #map;
+  #charts;
+  #button = byId("play");
+  #slider = byId("moment");
+  #figure = null;
+  #loading = null;
+  #timer = 0;
+
+  constructor(store, map, charts) {
+    this.#store = store;
+    this.#map = map;
+    this.#charts = charts;
+    this.#button.addEventListener("click", () => (this.#timer ? this.pause() : this.#play()));
+    this.#slider.addEventListener("input", () => this.#seek());
+    // a plan that is judged puts its formation on the map
+    for (const name of ["scenario", "opened", "plan"]) store.addEventListener(name, () => this.#reset());
+    for (const one of [this.#button, this.#slider]) one.disabled = true;
+  }
+
+  pause() {
+    clearInterval(this.#timer);
+    this.#timer = 0;
+    this.#button.textContent = "Play";
+    this.#button.setAttribute("aria-pressed", "false");
+  }
+
+  #reset() {
+    this.pause();
+    this.#figure = this.#loading = null;
+    for (const one of [this.#button, this.#slider]) one.disabled = this.#store.scenario === null;
+    this.#slider.value = 0;
+    this.#say(0);
+  }
+
+  async #play() {
+    if (!(await this.#ready()) || this.#timer) return;
+    this.#button.textContent = "Pause";
+    this.#button.setAttribute("aria-pressed", "true");
+    this.#timer = setInterval(() => {
+      this.#slider.value = (Number(this.#slider.value) + 1) % this.#figure.frames.length;
+      this.#show();
+    }, FRAME_MS);
+  }
+
+  async #seek() {
+    if (await this.#ready()) this.#show();
+  }
+
+  /** Whether the animation of the plan on show is on the map; fetches it once. */
+  #ready() {
+    this.#loading ??= this.#load();
+    return this.#loading;
+  }
+
+  async #load() {
+    const { scenario, plan, planId } = this.#store;
+    try {
+      const found = planId
+        ? await askJson("GET", `v1/plans/${planId}/figures/animation?theme=${theme()}`)
+        : (await Planner.preview(scenario, { figures: ["animation"] })).figures.animation;
+      if (this.#store.scenario !== scenario || this.#store.plan !== plan) return false;
+      this.#figure = found;
+      this.#slider.max = found.frames.length - 1;
+      await this.#map.draw(found);
+      return true;
+    } catch (error) {
+      notice(error.message, { fault: true });
+      this.#loading = null;
+      return false;
+    }
+  }
+
+  #show() {
+    const frame = this.#figure.frames[Number(this.#slider.value)];
+    showFrame(this.#map.plot, frame);
+    const time = (this.#store.plan.period_s * Number(this.#slider.value)) / this.#figure.frames.length;
+    this.#say(time);
+    const timeline = this.#charts.timeline;
+    if (timeline) {
+      const others = (timeline.layout.shapes || []).filter((one) => one.name !== "moment");
+      reshape(timeline, [...others, momentLine(time)]);
+    }
+  }
+
+  #say(time) {
+    byId("moment-text").textContent = `${shown(time)} s`;
+    this.#slider.setAttribute("aria-valuetext", `${shown(time)} seconds`);
+  }
+}
+
+function momentLine(time) {
+  return { name: "moment", type: "line", xref: "x", yref: "paper", x0: time, x1: time, y0: 0, y1: 1, line: { width: 2, color: "#d55e00" } };
+}

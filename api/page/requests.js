@@ -1,0 +1,147 @@
+// What can be asked of a plan: the forms of a refinement and of a validation.
+
+import { element, mark } from "./elements.js";
+
+const OBJECTIVES = {
+  "": "predicted error of the team",
+  worst_predicted_rms: "predicted error of the worst vehicle",
+  logdet: "information (log-determinant)",
+  min_eigenvalue: "least-known motion (smallest eigenvalue)",
+  trace: "information (trace)",
+};
+const SERIES_LIMIT = 24;
+
+/** A form that hands in a job.
+ *
+ * `read()` returns the request; `fields` are its inputs by the request's keys; an input that does
+ * not count just now is not looked at.
+ */
+export class RequestForm {
+  #fields;
+  #read;
+  #rest;
+
+  constructor(title, hint, collection, { fields, read, rows, handIn }) {
+    this.collection = collection;
+    this.#fields = fields;
+    this.#read = read;
+    this.button = element("button", { type: "submit", class: "primary" }, title);
+    this.#rest = element("p", { class: "fault", role: "alert" });
+    this.element = element(
+      "form",
+      { class: "task", novalidate: true, "aria-label": title },
+      element("p", { class: "hint" }, hint),
+      ...rows,
+      this.button,
+      this.#rest,
+    );
+    this.element.addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.clear();
+      if (this.#whole()) handIn(this, this.#read());
+    });
+  }
+
+  /** Tell what is wrong next to the fields it concerns. */
+  tell(error) {
+    const rest = [];
+    for (const { path, message } of error.faults || []) {
+      const input = this.#fields[path] || this.#fields[path.replace(/\[\d+\]$/, "")];
+      if (input) mark(input, message);
+      else rest.push(`${path}: ${message}`);
+    }
+    this.#rest.textContent = rest.join("; ") || ((error.faults || []).length ? "" : error.message);
+  }
+
+  clear() {
+    for (const input of Object.values(this.#fields)) mark(input, "");
+    this.#rest.textContent = "";
+  }
+
+  /** Whether every number that counts is one; the others are marked. */
+  #whole() {
+    const missing = Object.values(this.#fields).filter(
+      (input) => input.type === "number" && !input.disabled && Number.isNaN(input.valueAsNumber),
+    );
+    for (const input of missing) mark(input, "is missing, or no number");
+    missing[0]?.focus();
+    return missing.length === 0;
+  }
+}
+
+/** The form of a refinement. */
+export function refinementForm(handIn) {
+  const objective = element(
+    "select",
+    { id: "refine-objective" },
+    ...Object.entries(OBJECTIVES).map(([value, text]) => element("option", { value }, text)),
+  );
+  const centers = check("refine-centers", "centres, by up to", true);
+  const box = number("refine-box", 5, "How far a centre may move each way, in m");
+  const radii = check("refine-radii", "radii, from", false);
+  const least = number("refine-least", 15, "Least radius in m");
+  const most = number("refine-most", 25, "Largest radius in m");
+  const time = number("refine-time", 30);
+  const enable = () => {
+    box.disabled = !centers.input.checked;
+    least.disabled = most.disabled = !radii.input.checked;
+  };
+  for (const one of [centers, radii]) one.input.addEventListener("change", enable);
+  enable();
+  const read = () => ({
+    vary: ["phases", ...(centers.input.checked ? ["centers"] : []), ...(radii.input.checked ? ["radii"] : [])],
+    time_limit_s: time.valueAsNumber,
+    ...(centers.input.checked ? { center_box_m: box.valueAsNumber } : {}),
+    ...(radii.input.checked ? { radius_m: [least.valueAsNumber, most.valueAsNumber] } : {}),
+    ...(objective.value ? { objective: objective.value } : {}),
+  });
+  return new RequestForm("Refine", "Move phases, centres and radii to the least predicted error.", "refinements", {
+    fields: { time_limit_s: time, center_box_m: box, radius_m: least, "radius_m[1]": most },
+    read,
+    rows: [
+      element("div", { class: "field wide" }, element("label", { for: objective.id }, "Improve the"), objective),
+      element("div", { class: "row" }, "Move phases,", centers.label, box, "m"),
+      faultOf(box),
+      element("div", { class: "row" }, radii.label, least, "to", most, "m"),
+      faultOf(least),
+      faultOf(most),
+      labelled("Time limit (s)", time),
+    ],
+    handIn,
+  });
+}
+
+/** The form of a validation; `size()` returns the number of vehicles. */
+export function validationForm(size, handIn) {
+  const trials = number("validate-trials", 200);
+  const seed = number("validate-seed", 1);
+  const read = () => ({
+    trials: trials.valueAsNumber,
+    seed: seed.valueAsNumber,
+    series: size() <= SERIES_LIMIT,
+  });
+  return new RequestForm(
+    "Validate",
+    "Fly the plan many times with the filter and compare the errors with the prediction.",
+    "validations",
+    { fields: { trials, seed }, read, rows: [labelled("Trials", trials), labelled("Seed", seed)], handIn },
+  );
+}
+
+function number(id, value, label) {
+  const about = { "aria-label": label, "aria-describedby": `${id}-fault` };
+  return element("input", { id, type: "number", step: "any", value, ...about });
+}
+
+function check(id, text, checked) {
+  const input = element("input", { id, type: "checkbox", checked });
+  return { input, label: element("label", { for: id, class: "check" }, input, ` ${text}`) };
+}
+
+function faultOf(input) {
+  return element("p", { class: "fault", id: `${input.id}-fault` });
+}
+
+function labelled(text, input) {
+  return element("div", { class: "field" }, element("label", { for: input.id }, text), input, faultOf(input));
+}

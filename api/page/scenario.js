@@ -1,0 +1,185 @@
+// Reading and changing a scenario as the service resolves it. Every change returns a new scenario.
+
+const turnOf = { ccw: "ccw", cw: "cw" };
+
+const SAME = 1e-9;
+
+/** Return a plan's scenario as it is edited here.
+ *
+ * Centres become a list: objects of JavaScript put names such as "10" in an order of their own. A
+ * window of one period is left to follow the period.
+ */
+export function editable(plan) {
+  const scenario = structuredClone(plan.scenario);
+  const { formation } = scenario;
+  if (!Array.isArray(formation.centers_m)) {
+    formation.names = plan.vehicles.map((one) => one.name);
+    formation.centers_m = formation.names.map((name) => formation.centers_m[name]);
+  }
+  if (Math.abs(scenario.window_s - plan.period_s) <= SAME * plan.period_s) delete scenario.window_s;
+  return scenario;
+}
+
+/** Return {name, x, y, radius, direction, sensor} of each vehicle; directions as planned, if known. */
+export function vehiclesOf(scenario, plan) {
+  const centers = scenario.formation.centers_m;
+  const names = namesOf(scenario);
+  const turns = plan && plan.vehicles.length === names.length ? plan.vehicles.map((one) => one.direction) : null;
+  return centers.map(([x, y], k) => ({
+    name: names[k],
+    x,
+    y,
+    radius: each(scenario.orbit.radius_m, k),
+    direction: turnOf[each(scenario.orbit.direction, k)] || (turns ? turns[k] : "ccw"),
+    sensor: each(scenario.sensor, k),
+  }));
+}
+
+/** Return {name, x, y} of each landmark. */
+export function landmarksOf(scenario) {
+  const names = Array.isArray(scenario.landmarks_m)
+    ? scenario.landmarks_m.map((_, k) => `L${k + 1}`)
+    : Object.keys(scenario.landmarks_m);
+  return pointsOf(scenario.landmarks_m).map(([x, y], k) => ({ name: names[k], x, y }));
+}
+
+export function namesOf(scenario) {
+  const { centers_m: centers, names } = scenario.formation;
+  return names || centers.map((_, k) => `v${k + 1}`);
+}
+
+/** Return the value at a dotted path, undefined where there is none. */
+export function valueAt(scenario, path) {
+  return path.split(".").reduce((inner, part) => (inner === undefined || inner === null ? undefined : inner[part]), scenario);
+}
+
+/** Return the scenario with a value at a dotted path; undefined takes the key out. */
+export function withValue(scenario, path, value) {
+  const changed = structuredClone(scenario);
+  const parts = path.split(".");
+  const last = parts.pop();
+  let inner = changed;
+  for (const part of parts) inner = inner[part] ??= {};
+  if (value === undefined) delete inner[last];
+  else inner[last] = value;
+  return changed;
+}
+
+/** Return what a list of sensors, or the one for all, has at `key`; undefined where they differ. */
+export function sensorValue(scenario, key) {
+  const sensors = [scenario.sensor].flat();
+  return sensors.every((one) => one[key] === sensors[0][key]) ? sensors[0][key] : undefined;
+}
+
+/** Return the scenario with a key of all sensors changed, or of the one of vehicle k. */
+export function withSensor(scenario, key, value, k) {
+  const changed = structuredClone(scenario);
+  if (k !== undefined && !Array.isArray(changed.sensor)) {
+    changed.sensor = namesOf(scenario).map(() => structuredClone(changed.sensor));
+  }
+  const chosen = k === undefined ? [changed.sensor].flat() : [changed.sensor[k]];
+  for (const one of chosen) one[key] = value;
+  return changed;
+}
+
+export function withCenter(scenario, k, x, y) {
+  return withPoint(scenario, "formation.centers_m", k, [x, y]);
+}
+
+export function withLandmark(scenario, k, x, y) {
+  return withPoint(scenario, "landmarks_m", k, [x, y]);
+}
+
+export function withRadius(scenario, k, radius) {
+  const radii = namesOf(scenario).map((_, i) => each(scenario.orbit.radius_m, i));
+  radii[k] = radius;
+  return withValue(scenario, "orbit.radius_m", radii);
+}
+
+/** Return the scenario with the sense of one vehicle set, the others' as planned. */
+export function withDirection(scenario, plan, k, direction) {
+  const directions = vehiclesOf(scenario, plan).map((one) => one.direction);
+  directions[k] = direction;
+  return withValue(scenario, "orbit.direction", directions);
+}
+
+/** Return the scenario with one more vehicle, beside the last one. */
+export function withVehicle(scenario) {
+  const changed = structuredClone(scenario);
+  const all = vehiclesOf(scenario);
+  const last = all.at(-1);
+  const spacing = all.length > 1 ? Math.hypot(last.x - all.at(-2).x, last.y - all.at(-2).y) : 3 * last.radius;
+  const { formation, orbit } = changed;
+  formation.centers_m.push([round(last.x + spacing), last.y]);
+  if (formation.names) formation.names.push(free("v", formation.names));
+  for (const part of ["radius_m", "direction", "desync_rad", "speed_mps"]) {
+    if (Array.isArray(orbit[part])) orbit[part].push(orbit[part].at(-1));
+  }
+  if (Array.isArray(changed.sensor)) changed.sensor.push(structuredClone(changed.sensor.at(-1)));
+  return changed;
+}
+
+/** Return the scenario without a vehicle, and without its links. */
+export function withoutVehicle(scenario, k) {
+  const changed = structuredClone(scenario);
+  const before = namesOf(scenario);
+  const { formation, orbit } = changed;
+  formation.centers_m.splice(k, 1);
+  if (formation.names) formation.names.splice(k, 1);
+  for (const part of ["radius_m", "direction", "desync_rad", "speed_mps"]) {
+    if (Array.isArray(orbit[part])) orbit[part].splice(k, 1);
+  }
+  if (Array.isArray(changed.sensor)) changed.sensor.splice(k, 1);
+  if (formation.links) {
+    const kept = before.filter((_, i) => i !== k);
+    const renamed = new Map(kept.map((name, i) => [name, namesOf(changed)[i]]));
+    formation.links = formation.links
+      .filter((link) => link.every((name) => renamed.has(name)))
+      .map((link) => link.map((name) => renamed.get(name)));
+  }
+  return changed;
+}
+
+export function addLandmark(scenario) {
+  const changed = structuredClone(scenario);
+  const { x, y, radius } = vehiclesOf(scenario)[0];
+  const all = landmarksOf(scenario);
+  const beside = all.length ? [all.at(-1).x, all.at(-1).y + 2 * radius] : [x, y + 2 * radius];
+  const { landmarks_m: landmarks } = changed;
+  if (Array.isArray(landmarks)) landmarks.push(beside.map(round));
+  else landmarks[free("L", Object.keys(landmarks))] = beside.map(round);
+  return changed;
+}
+
+export function withoutLandmark(scenario, k) {
+  const changed = structuredClone(scenario);
+  const { landmarks_m: landmarks } = changed;
+  if (Array.isArray(landmarks)) landmarks.splice(k, 1);
+  else delete landmarks[Object.keys(landmarks)[k]];
+  return changed;
+}
+
+export function round(value) {
+  return Math.round(value * 1e4) / 1e4;
+}
+
+function each(value, k) {
+  return Array.isArray(value) ? value[k] : value;
+}
+
+function pointsOf(points) {
+  return Array.isArray(points) ? points : Object.values(points);
+}
+
+function withPoint(scenario, path, k, point) {
+  const changed = structuredClone(scenario);
+  const points = valueAt(changed, path);
+  points[Array.isArray(points) ? k : Object.keys(points)[k]] = point.map(round);
+  return changed;
+}
+
+function free(letter, taken) {
+  let number = taken.length + 1;
+  while (taken.includes(`${letter}${number}`)) number += 1;
+  return `${letter}${number}`;
+}

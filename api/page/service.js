@@ -1,0 +1,92 @@
+// Requests to the service: what it refuses and what never reached it are told apart.
+
+const STORED_KEY = "syncplan-key";
+const RETRY_S = [0.5, 1, 2, 4, 4];
+
+/** The service answered, with a problem document. */
+export class Refusal extends Error {
+  constructor(status, problem) {
+    super(problem.detail || problem.title || `status ${status}`);
+    this.status = status;
+    this.faults = problem.errors || [];
+  }
+}
+
+/** No answer: the service is away, or the connection is. */
+export class Unreachable extends Error {}
+
+export const key = {
+  get: () => sessionStorage.getItem(STORED_KEY) || "",
+  set: (value) => sessionStorage.setItem(STORED_KEY, value),
+};
+
+/** Return the answer to a request; throws Refusal, Unreachable, or AbortError. */
+export async function ask(method, path, { body, type, accept, headers, signal } = {}) {
+  const sent = { Accept: accept || "application/json", ...headers };
+  if (key.get()) sent.Authorization = `Bearer ${key.get()}`;
+  if (body !== undefined) sent["Content-Type"] = type || "application/json";
+  let answer;
+  try {
+    answer = await fetch(path, { method, headers: sent, body, signal, cache: "no-cache" });
+  } catch (error) {
+    if (error.name === "AbortError") throw error;
+    throw new Unreachable("the service can't be reached");
+  }
+  if (answer.status === 401) document.dispatchEvent(new Event("syncplan:key"));
+  if (!answer.ok) throw new Refusal(answer.status, await problemOf(answer));
+  return answer;
+}
+
+/** Return the JSON of an answer. */
+export async function askJson(method, path, options) {
+  const answer = await ask(method, path, options);
+  try {
+    return await answer.json();
+  } catch (error) {
+    if (error.name === "AbortError") throw error;
+    throw new Unreachable("the service's answer broke off");
+  }
+}
+
+/** Post JSON once, however often the connection has to be tried: by its Idempotency-Key. */
+export function postOnce(path, value) {
+  const headers = { "Idempotency-Key": crypto.randomUUID ? crypto.randomUUID() : randomName() };
+  return patiently(() => askJson("POST", path, { body: JSON.stringify(value), headers }));
+}
+
+/** Return what a request comes to, asked again while the service is away. */
+export async function patiently(request) {
+  for (const wait of RETRY_S) {
+    try {
+      return await request();
+    } catch (error) {
+      if (!passing(error)) throw error;
+      await pause(wait);
+    }
+  }
+  return request();
+}
+
+/** Whether asking again later may help. */
+export function passing(error) {
+  return error instanceof Unreachable || (error instanceof Refusal && error.status === 503);
+}
+
+export function pause(seconds) {
+  return new Promise((resolve) => setTimeout(resolve, 1000 * seconds));
+}
+
+async function problemOf(answer) {
+  try {
+    return await answer.json();
+  } catch {
+    return { title: `status ${answer.status}` };
+  }
+}
+
+// crypto.randomUUID exists on secure origins only
+function randomName() {
+  return [...crypto.getRandomValues(new Uint8Array(16))]
+    .map((one) => one.toString(16).padStart(2, "0"))
+    .join("");
+}

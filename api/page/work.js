@@ -1,0 +1,176 @@
+// Refinement and validation as jobs: handed in, followed, cancelled, and what came of them.
+
+import { byId, element, notice, shown } from "./elements.js";
+import { follow } from "./events.js";
+import { refinementForm, validationForm } from "./requests.js";
+import { ask, askJson, patiently, postOnce, Refusal } from "./service.js";
+
+const NAMES = { refinement: "Refinement", validation: "Validation" };
+
+/** The panel of jobs.
+ *
+ * `storePlan()` resolves with the identifier of the plan on show. `told.began(job)` and
+ * `told.ended(job, result)` follow a job; `result` is null where there is none. The latter resolves
+ * with whether the plan on show is the one that the job was about.
+ */
+export class Work {
+  #store;
+  #storePlan;
+  #told;
+  #following = null;
+  #progress = element("progress", { max: 1, value: 0, "aria-labelledby": "job-text" });
+  #text = element("p", { id: "job-text" });
+  #fault = element("p", { class: "fault", role: "alert", id: "work-fault" });
+  #cancel = element("button", { type: "button", onclick: () => this.#cancelJob() }, "Cancel");
+  #running = element("div", { class: "running", hidden: true });
+  #outcome = element("div", { class: "outcome", role: "status" });
+  #forms;
+
+  constructor(store, storePlan, told) {
+    this.#store = store;
+    this.#storePlan = storePlan;
+    this.#told = told;
+    const handIn = (form, request) => this.#handIn(form, request);
+    this.#forms = [refinementForm(handIn), validationForm(() => store.plan.vehicles.length, handIn)];
+    this.#running.append(this.#progress, this.#text, this.#cancel);
+    byId("work").append(...this.#forms.map((form) => form.element), this.#fault, this.#running, this.#outcome);
+    for (const name of ["opened", "scenario"]) store.addEventListener(name, () => this.#clear());
+    this.#enable();
+  }
+
+  /** Go on following a job, as after a reload. */
+  async resume(jobId) {
+    await this.#follow(await askJson("GET", `v1/jobs/${encodeURIComponent(jobId)}`));
+  }
+
+  async #handIn(form, request) {
+    this.#clear();
+    this.#enable(false);
+    let job;
+    try {
+      job = await postOnce(`v1/plans/${await this.#storePlan()}/${form.collection}`, request);
+    } catch (error) {
+      form.tell(error);
+      this.#enable();
+      if (document.activeElement === document.body) form.button.focus();
+      return;
+    }
+    await this.#follow(job, form.button);
+  }
+
+  async #follow(job, button) {
+    this.#following = job.id;
+    this.#running.hidden = false;
+    this.#enable(false);
+    // the button that was pressed can't keep the focus
+    if (button) this.#cancel.focus();
+    this.#told.began(job);
+    this.#show(job);
+    notice(`${NAMES[job.kind]} begun.`);
+    try {
+      await follow(job.id, {
+        told: (event) => this.#show({ ...job, ...event }),
+        away: (flag) => flag && this.#sayAway(job),
+      });
+      await this.#conclude(await patiently(() => askJson("GET", `v1/jobs/${job.id}`)));
+    } catch (error) {
+      this.#fault.textContent = error.message;
+    } finally {
+      const focused = document.activeElement === this.#cancel || document.activeElement === document.body;
+      this.#following = null;
+      this.#running.hidden = true;
+      this.#enable();
+      if (button && focused) button.focus();
+    }
+  }
+
+  #show(job) {
+    const { done, total } = job.progress;
+    this.#progress.max = total;
+    this.#progress.value = done;
+    const what = job.kind === "refinement" ? "starts" : "trials";
+    this.#text.textContent = `${NAMES[job.kind]} ${job.state}: ${done} of ${total} ${what}`;
+  }
+
+  #sayAway(job) {
+    this.#text.textContent = `${NAMES[job.kind]}: the service can't be reached; the job goes on once it is back. Trying again …`;
+  }
+
+  async #conclude(job) {
+    const name = NAMES[job.kind];
+    if (job.state === "succeeded") {
+      const result = await patiently(() => askJson("GET", `v1/jobs/${job.id}/result`));
+      const current = await this.#told.ended(job, result);
+      this.#outcome.replaceChildren(...outcomeOf(job, result), ...(current ? [] : [elsewhere(job)]));
+      notice(`${name} done.`);
+      return;
+    }
+    await this.#told.ended(job, null);
+    if (job.state === "failed") this.#fault.textContent = `${name} failed: ${job.error.detail}`;
+    else notice(`${name} cancelled.`);
+  }
+
+  async #cancelJob() {
+    if (!this.#following) return;
+    this.#text.textContent = "Cancelling …";
+    try {
+      await ask("POST", `v1/jobs/${this.#following}/cancel`);
+    } catch (error) {
+      // 409: it has ended meanwhile, which the events tell as well
+      if (!(error instanceof Refusal && error.status === 409)) this.#fault.textContent = error.message;
+    }
+  }
+
+  #clear() {
+    this.#outcome.replaceChildren();
+    this.#fault.textContent = "";
+    for (const form of this.#forms) form.clear();
+    this.#enable();
+  }
+
+  #enable(free = true) {
+    const may = free && !this.#following && this.#store.scenario !== null;
+    for (const form of this.#forms) form.button.disabled = !may;
+  }
+}
+
+function outcomeOf(job, result) {
+  return job.kind === "refinement" ? refined(result) : validated(result);
+}
+
+/** What leads to the plan of a job, where another is on show by now. */
+function elsewhere(job) {
+  const plan = job.result_plan_id || job.plan_id;
+  return element(
+    "p",
+    {},
+    "This is of the plan before your edits: ",
+    element("a", { href: `?plan=${plan}`, target: "_blank", rel: "noopener" }, "open it in a new tab"),
+    ".",
+  );
+}
+
+function refined(plan) {
+  const { improved, reason, before, after } = plan.refinement;
+  const rms = (one) => shown(one.predicted_rms_m, "m");
+  return [
+    element(
+      "p",
+      { class: `badge ${improved ? "good" : ""}` },
+      improved ? `Predicted error ${rms(before)} → ${rms(after)}` : "Nothing better was found",
+    ),
+    element("p", {}, improved ? `Rank ${before.rank} → ${after.rank}; least distance ${shown(after.least_distance_m, "m")}.` : reason),
+  ];
+}
+
+function validated(report) {
+  const { overall, anees, trials } = report;
+  return [
+    element(
+      "p",
+      { class: `badge ${anees.verdict === "consistent" ? "good" : "bad"}` },
+      `Found ${shown(overall.rms_second_half_m, "m")}, predicted ${shown(overall.predicted_rms_m, "m")}`,
+    ),
+    element("p", {}, `RMS over the second half of ${trials} trials. The filter is ${anees.verdict}: ANEES ${shown(anees.value)}.`),
+  ];
+}

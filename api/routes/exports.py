@@ -1,0 +1,79 @@
+"""Plans as files that mission planners load, in a zip archive."""
+
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Depends, Query, Response
+from starlette.concurrency import run_in_threadpool
+
+from api.calls import computed
+from api.negotiation import accepts
+from api.problems import problem_responses
+from api.routes.plans import Identifier, find_or_refuse
+from api.security import CurrentOwner
+from api.service import CurrentService
+
+__all__ = ["ExportName", "router"]
+
+router = APIRouter(tags=["exports"], dependencies=[Depends(accepts("application/zip"))])
+
+ExportName = Literal[
+    "qgc", "ardupilot", "csv", "rosbag2", "mcap", "crazyswarm", "geojson", "kml", "all"
+]
+
+
+@router.get(
+    "/plans/{plan_id}/exports/{format}",
+    response_class=Response,
+    operation_id="exportPlan",
+    summary="Export a plan",
+    responses={
+        200: {"content": {"application/zip": {}}},
+        **problem_responses(401, 404, 406, 422, 503),
+    },
+)
+async def read_export(
+    plan_id: Identifier,
+    format: ExportName,
+    service: CurrentService,
+    owner: CurrentOwner,
+    autopilot: Annotated[
+        Literal["ardupilot", "px4"], Query(description="Whom missions are for")
+    ] = "ardupilot",
+    vehicle: Annotated[
+        Literal["multicopter", "fixed_wing"], Query(description="What flies the missions")
+    ] = "multicopter",
+    altitude_m: Annotated[
+        float | None,
+        Query(
+            ge=-1000,
+            le=100_000,
+            description="Height above the origin; the format's own if not given",
+        ),
+    ] = None,
+    turns: Annotated[
+        int | None,
+        Query(
+            ge=1, le=20_000, description="Whole turns flown; the scenario's duration if not given"
+        ),
+    ] = None,
+    waypoints: Annotated[bool, Query(description="Waypoints where loiter turns would do")] = False,
+    snap_radius: Annotated[
+        bool, Query(description="Fly the nearest radii that ArduPilot can store")
+    ] = False,
+) -> Response:
+    """The files of a format, one for each vehicle where it holds one, and the sidecar with phases.
+
+    The sidecar says how each vehicle joins its circle at the right phase, and what to know.
+    """
+    row = await run_in_threadpool(find_or_refuse, service, owner, plan_id)
+    options = {
+        "autopilot": autopilot,
+        "vehicle": vehicle,
+        "altitude_m": altitude_m,
+        "turns": turns,
+        "waypoints": waypoints,
+        "snap_radius": snap_radius,
+    }
+    archive = await computed(service, "exported_archive", row.text, format, options)
+    named = {"content-disposition": f'attachment; filename="plan-{format}.zip"'}
+    return Response(archive, headers=named, media_type="application/zip")

@@ -1,0 +1,121 @@
+"""What a plan or a report looks like: figures for Plotly, and previews while a scenario changes."""
+
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Depends, Query, Response
+from starlette.concurrency import run_in_threadpool
+
+from api.answers import FigureValues, Preview
+from api.calls import CurrentCall, answer_once, computed
+from api.negotiation import accepts
+from api.problems import Conflict, NotFound, problem_responses
+from api.routes.jobs import Owned
+from api.routes.plans import Identifier, find_or_refuse
+from api.security import CurrentOwner
+from api.service import CurrentService, Service
+from api.storage import work
+from api.storage.answers import Answer
+from syncplan.errors import InputError
+
+__all__ = ["router"]
+
+router = APIRouter(tags=["figures"], dependencies=[Depends(accepts("application/json"))])
+
+Theme = Annotated[Literal["light", "dark"], Query(description="What it is to be shown on")]
+PlanFigure = Literal["formation", "animation", "timeline", "spectrum", "prediction"]
+StoredFigure = Literal[PlanFigure, "refinement", "comparison"]
+ReportFigure = Literal["accuracy", "errors", "consistency", "sweep"]
+
+
+@router.post(
+    "/previews",
+    response_model=Preview,
+    operation_id="previewScenario",
+    summary="Plan a scenario without storing it",
+    responses=problem_responses(401, 406, 413, 415, 422, 503, 507),
+)
+async def create_preview(
+    call: CurrentCall,
+    quick: Annotated[
+        bool,
+        Query(
+            description="Leave out the bound on the links' smallest margin, which takes most of "
+            "the time where phases have no closed form"
+        ),
+    ] = False,
+    figure: Annotated[
+        list[PlanFigure] | None, Query(description="Figures to add", max_length=5)
+    ] = None,
+    theme: Theme = "light",
+) -> Response:
+    """Find phases for a scenario and judge the plan, as it is edited; nothing is kept."""
+
+    async def compute() -> str:
+        names = list(dict.fromkeys(figure or ()))
+        limits = call.service.limits
+        made: str = await computed(
+            call.service, "previewed", call.body, call.syntax, limits, quick, names, theme
+        )
+        return made
+
+    return await answer_once(call, compute, lambda _, made: Answer(call.digest, 200, {}, made))
+
+
+@router.get(
+    "/plans/{plan_id}/figures/{figure}",
+    response_model=FigureValues,
+    operation_id="readPlanFigure",
+    summary="Draw a plan",
+    responses=problem_responses(401, 404, 406, 422, 503),
+)
+async def read_plan_figure(
+    plan_id: Identifier,
+    figure: StoredFigure,
+    service: CurrentService,
+    owner: CurrentOwner,
+    theme: Theme = "light",
+) -> Response:
+    """A figure of a plan. `comparison` shows the plan that it was refined from beside it."""
+    row = await run_in_threadpool(find_or_refuse, service, owner, plan_id)
+    parent = None
+    if figure == "comparison":
+        if row.parent_id is None:
+            raise NotFound(f"plan {plan_id} was not refined from another: nothing to compare with")
+        parent = (await run_in_threadpool(find_or_refuse, service, owner, row.parent_id)).text
+    return await _drawn(service, "plan_figure", row.text, figure, theme, parent)
+
+
+@router.get(
+    "/jobs/{job_id}/figures/{figure}",
+    response_model=FigureValues,
+    operation_id="readJobFigure",
+    summary="Draw a job's report",
+    responses=problem_responses(401, 404, 406, 409, 422, 503),
+)
+async def read_job_figure(
+    row: Owned, figure: ReportFigure, service: CurrentService, theme: Theme = "light"
+) -> Response:
+    """A figure of the report of a validation or a sweep."""
+    if row.state != "succeeded" or row.kind == "refinement":
+        raise Conflict(
+            f"the job is a {row.kind}, {row.state}; validations and sweeps that succeeded have "
+            "figures"
+        )
+
+    def report() -> str | None:
+        with service.database.reading() as connection:
+            return work.report_of(connection, row.id)
+
+    text = await run_in_threadpool(report)
+    if text is None:
+        raise NotFound(f"the result of job {row.id} was deleted")
+    return await _drawn(service, "report_figure", text, row.kind, figure, theme)
+
+
+async def _drawn(service: Service, task: str, *arguments: str | None) -> Response:
+    """The figure that a task draws; raises NotFound for one that its subject does not have."""
+    try:
+        drawn = await computed(service, task, *arguments)
+    except InputError as error:
+        raise NotFound(error.problem) from None
+    return Response(drawn, media_type="application/json")

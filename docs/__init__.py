@@ -1,0 +1,1 @@
+"""The documentation: pages, and in `site` what is made when they are built."""

@@ -1,0 +1,38 @@
+"""The command line as a page: what each command's --help says, by Typer's own writer."""
+
+import html
+import re
+
+import typer
+from typer.cli import get_docs_for_click
+from typer.main import get_command
+
+from syncplan.cli import app
+
+__all__ = ["commands_page"]
+
+_INTRODUCTION = """# Command line
+
+Results go to standard output, or whole or not at all to the file named with `-o`; words and
+progress go to standard error. `-` is standard input. At a terminal a table is shown, elsewhere
+JSON.
+
+| exit status | meaning |
+|---|---|
+| 0 | done |
+| 1 | internal fault |
+| 2 | bad input: one line with file, key, value and what is allowed |
+| 3 | with `--require-observable`: the plan is not observable |
+| 4 | no solution, or nothing better than what was given: nothing is written over |
+| 130 | interrupted |
+
+"""
+
+
+def commands_page() -> str:
+    """Return the page of all commands, in the order of the command line."""
+    command = get_command(app)
+    written = get_docs_for_click(obj=command, ctx=typer.Context(command), name="syncplan")
+    body = html.unescape(written).partition("\n")[2]
+    # examples are typed as they stand
+    return _INTRODUCTION + re.sub(r"^Example: (.+)$", r"Example: `\1`", body, flags=re.MULTILINE)

@@ -1,0 +1,201 @@
+"""The service as pages, from its OpenAPI document, its settings and its table of problems."""
+
+import json
+from collections.abc import Iterator, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from api.main import create_app
+from api.problems.table import NO_SOLUTION
+from api.settings import PREFIX, Settings
+
+__all__ = ["operations_page", "problems_page", "settings_page", "settings_table"]
+
+Tree = Mapping[str, Any]
+
+_LONGEST_EXAMPLE = 24
+"""Lines of an example that are shown; the OpenAPI document has all of it."""
+_MOST_NAMED = 4
+"""Operations that are named where they share a problem."""
+
+_SERVICE = """# REST API
+
+`syncplan serve` answers at the paths below; `GET /openapi.json` is the same as an OpenAPI 3.1
+document with whole examples, which were recorded from the service itself and are shortened here.
+Bodies are JSON or YAML, answers JSON. [Settings](settings.md) has what an operator may set,
+[Problems](problems.md) what is answered when something is wrong.
+"""
+
+_PROBLEMS = """# Problems
+
+What goes wrong is answered with a problem document (RFC 9457), `application/problem+json`: `title`
+and `status`, `detail` in a sentence, `errors` with up to twenty faults of a scenario (`path`,
+`value`, `message`), and `request_id`, under which the log holds the request.
+
+| status | title | for example | answered by |
+|---|---|---|---|
+"""
+
+_SETTINGS = """# Settings
+
+Environment variables of `syncplan serve` and `syncplan worker`, all optional.
+
+"""
+
+
+@cache
+def _document() -> Tree:
+    document: Tree = create_app().openapi()
+    return document
+
+
+def settings_page() -> str:
+    """Return the page of settings."""
+    return _SETTINGS + settings_table() + "\n"
+
+
+def settings_table() -> str:
+    """Return the table of settings: variable, default, meaning."""
+    rows = ["| variable | default | what it is |", "|---|---|---|"]
+    for name, field in Settings.model_fields.items():
+        default = field.get_default(call_default_factory=True)
+        if isinstance(default, Path):
+            # not this machine's own
+            shown = "~/.local/share/syncplan"
+        elif isinstance(default, bool):
+            shown = str(default).lower()
+        elif isinstance(default, int | float):
+            shown = f"{default:.12g}"
+        else:
+            shown = default or ""
+        shown = f"`{shown}`" if shown else ""
+        rows.append(f"| `{PREFIX}{name.upper()}` | {shown} | {field.description} |")
+    return "\n".join(rows)
+
+
+def problems_page() -> str:
+    """Return the page of problems: every status that any operation answers with."""
+    found: dict[str, tuple[Tree, list[str]]] = {}
+    for _, _, operation in _operations():
+        for status, response in operation["responses"].items():
+            if int(status) >= 400:
+                by = found.setdefault(status, (response, []))[1]
+                by.append(f"[{operation['operationId']}](service.md#{_anchor(operation)})")
+    rows = []
+    for status in sorted(found):
+        response, by = found[status]
+        detail = _cell(_first_example(response)["detail"])
+        told = ", ".join(by) if len(by) <= _MOST_NAMED else f"{len(by)} operations"
+        rows.append(f"| {status} | {response['description']} | {detail} | {told} |")
+    return (
+        _PROBLEMS
+        + "\n".join(rows)
+        + "\n\nBeside these, whatever the path: 400 for a request that can't be read, 404 for a "
+        "path that is not there, 405 for a method that it does not take, 431 for a head above "
+        "64 KiB.\n\nA scenario that is sound, but has no solution, is a 422 of the type "
+        + f"`{NO_SOLUTION}`; all others are `about:blank`.\n"
+    )
+
+
+def operations_page() -> str:
+    """Return the page of operations: parameters, bodies, answers, examples."""
+    parts = [_SERVICE]
+    for method, path, operation in _operations():
+        parts += [
+            f"## {operation['summary']} {{ #{_anchor(operation)} }}\n",
+            f"`{method.upper()} {path}`\n",
+            operation.get("description", "").strip() + "\n",
+            *_parameters(operation),
+            *_body(operation),
+            *_answers(operation),
+        ]
+    return "\n".join(parts)
+
+
+def _operations() -> Iterator[tuple[str, str, Tree]]:
+    for path, item in _document()["paths"].items():
+        for method, operation in item.items():
+            if method != "parameters":
+                yield method, path, operation
+
+
+def _anchor(operation: Tree) -> str:
+    return str(operation["operationId"]).lower()
+
+
+def _parameters(operation: Tree) -> Iterator[str]:
+    parameters = operation.get("parameters", [])
+    if parameters:
+        yield "| parameter | in | type | meaning |\n|---|---|---|---|"
+        for one in parameters:
+            needed = ", required" if one.get("required") else ""
+            kind = _kind(one["schema"])
+            told = _cell(one.get("description", one["schema"].get("description", "")))
+            yield f"| `{one['name']}` | {one['in']}{needed} | {kind} | {told} |"
+        yield ""
+
+
+def _body(operation: Tree) -> Iterator[str]:
+    body = operation.get("requestBody")
+    if body is None:
+        return
+    kinds = ", ".join(f"`{kind}`" for kind in body["content"])
+    content = next(iter(body["content"].values()))
+    yield f"**Body** ({kinds}; schema `{_kind(content['schema'])}`): {body['description']}\n"
+    yield from _examples(content, "json")
+
+
+def _answers(operation: Tree) -> Iterator[str]:
+    for status, response in operation["responses"].items():
+        if int(status) >= 400:
+            continue
+        yield f"**{status}**: {response['description']}\n"
+        headers = [f"`{name}`" for name in response.get("headers", {})]
+        if headers:
+            yield f"Headers: {', '.join(headers)}\n"
+        for media, content in response.get("content", {}).items():
+            yield from _examples(content, "json" if media.endswith("json") else "text")
+    wrong = [status for status in operation["responses"] if int(status) >= 400]
+    listed = ", ".join(f"[{status}](problems.md)" for status in wrong)
+    yield f"Problems: {listed}\n"
+
+
+def _examples(content: Tree, language: str) -> Iterator[str]:
+    """The first example of a body or an answer, long lists and texts cut."""
+    example = _first_example({"content": {"": content}})
+    if example is None:
+        return
+    text = (
+        example if isinstance(example, str) else json.dumps(example, indent=1, ensure_ascii=False)
+    )
+    lines = text.splitlines()
+    if len(lines) > _LONGEST_EXAMPLE:
+        # no JSON any more
+        language = "text"
+        lines = [*lines[:_LONGEST_EXAMPLE], f"... {len(lines) - _LONGEST_EXAMPLE} more lines"]
+    yield f"```{language}"
+    yield from lines
+    yield "```\n"
+
+
+def _first_example(response: Tree) -> Any:
+    for content in response.get("content", {}).values():
+        if "examples" in content:
+            return next(iter(content["examples"].values()))["value"]
+        return content.get("example")
+    return None
+
+
+def _kind(schema: Tree) -> str:
+    if "$ref" in schema:
+        return str(schema["$ref"].rpartition("/")[2])
+    if "enum" in schema:
+        return ", ".join(f"`{value}`" for value in schema["enum"])
+    limits = [f"{schema[key]:g}" for key in ("minimum", "maximum") if key in schema]
+    kind = str(schema.get("type", "any"))
+    return f"{kind}, {' to '.join(limits)}" if limits else kind
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|").replace("\n", " ")

@@ -1,0 +1,74 @@
+"""ArduPilot mission files (QGC WPL 110), one for each vehicle.
+
+One item a line, tab-separated: index, current, frame, command, parameters 1 to 4, latitude,
+longitude, altitude, autocontinue. Item 0 is home. Source: MAVLink, "File Formats".
+"""
+
+from syncplan.errors import InputError
+from syncplan.exporting.files import ExportedFile, Written
+from syncplan.exporting.flight import Flight
+from syncplan.exporting.missions import (
+    WAYPOINT,
+    Mission,
+    MissionItem,
+    flies_loiter_turns,
+    missions_of,
+)
+
+__all__ = ["write_ardupilot"]
+
+HEADER = "QGC WPL 110"
+FRAME_GLOBAL = 0
+
+
+def write_ardupilot(flight: Flight) -> Written:
+    """Return a .waypoints file for each vehicle; altitudes are above home, home's above the sea.
+
+    Raises InputError for another autopilot, and as missions_of does.
+    """
+    if flight.options.autopilot != "ardupilot":
+        raise InputError(
+            f"{flight.options.autopilot}: the format ardupilot is ArduPilot's; take qgc for PX4",
+            key="autopilot",
+        )
+    missions, notes = missions_of(flight)
+    names = [f"{flight.title}-{label}.waypoints" for label in flight.labels]
+    return Written(
+        files=tuple(
+            ExportedFile(name, _text(flight, mission).encode())
+            for name, mission in zip(names, missions, strict=True)
+        ),
+        own_files=tuple(names),
+        leg_speeds=() if flies_loiter_turns(flight) else tuple(one.speed for one in missions),
+        parameters=missions[0].parameters,
+        notes=tuple(notes),
+    )
+
+
+def _text(flight: Flight, mission: Mission) -> str:
+    origin = flight.origin
+    home = MissionItem(
+        WAYPOINT,
+        FRAME_GLOBAL,
+        (0.0, 0.0, 0.0, 0.0),
+        origin.lat_deg,
+        origin.lon_deg,
+        origin.alt_m,
+    )
+    lines = [_line(item, number) for number, item in enumerate((home, *mission.items))]
+    return "\n".join([HEADER, *lines]) + "\n"
+
+
+def _line(item: MissionItem, number: int) -> str:
+    fields = [
+        str(number),
+        "1" if number == 0 else "0",
+        str(item.frame),
+        str(item.command),
+        *(f"{value or 0.0:.6f}" for value in item.parameters),
+        f"{item.latitude:.9f}",
+        f"{item.longitude:.9f}",
+        f"{item.altitude:.6f}",
+        "1",
+    ]
+    return "\t".join(fields)

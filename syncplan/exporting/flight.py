@@ -1,0 +1,164 @@
+"""The flight that an export writes down: a plan, with how long and how high it is flown."""
+
+import math
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.errors import InputError
+from syncplan.exporting.geodesy import geodetic
+from syncplan.exporting.names import file_names, file_title
+from syncplan.exporting.options import ExportOptions
+from syncplan.georeference import GeoOrigin
+from syncplan.orbits import heading, position
+from syncplan.planner import Plan
+
+__all__ = [
+    "Flight",
+    "Poses",
+    "check_amount",
+    "flight_of",
+    "moment",
+    "places_of",
+    "sampled_poses",
+    "start_of",
+]
+
+Array = NDArray[np.float64]
+
+MOST_POINTS = 2_000_000
+"""Most poses, waypoints or pieces of all vehicles together that are written."""
+
+MOST_TURNS = 20_000
+"""Longest flight, in turns: as long as a scenario's run may be."""
+
+_SLIVER = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Flight:
+    """A plan with how it is flown.
+
+    Attributes
+    ----------
+    plan : whose orbits are flown
+    options : as asked for
+    altitude : m above the origin
+    duration : s, from time 0
+    title, labels : of the plan and of each vehicle, as parts of names of files
+    """
+
+    plan: Plan
+    options: ExportOptions
+    altitude: float
+    duration: float
+    title: str
+    labels: tuple[str, ...]
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the vehicles."""
+        return self.plan.scenario.vehicle_names
+
+    @property
+    def turns(self) -> int:
+        """Whole turns that cover the duration."""
+        return max(1, math.ceil(self.duration / self.plan.orbits.period - _SLIVER))
+
+    @property
+    def origin(self) -> GeoOrigin:
+        """Where [0, 0] lies. Raises InputError if the scenario does not say."""
+        if self.plan.scenario.geo_origin is None:
+            raise InputError(
+                "is missing, and this export needs it: give the scenario "
+                "geo_origin: {lat_deg: 47.4, lon_deg: 8.5, alt_m: 488}",
+                key="geo_origin",
+            )
+        return self.plan.scenario.geo_origin
+
+
+@dataclass(frozen=True, slots=True)
+class Poses:
+    """Poses of n vehicles at k times: times (k,) s, positions (k, n, 2) m, headings (k, n) rad."""
+
+    times: Array
+    positions: Array
+    headings: Array
+
+
+def flight_of(plan: Plan, options: ExportOptions, altitude: float) -> Flight:
+    """Return the flight of a plan; `altitude` in m holds where the options name none."""
+    scenario, turns = plan.scenario, options.turns
+    period = plan.orbits.period
+    duration = scenario.duration_s if options.duration is None else options.duration
+    if turns is None and duration > MOST_TURNS * period:
+        raise InputError(
+            f"{duration:g}: must be at most {MOST_TURNS * period:.6g}, {MOST_TURNS:,} turns",
+            key="duration",
+        )
+    return Flight(
+        plan=plan,
+        options=options,
+        altitude=altitude if options.altitude_m is None else options.altitude_m,
+        duration=duration if turns is None else turns * period,
+        title=file_title(scenario.name),
+        labels=tuple(file_names(scenario.vehicle_names)),
+    )
+
+
+def sampled_poses(flight: Flight) -> Poses:
+    """Return the poses every sample time, the first at 0, headings not wrapped.
+
+    Raises InputError where there would be more than two million of them.
+    """
+    step = flight.options.sample_time_s or flight.plan.scenario.sample_time
+    count = math.floor(flight.duration / step + _SLIVER) + 1
+    check_amount("poses", count * flight.plan.orbits.count, "sample_time_s", step)
+    times = step * np.arange(count, dtype=np.float64)
+    return Poses(times, position(flight.plan.orbits, times), heading(flight.plan.orbits, times))
+
+
+def check_amount(what: str, total: int, key: str, value: float) -> None:
+    """Raise InputError, naming the option `key`, where a total of points is too large to write."""
+    if total > MOST_POINTS:
+        raise InputError(
+            f"{value:g}: makes {total:,} {what}, and at most {MOST_POINTS:,} are written; "
+            "give a larger one, or a shorter duration",
+            key=key,
+        )
+
+
+def places_of(flight: Flight, points: Array) -> Array | None:
+    """Return (..., 2) latitudes and longitudes of points, or None where no origin is known."""
+    known = flight.plan.scenario.geo_origin
+    return None if known is None else geodetic(known, points)
+
+
+def start_of(plan: Plan) -> datetime | None:
+    """Return the moment of time 0 in UTC, or None where the scenario does not say.
+
+    Raises InputError for a moment that in UTC lies before the year 1 or after 9999.
+    """
+    given = plan.scenario.start_time
+    try:
+        return None if given is None else datetime.fromisoformat(given).astimezone(UTC)
+    except OverflowError:
+        raise InputError(
+            f"{given}: in UTC it must be from the year 1 to 9999", key="start_time"
+        ) from None
+
+
+def moment(start: datetime, seconds: float) -> str:
+    """Return the moment `seconds` after `start` as RFC 3339 in UTC, to the microsecond.
+
+    Raises InputError past the year 9999.
+    """
+    try:
+        then = start + timedelta(seconds=seconds)
+    except OverflowError:
+        raise InputError(
+            f"{start.isoformat()}: the run would end past the year 9999", key="start_time"
+        ) from None
+    return then.isoformat(timespec="microseconds").replace("+00:00", "Z")

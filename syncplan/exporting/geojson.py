@@ -1,0 +1,76 @@
+"""Circles, centres, entry points and landmarks as GeoJSON (RFC 7946)."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.exporting.files import ExportedFile, Written
+from syncplan.exporting.flight import Flight
+from syncplan.exporting.maps import landmark_places, tracks_of
+from syncplan.output import as_text
+
+__all__ = ["write_geojson"]
+
+Array = NDArray[np.float64]
+
+DIGITS = 9
+"""Of degrees: a tenth of a millimetre."""
+
+
+def write_geojson(flight: Flight) -> Written:
+    """Return one FeatureCollection; a circle that crosses the antimeridian is cut in two there.
+
+    Raises InputError without a geo_origin.
+    """
+    orbits = flight.plan.orbits
+    features = []
+    for k, track in enumerate(tracks_of(flight)):
+        about = {
+            "vehicle": track.name,
+            "direction": "ccw" if orbits.senses[k] > 0.0 else "cw",
+            "radius_m": float(orbits.radii[k]),
+            "speed_mps": float(orbits.speeds[k]),
+            "altitude_m": flight.altitude,
+        }
+        features += [
+            _feature(_line(track.circle), {"kind": "circle", **about}),
+            _feature(_point(track.center), {"kind": "center", "vehicle": track.name}),
+            _feature(_point(track.entry), {"kind": "entry", "vehicle": track.name, "time_s": 0.0}),
+        ]
+    for name, place in landmark_places(flight).items():
+        features.append(_feature(_point(place), {"kind": "landmark", "landmark": name}))
+    collection = {"type": "FeatureCollection", "features": features}
+    name = f"{flight.title}.geojson"
+    return Written(files=(ExportedFile(name, as_text(collection).encode()),))
+
+
+def _feature(geometry: dict[str, Any], properties: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "Feature", "geometry": geometry, "properties": properties}
+
+
+def _point(place: Array) -> dict[str, Any]:
+    return {"type": "Point", "coordinates": _coordinates(float(place[0]), float(place[1]))}
+
+
+def _line(places: Array) -> dict[str, Any]:
+    parts: list[list[list[float]]] = [[]]
+    before: tuple[float, float] | None = None
+    for latitude, longitude in places.tolist():
+        if before is not None and abs(longitude - before[1]) > 180.0:
+            # section 3.1.9: end on one side of the antimeridian, go on from the other
+            side = 180.0 if before[1] > 0.0 else -180.0
+            onward = longitude + 2.0 * side
+            share = (side - before[1]) / (onward - before[1])
+            crossing = before[0] + share * (latitude - before[0])
+            parts[-1].append(_coordinates(crossing, side))
+            parts.append([_coordinates(crossing, -side)])
+        parts[-1].append(_coordinates(latitude, longitude))
+        before = (latitude, longitude)
+    if len(parts) == 1:
+        return {"type": "LineString", "coordinates": parts[0]}
+    return {"type": "MultiLineString", "coordinates": parts}
+
+
+def _coordinates(latitude: float, longitude: float) -> list[float]:
+    return [round(longitude, DIGITS), round(latitude, DIGITS)]

@@ -1,0 +1,81 @@
+"""QGroundControl plan files, one for each vehicle.
+
+Source: QGroundControl developer guide, "Plan File Format".
+"""
+
+from typing import Any
+
+from syncplan.exporting.files import ExportedFile, Written
+from syncplan.exporting.flight import Flight
+from syncplan.exporting.missions import Mission, MissionItem, flies_loiter_turns, missions_of
+from syncplan.output import as_text
+
+__all__ = ["write_qgc"]
+
+FIRMWARE = {"ardupilot": 3, "px4": 12}
+"""MAV_AUTOPILOT of each autopilot."""
+
+VEHICLES = {"fixed_wing": 1, "multicopter": 2}
+"""MAV_TYPE of each kind of vehicle."""
+
+RELATIVE_TO_HOME = 1
+
+
+def write_qgc(flight: Flight) -> Written:
+    """Return a .plan file for each vehicle; altitudes are above home.
+
+    Raises InputError as missions_of does.
+    """
+    missions, notes = missions_of(flight)
+    names = [f"{flight.title}-{label}.plan" for label in flight.labels]
+    return Written(
+        files=tuple(
+            ExportedFile(name, as_text(_plan(flight, mission)).encode())
+            for name, mission in zip(names, missions, strict=True)
+        ),
+        own_files=tuple(names),
+        leg_speeds=() if flies_loiter_turns(flight) else tuple(one.speed for one in missions),
+        parameters=missions[0].parameters,
+        notes=tuple(notes),
+    )
+
+
+def _plan(flight: Flight, mission: Mission) -> dict[str, Any]:
+    origin = flight.origin
+    return {
+        "fileType": "Plan",
+        "version": 1,
+        "groundStation": "QGroundControl",
+        "mission": {
+            "version": 2,
+            "firmwareType": FIRMWARE[flight.options.autopilot],
+            "vehicleType": VEHICLES[flight.options.vehicle],
+            "globalPlanAltitudeMode": RELATIVE_TO_HOME,
+            "cruiseSpeed": mission.speed,
+            "hoverSpeed": mission.speed,
+            "plannedHomePosition": [origin.lat_deg, origin.lon_deg, origin.alt_m],
+            "items": [_item(item, number) for number, item in enumerate(mission.items, start=1)],
+        },
+        "geoFence": {"version": 2, "circles": [], "polygons": []},
+        "rallyPoints": {"version": 2, "points": []},
+    }
+
+
+def _item(item: MissionItem, number: int) -> dict[str, Any]:
+    values: dict[str, Any] = {
+        "type": "SimpleItem",
+        "command": item.command,
+        "frame": item.frame,
+        "doJumpId": number,
+        "autoContinue": True,
+        "params": [
+            *item.parameters,
+            round(item.latitude, 9),
+            round(item.longitude, 9),
+            item.altitude,
+        ],
+    }
+    if item.latitude or item.longitude:
+        altitude = {"AMSLAltAboveTerrain": None, "AltitudeMode": RELATIVE_TO_HOME}
+        values.update(altitude, Altitude=item.altitude)
+    return values

@@ -1,0 +1,97 @@
+"""The JSON contract of the sidecar: what the exported files can't say, phase above all."""
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from syncplan.georeference import GeoOrigin
+
+__all__ = ["EntryPoint", "LandmarkSighting", "SyncDocument", "SyncedVehicle", "VehicleMeeting"]
+
+Point = tuple[float, float]
+Window = tuple[float, float]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class EntryPoint(_Part):
+    """Where a vehicle joins its circle, and when: at time_s, and again every period."""
+
+    position_m: Point
+    lat_deg: float | None = Field(description="Null without a geo_origin")
+    lon_deg: float | None
+    altitude_m: float = Field(description="Above the origin")
+    heading_rad: float = Field(description="Direction of flight there, from +x, in [0, 2 pi)")
+    course_deg: float = Field(description="The same from north, clockwise, in [0, 360)")
+    time_s: float = Field(description="Since time 0")
+    time: str | None = Field(description="The same as a moment in UTC; null without a start_time")
+
+
+class SyncedVehicle(_Part):
+    """One vehicle: its file, its circle, how it joins it and what it holds from then on."""
+
+    name: str
+    file: str | None = Field(description="Its own file; null where all share one")
+    topic: str | None = Field(description="Its ROS topic; null in other formats")
+    center_m: Point
+    center_lat_deg: float | None
+    center_lon_deg: float | None
+    radius_m: float = Field(description="As exported: snapped where that was asked for")
+    direction: Literal["ccw", "cw"]
+    phase_rad: float = Field(description="At time 0: angle from +x about the centre, in [0, 2 pi)")
+    entry: EntryPoint
+    speed_mps: float = Field(description="Over ground, to hold on the circle")
+    leg_speed_mps: float | None = Field(
+        description="To hold on the straight legs between waypoints; null without"
+    )
+    tolerance_s: float | None = Field(
+        description="How early or late it may be before a planned meeting is lost; null if none is"
+    )
+
+
+class VehicleMeeting(_Part):
+    """When two vehicles are in contact, in each period."""
+
+    a: str
+    b: str
+    planned: bool = Field(description="False for those that come about by the way")
+    min_distance_m: float
+    windows_s: list[Window] = Field(description="Since time 0; again every period_s")
+    tolerance_s: float | None = Field(description="How late either may be; null if never too late")
+
+
+class LandmarkSighting(_Part):
+    """When a vehicle sees a landmark, in each period."""
+
+    vehicle: str
+    landmark: str
+    min_distance_m: float
+    windows_s: list[Window]
+
+
+class SyncDocument(_Part):
+    """What goes with exported files: start, phases, speeds, who meets whom and when."""
+
+    version: str
+    name: str
+    format: str
+    start_time: str | None = Field(description="Moment of time 0 in UTC; null: agree on one")
+    geo_origin: GeoOrigin | None
+    period_s: float
+    angular_rate_rad_s: float
+    altitude_m: float = Field(description="Flown, above the origin")
+    duration_s: float
+    autopilot_parameters: dict[str, float] = Field(
+        description="To be set on every vehicle, where the format's autopilot needs it"
+    )
+    procedure: list[str] = Field(description="How the vehicles join at the right phase")
+    vehicles: list[SyncedVehicle]
+    meetings: list[VehicleMeeting]
+    landmark_sightings: list[LandmarkSighting]
+    notes: list[str]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the document as JSON values."""
+        return self.model_dump(mode="json")

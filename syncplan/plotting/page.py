@@ -1,0 +1,215 @@
+"""A self-contained page of figures: works offline, in light and dark, printed, by keyboard."""
+
+import html
+import json
+from collections.abc import Mapping
+
+from syncplan.errors import InputError
+from syncplan.plotting.canvas import CONFIG, Spec
+from syncplan.plotting.catalogue import ENTRIES
+from syncplan.plotting.palette import DARK
+
+__all__ = ["figure_page"]
+
+
+def figure_page(title: str, specs: Mapping[str, Spec]) -> str:
+    """Return the HTML of figures, by name, under a heading; everything needed is inside.
+
+    The same figures give the same bytes. Raises InputError where Plotly is not installed.
+    """
+    sections = "\n".join(_section(name) for name in specs)
+    values = "\n".join(_values(f"values-{name}", spec) for name, spec in specs.items())
+    links = " ".join(f'<a href="#{name}">{html.escape(ENTRIES[name].title)}</a>' for name in specs)
+    heading = html.escape(title)
+    return f"""<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta http-equiv="Content-Security-Policy" content="{_POLICY}">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark">
+<title>{heading}</title>
+<style>{_STYLE}</style>
+</head>
+<body>
+<header><h1>{heading}</h1>
+<nav aria-label="Figures">{links}</nav></header>
+<main>
+<noscript><p>The figures are drawn by a script; allow scripts for this page.</p></noscript>
+{sections}
+</main>
+{values}
+{_values("dark-colors", dict(DARK))}
+{_values("plotly-config", dict(CONFIG))}
+<script>{_plotly_script()}</script>
+<script>{_SCRIPT}</script>
+</body>
+</html>
+"""
+
+
+def _section(name: str) -> str:
+    entry = ENTRIES[name]
+    title, sentence = html.escape(entry.title), html.escape(entry.sentence)
+    return (
+        f'<section id="{name}" aria-labelledby="title-{name}">\n'
+        f'<h2 id="title-{name}">{title}</h2>\n<p id="about-{name}">{sentence}</p>\n'
+        f'<div class="plot" id="plot-{name}" role="img" aria-labelledby="title-{name}" '
+        f'aria-describedby="about-{name}"></div>\n</section>'
+    )
+
+
+def _values(name: str, values: Spec) -> str:
+    """JSON inside a script element, where < would be read as markup."""
+    text = json.dumps(values, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    safe = text.replace("<", "\\u003c")
+    return f'<script type="application/json" id="{name}">{safe}</script>'
+
+
+def _plotly_script() -> str:
+    try:
+        from plotly.offline import get_plotlyjs
+    except ImportError:
+        raise InputError("needs plotly: pip install 'syncplan[plot]'", source="a page") from None
+    script: str = get_plotlyjs()
+    return script
+
+
+_POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
+    "img-src data: blob:; font-src data:"
+)
+"""Nothing is ever fetched: the browser itself refuses."""
+
+_STYLE = """
+:root { color-scheme: light dark; }
+body { margin: 0 auto; padding: 1rem 1.5rem 3rem; max-width: 68rem; background: #ffffff;
+  color: #1b1b1f; font: 16px/1.5 system-ui, -apple-system, "Segoe UI", "DejaVu Sans", Arial,
+  sans-serif; }
+h1 { font-size: 1.6rem; margin: 0.5rem 0; overflow-wrap: anywhere; }
+h2 { font-size: 1.2rem; margin: 2.2rem 0 0; }
+p { margin: 0.2rem 0 0.6rem; }
+nav a { margin-right: 1rem; }
+a { color: #0061a8; }
+.player { display: flex; gap: 0.8rem; align-items: center; }
+.player input { flex: 1; }
+.player output { min-width: 7em; font-variant-numeric: tabular-nums; }
+.player button { font: inherit; min-width: 5em; padding: 0.2em 0.8em; }
+@media (prefers-color-scheme: dark) {
+  body { background: #16161a; color: #ececf0; }
+  a { color: #7cc0f0; }
+}
+@media print {
+  body { background: #ffffff; color: #000000; max-width: none; padding: 0; }
+  nav, .player, .modebar { display: none; }
+  section { break-inside: avoid; }
+}
+"""
+
+_SCRIPT = """
+"use strict";
+const read = (id) => document.getElementById(id).textContent;
+const darkColors = JSON.parse(read("dark-colors"));
+const darkScheme = matchMedia("(prefers-color-scheme: dark)");
+const config = JSON.parse(read("plotly-config"));
+const printWidth = 700;
+
+function valuesOf(name, dark) {
+  let text = read("values-" + name);
+  if (dark) {
+    for (const [light, other] of Object.entries(darkColors)) {
+      text = text.replaceAll('"' + light + '"', '"' + other + '"');
+    }
+  }
+  const spec = JSON.parse(text);
+  if (spec.frames) {
+    // the page has its own controls, which take the keyboard
+    delete spec.layout.updatemenus;
+    delete spec.layout.sliders;
+    spec.layout.height -= 80;
+    spec.layout.margin.b = 80;
+  }
+  return spec;
+}
+
+function draw(div, dark, width) {
+  const spec = valuesOf(div.id.slice(5), dark);
+  if (width) {
+    spec.layout.width = width;
+  }
+  Plotly.react(div, spec.data, spec.layout, config);
+}
+
+function player(div, spec) {
+  let known = null;
+  let dark = null;
+  const times = spec.layout.sliders[0].steps.map((step) => step.label);
+  const button = document.createElement("button");
+  const slider = document.createElement("input");
+  const output = document.createElement("output");
+  const bar = document.createElement("div");
+  bar.className = "player";
+  bar.append(button, slider, output);
+  div.after(bar);
+  button.type = "button";
+  slider.type = "range";
+  slider.min = 0;
+  slider.max = spec.frames.length - 1;
+  slider.value = 0;
+  slider.setAttribute("aria-label", "Time within the period");
+  let playing = false;
+  let timer = 0;
+  const show = (wanted) => {
+    const k = Number(slider.value);
+    output.textContent = times[k] + " s";
+    slider.setAttribute("aria-valuetext", times[k] + " seconds");
+    if (dark !== wanted) {
+      dark = wanted;
+      known = valuesOf(div.id.slice(5), dark);
+    }
+    const frame = known.frames[k];
+    const data = [...known.data];
+    frame.traces.forEach((n, i) => { data[n] = { ...data[n], ...frame.data[i] }; });
+    // the layout as it is keeps the reader's zoom
+    Plotly.react(div, data, div.layout, config);
+  };
+  const step = () => {
+    if (!playing) { return; }
+    slider.value = (Number(slider.value) + 1) % spec.frames.length;
+    show(darkScheme.matches);
+    timer = setTimeout(step, 100);
+  };
+  const label = () => { button.textContent = playing ? "Pause" : "Play"; };
+  button.addEventListener("click", () => {
+    clearTimeout(timer);
+    playing = !playing;
+    label();
+    step();
+  });
+  slider.addEventListener("input", () => {
+    playing = false;
+    label();
+    show(darkScheme.matches);
+  });
+  label();
+  output.textContent = times[0] + " s";
+  return show;
+}
+
+const shown = new Map();
+const plots = [...document.querySelectorAll(".plot")];
+for (const div of plots) {
+  draw(div, darkScheme.matches);
+  const spec = JSON.parse(read("values-" + div.id.slice(5)));
+  if (spec.frames) { shown.set(div, player(div, spec)); }
+}
+function drawAll(dark, width) {
+  for (const div of plots) {
+    draw(div, dark, width);
+    shown.get(div)?.(dark);
+  }
+}
+darkScheme.addEventListener("change", () => drawAll(darkScheme.matches));
+addEventListener("beforeprint", () => drawAll(false, printWidth));
+addEventListener("afterprint", () => drawAll(darkScheme.matches));
+"""

@@ -1,0 +1,135 @@
+"""A real browser on the service's page, and what must hold of a page whatever is done on it."""
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import (
+    Browser,
+    ConsoleMessage,
+    Page,
+    Request,
+    expect,
+    sync_playwright,
+)
+
+__all__ = ["DESKTOP", "PHONE", "Visit", "accessibility_faults", "chromium", "visiting"]
+
+DESKTOP = (1440, 900)
+PHONE = (390, 844)
+
+_PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+_HEARD = ("error", "warning")
+_PATIENCE_MS = 20_000
+
+
+@contextmanager
+def chromium() -> Iterator[Browser]:
+    """A browser of this machine: SYNCPLAN_CHROMIUM, or the first one that is installed."""
+    named = os.environ.get("SYNCPLAN_CHROMIUM")
+    program = named or next(filter(None, map(shutil.which, _PROGRAMS)), None)
+    assert program, "the tests of the page need Chromium: apt-get install chromium"
+    # root can't have the sandbox, and containers have little shared memory
+    options = ["--no-sandbox", "--disable-dev-shm-usage"]
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=program, args=options)
+        try:
+            yield browser
+        finally:
+            browser.close()
+
+
+@dataclass(slots=True)
+class Visit:
+    """A page in a browser, and all it complained of.
+
+    Attributes
+    ----------
+    complaints : of the console, errors and warnings, policy violations among them
+    expected : texts of complaints that may pass
+    """
+
+    page: Page
+    complaints: list[str] = field(default_factory=list)
+    expected: tuple[str, ...] = ()
+
+    def expect_complaints(self, *parts: str) -> None:
+        """Let complaints that hold one of these texts pass: browsers log every refused request."""
+        self.expected = parts
+
+    @property
+    def unexpected(self) -> list[str]:
+        """What was complained of and not expected."""
+        return [one for one in self.complaints if not any(part in one for part in self.expected)]
+
+    def verdict(self, text: str) -> None:
+        """Wait until the verdict begins with a text."""
+        expect(self.page.locator("#badge")).to_contain_text(text)
+
+    def choose(self, example: str) -> None:
+        """Start from an example."""
+        self.page.get_by_label("Start from an example").select_option(example)
+        expect(self.page.locator("#map-name")).to_have_text(example)
+        self.settle()
+
+    def settle(self) -> None:
+        """Wait until nothing is being planned any more."""
+        expect(self.page.locator("#workspace")).to_have_attribute("aria-busy", "false")
+
+
+@contextmanager
+def visiting(
+    browser: Browser,
+    address: str,
+    *,
+    size: tuple[int, int] = DESKTOP,
+    dark: bool = False,
+    touch: bool = False,
+) -> Iterator[Visit]:
+    """A visit to an address; at its end nothing may have been complained of that was not expected.
+
+    Whatever does not come from the service itself counts as a complaint.
+    """
+    width, height = size
+    context = browser.new_context(
+        viewport={"width": width, "height": height},
+        color_scheme="dark" if dark else "light",
+        has_touch=touch,
+        accept_downloads=True,
+    )
+    context.grant_permissions(["clipboard-read", "clipboard-write"])
+    context.set_default_timeout(_PATIENCE_MS)
+    expect.set_options(timeout=_PATIENCE_MS)
+    page = context.new_page()
+    visit = Visit(page)
+    origin = "/".join(address.split("/")[:3])
+
+    def hear(told: ConsoleMessage) -> None:
+        if told.type in _HEARD:
+            visit.complaints.append(told.text)
+
+    def watch(asked: Request) -> None:
+        if not asked.url.startswith((origin, "blob:", "data:")):
+            visit.complaints.append(f"asked elsewhere: {asked.url}")
+
+    page.on("console", hear)
+    page.on("pageerror", lambda error: visit.complaints.append(str(error)))
+    page.on("request", watch)
+    try:
+        page.goto(address)
+        yield visit
+        assert visit.unexpected == [], visit.unexpected
+    finally:
+        context.close()
+
+
+def accessibility_faults(page: Page) -> list[str]:
+    """Return what axe finds wrong with a page, one line for each fault."""
+    found = Axe().run(page)
+    return [
+        f"{fault['id']}: {fault['help']}: {[node['html'][:160] for node in fault['nodes']]}"
+        for fault in found.response["violations"]
+    ]
