@@ -7,7 +7,6 @@ from an empty process to the files of every format in a folder.
     python benchmarks/exports.py
 """
 
-import subprocess
 import sys
 import tempfile
 import time
@@ -16,7 +15,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks import Figure, print_figures
-from benchmarks.startup import PAPER_GRID
+from benchmarks.startup import PAPER_GRID, run_command
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -48,20 +47,9 @@ def _alone(path: Path, repeats: int) -> dict[str, float]:
 
 
 def _command(path: Path, folder: Path) -> float:
-    """Seconds of one process that writes every format. Raises RuntimeError if it fails."""
+    """Seconds of one process that writes every format."""
     arguments = ["export", str(path), "--format", "all", "-o", str(folder)]
-    begin = time.perf_counter()
-    done = subprocess.run(
-        [sys.executable, "-m", "syncplan", *arguments],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    seconds = time.perf_counter() - begin
-    if done.returncode != 0:
-        raise RuntimeError(f"syncplan {' '.join(arguments)}: {done.returncode}, {done.stderr}")
-    return seconds
+    return run_command(arguments)[0]
 
 
 def main(repeats: int = 5) -> dict[str, float]:

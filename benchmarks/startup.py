@@ -78,8 +78,8 @@ TARGETS_S = {
 }
 
 
-def _run(arguments: list[str]) -> tuple[float, str]:
-    """Seconds of one process, and what it wrote. Raises RuntimeError if it fails."""
+def run_command(arguments: list[str]) -> tuple[float, str]:
+    """Return (s, standard output) of one process. Raises RuntimeError if it fails."""
     begin = time.perf_counter()
     done = subprocess.run(
         [sys.executable, "-m", "syncplan", *arguments],
@@ -122,8 +122,8 @@ def main() -> dict[str, float]:
                 path.write_text(scenario, encoding="utf-8")
                 arguments = ["plan", str(path)]
             if repeats > 1:
-                _run(arguments)
-            runs = [_run(arguments) for _ in range(repeats)]
+                run_command(arguments)
+            runs = [run_command(arguments) for _ in range(repeats)]
             if scenario is not None and len(json.loads(runs[-1][1])["vehicles"]) != count:
                 raise RuntimeError(f"{case}: the plan has other vehicles than its scenario")
             result[f"{case}_best_s"] = min(seconds for seconds, _ in runs)

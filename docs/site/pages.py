@@ -1,16 +1,15 @@
 """The source of the site: pages with their figures put in, generated pages, scripts."""
 
 import html
-import json
 import re
 import shutil
 from pathlib import Path
-from typing import Any
 
 from docs.site.figures import DRAWN
 from docs.site.reference import PAGES
 from syncplan.errors import InputError
 from syncplan.plotting.canvas import CONFIG, Spec
+from syncplan.plotting.page import embedded, plotly_script
 from syncplan.plotting.palette import DARK
 
 __all__ = ["DOCS", "with_figures", "write_pages"]
@@ -41,7 +40,7 @@ def write_pages(folder: Path) -> None:
         target = folder / name
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_text(content(), "utf-8")
-    (folder / _PLOTLY).write_text(_plotly_script(), "utf-8")
+    (folder / _PLOTLY).write_text(plotly_script(), "utf-8")
 
 
 def with_figures(markdown: str, name: str) -> str:
@@ -52,7 +51,7 @@ def with_figures(markdown: str, name: str) -> str:
     drawn = _PLACE.sub(lambda found: _figure(found[1], name), markdown)
     if drawn == markdown:
         return drawn
-    settings = _values("plot-settings", {"config": dict(CONFIG), "dark": dict(DARK)})
+    settings = embedded("plot-settings", {"config": dict(CONFIG), "dark": dict(DARK)})
     up = "../" * name.count("/")
     scripts = "\n".join(f'<script defer src="{up}{one}"></script>' for one in (_PLOTLY, _FIGURES))
     return f"{drawn}\n\n{settings}\n{scripts}\n"
@@ -69,25 +68,9 @@ def _figure(name: str, page: str) -> str:
     return (
         f'<figure class="drawn" id="{name}">\n<div class="plot" id="plot-{name}" {told}></div>\n'
         f'<figcaption id="words-{name}">{words}</figcaption>\n</figure>\n'
-        f"{_values(f'plot-{name}-values', drawn.spec)}\n"
+        f"{embedded(f'plot-{name}-values', drawn.spec)}\n"
     )
 
 
 def _title(spec: Spec) -> str:
     return str(spec["layout"]["title"]["text"])
-
-
-def _values(name: str, values: Any) -> str:
-    """JSON inside a script element, where < would be read as markup."""
-    text = json.dumps(values, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-    safe = text.replace("<", "\\u003c")
-    return f'<script type="application/json" id="{name}">{safe}</script>'
-
-
-def _plotly_script() -> str:
-    try:
-        from plotly.offline import get_plotlyjs
-    except ImportError:
-        raise InputError("needs plotly: pip install 'syncplan[docs]'", source="the site") from None
-    script: str = get_plotlyjs()
-    return script

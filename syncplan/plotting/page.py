@@ -9,7 +9,7 @@ from syncplan.plotting.canvas import CONFIG, Spec
 from syncplan.plotting.catalogue import ENTRIES
 from syncplan.plotting.palette import DARK
 
-__all__ = ["figure_page"]
+__all__ = ["embedded", "figure_page", "plotly_script"]
 
 
 def figure_page(title: str, specs: Mapping[str, Spec]) -> str:
@@ -18,7 +18,7 @@ def figure_page(title: str, specs: Mapping[str, Spec]) -> str:
     The same figures give the same bytes. Raises InputError where Plotly is not installed.
     """
     sections = "\n".join(_section(name) for name in specs)
-    values = "\n".join(_values(f"values-{name}", spec) for name, spec in specs.items())
+    values = "\n".join(embedded(f"values-{name}", spec) for name, spec in specs.items())
     links = " ".join(f'<a href="#{name}">{html.escape(ENTRIES[name].title)}</a>' for name in specs)
     heading = html.escape(title)
     return f"""<!DOCTYPE html>
@@ -39,9 +39,9 @@ def figure_page(title: str, specs: Mapping[str, Spec]) -> str:
 {sections}
 </main>
 {values}
-{_values("dark-colors", dict(DARK))}
-{_values("plotly-config", dict(CONFIG))}
-<script>{_plotly_script()}</script>
+{embedded("dark-colors", dict(DARK))}
+{embedded("plotly-config", dict(CONFIG))}
+<script>{plotly_script()}</script>
 <script>{_SCRIPT}</script>
 </body>
 </html>
@@ -59,14 +59,15 @@ def _section(name: str) -> str:
     )
 
 
-def _values(name: str, values: Spec) -> str:
-    """JSON inside a script element, where < would be read as markup."""
+def embedded(name: str, values: Spec) -> str:
+    """Return JSON inside a script element named `name`, where < would be read as markup."""
     text = json.dumps(values, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     safe = text.replace("<", "\\u003c")
     return f'<script type="application/json" id="{name}">{safe}</script>'
 
 
-def _plotly_script() -> str:
+def plotly_script() -> str:
+    """Return Plotly's script as it is installed; raises InputError if it is not."""
     try:
         from plotly.offline import get_plotlyjs
     except ImportError:
