@@ -318,6 +318,20 @@ def test_a_field_that_is_typed_anew_moves_nothing_meanwhile(visit: Visit) -> Non
     expect(handle(page, "v4")).to_have_attribute("aria-label", "Circle of v4, centre at 141, 70 m")
 
 
+def test_what_is_typed_at_one_go_is_one_step_to_undo(visit: Visit) -> None:
+    page = visit.page
+    # circles of 1 m are out of each other's range
+    visit.expect_complaints("422")
+    field = page.get_by_label("Radius of all")
+    field.focus()
+    page.keyboard.press("Control+A")
+    page.keyboard.type("18.5")
+    visit.settle()
+    page.get_by_role("button", name="Undo").click()
+    expect(field).to_have_value("20")
+    expect(page.get_by_role("button", name="Undo")).to_have_attribute("aria-disabled", "true")
+
+
 def opened(page: Page, scenario: dict[str, Any]) -> None:
     """Open a scenario as a file."""
     buffer = json.dumps(scenario).encode()
@@ -438,6 +452,19 @@ def test_wrong_numbers_of_a_job_are_told_next_to_their_fields(visit: Visit) -> N
     assert accessibility_faults(page) == []
 
 
+def test_a_plan_that_was_deleted_is_stored_anew(visit: Visit, server: Server) -> None:
+    page = visit.page
+    visit.expect_complaints("404")
+    page.get_by_label("Trials").fill("10")
+    page.get_by_role("button", name="Validate").click()
+    expect(page.locator(".outcome")).to_contain_text("of 10 trials")
+    httpx2.delete(f"{server.url}/v1/plans/{plan_id_of(page)}")
+    page.get_by_role("button", name="Validate").click()
+    expect(page.locator("#work")).to_contain_text("was deleted from the service")
+    page.get_by_role("button", name="Validate").click()
+    expect(page.locator(".outcome")).to_contain_text("of 10 trials")
+
+
 def test_what_is_edited_while_a_job_runs_stays(visit: Visit) -> None:
     page = visit.page
     page.get_by_label("Trials").fill("4000")
@@ -511,7 +538,7 @@ def test_the_animation_moves_vehicles_sightings_and_a_line_in_the_timeline(visit
     expect(page.locator("#moment-text")).to_have_text("0 s")
 
 
-def test_playing_can_be_paused_however_fast_it_was_begun_and_ends_with_an_edit(
+def test_playing_can_be_paused_however_fast_it_was_begun_and_shows_the_newest_plan(
     visit: Visit,
 ) -> None:
     page = visit.page
@@ -522,12 +549,16 @@ def test_playing_can_be_paused_however_fast_it_was_begun_and_ends_with_an_edit(
     page.wait_for_timeout(500)
     expect(page.locator("#moment-text")).to_have_text(told or "")
     page.get_by_label("Radius of all").fill("19")
+    expect(page.locator("#moment-text")).to_have_text("0 s")
+    # before the whole plan has followed the quick one
     page.locator("#play").click()
     visit.settle()
-    page.wait_for_timeout(300)
+    page.wait_for_timeout(800)
+    expect(page.locator("#play")).to_have_text("Pause")
     uids = "document.getElementById('map-plot').data.map(t => t.uid)"
-    assert "vehicles" in page.evaluate(uids)
-    expect(page.locator("#play")).to_have_text("Play")
+    assert {"vehicles", "sightings", "circles-ccw"} <= set(page.evaluate(uids))
+    circles = "document.getElementById('map-plot').data.find(t => t.uid === 'circles-ccw').x[0]"
+    assert page.evaluate(circles) == pytest.approx(19.0)
 
 
 def test_plans_and_exports_are_saved_and_an_export_says_what_it_lacks(

@@ -47,7 +47,7 @@ export function offerDownloads(store, storePlan) {
     try {
       await task(await storePlan());
     } catch (error) {
-      fault.textContent = error.message;
+      fault.textContent = store.deleted(error) || error.message;
     }
   }
 

@@ -127,7 +127,7 @@ export class Editor {
     if (section === "sensor") changed = withSensor(scenario, key, value);
     else changed = withValue(scenario, path, value === "" ? undefined : value);
     if (section === "geo_origin") changed = wholeOrigin(changed);
-    this.#store.edit(changed, { live: true });
+    this.#store.edit(changed, { live: true, field: path });
   }
 
   #show() {
@@ -200,33 +200,37 @@ export class Editor {
   }
 
   #fieldsOf({ kind, k }) {
-    const edit = (change) => this.#store.edit(change(this.#store.scenario), { live: true });
-    const field = (key, path, label, unit, more, changed) =>
-      // a field that is being typed anew is empty for a moment
-      this.#field({ key: `chosen.${key}`, path, label, unit, ...more }, (value) => value !== "" && changed(value));
+    let field = "";
+    const edit = (change) => this.#store.edit(change(this.#store.scenario), { live: true, field });
+    const made = (key, path, label, unit, more, changed) =>
+      this.#field({ key: `chosen.${key}`, path, label, unit, ...more }, (value) => {
+        field = path;
+        // one that is being typed anew is empty for a moment
+        if (value !== "") changed(value);
+      });
     if (kind === "landmark") {
       const at = () => landmarksOf(this.#store.scenario)[k];
       const landmarks = this.#store.scenario.landmarks_m;
       const path = Array.isArray(landmarks) ? `landmarks_m[${k}]` : `landmarks_m.${at().name}`;
       return [
-        field("x", `${path}[0]`, "East", "m", {}, (x) => edit((old) => withLandmark(old, k, x, at().y))),
-        field("y", `${path}[1]`, "North", "m", {}, (y) => edit((old) => withLandmark(old, k, at().x, y))),
+        made("x", `${path}[0]`, "East", "m", {}, (x) => edit((old) => withLandmark(old, k, x, at().y))),
+        made("y", `${path}[1]`, "North", "m", {}, (y) => edit((old) => withLandmark(old, k, at().x, y))),
       ];
     }
     const at = () => vehiclesOf(this.#store.scenario)[k];
     const path = `formation.centers_m[${k}]`;
     return [
-      field("x", `${path}[0]`, "Centre east", "m", {}, (x) => edit((old) => withCenter(old, k, x, at().y))),
-      field("y", `${path}[1]`, "Centre north", "m", {}, (y) => edit((old) => withCenter(old, k, at().x, y))),
-      field("radius", `orbit.radius_m[${k}]`, "Radius", "m", { min: 0 }, (radius) => edit((old) => withRadius(old, k, radius))),
-      field("direction", `orbit.direction[${k}]`, "Turns", "", { kind: "choice" }, (turn) =>
+      made("x", `${path}[0]`, "Centre east", "m", {}, (x) => edit((old) => withCenter(old, k, x, at().y))),
+      made("y", `${path}[1]`, "Centre north", "m", {}, (y) => edit((old) => withCenter(old, k, at().x, y))),
+      made("radius", `orbit.radius_m[${k}]`, "Radius", "m", { min: 0 }, (radius) => edit((old) => withRadius(old, k, radius))),
+      made("direction", `orbit.direction[${k}]`, "Turns", "", { kind: "choice" }, (turn) =>
         edit((old) => withDirection(old, this.#store.plan, k, turn)),
       ),
-      field("range_m", `sensor[${k}].range_m`, "Its range", "m", { min: 0 }, (value) => edit((old) => withSensor(old, "range_m", value, k))),
-      field("fov_deg", `sensor[${k}].fov_deg`, "Its field of view", "°", { min: 0 }, (value) =>
+      made("range_m", `sensor[${k}].range_m`, "Its range", "m", { min: 0 }, (value) => edit((old) => withSensor(old, "range_m", value, k))),
+      made("fov_deg", `sensor[${k}].fov_deg`, "Its field of view", "°", { min: 0 }, (value) =>
         edit((old) => withSensor(old, "fov_deg", value, k)),
       ),
-      field("boresight_deg", `sensor[${k}].boresight_deg`, "Its boresight", "°", {}, (value) =>
+      made("boresight_deg", `sensor[${k}].boresight_deg`, "Its boresight", "°", {}, (value) =>
         edit((old) => withSensor(old, "boresight_deg", value, k)),
       ),
     ];

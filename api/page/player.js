@@ -24,8 +24,8 @@ export class Player {
     this.#charts = charts;
     this.#button.addEventListener("click", () => (this.#timer ? this.pause() : this.#play()));
     this.#slider.addEventListener("input", () => this.#seek());
-    // a plan that is judged puts its formation on the map
-    for (const name of ["scenario", "opened", "plan"]) store.addEventListener(name, () => this.#reset());
+    for (const name of ["scenario", "opened"]) store.addEventListener(name, () => this.#reset());
+    store.addEventListener("plan", () => this.#renew());
     for (const one of [this.#button, this.#slider]) one.disabled = true;
   }
 
@@ -44,18 +44,25 @@ export class Player {
     this.#say(0);
   }
 
+  /** A plan that is judged puts its formation on the map: go on with the moments of that plan. */
+  #renew() {
+    this.#figure = this.#loading = null;
+    if (this.#timer || Number(this.#slider.value) > 0) this.#seek();
+  }
+
   async #play() {
     if (!(await this.#ready()) || this.#timer) return;
     this.#button.textContent = "Pause";
     this.#button.setAttribute("aria-pressed", "true");
     this.#timer = setInterval(() => {
+      if (!this.#figure) return;
       this.#slider.value = (Number(this.#slider.value) + 1) % this.#figure.frames.length;
       this.#show();
     }, FRAME_MS);
   }
 
   async #seek() {
-    if (await this.#ready()) this.#show();
+    if ((await this.#ready()) && this.#figure) this.#show();
   }
 
   /** Whether the animation of the plan on show is on the map; fetches it once. */
@@ -70,7 +77,8 @@ export class Player {
       const found = planId
         ? await askJson("GET", `v1/plans/${planId}/figures/animation?theme=${theme()}`)
         : (await Planner.preview(scenario, { figures: ["animation"] })).figures.animation;
-      if (this.#store.scenario !== scenario || this.#store.plan !== plan) return false;
+      if (this.#store.scenario !== scenario) return false;
+      if (this.#store.plan !== plan) return this.#ready();
       this.#figure = found;
       this.#slider.max = found.frames.length - 1;
       await this.#map.draw(found);

@@ -3,6 +3,7 @@
 import { editable } from "./scenario.js";
 
 const MOST_STEPS = 100;
+const SAME_EDIT_MS = 1000;
 
 /** The page's state. Events: "opened", "scenario" (edited), "plan" (judged), "faults", "selected". */
 export class Store extends EventTarget {
@@ -15,10 +16,17 @@ export class Store extends EventTarget {
   selected = null;
   #past = [];
   #future = [];
+  #last = { field: null, at: 0 };
 
-  /** Take an edit: the plan on show is then of an older scenario until the service answers. */
-  edit(scenario, { live = false, step = true } = {}) {
-    if (step && this.scenario) this.#remember(this.scenario);
+  /** Take an edit: the plan on show is then of an older scenario until the service answers.
+   *
+   * Edits of one field that follow each other at once are one step to undo.
+   */
+  edit(scenario, { live = false, step = true, field = null } = {}) {
+    const at = performance.now();
+    const goesOn = field !== null && field === this.#last.field && at - this.#last.at < SAME_EDIT_MS;
+    this.#last = { field, at };
+    if (step && !goesOn && this.scenario) this.#remember(this.scenario);
     const wasRefined = this.parentId !== null;
     Object.assign(this, { scenario, planId: null, parentId: null });
     this.#tell("scenario", { live, wasRefined });
@@ -43,6 +51,13 @@ export class Store extends EventTarget {
 
   stored(planId, parentId) {
     Object.assign(this, { planId, parentId });
+  }
+
+  /** What went wrong in words, if it is that the plan on show was deleted; it is stored anew then. */
+  deleted(error) {
+    if (error.status !== 404 || !this.planId) return null;
+    this.stored(null, null);
+    return "This plan was deleted from the service. Try again: its scenario is planned and stored anew.";
   }
 
   select(what) {

@@ -50,7 +50,8 @@ export class Work {
     try {
       job = await postOnce(`v1/plans/${await this.#storePlan()}/${form.collection}`, request);
     } catch (error) {
-      form.tell(error);
+      const deleted = this.#store.deleted(error);
+      form.tell(deleted ? { message: deleted } : error);
       this.#enable();
       if (document.activeElement === document.body) form.button.focus();
       return;
