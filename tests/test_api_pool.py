@@ -235,6 +235,12 @@ def test_a_short_run_is_cut_for_all_processes_and_a_shorter_one_is_not_cut() -> 
     assert len(cuts_of([(200, 0.002)], 7.0, 2)) == 1
 
 
+@pytest.mark.parametrize("processes", [1, 2, 3, 8])
+def test_no_process_waits_for_a_last_part_of_another(processes: int) -> None:
+    for trials in range(5_000, 60_000, 1_700):
+        assert len(cuts_of([(trials, 0.002)], 7.0, processes)) % processes == 0, trials
+
+
 def test_a_pool_outlives_a_system_without_room_for_a_process(
     made: PlanText, monkeypatch: pytest.MonkeyPatch
 ) -> None:
