@@ -5,7 +5,7 @@ import { offerDownloads } from "./downloads.js";
 import { Editor } from "./editor.js";
 import { byId, notice } from "./elements.js";
 import { FormationMap } from "./map.js";
-import { Planner, theme } from "./planner.js";
+import { PLAN_FIGURES, Planner, theme } from "./planner.js";
 import { Player } from "./player.js";
 import { ask, askJson, key, postOnce } from "./service.js";
 import { Store } from "./store.js";
@@ -13,7 +13,6 @@ import { showVerdicts } from "./verdict.js";
 import { Work } from "./work.js";
 
 const FIRST_EXAMPLE = "paper-grid-same";
-const PLAN_FIGURES = ["formation", "timeline", "spectrum", "prediction"];
 
 let waiting = 0;
 const store = new Store();
@@ -34,7 +33,7 @@ let opening = 0;
 async function openText(text, name) {
   const turn = ++opening;
   const plan = planIn(text);
-  const found = await Planner.preview(plan ? JSON.stringify(plan.scenario) : text);
+  const found = await Planner.preview(plan ? plan.scenario : text);
   // people may have chosen something else meanwhile
   if (turn !== opening) return;
   store.open({ plan: found.plan });
@@ -171,16 +170,14 @@ store.addEventListener("scenario", (event) => {
 store.addEventListener("faults", (event) => notice(event.detail.message, { fault: true }));
 store.addEventListener("plan", () => byId("notice").classList.contains("bad") && notice(""));
 
-/** Do something that may fail, and say so; resolves with whether it went well. */
+/** Do something that may fail, and say so. */
 async function attempt(task) {
   notice("");
   busy(true);
   try {
     await task();
-    return true;
   } catch (error) {
     notice(error.message, { fault: true });
-    return false;
   } finally {
     busy(false);
   }

@@ -5,7 +5,9 @@ import { askJson, passing, pause, Refusal } from "./service.js";
 const SETTLE_MS = 350;
 const AWAY_S = 2;
 const LIVE = ["formation"];
-const FULL = ["formation", "timeline", "spectrum", "prediction"];
+
+/** The figures that every plan on show has. */
+export const PLAN_FIGURES = ["formation", "timeline", "spectrum", "prediction"];
 
 /** Keeps a store's plan up with its scenario.
  *
@@ -27,7 +29,7 @@ export class Planner {
   }
 
   /** Resolves with the plan and figures of any scenario, stored nowhere. */
-  static preview(scenario, { figures = FULL, quick = false } = {}) {
+  static preview(scenario, { figures = PLAN_FIGURES, quick = false } = {}) {
     const asked = new URLSearchParams({ quick, theme: theme() });
     for (const name of figures) asked.append("figure", name);
     const text = typeof scenario === "string";
