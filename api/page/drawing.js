@@ -12,12 +12,16 @@ const loaded = new Promise((resolve, reject) => {
   script.addEventListener("error", () => reject(new Error("the drawing library did not load; reload the page")));
 });
 
+/** Whether a map's frame has no room for a legend. */
+export function isNarrow(frame) {
+  return frame.clientWidth < NARROW_PX;
+}
+
 /** Draw a figure in a frame that has a heading of its own; resolves once it is there. */
 export async function draw(frame, figure, { filling = false } = {}) {
   const Plotly = await loaded;
   const { title, height, ...layout } = figure.layout;
-  // where there is no room for both, the map matters more; the verdict says what the legend would
-  const narrow = filling && frame.clientWidth < NARROW_PX;
+  const narrow = filling && isNarrow(frame);
   const fitted = {
     ...layout,
     ...(filling ? { autosize: true } : { height }),

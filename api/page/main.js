@@ -27,14 +27,13 @@ offerDownloads(store, storePlan);
 
 // --- opening ------------------------------------------------------------------------------------
 
+/** counts what was chosen to open: an answer that comes after another choice is dropped */
 let opening = 0;
 
-/** Open a scenario's text, YAML or JSON, or a plan's. */
-async function openText(text, name) {
-  const turn = ++opening;
+/** Open a scenario's text, YAML or JSON, or a plan's, unless something was chosen after that turn. */
+async function openText(text, name, turn) {
   const plan = planIn(text);
   const found = await Planner.preview(plan ? plan.scenario : text);
-  // people may have chosen something else meanwhile
   if (turn !== opening) return;
   store.open({ plan: found.plan });
   store.judged(found.plan, found.figures, { quick: false });
@@ -43,8 +42,14 @@ async function openText(text, name) {
 }
 
 async function openExample(name) {
+  const turn = ++opening;
   const answer = await ask("GET", `assets/examples/${name}.yaml`, { accept: "application/yaml" });
-  await openText(await answer.text(), name);
+  await openText(await answer.text(), name, turn);
+}
+
+async function openFile(file) {
+  const turn = ++opening;
+  await openText(await file.text(), file.name, turn);
 }
 
 async function openPlan(planId) {
@@ -133,7 +138,7 @@ byId("examples").addEventListener("change", (event) => {
 byId("upload").addEventListener("change", async (event) => {
   const [file] = event.target.files;
   event.target.value = "";
-  if (file) attempt(async () => openText(await file.text(), file.name));
+  if (file) attempt(() => openFile(file));
 });
 byId("undo").addEventListener("click", () => store.undo());
 byId("redo").addEventListener("click", () => store.redo());

@@ -1,7 +1,8 @@
 // The formation drawn by Plotly, with handles over it that pointer and keyboard move.
 
-import { draw } from "./drawing.js";
+import { draw, isNarrow } from "./drawing.js";
 import { byId, element, shown } from "./elements.js";
+import { legendOf } from "./legend.js";
 import { landmarksOf, round, vehiclesOf, withCenter, withLandmark } from "./scenario.js";
 
 const STEP = 0.01;
@@ -13,6 +14,7 @@ export class FormationMap {
   #store;
   #plot = byId("map-plot");
   #handles = byId("handles");
+  #legend = byId("map-legend");
   #dragged = null;
   #held = null;
 
@@ -37,6 +39,9 @@ export class FormationMap {
       layout.yaxis.range = this.#held.y;
     }
     const first = !this.#plot.data;
+    const narrow = isNarrow(this.#plot);
+    this.#legend.hidden = !narrow;
+    if (narrow) this.#legend.querySelector("ul").replaceChildren(...legendOf(figure));
     await draw(this.#plot, figure, { filling: true });
     if (first) {
       for (const name of ["plotly_afterplot", "plotly_relayouting", "plotly_relayout"]) {

@@ -1,0 +1,146 @@
+// The vehicle or landmark that was chosen: its own part of the form, and how one comes or goes.
+
+import { byId, element } from "./elements.js";
+import { Fields } from "./fields.js";
+import {
+  addLandmark,
+  landmarksOf,
+  vehiclesOf,
+  withCenter,
+  withDirection,
+  withLandmark,
+  withRadius,
+  withSensor,
+  withVehicle,
+  withoutLandmark,
+  withoutVehicle,
+} from "./scenario.js";
+
+const TURNS = { ccw: "counter-clockwise", cw: "clockwise" };
+const CHOICE = { kind: "choice" };
+const AT_LEAST_0 = { min: 0 };
+
+/** The part of the form for one vehicle or landmark of a store's scenario. */
+export class Body {
+  /** the element to put in the form */
+  group = element("fieldset", { class: "group" });
+  fields = new Fields();
+  #store;
+  #names = "";
+
+  constructor(store) {
+    this.#store = store;
+    for (const event of ["opened", "selected"]) store.addEventListener(event, () => this.#build());
+  }
+
+  /** Show the scenario: anew where a vehicle or landmark came or went. */
+  show() {
+    if (namesIn(this.#store.scenario) !== this.#names) this.#build();
+    else this.#put();
+  }
+
+  #build() {
+    const { scenario, selected } = this.#store;
+    if (!scenario) return;
+    this.#names = namesIn(scenario);
+    this.fields.clear();
+    const vehicles = vehiclesOf(scenario).map((one, k) => [`vehicle ${k}`, one.name]);
+    const landmarks = landmarksOf(scenario).map((one, k) => [`landmark ${k}`, one.name]);
+    const picker = element(
+      "select",
+      { id: "chosen", "aria-label": "Vehicle or landmark", onchange: () => this.#pick(picker.value) },
+      element("option", { value: "" }, "choose, here or on the map …"),
+      ...[...vehicles, ...landmarks].map(([value, name]) => element("option", { value }, name)),
+    );
+    const known = selected && selected.k < (selected.kind === "vehicle" ? vehicles : landmarks).length;
+    picker.value = known ? `${selected.kind} ${selected.k}` : "";
+    this.group.replaceChildren(
+      element("legend", {}, "One of them"),
+      element("div", { class: "field wide" }, element("label", { for: "chosen" }, "Vehicle or landmark"), picker),
+      ...(known ? this.#fieldsOf(selected) : []),
+      element(
+        "div",
+        { class: "row" },
+        element("button", { type: "button", onclick: () => this.#grow(withVehicle) }, "Add vehicle"),
+        element("button", { type: "button", onclick: () => this.#grow(addLandmark) }, "Add landmark"),
+        known && (selected.kind === "landmark" || vehicles.length > 1)
+          ? element("button", { type: "button", onclick: () => this.#remove(selected) }, "Remove")
+          : null,
+      ),
+    );
+    this.#put();
+  }
+
+  #fieldsOf({ kind, k }) {
+    return kind === "vehicle" ? this.#ofVehicle(k) : this.#ofLandmark(k);
+  }
+
+  #ofVehicle(k) {
+    const at = () => vehiclesOf(this.#store.scenario)[k];
+    const center = `formation.centers_m[${k}]`;
+    const orbit = (key, name, ...rest) => this.#field(key, `orbit.${name}[${k}]`, ...rest);
+    const sensor = (key, label, unit, more) =>
+      this.#field(key, `sensor[${k}].${key}`, label, unit, (old, value) => withSensor(old, key, value, k), more);
+    return [
+      this.#field("x", `${center}[0]`, "Centre east", "m", (old, x) => withCenter(old, k, x, at().y)),
+      this.#field("y", `${center}[1]`, "Centre north", "m", (old, y) => withCenter(old, k, at().x, y)),
+      orbit("radius", "radius_m", "Radius", "m", (old, radius) => withRadius(old, k, radius), AT_LEAST_0),
+      orbit("direction", "direction", "Turns", "", (old, turn) => withDirection(old, this.#store.plan, k, turn), CHOICE),
+      sensor("range_m", "Its range", "m", AT_LEAST_0),
+      sensor("fov_deg", "Its field of view", "°", AT_LEAST_0),
+      sensor("boresight_deg", "Its boresight", "°"),
+    ];
+  }
+
+  #ofLandmark(k) {
+    const { landmarks_m: landmarks } = this.#store.scenario;
+    const at = () => landmarksOf(this.#store.scenario)[k];
+    const place = Array.isArray(landmarks) ? `landmarks_m[${k}]` : `landmarks_m.${at().name}`;
+    return [
+      this.#field("x", `${place}[0]`, "East", "m", (old, x) => withLandmark(old, k, x, at().y)),
+      this.#field("y", `${place}[1]`, "North", "m", (old, y) => withLandmark(old, k, at().x, y)),
+    ];
+  }
+
+  /** A field whose value `change(scenario, value)` enters. */
+  #field(key, path, label, unit, change, more = {}) {
+    return this.fields.add({ key: `chosen.${key}`, path, label, unit, ...more }, (value) => {
+      // one that is being typed anew is empty for a moment
+      if (value !== "") this.#store.edit(change(this.#store.scenario, value), { live: true, field: path });
+    });
+  }
+
+  #put() {
+    const { scenario, selected, plan } = this.#store;
+    if (!selected) return;
+    const body = (selected.kind === "vehicle" ? vehiclesOf(scenario, plan) : landmarksOf(scenario))[selected.k];
+    if (!body) return;
+    const values = { ...body, ...body.sensor };
+    for (const key of this.fields.keys) {
+      const value = values[key.slice("chosen.".length)];
+      if (key === "chosen.direction") this.fields.choose(key, TURNS, value);
+      else this.fields.put(key, value);
+    }
+  }
+
+  #pick(value) {
+    const [kind, k] = value.split(" ");
+    this.#store.select(value ? { kind, k: Number(k) } : null);
+    byId("chosen").focus();
+  }
+
+  #grow(change) {
+    this.#store.edit(change(this.#store.scenario));
+    byId("chosen").focus();
+  }
+
+  #remove({ kind, k }) {
+    this.#store.select(null);
+    this.#store.edit((kind === "vehicle" ? withoutVehicle : withoutLandmark)(this.#store.scenario, k));
+    byId("chosen").focus();
+  }
+}
+
+function namesIn(scenario) {
+  return JSON.stringify([vehiclesOf(scenario), landmarksOf(scenario)].map((all) => all.map((one) => one.name)));
+}

@@ -1,0 +1,55 @@
+"""What people do on the page, and what they get from it."""
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+from playwright.sync_api import Download, Locator, Page, expect
+
+__all__ = ["downloaded", "drag", "handle", "opened", "plan_id_of", "saved"]
+
+
+def handle(page: Page, name: str) -> Locator:
+    """What moves a circle or a landmark."""
+    return page.locator(f'#handles button[title="{name}"]')
+
+
+def drag(page: Page, name: str, by: tuple[float, float]) -> None:
+    """Drag a circle or a landmark by so many pixels."""
+    box = handle(page, name).bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    for share in (0.25, 0.5, 0.75, 1.0):
+        page.mouse.move(x + share * by[0], y + share * by[1])
+    page.mouse.up()
+
+
+def saved(download: Download) -> bytes:
+    """The content of what was downloaded."""
+    return Path(download.path()).read_bytes()
+
+
+def plan_id_of(page: Page) -> str:
+    """The identifier of the plan in the page's address."""
+    found = re.search(r"[?&]plan=([0-9a-f-]{36})", page.url)
+    assert found, page.url
+    return found[1]
+
+
+def opened(page: Page, scenario: dict[str, Any]) -> None:
+    """Open a scenario as a file."""
+    buffer = json.dumps(scenario).encode()
+    upload: Any = {"name": "some.json", "mimeType": "application/json", "buffer": buffer}
+    page.get_by_label("Open a file").set_input_files(upload)
+    expect(page.locator("#map-name")).to_have_text(scenario["name"])
+
+
+def downloaded(page: Page) -> dict[str, Any]:
+    """The scenario as the page saves it."""
+    with page.expect_download() as waiting:
+        page.get_by_role("button", name="Scenario").click()
+    found: dict[str, Any] = json.loads(saved(waiting.value))
+    return found

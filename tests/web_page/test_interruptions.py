@@ -1,0 +1,143 @@
+"""What comes between: a service that is away, keys, answers in another order, deleted plans."""
+
+from pathlib import Path
+
+import httpx2
+import pytest
+from playwright.sync_api import Browser, Route, expect
+
+from tests.api_servers import key_of, serving
+from tests.browsing import Visit, accessibility_faults, visiting
+from tests.serving import Server, running, settings_of
+from tests.web_page.gestures import plan_id_of
+
+pytestmark = pytest.mark.slow
+
+ALTERNATE = "paper-grid-alternate"
+
+
+def test_a_server_that_dies_in_mid_job_and_returns_costs_nothing_but_time(
+    browser: Browser, tmp_path: Path
+) -> None:
+    given = settings_of(tmp_path / "data")
+    first = Server(tmp_path / "log", port=None, **given)
+    with running(first), visiting(browser, first.url) as visit:
+        page = visit.page
+        visit.expect_complaints("net::ERR", "503")
+        visit.verdict("Observable")
+        page.get_by_label("Trials").fill("9000")
+        page.get_by_role("button", name="Validate").click()
+        expect(page.locator("progress")).not_to_have_attribute("value", "0", timeout=60_000)
+        first.kill()
+        expect(page.locator("#job-text")).to_contain_text("can't be reached")
+        with running(Server(tmp_path / "log", port=first.port, **given)):
+            expect(page.locator("#job-text")).to_contain_text("Validation running", timeout=60_000)
+            expect(page.locator(".outcome")).to_contain_text("of 9000 trials", timeout=120_000)
+
+
+def test_a_service_with_keys_asks_for_one(browser: Browser, tmp_path: Path) -> None:
+    with (
+        serving(tmp_path, "ann") as server,
+        visiting(browser, server.url) as visit,
+    ):
+        page = visit.page
+        visit.expect_complaints("401")
+        expect(page.get_by_label("API key")).to_be_focused()
+        assert accessibility_faults(page) == []
+        page.get_by_label("API key").fill("wrong")
+        page.keyboard.press("Enter")
+        expect(page.locator("#key-fault")).to_contain_text("not known")
+        page.get_by_label("API key").fill(key_of("ann"))
+        page.keyboard.press("Enter")
+        visit.verdict("Observable: rank 18 of 18")
+        expect(page.locator("#key-form")).to_be_hidden()
+
+
+def test_of_two_that_are_opened_at_once_the_later_one_stays(visit: Visit) -> None:
+    page = visit.page
+    held: list[Route] = []
+    page.route(f"**/examples/{ALTERNATE}.yaml", lambda route: held.append(route))
+    chooser = page.get_by_label("Start from an example")
+    chooser.select_option(ALTERNATE)
+    chooser.select_option("four-ground-robots")
+    visit.verdict("rank 12 of 12")
+    assert len(held) == 1
+    held[0].continue_()
+    visit.settle()
+    expect(page.locator("#map-name")).to_have_text("four-ground-robots")
+    visit.verdict("rank 12 of 12")
+
+
+def test_an_edit_while_the_service_is_away_is_planned_once_it_is_back(
+    browser: Browser, tmp_path: Path
+) -> None:
+    given = settings_of(tmp_path / "data")
+    first = Server(tmp_path / "log", port=None, **given)
+    with running(first), visiting(browser, first.url) as visit:
+        page = visit.page
+        visit.expect_complaints("net::ERR", "503")
+        visit.choose(ALTERNATE)
+        visit.verdict("Not observable: rank 16 of 18")
+        first.kill()
+        page.get_by_label("Desynchronise by").fill("0.2")
+        expect(page.locator("#notice.bad")).to_contain_text("can't be reached")
+        expect(page.locator("#verdict")).to_contain_text("Of the scenario before the fault")
+        with running(Server(tmp_path / "log", port=first.port, **given)):
+            visit.verdict("Observable: rank 18 of 18")
+            expect(page.locator("#notice.bad")).to_have_count(0)
+            expect(page.get_by_label("Desynchronise by")).to_have_value("0.2")
+
+
+def test_an_edit_that_waits_for_a_key_is_not_lost(browser: Browser, tmp_path: Path) -> None:
+    with serving(tmp_path, "ann") as server, visiting(browser, server.url) as visit:
+        page = visit.page
+        visit.expect_complaints("401")
+        page.get_by_label("API key").fill(key_of("ann"))
+        page.keyboard.press("Enter")
+        visit.choose(ALTERNATE)
+        page.evaluate("sessionStorage.clear()")
+        page.get_by_label("Desynchronise by").fill("0.2")
+        expect(page.get_by_label("API key")).to_be_focused()
+        page.get_by_label("API key").fill(key_of("ann"))
+        page.keyboard.press("Enter")
+        visit.verdict("Observable: rank 18 of 18")
+        expect(page.locator("#map-name")).to_have_text(ALTERNATE)
+        expect(page.get_by_label("Desynchronise by")).to_have_value("0.2")
+
+
+def test_a_refined_plan_opens_though_its_parent_was_deleted(visit: Visit, server: Server) -> None:
+    page = visit.page
+    visit.choose(ALTERNATE)
+    page.get_by_label("Time limit (s)").fill("5")
+    page.get_by_role("button", name="Refine").click()
+    expect(page.locator(".outcome")).to_contain_text("Predicted error")
+    plan = httpx2.get(f"{server.url}/v1/plans/{plan_id_of(page)}").json()
+    assert httpx2.delete(f"{server.url}/v1/plans/{plan['parent_id']}").status_code == 204
+    visit.expect_complaints("404")
+    page.reload()
+    visit.verdict("Observable: rank 18 of 18")
+    expect(page.get_by_role("tab", name="Refinement")).to_be_visible()
+    expect(page.get_by_role("tab", name="Before and after")).to_be_hidden()
+    expect(page.locator("#notice.bad")).to_have_count(0)
+
+
+def test_the_focus_stays_where_it_was_over_undo_and_cancel(visit: Visit) -> None:
+    page = visit.page
+    undo = page.get_by_role("button", name="Undo")
+    page.get_by_label("Radius of all").fill("21")
+    visit.settle()
+    undo.focus()
+    page.keyboard.press("Enter")
+    visit.settle()
+    expect(page.get_by_label("Radius of all")).to_have_value("20")
+    expect(undo).to_have_attribute("aria-disabled", "true")
+    expect(undo).to_be_focused()
+    page.get_by_label("Trials").fill("100000")
+    validate = page.get_by_role("button", name="Validate")
+    validate.focus()
+    page.keyboard.press("Enter")
+    expect(page.locator("#job-text")).to_contain_text("of 100000 trials")
+    expect(page.get_by_role("button", name="Cancel")).to_be_focused()
+    page.keyboard.press("Enter")
+    expect(page.locator("#notice")).to_have_text("Validation cancelled.")
+    expect(validate).to_be_focused()

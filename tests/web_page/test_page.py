@@ -1,0 +1,125 @@
+"""What holds of the page: accessibility, policy, assets, what it offers."""
+
+import re
+
+import httpx2
+import pytest
+from playwright.sync_api import Browser, expect
+
+from syncplan.exports import FORMATS
+from tests.browsing import DESKTOP, PHONE, Visit, accessibility_faults, visiting
+from tests.scenarios import FILES
+from tests.serving import Server
+from tests.web_page.gestures import handle
+
+pytestmark = pytest.mark.slow
+
+ALTERNATE = "paper-grid-alternate"
+
+
+@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+def test_the_page_has_no_accessibility_faults(
+    browser: Browser, server: Server, size: tuple[int, int], dark: bool
+) -> None:
+    with visiting(browser, server.url, size=size, dark=dark) as visit:
+        visit.choose(ALTERNATE)
+        for summary in visit.page.locator("summary").all():
+            if summary.is_visible():
+                summary.click()
+        handle(visit.page, "v2").click()
+        assert accessibility_faults(visit.page) == []
+        for name in ("Singular values", "Predicted error"):
+            visit.page.get_by_role("tab", name=name).click()
+            assert accessibility_faults(visit.page) == []
+
+
+def test_the_page_fits_a_phone(browser: Browser, server: Server) -> None:
+    with visiting(browser, server.url, size=PHONE, touch=True) as visit:
+        visit.choose(ALTERNATE)
+        wide = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+        assert visit.page.evaluate(wide) <= 0
+        handle(visit.page, "v2").tap()
+        expect(visit.page.get_by_label("Centre east")).to_have_value("70")
+
+
+def test_a_phone_tells_the_marks_below_the_map(browser: Browser, server: Server) -> None:
+    with visiting(browser, server.url, size=PHONE, touch=True) as visit:
+        visit.choose(ALTERNATE)
+        told = visit.page.get_by_role("listitem")
+        expect(told).to_have_count(0)
+        visit.page.get_by_text("What the marks mean").tap()
+        expect(told.filter(has_text="link, rank 2 of 3")).to_be_visible()
+        named = visit.page.evaluate(
+            "document.getElementById('map-plot').data"
+            ".filter(t => t.showlegend !== false).map(t => t.name.replaceAll('<br>', ' '))"
+        )
+        assert told.all_text_contents() == named
+        swatch = told.filter(has_text="clockwise circle").last.locator("svg line")
+        expect(swatch).to_have_attribute("stroke", "#e69f00")
+    with visiting(browser, server.url) as visit:
+        visit.verdict("Observable")
+        expect(visit.page.get_by_text("What the marks mean")).to_be_hidden()
+        expect(visit.page.locator("#map-plot .legend .traces").first).to_be_visible()
+
+
+def test_figures_follow_the_theme(visit: Visit) -> None:
+    words = visit.page.locator("#map-plot .xtitle")
+    expect(words).to_have_css("fill", "rgb(27, 27, 31)")
+    visit.page.emulate_media(color_scheme="dark")
+    expect(words).to_have_css("fill", "rgb(236, 236, 240)")
+    visit.page.emulate_media(color_scheme="light")
+    expect(words).to_have_css("fill", "rgb(27, 27, 31)")
+
+
+def test_nothing_comes_from_elsewhere_and_no_style_or_script_is_inline(server: Server) -> None:
+    answer = httpx2.get(server.url)
+    policy = answer.headers["content-security-policy"]
+    assert "default-src 'none'" in policy
+    assert "script-src 'self';" in policy
+    assert "unsafe" not in policy
+    assert " style=" not in answer.text
+    assert "<style" not in answer.text
+    assert re.findall(r'(?:src|href)="(?:https?:)?//', answer.text) == []
+
+
+def test_a_violation_of_the_policy_would_be_noticed(browser: Browser, server: Server) -> None:
+    with visiting(browser, server.url) as visit:
+        visit.verdict("Observable")
+        visit.page.evaluate("document.body.setAttribute('style', 'color: red')")
+        visit.page.evaluate("fetch('http://127.0.0.2:9/').catch(() => 0)")
+        assert any("Content Security Policy" in one for one in visit.unexpected)
+        assert len(visit.unexpected) >= 2
+        visit.expect_complaints("Content Security Policy", "127.0.0.2")
+
+
+def test_assets_are_compressed_once_and_not_sent_again(server: Server) -> None:
+    with httpx2.Client(base_url=server.url) as http:
+        script = http.get("/assets/plotly.min.js")
+        assert script.headers["content-encoding"] == "gzip"
+        assert int(script.headers["content-length"]) < 1_600_000
+        tag = {"if-none-match": script.headers["etag"]}
+        assert http.get("/assets/plotly.min.js", headers=tag).status_code == 304
+        plain = http.get("/assets/main.js", headers={"accept-encoding": "gzip;q=0"})
+        assert "content-encoding" not in plain.headers
+        assert plain.headers["content-type"] == "text/javascript; charset=utf-8"
+        for name in ("../main.py", "..%2fmain.py", "examples/../../main.py", "examples", "none.js"):
+            missing = http.get(f"/assets/{name}")
+            assert missing.status_code == 404, name
+            assert missing.headers["content-type"] == "application/problem+json"
+
+
+def test_the_page_offers_every_format_of_exports_and_only_examples_there_are(
+    visit: Visit, server: Server
+) -> None:
+    def values(chosen: str) -> list[str]:
+        return [
+            one
+            for one in visit.page.eval_on_selector_all(chosen, "a => a.map(o => o.value)")
+            if one
+        ]
+
+    assert values("#format option") == list(FORMATS)
+    for name in values("#examples option"):
+        answer = httpx2.get(f"{server.url}/assets/examples/{name}.yaml")
+        assert answer.content == (FILES / f"{name}.yaml").read_bytes()

@@ -1,0 +1,95 @@
+"""The animation of one period, and the files to take along."""
+
+import io
+import json
+import zipfile
+from pathlib import Path
+
+import httpx2
+import pytest
+from playwright.sync_api import expect
+
+from tests.browsing import Visit
+from tests.serving import Server
+from tests.web_page.gestures import plan_id_of, saved
+
+pytestmark = pytest.mark.slow
+
+SAME = "paper-grid-same"
+
+
+def test_the_animation_moves_vehicles_sightings_and_a_line_in_the_timeline(visit: Visit) -> None:
+    page = visit.page
+    play = page.get_by_role("button", name="Play")
+    play.click()
+    expect(page.get_by_role("button", name="Pause")).to_be_visible()
+    expect(page.locator("#moment-text")).not_to_have_text("0 s")
+    page.get_by_role("button", name="Pause").click()
+    slider = page.get_by_label("Moment in the period")
+    shown = {}
+    for moment in (0, 20, 45):
+        slider.fill(str(moment))
+        page.wait_for_timeout(200)
+        traces = page.evaluate(
+            "JSON.stringify(document.getElementById('map-plot').data.map(t => [t.x, t.y]))"
+        )
+        lines = page.evaluate(
+            "document.getElementById('panel-plot').layout.shapes"
+            ".filter(s => s.name === 'moment').map(s => s.x0)"
+        )
+        assert lines == [pytest.approx(31.41592653589793 * moment / 60)]
+        shown[moment] = traces
+    assert len(set(shown.values())) == 3
+    page.get_by_label("Radius of all").fill("21")
+    expect(page.locator("#moment-text")).to_have_text("0 s")
+
+
+def test_playing_can_be_paused_however_fast_it_was_begun_and_shows_the_newest_plan(
+    visit: Visit,
+) -> None:
+    page = visit.page
+    page.locator("#play").dblclick()
+    expect(page.locator("#play")).to_have_text("Pause")
+    page.locator("#play").click()
+    told = page.locator("#moment-text").text_content()
+    page.wait_for_timeout(500)
+    expect(page.locator("#moment-text")).to_have_text(told or "")
+    page.get_by_label("Radius of all").fill("19")
+    expect(page.locator("#moment-text")).to_have_text("0 s")
+    # before the whole plan has followed the quick one
+    page.locator("#play").click()
+    visit.settle()
+    page.wait_for_timeout(800)
+    expect(page.locator("#play")).to_have_text("Pause")
+    uids = "document.getElementById('map-plot').data.map(t => t.uid)"
+    assert {"vehicles", "sightings", "circles-ccw"} <= set(page.evaluate(uids))
+    circles = "document.getElementById('map-plot').data.find(t => t.uid === 'circles-ccw').x[0]"
+    assert page.evaluate(circles) == pytest.approx(19.0)
+
+
+def test_plans_and_exports_are_saved_and_an_export_says_what_it_lacks(
+    visit: Visit, server: Server
+) -> None:
+    page = visit.page
+    with page.expect_download() as waiting:
+        page.get_by_role("button", name="Plan").click()
+    plan = json.loads(saved(waiting.value))
+    assert plan == httpx2.get(f"{server.url}/v1/plans/{plan_id_of(page)}").json()
+    page.get_by_label("Format", exact=True).select_option("csv")
+    with page.expect_download() as waiting:
+        page.get_by_role("button", name="Export").click()
+    assert waiting.value.suggested_filename == f"{SAME}-csv.zip"
+    names = zipfile.ZipFile(io.BytesIO(saved(waiting.value))).namelist()
+    assert sorted(Path(name).suffix for name in names) == [".csv", ".json"]
+    visit.expect_complaints("422")
+    page.get_by_label("Format", exact=True).select_option("qgc")
+    page.get_by_role("button", name="Export").click()
+    expect(page.locator("#download-fault")).to_contain_text("geo_origin")
+    page.locator("summary", has_text="Place and time").click()
+    page.get_by_label("Latitude of the origin").fill("47.4")
+    page.get_by_label("Longitude of the origin").fill("8.5")
+    visit.settle()
+    with page.expect_download() as waiting:
+        page.get_by_role("button", name="Export").click()
+    names = zipfile.ZipFile(io.BytesIO(saved(waiting.value))).namelist()
+    assert sum(name.endswith(".plan") for name in names) == 6
