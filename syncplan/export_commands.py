@@ -74,6 +74,9 @@ def _export(
             show_default=False,
         ),
     ] = None,
+    altitude_step_m: Annotated[
+        float, typer.Option(help="Each vehicle so much above the one before")
+    ] = 0.0,
     duration: Duration = None,
     turns: Annotated[
         int | None,
@@ -112,6 +115,7 @@ def _export(
 
     options = ExportOptions(
         altitude_m=altitude_m,
+        altitude_step_m=altitude_step_m,
         duration=duration,
         turns=turns,
         sample_time_s=sample_time_s,

@@ -15,7 +15,8 @@ from syncplan.exporting.flight import Flight, flight_of
 from syncplan.exporting.geodesy import ground_error
 from syncplan.exporting.geojson import write_geojson
 from syncplan.exporting.kml import write_kml
-from syncplan.exporting.missions import flies_loiter_turns, snapped_radii
+from syncplan.exporting.loiter_turns import snapped_radii
+from syncplan.exporting.missions import flies_loiter_turns
 from syncplan.exporting.options import ExportOptions
 from syncplan.exporting.poses import write_poses
 from syncplan.exporting.qgc import write_qgc
@@ -111,11 +112,21 @@ def _all(plan: Plan, options: ExportOptions) -> Export:
     left_out = [name for name, one in FORMATS.items() if one.on_earth and not placed]
     if px4 and placed:
         left_out.append("ardupilot")
-    exports = [export(plan, name, options) for name in FORMATS if name not in left_out]
+    exports, refused = [], []
+    for name in FORMATS:
+        try:
+            if name not in left_out:
+                exports.append(export(plan, name, options))
+        except InputError as error:
+            # radii that a mission can't hold are no reason to go without the other formats
+            if error.key != "orbit.radius_m":
+                raise
+            refused.append(f"{name} is left out: {error.problem}")
     notes = [f"{one.format}: {note}" for one in exports for note in one.notes]
     if left_out:
         why = "the autopilot is px4" if placed else "the scenario has no geo_origin"
-        notes.insert(0, f"left out, for {why}: {', '.join(left_out)}")
+        refused.insert(0, f"left out, for {why}: {', '.join(left_out)}")
+    notes = [*refused, *notes]
     files = [
         ExportedFile(f"{one.format}/{file.name}", file.content)
         for one in exports

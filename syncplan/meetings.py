@@ -1,26 +1,23 @@
 """Meetings: for each pair, when and how near it meets, how far it may slip, and its own rank."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from syncplan.certificate import counts
-from syncplan.contacts import Sensors, Windows, find_windows, merge_windows, relative_motion
+from syncplan.contacts import Sensors, Windows, merge_windows, relative_motion
 from syncplan.motions import lost_bearing
 from syncplan.observability import LinkInformation
-from syncplan.orbits import Orbits, phase, wrap
-from syncplan.rules import closest_distance, rules_of
+from syncplan.orbits import Orbits, wrap
 from syncplan.separation import least_distances
+from syncplan.slips import phase_tolerances, rule_residuals
 
-__all__ = ["Meeting", "landmark_meetings", "phase_tolerances", "vehicle_meetings"]
+__all__ = ["Meeting", "landmark_meetings", "vehicle_meetings"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-_SLIPS = 64
-_BISECTIONS = 36
 _TOO_WEAK = "of full rank by itself, but too weak beside the team's other sightings"
 
 
@@ -139,82 +136,6 @@ def landmark_meetings(
             )
         )
     return sorted(found, key=lambda meeting: (meeting.a, meeting.b))
-
-
-def rule_residuals(orbits: Orbits, pairs: Index) -> Array:
-    """Return (e,) rad in [-pi, pi): phi_b - phi_a - pi, or phi_a + phi_b - 2 beta - pi."""
-    a, b = pairs[:, 0], pairs[:, 1]
-    between = orbits.centers[b] - orbits.centers[a]
-    bearing = np.arctan2(between[:, 1], between[:, 0])
-    phases = phase(orbits, 0.0)
-    same = orbits.senses[a] == orbits.senses[b]
-    asked = np.where(same, phases[b] - phases[a], phases[a] + phases[b] - 2.0 * bearing)
-    return wrap(asked - np.pi)
-
-
-def phase_tolerances(orbits: Orbits, sensors: Sensors, pairs: Index) -> Array:
-    """Return (e,) rad: the smallest slip of either phase, either way, that loses all contact.
-
-    Slipping one phase or the other is the same up to a shift of time. Pi where no slip does. The
-    first loss is looked for in steps of pi / 64 and then bisected.
-    """
-    tolerance = np.full(len(pairs), np.pi)
-    if len(pairs) == 0:
-        return tolerance
-    slips = np.linspace(0.0, np.pi, _SLIPS + 1)
-    sides = np.array([1.0, -1.0])
-    both = np.broadcast_to((sides[:, None] * slips).ravel(), (len(pairs), 2 * len(slips)))
-    kept = _contact_when_slipped(orbits, sensors, pairs)(both).reshape(len(pairs), 2, -1)
-    pair, side = np.nonzero(~kept.all(axis=2))
-    first = np.argmin(kept[pair, side], axis=1)
-    low, high = slips[np.maximum(first - 1, 0)], slips[first]
-    in_contact = _contact_when_slipped(orbits, sensors, pairs[pair])
-    for _ in range(_BISECTIONS if len(pair) else 0):
-        middle = 0.5 * (low + high)
-        held = in_contact((sides[side] * middle)[:, None])[:, 0]
-        low, high = np.where(held, middle, low), np.where(held, high, middle)
-    np.minimum.at(tolerance, pair, low)
-    return tolerance
-
-
-def _contact_when_slipped(
-    orbits: Orbits, sensors: Sensors, pairs: Index
-) -> Callable[[Array], NDArray[np.bool_]]:
-    """Whether pairs still meet when the second vehicle's phase slips, (e, k) of slip (e, k)."""
-    if not np.all(sensors.fields_of_view >= 2.0 * np.pi):
-        return lambda slip: _seen_when_slipped(orbits, sensors, pairs, slip)
-    rules = rules_of(orbits.centers, orbits.radii, orbits.senses, sensors.ranges, pairs)
-    residual = rule_residuals(orbits, pairs)[:, None]
-    return lambda slip: np.asarray(closest_distance(rules, residual + slip) <= rules.reach[:, None])
-
-
-def _seen_when_slipped(
-    orbits: Orbits, sensors: Sensors, pairs: Index, slip: Array
-) -> NDArray[np.bool_]:
-    """(e, k) whether a pair has a contact window either way."""
-    number = slip.shape[1]
-    first, second = np.repeat(pairs[:, 0], number), np.repeat(pairs[:, 1], number)
-    index = np.concatenate([first, second])
-    late = np.concatenate([np.zeros(len(first)), slip.ravel()])
-    slipped = Orbits(
-        orbits.centers[index],
-        orbits.radii[index],
-        orbits.senses[index],
-        orbits.phases[index] + late,
-        orbits.rate,
-    )
-    copies = Sensors(
-        sensors.ranges[index],
-        sensors.fields_of_view[index],
-        sensors.boresights[index],
-        sensors.bearing_sigmas[index],
-        sensors.sample_time,
-    )
-    one, other = np.arange(len(first)), len(first) + np.arange(len(first))
-    ways = (np.concatenate([one, other]), np.concatenate([other, one]))
-    found = find_windows(slipped, np.zeros((0, 2)), copies, ways)
-    met = np.diff(found.first) > 0
-    return (met[: len(first)] | met[len(first) :]).reshape(slip.shape)
 
 
 def _why_short_of_three(

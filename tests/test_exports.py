@@ -29,8 +29,6 @@ from syncplan.plan_report import plan_document
 from tests.exported import ORIGIN, contents, mixed_team, team, to_plane
 from tests.scenarios import FILES, document
 
-SIDECAR = "team.sync.json"
-
 
 @pytest.fixture
 def scenario_file(tmp_path: Path) -> str:
@@ -43,7 +41,7 @@ def scenario_file(tmp_path: Path) -> str:
 
 def _sidecar(name: str = "qgc", **options: Any) -> dict[str, Any]:
     made = export(mixed_team(), name, ExportOptions(**options))
-    read: dict[str, Any] = json.loads(contents(made, ".sync.json")[SIDECAR])
+    read: dict[str, Any] = json.loads(contents(made, ".sync.json")[f"team.{name}.sync.json"])
     return read
 
 
@@ -224,7 +222,6 @@ def test_the_sidecar_says_where_when_and_how_fast_each_vehicle_joins() -> None:
         "team-mid.plan",
         "team-far_out.plan",
     ]
-    assert told["autopilot_parameters"]["CIRCLE_RATE"] == pytest.approx(math.degrees(0.2))
     assert [one["topic"] for one in _sidecar("mcap")["vehicles"]][2] == "/far_out/path"
 
 
@@ -245,13 +242,78 @@ def test_the_sidecar_says_who_meets_whom_and_when() -> None:
 
 
 def test_the_time_lost_is_made_up_as_the_sidecar_says() -> None:
-    told = _sidecar()
+    told = _sidecar("csv")
     (rule,) = [step for step in told["procedure"] if "Late by s" in step]
     assert "speed_mps period_s / (period_s - s)" in rule
     period, late = told["period_s"], 3.0
     length = told["vehicles"][0]["speed_mps"] * period
     faster = told["vehicles"][0]["speed_mps"] * period / (period - late)
     assert length / faster == pytest.approx(period - late)
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "words"),
+    [
+        ("qgc", {}, "It waits for entry.time by the vehicle's own UTC clock"),
+        ("qgc", {"autopilot": "px4"}, "A mission waits for nobody"),
+        ("ardupilot", {"waypoints": True}, "Between waypoints it is told leg_speed_mps"),
+        ("crazyswarm", {}, "start all trajectories by one broadcast"),
+        ("mcap", {}, "Be at entry.position_m at start_time, under way"),
+    ],
+)
+def test_the_procedure_is_one_that_can_be_followed_with_these_files(
+    name: str, options: dict[str, Any], words: str
+) -> None:
+    steps = _sidecar(name, **options)["procedure"]
+    assert sum(words in step for step in steps) == 1
+    assert sum("separation_tolerance_s" in step for step in steps) == 1
+
+
+def test_without_a_start_time_a_copter_waits_to_be_told() -> None:
+    made = export(team(start_time=None), "qgc")
+    told = json.loads(contents(made, ".sync.json")["team.qgc.sync.json"])
+    assert any("make start_item the current item of all" in step for step in told["procedure"])
+    assert {one["start_item"] for one in told["vehicles"]} == {3}
+
+
+@pytest.mark.parametrize("direction", ["ccw", ["ccw", "cw", "ccw"]], ids=["same", "mixed"])
+def test_the_sidecar_says_how_late_is_too_near(direction: Any) -> None:
+    plan = team(
+        orbit={"radius_m": [20, 20, 15], "angular_rate_rad_s": 0.2, "direction": direction},
+        formation={"centers_m": [[0, 0], [25, 0], [90, 40]]},
+        min_separation_m=5.0,
+    )
+    told = json.loads(contents(export(plan, "csv"), ".sync.json")["team.csv.sync.json"])
+    first, second, third = (one["separation_tolerance_s"] for one in told["vehicles"])
+    assert first == second
+    assert third is None  # its circle is 28 m from the others
+    time = np.linspace(0.0, plan.orbits.period, 4001)
+
+    def nearest(slip: float) -> float:
+        apart = position(plan.orbits, time + slip)[:, 0] - position(plan.orbits, time)[:, 1]
+        return float(np.hypot(*apart.T).min())
+
+    assert nearest(0.0) > 5.0
+    assert min(nearest(s) for s in np.linspace(-first, first, 201)) == pytest.approx(5.0, abs=0.01)
+    assert min(nearest(1.01 * first), nearest(-1.01 * first)) < 5.0
+
+
+def test_formats_in_one_folder_keep_a_sidecar_each(tmp_path: Path) -> None:
+    for name in FORMATS:
+        write_files(export(mixed_team(), name), tmp_path)
+    told = {path.name for path in tmp_path.glob("*.sync.json")}
+    assert told == {f"team.{name}.sync.json" for name in FORMATS}
+
+
+def test_all_goes_without_missions_where_circles_are_too_small_for_them() -> None:
+    small_circles = team(
+        orbit={"radius_m": 0.5, "angular_rate_rad_s": 0.8, "direction": "ccw"},
+        formation={"centers_m": [[0, 0], [2, 0]]},
+    )
+    made = export(small_circles, ALL)
+    folders = {file.name.split("/")[0] for file in made.files}
+    assert folders == {"csv", "rosbag2", "mcap", "crazyswarm", "geojson", "kml"}
+    assert "qgc is left out: v1: 0.5: loiter turns hold whole metres" in " ".join(made.notes)
 
 
 @pytest.mark.parametrize("name", FORMATS)
@@ -267,7 +329,7 @@ def test_every_sidecar_fits_its_schema(name: str, run: Any) -> None:
 def test_the_sidecar_tells_planned_meetings_from_others() -> None:
     places = {"left": [-40, 10], "mid": [30, 0], "right": [90, 40]}
     plan = team(formation={"centers_m": places, "links": [["left", "mid"]]})
-    told = json.loads(contents(export(plan, "csv"), ".sync.json")[SIDECAR])
+    told = json.loads(contents(export(plan, "csv"), ".sync.json")["team.csv.sync.json"])
     assert [(one["a"], one["b"], one["planned"]) for one in told["meetings"]] == [
         ("left", "mid", True),
         ("mid", "right", False),
@@ -282,7 +344,7 @@ def test_one_vehicle_without_landmarks_goes_out_in_every_format() -> None:
     )
     made = export(alone, ALL)
     assert {file.name.split("/")[0] for file in made.files} == set(FORMATS)
-    told = json.loads(contents(made, ".sync.json")[f"qgc/{SIDECAR}"])
+    told = json.loads(contents(made, ".sync.json")["qgc/team.qgc.sync.json"])
     assert (told["meetings"], told["vehicles"][0]["tolerance_s"]) == ([], None)
 
 
@@ -365,7 +427,7 @@ def test_the_command_writes_an_archive_to_standard_output(scenario_file: str) ->
     )
     assert done.returncode == 0, done.stderr
     with zipfile.ZipFile(io.BytesIO(done.stdout)) as archive:
-        assert archive.namelist() == ["paper-grid-same.poses.csv", "paper-grid-same.sync.json"]
+        assert archive.namelist() == ["paper-grid-same.poses.csv", "paper-grid-same.csv.sync.json"]
 
 
 @pytest.mark.parametrize(

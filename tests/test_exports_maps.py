@@ -96,6 +96,22 @@ def test_the_circles_read_by_fastkml_are_the_plans() -> None:
     assert "mast" in marks
 
 
+def test_circles_across_the_antimeridian_are_parted_in_kml_as_well() -> None:
+    plan = team(geo_origin=ANTIMERIDIAN)
+    marks = _placemarks(plan)
+    parts = [
+        list(getattr(marks[f"{name} circle"].geometry, "geoms", [marks[f"{name} circle"].geometry]))
+        for name in plan.scenario.vehicle_names
+    ]
+    assert max(map(len, parts)) > 1
+    for k, lines in enumerate(parts):
+        places = [np.array(line.coords) for line in lines]
+        assert all(np.ptp(one[:, 0]) < 1.0 for one in places)
+        off = np.concatenate([to_plane(one[:, 1::-1], ANTIMERIDIAN) for one in places])
+        off = np.hypot(*(off - plan.orbits.centers[k]).T)
+        assert np.abs(off - plan.orbits.radii[k]).max() < 0.01
+
+
 def test_tracks_read_by_fastkml_are_the_plan_in_time() -> None:
     plan, marks = mixed_team(), _placemarks(mixed_team())
     for k, name in enumerate(plan.scenario.vehicle_names):

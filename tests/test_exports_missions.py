@@ -11,14 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from syncplan.errors import InputError
-from syncplan.exporting.missions import snapped_radii
+from syncplan.exporting.loiter_turns import snapped_radii
+from syncplan.exporting.polygons import px4_corner_speed
 from syncplan.exports import FORMATS, ExportOptions, export
 from syncplan.orbits import position
 from syncplan.planner import Plan
 from tests.exported import ORIGIN, contents, mixed_team, team, to_plane
 from tests.fake_vehicle import stored_loiter
 
-WAYPOINT, LOITER_TURNS, CHANGE_SPEED = 16, 18, 178
+WAYPOINT, LOITER_TURNS, DELAY, CHANGE_SPEED = 16, 18, 93, 178
 
 LARGE = {
     "orbit": {"radius_m": [20.6, 150.4, 304.0], "angular_rate_rad_s": 0.05, "direction": "ccw"},
@@ -43,7 +44,7 @@ def flown_circle(items: list[Any], time: Any, origin: dict[str, float] = ORIGIN)
     A positive radius is clockwise; the speed is that of the change of speed before.
     """
     speed = next(item for item in items if item.command == CHANGE_SPEED).param2
-    entry, circle = items[-2], items[-1]
+    entry, circle = items[2], items[-1]
     assert (entry.command, circle.command) == (WAYPOINT, LOITER_TURNS)
     center = to_plane([circle.x, circle.y], origin)
     start = to_plane([entry.x, entry.y], origin) - center
@@ -87,9 +88,10 @@ def test_loiter_turns_read_by_pymavlink_fly_the_plan(origin: Any, tmp_path: Path
         home = items[0]
         assert (home.command, home.frame, home.current) == (WAYPOINT, 0, 1)
         assert (home.x, home.y, home.z) == tuple(origin.values())
-        assert [item.seq for item in items] == [0, 1, 2, 3]
-        assert {item.frame for item in items[2:]} == {3}
-        assert {item.z for item in items[2:]} == {60.0}
+        assert [item.seq for item in items] == [0, 1, 2, 3, 4]
+        placed = [items[2], items[4]]
+        assert {item.frame for item in placed} == {3}
+        assert {item.z for item in placed} == {60.0}
         assert items[-1].param1 == 4.0  # whole turns that cover 100 s of 31.4 s each
         assert furthest(flown_circle(items, time, origin), plan, k, time) < 0.01
 
@@ -112,7 +114,7 @@ def test_waypoints_read_by_pymavlink_keep_the_plan_in_place_and_in_time(
 
 def test_the_speed_of_the_legs_is_in_the_sidecar() -> None:
     made = export(mixed_team(), "qgc", ExportOptions(waypoints=True))
-    vehicles = json.loads(contents(made, ".sync.json")["team.sync.json"])["vehicles"]
+    vehicles = json.loads(contents(made, ".sync.json")["team.qgc.sync.json"])["vehicles"]
     for vehicle, text in zip(vehicles, contents(made, ".plan").values(), strict=True):
         assert vehicle["leg_speed_mps"] == json.loads(text)["mission"]["items"][0]["params"][1]
         assert 0.98 < vehicle["leg_speed_mps"] / vehicle["speed_mps"] < 1.0
@@ -148,8 +150,11 @@ def test_px4_gets_no_loiter_turns() -> None:
         speed, *points = mission["items"]
         assert speed["command"] == CHANGE_SPEED
         assert {item["command"] for item in points} == {WAYPOINT}
-        # no yaw of its own, and passed within the sagitta
-        assert {(item["params"][1], item["params"][3]) for item in points} == {(0.5, None)}
+        # no yaw of its own, and passed half a leg before
+        assert {item["params"][3] for item in points} == {None}
+        places = to_plane([item["params"][4:6] for item in points])
+        legs = np.hypot(*np.diff(places, axis=0).T)
+        assert [item["params"][1] for item in points[1:]] == pytest.approx(legs / 2, abs=1e-3)
     with pytest.raises(InputError, match="take qgc for PX4"):
         export(mixed_team(), "ardupilot", ExportOptions(autopilot="px4"))
 
@@ -167,7 +172,7 @@ def test_radii_that_ardupilot_cuts_off_are_told() -> None:
 def test_snapped_radii_are_what_ardupilot_stores_at_the_common_rate(tmp_path: Path) -> None:
     plan = team(**LARGE)
     made = export(plan, "ardupilot", ExportOptions(snap_radius=True))
-    sidecar = json.loads(contents(made, ".sync.json")["team.sync.json"])
+    sidecar = json.loads(contents(made, ".sync.json")["team.ardupilot.sync.json"])
     radii = []
     time = np.linspace(0.0, 100.0, 101)
     for k, text in enumerate(contents(made, ".waypoints").values()):
@@ -190,7 +195,7 @@ def test_snapped_radii_are_what_ardupilot_stores_at_the_common_rate(tmp_path: Pa
 def test_meetings_of_snapped_circles_are_judged_afresh() -> None:
     snapped = export(team(**LARGE), "ardupilot", ExportOptions(snap_radius=True))
     plain = export(team(**LARGE), "ardupilot")
-    name = "team.sync.json"
+    name = "team.ardupilot.sync.json"
     told = [json.loads(contents(made, name)[name])["meetings"][0] for made in (plain, snapped)]
     assert told[0]["min_distance_m"] != pytest.approx(told[1]["min_distance_m"], abs=1e-3)
 
@@ -267,3 +272,121 @@ def test_far_from_the_origin_the_reader_is_told_and_further_refused() -> None:
     )
     with pytest.raises(InputError, match="no ground any more"):
         export(team(formation={"centers_m": [[0, 0], [2e6, 0], [0, 60]]}), "geojson")
+
+
+# --- what autopilots make of it -----------------------------------------------------------------
+
+
+def items_of(**options: Any) -> list[dict[str, Any]]:
+    """The items of the first vehicle's mission."""
+    plan = options.pop("plan", mixed_team())
+    (text, *_) = contents(export(plan, "qgc", ExportOptions(**options)), ".plan").values()
+    found: list[dict[str, Any]] = json.loads(text)["mission"]["items"]
+    return found
+
+
+@pytest.mark.parametrize("waypoints", [False, True], ids=["turns", "waypoints"])
+def test_copters_wait_at_the_entry_for_the_first_whole_second_of_the_plan(waypoints: bool) -> None:
+    items = items_of(waypoints=waypoints)
+    assert [item["command"] for item in items[:3]] == [CHANGE_SPEED, WAYPOINT, DELAY]
+    wait = items[2]
+    # 11:00:00.25 at +02:00, up to a whole second; -1: a time of day, not a time span
+    assert (wait["frame"], wait["params"][:4]) == (2, [-1.0, 9.0, 0.0, 1.0])
+    made = export(mixed_team(), "qgc", ExportOptions(waypoints=waypoints))
+    assert any("all vehicles begin 0.75 s after start_time" in note for note in made.notes)
+    told = json.loads(contents(made, ".sync.json")["team.qgc.sync.json"])["vehicles"]
+    assert {one["start_item"] for one in told} == {items[3]["doJumpId"]} == {4}
+    whole = team(start_time="2026-05-01T23:59:59Z")
+    assert items_of(plan=whole)[2]["params"][:4] == [-1.0, 23.0, 59.0, 59.0]
+    assert not any("whole seconds" in note for note in export(whole, "qgc").notes)
+
+
+def test_a_wait_that_goes_past_midnight_is_for_the_next_day() -> None:
+    wait = items_of(plan=team(start_time="2026-05-01T23:59:59.5Z"))[2]
+    assert wait["params"][:4] == [-1.0, 0.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"plan": team(start_time=None)}, {"vehicle": "fixed_wing"}, {"autopilot": "px4"}],
+    ids=["no start_time", "a plane", "px4"],
+)
+def test_others_do_not_wait(options: Any) -> None:
+    assert DELAY not in {item["command"] for item in items_of(**options)}
+
+
+def test_the_rate_of_each_copter_has_the_sign_of_its_radius() -> None:
+    plan = mixed_team()
+    made = export(plan, "qgc")
+    told = json.loads(contents(made, ".sync.json")["team.qgc.sync.json"])["vehicles"]
+    for vehicle, text in zip(told, contents(made, ".plan").values(), strict=True):
+        radius = json.loads(text)["mission"]["items"][-1]["params"][2]
+        rate = vehicle["autopilot_parameters"]["CIRCLE_RATE"]
+        assert rate == pytest.approx(math.copysign(math.degrees(0.2), radius))
+    assert [one["direction"] for one in told] == ["ccw", "cw", "ccw"]
+    planes = export(plan, "qgc", ExportOptions(vehicle="fixed_wing"))
+    told = json.loads(contents(planes, ".sync.json")["team.qgc.sync.json"])["vehicles"]
+    assert [one["autopilot_parameters"] for one in told] == [{}, {}, {}]
+
+
+@pytest.mark.parametrize(
+    ("rate", "words"),
+    [
+        (0.2, ""),  # 30 m: 1.2 m/s^2, and half of 2.5 is allowed
+        (0.21, ": mid would turn too slowly at its default of 2.5 m/s^2; set 2.65 m/s^2 or"),
+        (0.4, ": left, mid, far out would turn too slowly at its default of 2.5 m/s^2; set 9.6"),
+    ],
+)
+def test_circles_that_take_more_than_half_a_copters_acceleration_are_told(
+    rate: float, words: str
+) -> None:
+    orbit = {"radius_m": [20, 30, 25], "angular_rate_rad_s": rate, "direction": "ccw"}
+    told = [one for one in export(team(orbit=orbit), "qgc").notes if "WPNAV_ACCEL" in one]
+    assert [words in one for one in told] == [True] * bool(words)
+    assert ("its range ends at 5" in " ".join(told)) == (rate == 0.4)
+
+
+@given(st.floats(1.0, 500.0), st.integers(6, 400))
+def test_px4_passes_corners_within_its_limits(radius: float, legs: int) -> None:
+    speed = px4_corner_speed(radius, legs)
+    leg = 2.0 * radius * math.sin(math.pi / legs)
+    # a circle that touches both legs in their middles has this radius, and is flown at 1.5 m/s^2
+    inside = leg / 2.0 / math.tan(math.pi / legs)
+    sideways = speed**2 / inside
+    # braking from there takes v^2 / (2 a) and the way gone while the jerk builds it up
+    braking = speed**2 / 6.0 + speed * 6.0 / 4.0
+    limits = (sideways / 1.5, braking / leg, speed / (0.5 * leg))
+    assert max(limits) == pytest.approx(1.0, rel=1e-9)
+
+
+def test_a_px4_that_is_told_more_than_it_dares_is_told_of() -> None:
+    slow = {"radius_m": 20.0, "angular_rate_rad_s": 0.1, "direction": "ccw"}
+    fast = {**slow, "angular_rate_rad_s": 0.4}
+    px4 = ExportOptions(autopilot="px4")
+    assert not any("corners" in one for one in export(team(orbit=slow), "qgc", px4).notes)
+    (told,) = [one for one in export(team(orbit=fast), "qgc", px4).notes if "corners" in one]
+    assert "turns take longer than planned and meetings are lost" in told
+    copter = export(team(orbit=slow), "qgc", ExportOptions(waypoints=True))
+    assert any("Copter slows down for corners" in one for one in copter.notes)
+
+
+def test_planes_are_told_their_airspeeds_and_steep_banks() -> None:
+    plane = ExportOptions(vehicle="fixed_wing")
+    told = " ".join(export(mixed_team(), "qgc", plane).notes)
+    assert "airspeeds from 4 to 6 m/s are told, and Plane drops one outside AIRSPEED_MIN" in told
+    assert "would bank" not in told
+    steep = {"radius_m": 40.0, "angular_rate_rad_s": 0.55, "direction": "ccw"}
+    # 22 m/s on 40 m: atan(22^2 / (9.81 40)) = 51 deg
+    notes = export(team(orbit=steep), "qgc", plane).notes
+    assert any(note.startswith("left would bank 51 deg") for note in notes)
+
+
+def test_vehicles_fly_one_above_the_other_where_that_is_asked_for() -> None:
+    options = ExportOptions(altitude_m=40.0, altitude_step_m=5.0)
+    for name in ("qgc", "csv", "kml", "geojson", "crazyswarm"):
+        made = export(mixed_team(), name, options)
+        told = json.loads(contents(made, ".sync.json")[f"team.{name}.sync.json"])["vehicles"]
+        assert [one["entry"]["altitude_m"] for one in told] == [40.0, 45.0, 50.0]
+    for k, text in enumerate(contents(export(mixed_team(), "qgc", options), ".plan").values()):
+        items = json.loads(text)["mission"]["items"]
+        assert [one["Altitude"] for one in items if "Altitude" in one] == [40.0 + 5.0 * k] * 2

@@ -66,8 +66,9 @@ def test_an_ardupilot_keeps_turns_that_are_the_plans(
     path.write_bytes(list(contents(made, ".plan").values())[k])
     vehicle = _uploaded(ground, "ardupilot", path)
     assert vehicle.answer == ACCEPTED
-    home, speed, entry, circle = vehicle.items
-    assert [one.command for one in vehicle.items] == [16, CHANGE_SPEED, WAYPOINT, LOITER_TURNS]
+    home, speed, entry, wait, circle = vehicle.items
+    assert [one.command for one in vehicle.items] == [16, CHANGE_SPEED, WAYPOINT, 93, LOITER_TURNS]
+    assert (wait.param1, wait.param2, wait.param3, wait.param4) == (-1, 9, 0, 1)
     assert np.allclose(to_plane([home.x / 1e7, home.y / 1e7]), 0.0, atol=0.02)
     kept = stored_loiter(circle.param1, circle.param3)
     assert kept.ccw == (plan.orbits.senses[k] > 0)

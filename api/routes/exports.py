@@ -50,6 +50,9 @@ async def read_export(
             description="Height above the origin; the format's own if not given",
         ),
     ] = None,
+    altitude_step_m: Annotated[
+        float, Query(ge=0, le=1000, description="Each vehicle so much above the one before")
+    ] = 0.0,
     turns: Annotated[
         int | None,
         Query(
@@ -70,6 +73,7 @@ async def read_export(
         "autopilot": autopilot,
         "vehicle": vehicle,
         "altitude_m": altitude_m,
+        "altitude_step_m": altitude_step_m,
         "turns": turns,
         "waypoints": waypoints,
         "snap_radius": snap_radius,

@@ -7,13 +7,8 @@ longitude, altitude, autocontinue. Item 0 is home. Source: MAVLink, "File Format
 from syncplan.errors import InputError
 from syncplan.exporting.files import ExportedFile, Written
 from syncplan.exporting.flight import Flight
-from syncplan.exporting.missions import (
-    WAYPOINT,
-    Mission,
-    MissionItem,
-    flies_loiter_turns,
-    missions_of,
-)
+from syncplan.exporting.items import WAYPOINT, Mission, MissionItem
+from syncplan.exporting.missions import missions_of, written_missions
 
 __all__ = ["write_ardupilot"]
 
@@ -33,16 +28,11 @@ def write_ardupilot(flight: Flight) -> Written:
         )
     missions, notes = missions_of(flight)
     names = [f"{flight.title}-{label}.waypoints" for label in flight.labels]
-    return Written(
-        files=tuple(
-            ExportedFile(name, _text(flight, mission).encode())
-            for name, mission in zip(names, missions, strict=True)
-        ),
-        own_files=tuple(names),
-        leg_speeds=() if flies_loiter_turns(flight) else tuple(one.speed for one in missions),
-        parameters=missions[0].parameters,
-        notes=tuple(notes),
-    )
+    files = [
+        ExportedFile(name, _text(flight, mission).encode())
+        for name, mission in zip(names, missions, strict=True)
+    ]
+    return written_missions(flight, missions, notes, files)
 
 
 def _text(flight: Flight, mission: Mission) -> str:

@@ -57,7 +57,7 @@ def _write(flight: Flight, storage: str, kind: str) -> Written:
         bag = Path(folder) / f"{flight.title}_{kind}"
         with Writer(bag, version=BAG_VERSION, storage_plugin=StoragePlugin[storage]) as writer:
             for k, topic in enumerate(topics):
-                message = _path(store, poses, k, start, flight.altitude)
+                message = _path(store, poses, k, start, flight.altitudes[k])
                 raw = store.serialize_cdr(message, message.__msgtype__)
                 to = writer.add_connection(topic, message.__msgtype__, typestore=store)
                 writer.write(to, start, raw)
@@ -65,7 +65,10 @@ def _write(flight: Flight, storage: str, kind: str) -> Written:
             ExportedFile(f"{bag.name}/{path.name}", path.read_bytes())
             for path in sorted(bag.iterdir())
         )
-    return Written(files, topics=topics)
+    note = (
+        "each topic has one message: play the bag with transient-local durability, or listen first"
+    )
+    return Written(files, topics=topics, notes=(note,))
 
 
 def _start(flight: Flight) -> int:

@@ -27,6 +27,9 @@ MOST_PIECES = 31
 MOST_PIECES_WRITTEN = 200_000
 """Of all vehicles together."""
 
+FEWEST_PIECES = 2
+"""A table of one row is read as a vector by loaders that call numpy.loadtxt without more ado."""
+
 ORDER = 8
 
 HEADER = ",".join(
@@ -52,7 +55,7 @@ def write_crazyswarm(flight: Flight) -> Written:
                 f"{MOST_PIECES}: give a shorter one",
                 key="duration",
             )
-        rows = arc_pieces(orbits, k, flight.duration, count, flight.altitude)
+        rows = arc_pieces(orbits, k, flight.duration, count, flight.altitudes[k])
         lines = [HEADER, *(",".join(f"{value:.12g}" for value in row) for row in rows.tolist())]
         files.append(ExportedFile(name, ("\n".join(lines) + "\n").encode()))
     notes = ["upload as absolute (not relative) trajectories, and start all at once from the entry"]
@@ -61,7 +64,7 @@ def write_crazyswarm(flight: Flight) -> Written:
             f"trajectories of up to {longest} pieces: a Crazyflie holds {MOST_PIECES}; "
             "fly fewer turns, and the file again and again"
         )
-    return Written(tuple(files), own_files=tuple(names), notes=tuple(notes))
+    return Written(tuple(files), kind="trajectories", own_files=tuple(names), notes=tuple(notes))
 
 
 def arc_pieces(orbits: Orbits, k: int, duration: float, count: int, altitude: float) -> Array:
@@ -89,7 +92,7 @@ def arc_pieces(orbits: Orbits, k: int, duration: float, count: int, altitude: fl
 def _piece_count(radius: float, angle: float) -> int:
     """Fewest pieces of an arc of `angle` rad within TOLERANCE_M, no piece above a third turn."""
     half = math.pow(TOLERANCE_M * math.factorial(ORDER) / radius, 1.0 / ORDER)
-    return max(1, math.ceil(angle / min(2.0 * half, 2.0 * math.pi / 3.0) - 1e-9))
+    return max(FEWEST_PIECES, math.ceil(angle / min(2.0 * half, 2.0 * math.pi / 3.0) - 1e-9))
 
 
 def _hermite(phases: Array, angle: float) -> Array:

@@ -4,6 +4,7 @@ import io
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from syncplan.errors import InputError
 from syncplan.output import write_bytes
@@ -31,18 +32,22 @@ class Written:
     Attributes
     ----------
     files : all of them
+    kind : what the files hold, as the vehicles fly it
     own_files : name of the file of each vehicle; empty where they share
     topics : ROS topic of each vehicle; empty elsewhere
+    start_items : number of the mission's item that begins at time 0, home being 0, of each vehicle
     leg_speeds : speed along the chords between waypoints, m/s, of each vehicle; empty elsewhere
-    parameters : autopilot parameters that the flight rests on
+    parameters : autopilot parameters of each vehicle that the flight rests on; empty elsewhere
     notes : what the reader must not miss
     """
 
     files: tuple[ExportedFile, ...]
+    kind: Literal["loiter_turns", "waypoints", "trajectories", "track"] = "track"
     own_files: tuple[str, ...] = ()
     topics: tuple[str, ...] = ()
+    start_items: tuple[int, ...] = ()
     leg_speeds: tuple[float, ...] = ()
-    parameters: tuple[tuple[str, float], ...] = ()
+    parameters: tuple[tuple[tuple[str, float], ...], ...] = ()
     notes: tuple[str, ...] = ()
 
 

@@ -24,6 +24,7 @@ __all__ = [
     "places_of",
     "sampled_poses",
     "start_of",
+    "start_second",
 ]
 
 Array = NDArray[np.float64]
@@ -45,14 +46,14 @@ class Flight:
     ----------
     plan : whose orbits are flown
     options : as asked for
-    altitude : m above the origin
+    altitudes : m above the origin, of each vehicle
     duration : s, from time 0
     title, labels : of the plan and of each vehicle, as parts of names of files
     """
 
     plan: Plan
     options: ExportOptions
-    altitude: float
+    altitudes: tuple[float, ...]
     duration: float
     title: str
     labels: tuple[str, ...]
@@ -61,6 +62,11 @@ class Flight:
     def names(self) -> list[str]:
         """Names of the vehicles."""
         return self.plan.scenario.vehicle_names
+
+    @property
+    def is_copter(self) -> bool:
+        """Whether ArduPilot's Copter flies it."""
+        return self.options.autopilot == "ardupilot" and self.options.vehicle == "multicopter"
 
     @property
     def turns(self) -> int:
@@ -91,6 +97,7 @@ class Poses:
 def flight_of(plan: Plan, options: ExportOptions, altitude: float) -> Flight:
     """Return the flight of a plan; `altitude` in m holds where the options name none."""
     scenario, turns = plan.scenario, options.turns
+    lowest = altitude if options.altitude_m is None else options.altitude_m
     period = plan.orbits.period
     duration = scenario.duration_s if options.duration is None else options.duration
     if turns is None and duration > MOST_TURNS * period:
@@ -101,7 +108,7 @@ def flight_of(plan: Plan, options: ExportOptions, altitude: float) -> Flight:
     return Flight(
         plan=plan,
         options=options,
-        altitude=altitude if options.altitude_m is None else options.altitude_m,
+        altitudes=tuple(lowest + k * options.altitude_step_m for k in range(plan.orbits.count)),
         duration=duration if turns is None else turns * period,
         title=file_title(scenario.name),
         labels=tuple(file_names(scenario.vehicle_names)),
@@ -148,6 +155,17 @@ def start_of(plan: Plan) -> datetime | None:
         raise InputError(
             f"{given}: in UTC it must be from the year 1 to 9999", key="start_time"
         ) from None
+
+
+def start_second(flight: Flight) -> datetime | None:
+    """Return the first whole second in UTC at or after time 0, or None where none is known."""
+    start = start_of(flight.plan)
+    if start is None or start.microsecond == 0:
+        return start
+    try:
+        return start.replace(microsecond=0) + timedelta(seconds=1)
+    except OverflowError:
+        return None
 
 
 def moment(start: datetime, seconds: float) -> str:

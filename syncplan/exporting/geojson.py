@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from syncplan.exporting.files import ExportedFile, Written
 from syncplan.exporting.flight import Flight
-from syncplan.exporting.maps import landmark_places, tracks_of
+from syncplan.exporting.maps import landmark_places, parted, tracks_of
 from syncplan.output import as_text
 
 __all__ = ["write_geojson"]
@@ -31,7 +31,7 @@ def write_geojson(flight: Flight) -> Written:
             "direction": "ccw" if orbits.senses[k] > 0.0 else "cw",
             "radius_m": float(orbits.radii[k]),
             "speed_mps": float(orbits.speeds[k]),
-            "altitude_m": flight.altitude,
+            "altitude_m": flight.altitudes[k],
         }
         features += [
             _feature(_line(track.circle), {"kind": "circle", **about}),
@@ -54,19 +54,7 @@ def _point(place: Array) -> dict[str, Any]:
 
 
 def _line(places: Array) -> dict[str, Any]:
-    parts: list[list[list[float]]] = [[]]
-    before: tuple[float, float] | None = None
-    for latitude, longitude in places.tolist():
-        if before is not None and abs(longitude - before[1]) > 180.0:
-            # section 3.1.9: end on one side of the antimeridian, go on from the other
-            side = 180.0 if before[1] > 0.0 else -180.0
-            onward = longitude + 2.0 * side
-            share = (side - before[1]) / (onward - before[1])
-            crossing = before[0] + share * (latitude - before[0])
-            parts[-1].append(_coordinates(crossing, side))
-            parts.append([_coordinates(crossing, -side)])
-        parts[-1].append(_coordinates(latitude, longitude))
-        before = (latitude, longitude)
+    parts = [[_coordinates(*place) for place in part.tolist()] for part in parted(places)]
     if len(parts) == 1:
         return {"type": "LineString", "coordinates": parts[0]}
     return {"type": "MultiLineString", "coordinates": parts}

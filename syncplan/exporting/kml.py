@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from syncplan.exporting.files import ExportedFile, Written
 from syncplan.exporting.flight import Flight, moment, start_of
 from syncplan.exporting.geodesy import geodetic
-from syncplan.exporting.maps import POINTS_PER_TURN, landmark_places, tracks_of
+from syncplan.exporting.maps import POINTS_PER_TURN, landmark_places, parted, tracks_of
 from syncplan.orbits import position
 
 __all__ = ["write_kml"]
@@ -31,13 +31,10 @@ def write_kml(flight: Flight) -> Written:
     root = Xml.Element("kml", {"xmlns": KML, "xmlns:gx": GOOGLE})
     document = Xml.SubElement(root, "Document")
     _text(document, "name", flight.plan.scenario.name or "plan")
-    height = flight.altitude
     for k, track in enumerate(tracks_of(flight)):
-        folder = Xml.SubElement(document, "Folder")
+        folder, height = Xml.SubElement(document, "Folder"), flight.altitudes[k]
         _text(folder, "name", track.name)
-        line = Xml.SubElement(_placemark(folder, f"{track.name} circle"), "LineString")
-        _text(line, "altitudeMode", "relativeToGround")
-        _text(line, "coordinates", " ".join(_coordinates(one, height, ",") for one in track.circle))
+        _circle(_placemark(folder, f"{track.name} circle"), parted(track.circle), height)
         _point(folder, f"{track.name} entry", track.entry, height)
         _track(folder, flight, k)
     for name, place in landmark_places(flight).items():
@@ -45,6 +42,15 @@ def write_kml(flight: Flight) -> Written:
     Xml.indent(root, space=" ")
     content = Xml.tostring(root, encoding="utf-8", xml_declaration=True) + b"\n"
     return Written(files=(ExportedFile(f"{flight.title}.kml", content),))
+
+
+def _circle(placemark: Xml.Element, parts: list[Array], height: float) -> None:
+    """Add a circle, in parts where it crosses the antimeridian."""
+    parent = placemark if len(parts) == 1 else Xml.SubElement(placemark, "MultiGeometry")
+    for part in parts:
+        line = Xml.SubElement(parent, "LineString")
+        _text(line, "altitudeMode", "relativeToGround")
+        _text(line, "coordinates", " ".join(_coordinates(one, height, ",") for one in part))
 
 
 def _track(folder: Xml.Element, flight: Flight, k: int) -> None:
@@ -61,7 +67,7 @@ def _track(folder: Xml.Element, flight: Flight, k: int) -> None:
     for time in times.tolist():
         _text(track, "when", moment(start, time))
     for place in places:
-        _text(track, "gx:coord", _coordinates(place, flight.altitude, " "))
+        _text(track, "gx:coord", _coordinates(place, flight.altitudes[k], " "))
 
 
 def _point(parent: Xml.Element, name: str, place: Array, height: float) -> None:

@@ -9,7 +9,7 @@ from syncplan.exporting.flight import Flight
 from syncplan.exporting.geodesy import geodetic
 from syncplan.orbits import position, unit
 
-__all__ = ["VehicleTrack", "landmark_places", "tracks_of"]
+__all__ = ["VehicleTrack", "landmark_places", "parted", "tracks_of"]
 
 Array = NDArray[np.float64]
 
@@ -50,3 +50,23 @@ def landmark_places(flight: Flight) -> dict[str, Array]:
     """Return latitude and longitude of each landmark by its name."""
     places = geodetic(flight.origin, flight.plan.landmarks)
     return dict(zip(flight.plan.scenario.landmark_names, places, strict=True))
+
+
+def parted(places: Array) -> list[Array]:
+    """Return a line of (k, 2) latitudes and longitudes cut where it crosses the antimeridian.
+
+    Each part ends on one side of it and the next goes on from the other (RFC 7946, section 3.1.9).
+    """
+    parts: list[list[tuple[float, float]]] = [[]]
+    before: tuple[float, float] | None = None
+    for latitude, longitude in places.tolist():
+        if before is not None and abs(longitude - before[1]) > 180.0:
+            side = 180.0 if before[1] > 0.0 else -180.0
+            onward = longitude + 2.0 * side
+            share = (side - before[1]) / (onward - before[1])
+            crossing = before[0] + share * (latitude - before[0])
+            parts[-1].append((crossing, side))
+            parts.append([(crossing, -side)])
+        parts[-1].append((latitude, longitude))
+        before = (latitude, longitude)
+    return [np.array(part) for part in parts]

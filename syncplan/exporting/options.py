@@ -23,6 +23,7 @@ class ExportOptions:
     Attributes
     ----------
     altitude_m : height flown above the origin, m; None: the format's, see syncplan.exports.FORMATS
+    altitude_step_m : each vehicle so much above the one before, m
     duration : time flown, s; None: the scenario's duration_s
     turns : whole turns flown, instead of `duration`
     sample_time_s : time between poses, s; None: the scenario's sample time
@@ -36,6 +37,7 @@ class ExportOptions:
     """
 
     altitude_m: float | None = None
+    altitude_step_m: float = 0.0
     duration: float | None = None
     turns: int | None = None
     sample_time_s: float | None = None
@@ -47,6 +49,7 @@ class ExportOptions:
 
     def __post_init__(self) -> None:
         _check_range("altitude_m", self.altitude_m, -1000.0, HIGHEST_M)
+        _check_range("altitude_step_m", self.altitude_step_m, 0.0, 1000.0)
         _check_range("duration", self.duration, 1e-3, LONGEST_S)
         _check_range("turns", self.turns, 1, MOST_TURNS)
         _check_range("sample_time_s", self.sample_time_s, 1e-4, LONGEST_S)

@@ -24,12 +24,12 @@ def write_poses(flight: Flight) -> Written:
     located = [] if places is None else ["lat_deg", "lon_deg"]
     dated = [] if start is None else ["utc"]
     rows.writerow(["time_s", "vehicle", "x_m", "y_m", "z_m", "heading_rad", *dated, *located])
-    height = f"{flight.altitude:.6f}"
+    heights = [f"{altitude:.6f}" for altitude in flight.altitudes]
     for k, time in enumerate(poses.times.tolist()):
         when = [] if start is None else [moment(start, time)]
         for i, name in enumerate(flight.names):
             x, y = poses.positions[k, i].tolist()
-            row = [f"{time:.6f}", name, f"{x:.6f}", f"{y:.6f}", height, f"{headings[k, i]:.9f}"]
+            row = [f"{time:.6f}", name, f"{x:.6f}", f"{y:.6f}", heights[i], f"{headings[k, i]:.9f}"]
             where = [] if places is None else [f"{value:.9f}" for value in places[k, i].tolist()]
             rows.writerow([*row, *when, *where])
     name = f"{flight.title}.poses.csv"

@@ -7,7 +7,8 @@ from typing import Any
 
 from syncplan.exporting.files import ExportedFile, Written
 from syncplan.exporting.flight import Flight
-from syncplan.exporting.missions import Mission, MissionItem, flies_loiter_turns, missions_of
+from syncplan.exporting.items import Mission, MissionItem
+from syncplan.exporting.missions import missions_of, written_missions
 from syncplan.output import as_text
 
 __all__ = ["write_qgc"]
@@ -28,16 +29,11 @@ def write_qgc(flight: Flight) -> Written:
     """
     missions, notes = missions_of(flight)
     names = [f"{flight.title}-{label}.plan" for label in flight.labels]
-    return Written(
-        files=tuple(
-            ExportedFile(name, as_text(_plan(flight, mission)).encode())
-            for name, mission in zip(names, missions, strict=True)
-        ),
-        own_files=tuple(names),
-        leg_speeds=() if flies_loiter_turns(flight) else tuple(one.speed for one in missions),
-        parameters=missions[0].parameters,
-        notes=tuple(notes),
-    )
+    files = [
+        ExportedFile(name, as_text(_plan(flight, mission)).encode())
+        for name, mission in zip(names, missions, strict=True)
+    ]
+    return written_missions(flight, missions, notes, files)
 
 
 def _plan(flight: Flight, mission: Mission) -> dict[str, Any]:
@@ -75,7 +71,7 @@ def _item(item: MissionItem, number: int) -> dict[str, Any]:
             item.altitude,
         ],
     }
-    if item.latitude or item.longitude:
+    if item.placed:
         altitude = {"AMSLAltAboveTerrain": None, "AltitudeMode": RELATIVE_TO_HOME}
         values.update(altitude, Altitude=item.altitude)
     return values

@@ -6,8 +6,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from syncplan.contacts import reachable_pairs
 from syncplan.exporting.files import ExportedFile, Written
 from syncplan.exporting.flight import Flight, moment, places_of, start_of
+from syncplan.exporting.joining import procedure
 from syncplan.exporting.sync_document import (
     EntryPoint,
     LandmarkSighting,
@@ -18,6 +20,7 @@ from syncplan.exporting.sync_document import (
 from syncplan.meetings import Meeting
 from syncplan.orbits import heading, position
 from syncplan.output import as_text
+from syncplan.slips import safe_slips
 
 __all__ = ["sidecar_file", "sync_document"]
 
@@ -25,9 +28,9 @@ Array = NDArray[np.float64]
 
 
 def sidecar_file(flight: Flight, format_: str, written: Written) -> ExportedFile:
-    """Return the sidecar `TITLE.sync.json` of what was written."""
+    """Return the sidecar `TITLE.FORMAT.sync.json` of what was written."""
     document = sync_document(flight, format_, written)
-    return ExportedFile(f"{flight.title}.sync.json", as_text(document.as_json()).encode())
+    return ExportedFile(f"{flight.title}.{format_}.sync.json", as_text(document.as_json()).encode())
 
 
 def sync_document(flight: Flight, format_: str, written: Written) -> SyncDocument:
@@ -44,10 +47,9 @@ def sync_document(flight: Flight, format_: str, written: Written) -> SyncDocumen
         geo_origin=plan.scenario.geo_origin,
         period_s=plan.orbits.period,
         angular_rate_rad_s=plan.orbits.rate,
-        altitude_m=flight.altitude,
+        min_separation_m=plan.scenario.min_separation_m,
         duration_s=flight.duration,
-        autopilot_parameters=dict(written.parameters),
-        procedure=_procedure(flight, written),
+        procedure=procedure(flight, written),
         vehicles=_vehicles(flight, written),
         meetings=[
             VehicleMeeting(
@@ -79,6 +81,7 @@ def _vehicles(flight: Flight, written: Written) -> list[SyncedVehicle]:
     where, ahead = position(orbits, 0.0), heading(orbits, 0.0) % (2.0 * np.pi)
     entries = _degrees(flight, where)
     centers = _degrees(flight, orbits.centers)
+    separations = _separation_tolerances(flight)
     return [
         SyncedVehicle(
             name=name,
@@ -94,7 +97,7 @@ def _vehicles(flight: Flight, written: Written) -> list[SyncedVehicle]:
                 position_m=_pair(where[k]),
                 lat_deg=entries[k][0],
                 lon_deg=entries[k][1],
-                altitude_m=flight.altitude,
+                altitude_m=flight.altitudes[k],
                 heading_rad=float(ahead[k]),
                 course_deg=(90.0 - math.degrees(float(ahead[k]))) % 360.0,
                 time_s=0.0,
@@ -102,39 +105,13 @@ def _vehicles(flight: Flight, written: Written) -> list[SyncedVehicle]:
             ),
             speed_mps=float(orbits.speeds[k]),
             leg_speed_mps=written.leg_speeds[k] if written.leg_speeds else None,
+            start_item=written.start_items[k] if written.start_items else None,
+            autopilot_parameters=dict(written.parameters[k]) if written.parameters else {},
             tolerance_s=_tolerance(flight, _meetings_of(flight, k)),
+            separation_tolerance_s=separations[k],
         )
         for k, name in enumerate(flight.names)
     ]
-
-
-def _procedure(flight: Flight, written: Written) -> list[str]:
-    """How a vehicle joins its circle at the right phase, step by step."""
-    period, known = flight.plan.orbits.period, flight.plan.scenario.start_time is not None
-    when = "start_time" if known else "a moment that all agree on (time 0)"
-    steps = [
-        "Take-off and landing are the operator's; wait clear of all circles, each vehicle at a "
-        "height of its own.",
-        f"Be at entry.position_m at {when}, under way on entry.course_deg at speed_mps; come in "
-        "along the tangent. A vehicle that starts there from rest loses speed / (2 acceleration) "
-        "seconds: let it start that much earlier.",
-        f"Who misses it passes the same point at any whole number of periods ({period:.6g} s) "
-        "later.",
-        "From then on hold speed_mps over ground on the circle: every vehicle then takes one "
-        "period for a turn, whatever its radius.",
-        "Check the time at which the entry point is passed in each turn. Late by s seconds: fly "
-        "one turn at speed_mps period_s / (period_s - s). Within tolerance_s no meeting is lost.",
-    ]
-    if written.leg_speeds:
-        steps.insert(
-            4,
-            "Between waypoints hold leg_speed_mps, which the mission sets: the legs are shorter "
-            "than the arcs, and the corners are then passed on time.",
-        )
-    if written.parameters:
-        told = ", ".join(f"{name} {value:.6g}" for name, value in written.parameters)
-        steps.insert(0, f"Set on every vehicle: {told}.")
-    return steps
 
 
 def _meetings_of(flight: Flight, k: int) -> list[Meeting]:
@@ -145,6 +122,17 @@ def _tolerance(flight: Flight, meetings: Sequence[Meeting]) -> float | None:
     """Least time in s by which a phase may slip; None where no meeting can be lost."""
     least = min((item.tolerance for item in meetings), default=math.pi)
     return None if least >= math.pi else least / flight.plan.orbits.rate
+
+
+def _separation_tolerances(flight: Flight) -> list[float | None]:
+    """Each vehicle's slip in s that brings it too near to another; None where none does."""
+    orbits, apart = flight.plan.orbits, flight.plan.scenario.min_separation_m
+    a, b = reachable_pairs(orbits, np.zeros((0, 2)), np.full(orbits.count, apart))
+    pairs = np.column_stack([a, b])[a < b]
+    slips = np.full(orbits.count, np.pi)
+    for column in (0, 1):
+        np.minimum.at(slips, pairs[:, column], safe_slips(orbits, pairs, apart))
+    return [None if slip >= math.pi else slip / orbits.rate for slip in slips.tolist()]
 
 
 def _degrees(flight: Flight, points: Array) -> list[tuple[float | None, float | None]]:

@@ -22,7 +22,7 @@ class EntryPoint(_Part):
     position_m: Point
     lat_deg: float | None = Field(description="Null without a geo_origin")
     lon_deg: float | None
-    altitude_m: float = Field(description="Above the origin")
+    altitude_m: float = Field(description="Flown, above the origin")
     heading_rad: float = Field(description="Direction of flight there, from +x, in [0, 2 pi)")
     course_deg: float = Field(description="The same from north, clockwise, in [0, 360)")
     time_s: float = Field(description="Since time 0")
@@ -46,8 +46,21 @@ class SyncedVehicle(_Part):
     leg_speed_mps: float | None = Field(
         description="To hold on the straight legs between waypoints; null without"
     )
+    start_item: int | None = Field(
+        description="Number, home being 0, of the mission's item that begins at time 0; null "
+        "without a mission"
+    )
+    autopilot_parameters: dict[str, float] = Field(
+        description="To be set on this vehicle, where its autopilot needs it"
+    )
     tolerance_s: float | None = Field(
-        description="How early or late it may be before a planned meeting is lost; null if none is"
+        description="How early or late it alone may be before a planned meeting is lost; null if "
+        "none is"
+    )
+    separation_tolerance_s: float | None = Field(
+        description="How early or late it alone may be before it comes nearer than "
+        "min_separation_m to another in the plane (0: before it would hit it); null if it never "
+        "does"
     )
 
 
@@ -59,7 +72,9 @@ class VehicleMeeting(_Part):
     planned: bool = Field(description="False for those that come about by the way")
     min_distance_m: float
     windows_s: list[Window] = Field(description="Since time 0; again every period_s")
-    tolerance_s: float | None = Field(description="How late either may be; null if never too late")
+    tolerance_s: float | None = Field(
+        description="How early or late one of the two may be; null if never too much"
+    )
 
 
 class LandmarkSighting(_Part):
@@ -81,11 +96,8 @@ class SyncDocument(_Part):
     geo_origin: GeoOrigin | None
     period_s: float
     angular_rate_rad_s: float
-    altitude_m: float = Field(description="Flown, above the origin")
+    min_separation_m: float = Field(description="As the scenario asks for")
     duration_s: float
-    autopilot_parameters: dict[str, float] = Field(
-        description="To be set on every vehicle, where the format's autopilot needs it"
-    )
     procedure: list[str] = Field(description="How the vehicles join at the right phase")
     vehicles: list[SyncedVehicle]
     meetings: list[VehicleMeeting]

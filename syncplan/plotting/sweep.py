@@ -17,6 +17,8 @@ _UNITS = {
     "formation.spacing_m": "spacing, m",
 }
 
+FEW_TRIALS = 100
+
 _Figure = Callable[[SweepRow], float | None]
 
 _CURVES: tuple[tuple[str, str, _Figure, str, str, str], ...] = (
@@ -61,7 +63,8 @@ def sweep_spec(report: SweepReport) -> Spec:
     first = report.rows[0].validation
     drawn = layout(
         f"{escaped(first.name or 'Scenario')}: sweep of {escaped(report.swept)}",
-        note=f"{first.trials} trials of {first.duration_s:g} s at each value, seed {first.seed}",
+        note=f"{first.trials} trials of {first.duration_s:g} s at each value, seed {first.seed}"
+        + ("; so few leave much to chance" if first.trials < FEW_TRIALS else ""),
         height=520,
         xaxis=axis(_UNITS.get(report.swept, escaped(report.swept))),
         yaxis=axis("RMS error over all vehicles, m", rangemode="tozero"),
