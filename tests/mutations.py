@@ -38,6 +38,7 @@ class Sent:
     headers: dict[str, str] = field(default_factory=dict)
     chunks: int = 0
     cut: bool = False
+    method: str = "POST"
 
     def pieces(self) -> list[bytes]:
         """Return the bytes on the wire."""
@@ -47,7 +48,7 @@ class Sent:
         headers.setdefault("Content-Length", str(len(self.body) + 100 * self.cut))
         if self.chunks:
             del headers["Content-Length"]
-        head = f"POST {self.path} HTTP/1.1\r\nHost: syncplan\r\n"
+        head = f"{self.method} {self.path} HTTP/1.1\r\nHost: syncplan\r\n"
         head += "".join(f"{name}: {value}\r\n" for name, value in headers.items())
         opening = head.encode("latin-1") + b"\r\n"
         if not self.chunks:
@@ -58,19 +59,25 @@ class Sent:
 
 
 def valid_scenarios() -> list[Tree]:
-    """Return the documents of examples/scenarios."""
-    return [parse_document(path.read_text(), "") for path in sorted(FILES.glob("*.yaml"))]
+    """Return the documents of examples/scenarios, every other one on Earth and dated."""
+    found = [parse_document(path.read_text(), "") for path in sorted(FILES.glob("*.yaml"))]
+    for document in found[::2]:
+        document["geo_origin"] = {"lat_deg": 47.4, "lon_deg": 8.5, "alt_m": 488.0}
+        document["start_time"] = "2027-05-01T09:00:00Z"
+    return found
 
 
 def draw_request(draw: Draw, scenarios: list[Tree], plans: list[str]) -> Sent:
     """Return a drawn request for a plan, or one about one of `plans`."""
     kind = draw.random()
-    if kind < 0.55:
+    if kind < 0.4:
         return _scenario(draw, scenarios)
-    if kind < 0.7:
+    if kind < 0.55:
         return _extreme(draw, scenarios)
-    if kind < 0.85:
+    if kind < 0.7:
         return _job(draw, scenarios, plans)
+    if kind < 0.85:
+        return _rendition(draw, scenarios, plans)
     if kind < 0.93:
         return _wild(draw, scenarios)
     return _transport(draw, scenarios)
@@ -307,6 +314,50 @@ def _plan(draw: Draw, plans: list[str]) -> str:
         return plans[draw.integers(len(plans))]
     odd = ["0" * 36, "%00", "..%2f..", "a" * 5000, "%ff", "%0d%0aX:1", "-" * 36, "x" * 36, "%F0%9F"]
     return odd[draw.integers(len(odd))]
+
+
+# --- previews, figures and exports ----------------------------------------------------------------
+
+FIGURES = ["formation", "animation", "timeline", "spectrum", "prediction", "refinement"]
+EXPORTS = ["qgc", "ardupilot", "csv", "rosbag2", "mcap", "crazyswarm", "geojson", "kml", "all"]
+OPTIONS: dict[str, list[str]] = {
+    "autopilot": ["ardupilot", "px4"],
+    "vehicle": ["multicopter", "fixed_wing"],
+    "altitude_m": ["0", "60", "-1000", "100000", "1e5"],
+    "altitude_step_m": ["0", "5", "1000"],
+    "turns": ["1", "3", "20000"],
+    "waypoints": ["true", "false"],
+    "snap_radius": ["true", "false"],
+    "quick": ["true", "false"],
+    "theme": ["light", "dark"],
+    "figure": FIGURES,
+}
+ODD_VALUES = ["", "%00", "nan", "inf", "-1e999", "9" * 400, "%FF", "../..", "1&1", "%F0%9F%9B%B0"]
+
+
+def _rendition(draw: Draw, scenarios: list[Tree], plans: list[str]) -> Sent:
+    kind = str(draw.choice(["preview", "figure", "export"]))
+    query = _query(draw)
+    if kind == "preview":
+        document = scenarios[draw.integers(len(scenarios))]
+        made = _mutated(draw, document) if draw.random() < 0.7 else document
+        return Sent(kind, f"/v1/previews{query}", _written(made), {"Content-Type": JSON})
+    names = FIGURES if kind == "figure" else EXPORTS
+    name = (
+        str(draw.choice([*names, *ODD_VALUES])) if draw.random() < 0.2 else str(draw.choice(names))
+    )
+    path = f"/v1/plans/{_plan(draw, plans)}/{kind}s/{name}{query}"
+    return Sent(f"{kind} {name[:12]}", path, b"", method="GET")
+
+
+def _query(draw: Draw) -> str:
+    """Some of the options that there are, now and then with odd values, or twice."""
+    asked = draw.choice(sorted(OPTIONS), size=int(draw.integers(0, 4)))
+    odd = draw.random() < 0.3
+    parts = [
+        f"{key}={draw.choice(ODD_VALUES if odd else OPTIONS[str(key)])}" for key in asked.tolist()
+    ]
+    return f"?{'&'.join(parts)}" if parts else ""
 
 
 # --- bodies that are hardly documents -------------------------------------------------------------

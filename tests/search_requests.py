@@ -9,6 +9,7 @@ hold about as much memory as when they had warmed up.
 
 import contextlib
 import http.client
+import io
 import json
 import os
 import socket
@@ -16,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import zipfile
 from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -159,18 +161,21 @@ def _answer(port: int, sent: Sent) -> tuple[int, http.client.HTTPMessage, bytes]
             {"Authorization": f"Bearer {KEY}", **sent.headers},
             sent.chunks,
             sent.cut,
+            sent.method,
         )
         for piece in authorised.pieces():
             connection.sendall(piece)
         if sent.cut:
             connection.shutdown(socket.SHUT_WR)
-        response = http.client.HTTPResponse(connection, method="POST")
+        response = http.client.HTTPResponse(connection, method=sent.method)
         response.begin()
         return response.status, response.headers, response.read()
 
 
 def _faults_of(status: int, headers: http.client.HTTPMessage, body: bytes) -> list[str]:
     if 200 <= status < 300:
+        if headers.get("content-type") == "application/zip":
+            return _faults_of_archive(body)
         return [] if _read(body) is not None else ["no JSON"]
     if not 400 <= status < 500:
         return ["neither of the 2xx nor of the 4xx"]
@@ -185,6 +190,15 @@ def _faults_of(status: int, headers: http.client.HTTPMessage, body: bytes) -> li
     if "Traceback" in body.decode() or "site-packages" in body.decode():
         faults.append("a trace")
     return faults
+
+
+def _faults_of_archive(body: bytes) -> list[str]:
+    with zipfile.ZipFile(io.BytesIO(body)) as archive:
+        sidecars = [name for name in archive.namelist() if name.endswith(".sync.json")]
+        whole = archive.testzip() is None and all(
+            _read(archive.read(name)) is not None for name in sidecars
+        )
+    return [] if whole and sidecars else ["no archive with a sidecar"]
 
 
 def _read(body: bytes) -> Any:
