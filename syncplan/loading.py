@@ -272,4 +272,6 @@ def _describe(value: Any) -> str:
         text = repr(value) if isinstance(value, str) else json.dumps(value, default=str)
     except (ValueError, RecursionError):
         text = f"a {type(value).__name__} that holds itself"
+    except TypeError:
+        text = f"a {type(value).__name__} with keys that are no text"
     return text if len(text) <= _VALUE_LENGTH else text[: _VALUE_LENGTH - 3] + "..."

@@ -9,6 +9,8 @@ from tests.mutations import draw_request, valid_scenarios
 from tests.search_requests import LARGEST_GROWTH_MB, SETTINGS, search
 from tests.serving import Server, running
 
+pytestmark = pytest.mark.alone
+
 REQUESTS = 120
 QUICK = {"SYNCPLAN_MAX_VEHICLES": "15", "SYNCPLAN_MAX_SAMPLES": "2500"}
 """Limits under which no plan takes long."""

@@ -14,6 +14,8 @@ from api.storage import executors, jobs
 from api.storage.answers import Answer, find_answer, keep_answer
 from api.storage.database import Database, open_database
 
+pytestmark = pytest.mark.alone
+
 BEAT_S, DEAD_AFTER_S, KEEP_S = 2.0, 8.0, 60.0
 LOOKS = 4
 """Looks at an unchanged count after which a process is dead."""

@@ -27,6 +27,8 @@ from syncplan.validation import validate
 from syncplan.validation_report import validation_document
 from tests.scenarios import FILES, example
 
+pytestmark = pytest.mark.alone
+
 LIMITS = Limits(
     vehicles=200, samples=20_000, trials=100_000, run_s=1e5, refine_s=600.0, sweep_values=50
 )

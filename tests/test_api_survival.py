@@ -33,7 +33,7 @@ from tests.survival import (
     validation,
 )
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.alone]
 
 LONG = 100_000
 """Trials of a validation that takes minutes."""

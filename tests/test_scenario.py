@@ -67,6 +67,22 @@ def test_yaml_is_read_as_version_1_2(tmp_path: Path) -> None:
     assert scenario.centers[1] == (70.0, 12.0)
 
 
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        ("{? [1, 2] : 3}", "name: a dict with keys that are no text: must be"),
+        ("&a [*a]", "its aliases make too many values"),
+    ],
+)
+def test_what_yaml_can_say_and_json_cannot_is_refused_in_words(
+    value: str, words: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "some.yaml"
+    path.write_text(f"{json.dumps(document())[1:-1]}, name: {value}".join("{}"))
+    with pytest.raises(InputError, match=words):
+        load_scenario(path)
+
+
 def test_json_and_yaml_mean_the_same(tmp_path: Path) -> None:
     one = tmp_path / "s.json"
     one.write_text(json.dumps(document()))

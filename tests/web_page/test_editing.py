@@ -12,7 +12,7 @@ from tests.scenarios import BAD_FILES, FILES, document
 from tests.serving import Server
 from tests.web_page.gestures import downloaded, drag, handle, opened, saved
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.alone]
 
 ALTERNATE = "paper-grid-alternate"
 SAME = "paper-grid-same"

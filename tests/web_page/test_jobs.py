@@ -10,7 +10,7 @@ from tests.browsing import Visit, accessibility_faults, visiting
 from tests.serving import Server
 from tests.web_page.gestures import plan_id_of
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.alone]
 
 ALTERNATE = "paper-grid-alternate"
 

@@ -12,7 +12,7 @@ from tests.scenarios import FILES
 from tests.serving import Server
 from tests.web_page.gestures import handle
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.alone]
 
 ALTERNATE = "paper-grid-alternate"
 

@@ -13,7 +13,7 @@ from tests.browsing import Visit
 from tests.serving import Server
 from tests.web_page.gestures import plan_id_of, saved
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.alone]
 
 SAME = "paper-grid-same"
 
