@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from syncplan.contacts import relative_motion
@@ -43,6 +43,7 @@ def apart_when_slipped(orbits: Orbits, slips: np.ndarray) -> np.ndarray:
     return least_distances(relative_motion(many, np.zeros((0, 2)), first, first + 1))[0]
 
 
+@settings(deadline=None)
 @given(st.floats(1.0, 60.0), RADII, RADII, PHASES, PHASES, st.floats(0.5, 10.0))
 def test_turning_the_same_way_the_slip_is_an_arccosine(
     distance: float, ra: float, rb: float, one: float, other: float, asked: float
@@ -60,6 +61,7 @@ def test_turning_the_same_way_the_slip_is_an_arccosine(
     assert safe_slips(orbits, PAIR, asked)[0] <= expected + 1e-9
 
 
+@settings(deadline=None)
 @given(st.floats(5.0, 70.0), RADII, RADII, PHASES, PHASES, st.sampled_from([-1.0, 1.0]))
 def test_without_a_distance_it_is_the_slip_at_which_they_collide(
     distance: float, ra: float, rb: float, one: float, other: float, sense: float
@@ -77,6 +79,7 @@ def test_without_a_distance_it_is_the_slip_at_which_they_collide(
     assert safe_slips(orbits, PAIR, 0.0)[0] == pytest.approx(expected, abs=2e-3)
 
 
+@settings(deadline=None)
 @given(
     st.floats(1.0, 80.0),
     RADII,
