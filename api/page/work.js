@@ -5,6 +5,8 @@ import { follow } from "./events.js";
 import { refinementForm, validationForm } from "./requests.js";
 import { ask, askJson, patiently, postOnce, Refusal } from "./service.js";
 
+/** share of the least separation that may be lost without a word */
+const KEPT_SHARE = 0.9;
 const NAMES = { refinement: "Refinement", validation: "Validation" };
 
 /** The panel of jobs.
@@ -35,6 +37,7 @@ export class Work {
     this.#running.append(this.#progress, this.#text, this.#cancel);
     byId("work").append(...this.#forms.map((form) => form.element), this.#fault, this.#running, this.#outcome);
     for (const name of ["opened", "scenario"]) store.addEventListener(name, () => this.#clear());
+    store.addEventListener("opened", () => this.#forms.forEach((form) => form.suit(store.scenario)));
     this.#enable();
   }
 
@@ -160,8 +163,21 @@ function refined(plan) {
       { class: `badge ${improved ? "good" : ""}` },
       improved ? `Predicted error ${rms(before)} → ${rms(after)}` : "Nothing better was found",
     ),
-    element("p", {}, improved ? `Rank ${before.rank} → ${after.rank}; least distance ${shown(after.least_distance_m, "m")}.` : reason),
-  ];
+    element("p", {}, improved ? `Rank ${before.rank} → ${after.rank}.` : reason),
+    improved && after.least_distance_m !== null ? separationOf(before.least_distance_m, after.least_distance_m) : null,
+  ].filter(Boolean);
+}
+
+/** How near vehicles come before and after: what is gained in error may be paid for in room. */
+function separationOf(before, after) {
+  const text = `Least separation ${shown(before)} → ${shown(after, "m")}.`;
+  if (after >= KEPT_SHARE * before) return element("p", {}, text);
+  return element(
+    "p",
+    { class: "remark" },
+    element("strong", {}, `⚠ ${text} `),
+    "Vehicles come nearer to each other than before. “Least separation” in the scenario bounds it.",
+  );
 }
 
 function validated(report) {
