@@ -3,6 +3,7 @@
 import { Body } from "./body.js";
 import { byId, element, mark } from "./elements.js";
 import { Fields } from "./fields.js";
+import { Links } from "./links.js";
 import { sensorValue, valueAt, withSensor, withValue } from "./scenario.js";
 
 const TEAM = [
@@ -43,11 +44,13 @@ export class Editor {
   #form = byId("editor");
   #fields = new Fields();
   #body;
+  #links;
   #rated = true;
 
   constructor(store) {
     this.#store = store;
     this.#body = new Body(store);
+    this.#links = new Links(store);
     this.#form.addEventListener("submit", (event) => event.preventDefault());
     store.addEventListener("opened", () => this.#build());
     store.addEventListener("scenario", () => this.#show());
@@ -63,6 +66,7 @@ export class Editor {
       element("p", { class: "fault block", role: "alert", id: "fault-rest" }),
       this.#group("Team", TEAM),
       this.#body.group,
+      this.#links.group,
       this.#group("Sensors of all", SENSOR),
       this.#folded("Noise", NOISE),
       this.#folded("Place and time, for exports", PLACE),
@@ -107,18 +111,21 @@ export class Editor {
       else this.#fields.choose(path, TURNS, value);
     }
     this.#body.show();
+    this.#links.show();
   }
 
   #clear() {
     this.#fields.unmark();
     this.#body.fields.unmark();
+    this.#links.tell([]);
     byId("fault-rest").textContent = "";
   }
 
   #tell({ faults, message }) {
-    this.#clear();
+    this.#fields.unmark();
+    this.#body.fields.unmark();
     const rest = [];
-    for (const { path, message: text } of faults) {
+    for (const { path, message: text } of this.#links.tell(faults)) {
       const place = this.#placeOf(path);
       if (place) mark(place, text);
       else rest.push(path ? `${path}: ${text}` : text);
