@@ -17,10 +17,14 @@ export class FormationMap {
   #legend = byId("map-legend");
   #dragged = null;
   #held = null;
+  #formation = null;
 
   constructor(store) {
     this.#store = store;
-    store.addEventListener("plan", (event) => this.draw(event.detail.figures.formation));
+    store.addEventListener("plan", (event) => {
+      this.#formation = event.detail.figures.formation || this.#formation;
+      this.drawPlan();
+    });
     for (const name of ["scenario", "opened", "selected"]) {
       store.addEventListener(name, () => this.#placeHandles());
     }
@@ -28,6 +32,11 @@ export class FormationMap {
 
   get plot() {
     return this.#plot;
+  }
+
+  /** Draw the formation of the plan on show, as it is at time 0. */
+  drawPlan() {
+    return this.draw(this.#formation);
   }
 
   /** Draw a formation or one of its moments; the view stays while something is dragged. */

@@ -44,6 +44,42 @@ def test_the_animation_moves_vehicles_sightings_and_a_line_in_the_timeline(visit
     expect(page.locator("#moment-text")).to_have_text("0 s")
 
 
+def test_time_0_is_the_plans_own_figure_and_the_legend_stays_as_it_is_while_time_goes_on(
+    visit: Visit,
+) -> None:
+    page = visit.page
+    visit.choose("paper-grid-alternate")
+    uids = "document.getElementById('map-plot').data.map(t => t.uid).sort()"
+    entries = page.locator("#map-plot .legendtext")
+    slider = page.get_by_label("Moment in the period")
+    plan = page.evaluate(uids)
+    drawn = entries.all_text_contents()
+    assert {"motion-0", "motion-1", "link-rank-2"} <= set(plan)
+    slider.fill("30")
+    expect(entries.filter(has_text="in contact: link, rank 2 of 3")).to_have_count(1)
+    assert "motion-0" not in page.evaluate(uids)
+    told = entries.all_text_contents()
+    weak = page.locator("#map-plot .traces").filter(has_text="rank 2 of 3").locator(".js-line")
+    expect(weak).to_have_css("stroke", "rgb(213, 94, 0)")
+    for moment in ("15", "22", "40"):
+        slider.fill(moment)
+        page.wait_for_timeout(200)
+        assert entries.all_text_contents() == told
+    slider.focus()
+    page.keyboard.press("Home")
+    expect(entries).to_have_text(drawn)
+    assert page.evaluate(uids) == plan
+    # the same after playing, and for an edit that can't be planned
+    page.get_by_role("button", name="Play").click()
+    expect(entries).to_have_text(told)
+    page.get_by_role("button", name="Pause").click()
+    visit.expect_complaints("422")
+    page.get_by_label("Radius of all").fill("-1")
+    expect(entries).to_have_text(drawn)
+    visit.settle()
+    assert page.evaluate(uids) == plan
+
+
 def test_playing_can_be_paused_however_fast_it_was_begun_and_shows_the_newest_plan(
     visit: Visit,
 ) -> None:
@@ -62,7 +98,7 @@ def test_playing_can_be_paused_however_fast_it_was_begun_and_shows_the_newest_pl
     page.wait_for_timeout(800)
     expect(page.locator("#play")).to_have_text("Pause")
     uids = "document.getElementById('map-plot').data.map(t => t.uid)"
-    assert {"vehicles", "sightings", "circles-ccw"} <= set(page.evaluate(uids))
+    assert {"vehicles", "sight-link-certified", "circles-ccw"} <= set(page.evaluate(uids))
     circles = "document.getElementById('map-plot').data.find(t => t.uid === 'circles-ccw').x[0]"
     assert page.evaluate(circles) == pytest.approx(19.0)
 
