@@ -93,7 +93,7 @@ export function refinementForm(handIn) {
   );
   const centers = check("refine-centers", "centres, by up to", true);
   const box = number("refine-box", 5, "How far a centre may move each way, in m");
-  const radii = check("refine-radii", "radii, from", false);
+  const radii = check("refine-radii", "radii", false);
   const least = number("refine-least", 15, "Least radius in m");
   const most = number("refine-most", 25, "Largest radius in m");
   const time = number("refine-time", 30);
@@ -115,9 +115,10 @@ export function refinementForm(handIn) {
     read,
     rows: [
       element("div", { class: "field wide" }, element("label", { for: objective.id }, "Improve the"), objective),
-      element("div", { class: "row" }, "Move phases,", centers.label, box, "m"),
+      element("p", {}, "Move phases and"),
+      element("div", { class: "row" }, centers.label, amount(box, "m")),
       faultOf(box),
-      element("div", { class: "row" }, radii.label, least, "to", most, "m"),
+      element("div", { class: "row" }, radii.label, amount(least, "to", most, "m")),
       faultOf(least),
       faultOf(most),
       labelled("Time limit (s)", time),
@@ -166,6 +167,11 @@ function number(id, value, label) {
 function check(id, text, checked) {
   const input = element("input", { id, type: "checkbox", checked });
   return { input, label: element("label", { for: id, class: "check" }, input, ` ${text}`) };
+}
+
+/** Numbers and their unit, on one line whatever the width. */
+function amount(...parts) {
+  return element("span", { class: "amount" }, ...parts);
 }
 
 function faultOf(input) {
