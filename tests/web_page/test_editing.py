@@ -42,6 +42,38 @@ def test_a_lost_motion_is_drawn_and_its_cure_told_and_cures_it(
     expect(page.locator(".motion")).to_have_count(0)
 
 
+def test_a_cure_is_told_in_words_and_has_a_button(visit: Visit) -> None:
+    page = visit.page
+    visit.choose(ALTERNATE)
+    motion = page.locator(".motion").first
+    expect(motion).to_contain_text("a small desynchronisation (orbit.desync_rad)")
+    button = motion.get_by_role("button", name="Desynchronise by 0.2")
+    button.press("Enter")
+    visit.verdict("Observable: rank 18 of 18")
+    expect(page.get_by_label("Desynchronise by (rad)")).to_have_value("0.2")
+    expect(page.locator("#badge")).to_be_focused()
+    # one that is larger, as of vehicles that are off the rule by half a turn, is not written over
+    page.get_by_label("Desynchronise by (rad)").fill("3.141592653589793")
+    visit.verdict("Not observable: rank 16 of 18")
+    visit.settle()
+    expect(motion).to_contain_text("desync_rad")
+    expect(page.get_by_role("button", name="Desynchronise by 0.2")).to_have_count(0)
+
+
+def test_vehicles_nearer_than_asked_for_are_told_in_a_line_of_their_own(visit: Visit) -> None:
+    page = visit.page
+    told = page.locator("#too-near")
+    expect(told).to_have_count(0)
+    page.get_by_label("Least separation").fill("95")
+    visit.verdict("rank 18 of 18")
+    expect(told).to_contain_text("Nearer than the 95 m asked for: v1")
+    expect(told).to_contain_text("more")
+    expect(told).to_have_class("badge bad")
+    assert accessibility_faults(page) == []
+    page.get_by_label("Least separation").fill("10")
+    expect(told).to_have_count(0)
+
+
 def test_a_landmark_moves_by_mouse_and_the_view_stays_while_it_does(visit: Visit) -> None:
     page = visit.page
     before = page.evaluate("document.getElementById('map-plot').layout.xaxis.range")

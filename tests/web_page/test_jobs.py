@@ -92,6 +92,33 @@ def test_refining_tells_what_it_costs_in_separation(visit: Visit) -> None:
     expect(told).to_have_count(0)
 
 
+def test_a_validation_is_no_proof_where_the_plan_is_unobservable_or_trials_are_few(
+    visit: Visit,
+) -> None:
+    page = visit.page
+    badge = page.locator(".outcome .badge")
+    outcome = page.locator(".outcome")
+
+    def validate(trials: str) -> None:
+        page.get_by_role("spinbutton", name="Trials").fill(trials)
+        page.get_by_role("button", name="Validate").click()
+        expect(outcome).to_contain_text(f"of {trials} trial")
+
+    validate("30")
+    expect(outcome).to_contain_text("The filter is consistent")
+    expect(badge).to_have_class("badge good")
+    validate("1")
+    expect(outcome).to_contain_text("of 1 trial. Too few trials to tell")
+    expect(outcome).not_to_contain_text("The filter is")
+    expect(badge).not_to_have_class("badge good")
+    visit.choose(ALTERNATE)
+    validate("40")
+    expect(badge).not_to_have_class("badge good")
+    expect(outcome.locator(".remark")).to_contain_text("The plan is not observable")
+    expect(outcome.locator(".remark")).to_contain_text("stretch of v1-v2")
+    assert accessibility_faults(page) == []
+
+
 def test_a_job_can_be_cancelled(visit: Visit, server: Server) -> None:
     page = visit.page
     page.get_by_label("Trials").fill("100000")
