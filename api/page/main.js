@@ -9,6 +9,7 @@ import { FormationMap } from "./map.js";
 import { PLAN_FIGURES, Planner, theme } from "./planner.js";
 import { Player } from "./player.js";
 import { ask, askJson, noSuchPlan, postOnce } from "./service.js";
+import { listenForKeys } from "./shortcuts.js";
 import { Store } from "./store.js";
 import { showVerdicts } from "./verdict.js";
 import { Work } from "./work.js";
@@ -23,6 +24,7 @@ new Editor(store);
 new Player(store, map, charts);
 new Planner(store, busy);
 showVerdicts(store);
+listenForKeys(store);
 const work = new Work(store, storePlan, { began, ended });
 offerDownloads(store, storePlan);
 

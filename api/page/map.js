@@ -28,6 +28,7 @@ export class FormationMap {
     for (const name of ["scenario", "opened", "selected"]) {
       store.addEventListener(name, () => this.#placeHandles());
     }
+    document.addEventListener("keydown", (event) => event.key === "Escape" && this.#takeBack());
   }
 
   get plot() {
@@ -141,6 +142,15 @@ export class FormationMap {
     if (moved) this.#store.edit(this.#store.scenario, { step: false });
   }
 
+  /** End a drag as if it had not begun. */
+  #takeBack() {
+    if (!this.#dragged) return;
+    const moved = !this.#held.first;
+    this.#dragged = null;
+    this.#held = null;
+    if (moved) this.#store.undo();
+  }
+
   #nudge(handle, event) {
     const ways = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
     const way = ways[event.key];
@@ -151,7 +161,7 @@ export class FormationMap {
     const tidy = 10 ** Math.floor(Math.log10(step));
     const by = Math.round(step / tidy) * tidy;
     const { body } = handle;
-    this.#move(body, body.x + way[0] * by, body.y + way[1] * by, { live: true });
+    this.#move(body, body.x + way[0] * by, body.y + way[1] * by, { live: true, field: `${body.kind} ${body.k}` });
   }
 
   #move(body, x, y, how) {
