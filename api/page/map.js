@@ -4,6 +4,7 @@ import { draw, isNarrow } from "./drawing.js";
 import { byId, element, shown } from "./elements.js";
 import { legendOf } from "./legend.js";
 import { landmarksOf, round, vehiclesOf, withCenter, withLandmark } from "./scenario.js";
+import { Sight } from "./sight.js";
 
 const STEP = 0.01;
 const LONG_STEP = 0.05;
@@ -18,9 +19,12 @@ export class FormationMap {
   #dragged = null;
   #held = null;
   #formation = null;
+  #sight = new Sight();
+  #time = 0;
 
   constructor(store) {
     this.#store = store;
+    this.#handles.before(this.#sight.drawing);
     store.addEventListener("plan", (event) => {
       this.#formation = event.detail.figures.formation || this.#formation;
       this.drawPlan();
@@ -33,6 +37,21 @@ export class FormationMap {
 
   get plot() {
     return this.#plot;
+  }
+
+  /** Show what the chosen vehicle covers so many seconds after the start. */
+  moment(time) {
+    this.#time = time;
+    this.#showSight();
+  }
+
+  #showSight() {
+    const axes = this.#plot._fullLayout;
+    if (!axes?.xaxis || !this.#store.scenario) return;
+    const { selected, scenario, plan } = this.#store;
+    const chosen = selected?.kind === "vehicle" ? vehiclesOf(scenario, plan)[selected.k] : null;
+    this.#sight.show(chosen, plan, this.#time, axes);
+    byId("sight-help").hidden = !chosen;
   }
 
   /** Draw the formation of the plan on show, as it is at time 0. */
@@ -72,6 +91,7 @@ export class FormationMap {
   #placeHandles() {
     const axes = this.#plot._fullLayout;
     if (!axes?.xaxis || !this.#store.scenario) return;
+    this.#showSight();
     const bodies = this.#bodies();
     const made = [...this.#handles.children];
     made.slice(bodies.length).forEach((one) => one.remove());

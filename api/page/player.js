@@ -128,6 +128,7 @@ export class Player {
 
   #say(time) {
     byId("moment-text").textContent = `${shown(time)} s`;
+    this.#map.moment(time);
     this.#slider.setAttribute("aria-valuetext", `${shown(time)} seconds`);
   }
 }

@@ -11,6 +11,7 @@ const MOST_TOLD = 3;
 export function showVerdicts(store) {
   const place = byId("verdict");
   const badge = byId("badge");
+  repeat(badge, byId("badge-again"));
   store.addEventListener("plan", (event) => {
     const { observability: seen } = store.plan;
     const text = `${seen.observable ? "✓ Observable" : "✗ Not observable"}: rank ${seen.rank} of ${seen.state_dim}`;
@@ -26,6 +27,16 @@ export function showVerdicts(store) {
     place.classList.add("stale");
     place.append(element("p", { class: "hint" }, "Of the scenario before the fault."));
   });
+}
+
+/** Keep what the verdict says in sight where the form is far below it, as on a phone. */
+function repeat(badge, again) {
+  const copy = () => {
+    again.textContent = badge.textContent;
+    again.className = badge.className;
+  };
+  new MutationObserver(copy).observe(badge, { attributes: true, characterData: true, childList: true, subtree: true });
+  copy();
 }
 
 /** Whether phases are nearer to the rule than the cure would put them, and it would: of one sense it turns the team. */

@@ -43,6 +43,47 @@ def test_the_page_fits_a_phone(browser: Browser, server: Server) -> None:
         expect(visit.page.get_by_label("Centre east")).to_have_value("70")
 
 
+def test_a_phone_shows_no_more_of_the_map_than_there_is_and_keeps_the_verdict_in_sight(
+    browser: Browser, server: Server
+) -> None:
+    with visiting(browser, server.url, size=PHONE, touch=True) as visit:
+        page = visit.page
+        visit.choose(ALTERNATE)
+        frame = page.locator("#map").bounding_box()
+        drawn = page.locator("#map-plot .cartesianlayer .bg, #map-plot .bglayer .bg").first
+        inner = drawn.bounding_box()
+        assert frame is not None
+        assert inner is not None
+        # room for the axis below, and nothing else
+        assert frame["height"] - inner["height"] < 50
+        expect(page.locator("#map-plot .xtitle, #map-plot .ytitle")).to_have_count(0)
+        expect(page.locator(".by-keys")).to_be_hidden()
+        again = page.locator("#badge-again")
+        page.get_by_label("Sample time").scroll_into_view_if_needed()
+        expect(page.locator("#badge")).not_to_be_in_viewport()
+        expect(again).to_be_in_viewport()
+        expect(again).to_have_text(page.locator("#badge").text_content() or "?")
+        expect(again).to_have_class("badge bad")
+        page.get_by_label("Desynchronise by (rad)").fill("0.2")
+        expect(again).to_contain_text("rank 18 of 18")
+        expect(again).to_have_class("badge good")
+        for name in ("Contacts", "Singular values", "Predicted error"):
+            page.get_by_role("tab", name=name).tap()
+            visit.settle()
+            over = page.evaluate(
+                """[...document.querySelectorAll('#panel-plot text')].filter(one =>
+                    one.getBoundingClientRect().right
+                        > document.getElementById('panel').getBoundingClientRect().right)
+                .map(one => one.textContent)"""
+            )
+            assert over == []
+    with visiting(browser, server.url) as visit:
+        visit.verdict("Observable")
+        expect(visit.page.locator("#badge-again")).to_be_hidden()
+        expect(visit.page.locator("#map-plot .xtitle")).to_be_visible()
+        expect(visit.page.locator(".by-keys")).to_be_visible()
+
+
 def _cut(page: Page) -> list[str]:
     """What sticks out of its card, or is wider than there is room for."""
     found: list[str] = page.evaluate(

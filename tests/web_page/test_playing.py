@@ -2,6 +2,7 @@
 
 import io
 import json
+import math
 import zipfile
 from pathlib import Path
 
@@ -101,6 +102,45 @@ def test_playing_can_be_paused_however_fast_it_was_begun_and_shows_the_newest_pl
     assert {"vehicles", "sight-link-certified", "circles-ccw"} <= set(page.evaluate(uids))
     circles = "document.getElementById('map-plot').data.find(t => t.uid === 'circles-ccw').x[0]"
     assert page.evaluate(circles) == pytest.approx(19.0)
+
+
+def test_what_a_chosen_sensor_covers_is_shaded_and_holds_what_it_sees_at_each_moment(
+    visit: Visit, server: Server
+) -> None:
+    page = visit.page
+    visit.choose("mixed-radii-camera")
+    expect(page.locator(".sight")).to_be_hidden()
+    expect(page.locator("#sight-help")).to_be_hidden()
+    page.get_by_label("Vehicle or landmark").select_option("vehicle 1")
+    expect(page.locator(".sight")).to_be_visible()
+    expect(page.locator("#sight-help")).to_be_visible()
+    page.get_by_role("button", name="Copy link").click()
+    expect(page.locator("#notice")).to_contain_text("Link")
+    plan = httpx2.get(f"{server.url}/v1/plans/{plan_id_of(page)}").json()
+    other = next(one for one in plan["vehicles"] if one["name"] == "v1")
+    directed = [one for link in plan["links"] for one in link["directed"]]
+    seen = next(one for one in directed if (one["from"], one["to"]) == ("v2", "v1"))
+    sense = 1.0 if other["direction"] == "ccw" else -1.0
+    period = plan["period_s"]
+    inside = """([x, y]) => {
+        const { xaxis, yaxis } = document.getElementById('map-plot')._fullLayout;
+        const at = new DOMPoint(xaxis.d2p(x), yaxis.d2p(y));
+        return document.querySelector('.sight path').isPointInFill(at);
+    }"""
+    found = []
+    for k in range(0, 60, 4):
+        page.get_by_label("Moment in the period").fill(str(k))
+        expect(page.locator("#moment-text")).to_have_text(f"{float(f'{period * k / 60:.4g}'):g} s")
+        phase = other["phase_rad"] + sense * 2.0 * math.pi * k / 60
+        x = other["center_m"][0] + other["radius_m"] * math.cos(phase)
+        y = other["center_m"][1] + other["radius_m"] * math.sin(phase)
+        time = period * k / 60
+        expected = any(
+            start <= time + turn <= end for start, end in seen["windows_s"] for turn in (0, period)
+        )
+        assert page.evaluate(inside, [x, y]) == expected, k
+        found.append(expected)
+    assert {True, False} == set(found)
 
 
 def test_plans_and_exports_are_saved_and_an_export_says_what_it_lacks(
