@@ -54,6 +54,8 @@ def animation_spec(plan: Plan, frames: int = FRAMES) -> Spec:
         *circle_traces(plan, places, arrows=False),
         *landmark_traces(plan, names, places),
         name_trace(plan, names, places),
+        _entry(plan, "directions", "direction of sight", 9),
+        _entry(plan, "vehicles", "vehicle", 15),
     ]
     times = np.arange(frames) * plan.orbits.period / frames
     kinds, kind_of = _kinds(plan)
@@ -155,18 +157,35 @@ def _looks(kinds: list[Standing], names: list[str]) -> list[Spec]:
             "type": "scatter",
             "mode": "markers",
             "uid": "directions",
-            "name": "direction of sight",
+            "legendgroup": "directions",
+            "showlegend": False,
             "hoverinfo": "skip",
         },
         {
             "type": "scatter",
             "mode": "markers",
             "uid": "vehicles",
-            "name": "vehicle",
+            "legendgroup": "vehicles",
+            "showlegend": False,
             "text": names,
             "hovertemplate": "%{text}<br>%{x} m, %{y} m<extra></extra>",
         },
     ]
+
+
+def _entry(plan: Plan, moving: str, name: str, largest: float) -> Spec:
+    """The legend's entry of arrows that move: their own would turn with the first of them."""
+    return {
+        "type": "scatter",
+        "mode": "markers",
+        "uid": f"{moving}-entry",
+        "name": name,
+        "legendgroup": moving,
+        "x": [None],
+        "y": [None],
+        "marker": {"symbol": "arrow", "size": mark_px(plan, largest), "angle": 90, "color": INK},
+        "hoverinfo": "skip",
+    }
 
 
 def _controls(times: Array) -> Spec:

@@ -60,12 +60,15 @@ def test_time_0_is_the_plans_own_figure_and_the_legend_stays_as_it_is_while_time
     expect(entries.filter(has_text="in contact: link, rank 2 of 3")).to_have_count(1)
     assert "motion-0" not in page.evaluate(uids)
     told = entries.all_text_contents()
+    marks = "[...document.querySelectorAll('#map-plot .layers path')].map(p => p.outerHTML)"
+    drawn_marks = page.evaluate(marks)
     weak = page.locator("#map-plot .traces").filter(has_text="rank 2 of 3").locator(".js-line")
     expect(weak).to_have_css("stroke", "rgb(213, 94, 0)")
     for moment in ("15", "22", "40"):
         slider.fill(moment)
         page.wait_for_timeout(200)
         assert entries.all_text_contents() == told
+        assert page.evaluate(marks) == drawn_marks
     slider.focus()
     page.keyboard.press("Home")
     expect(entries).to_have_text(drawn)
