@@ -125,7 +125,9 @@ def test_letters_of_double_size_find_room(
 
 
 def test_numbers_and_their_units_stay_on_one_line(visit: Visit) -> None:
-    for amount in visit.page.locator(".amount").all():
+    amounts = visit.page.locator(".amount")
+    expect(amounts).to_have_count(2)
+    for amount in amounts.all():
         box = amount.bounding_box()
         assert box is not None
         assert box["height"] < 40
