@@ -214,8 +214,8 @@ def _stretch(
         f"stretch of {pairs or 'links'} along {degrees:.1f} deg: "
         f"{_who(team, part)} shift{'s' if len(part) == 1 else ''}",
         _shift(team, part, bearing),
-        f"let the line of sight of {pairs or 'these links'} turn: a small desync_rad, unequal "
-        "radii, or refinement",
+        f"let the line of sight of {pairs or 'these links'} turn: a small desynchronisation "
+        "(orbit.desync_rad), unequal radii, or refinement",
     )
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import (
     Browser,
+    BrowserType,
     ConsoleMessage,
     Page,
     Request,
@@ -16,7 +17,7 @@ from playwright.sync_api import (
     sync_playwright,
 )
 
-__all__ = ["DESKTOP", "PHONE", "Visit", "accessibility_faults", "chromium", "visiting"]
+__all__ = ["DESKTOP", "PHONE", "Visit", "accessibility_faults", "chromium", "launched", "visiting"]
 
 DESKTOP = (1440, 900)
 PHONE = (390, 844)
@@ -29,17 +30,23 @@ _PATIENCE_MS = 20_000
 @contextmanager
 def chromium() -> Iterator[Browser]:
     """A browser of this machine: SYNCPLAN_CHROMIUM, or the first one that is installed."""
+    with sync_playwright() as playwright, launched(playwright.chromium) as browser:
+        yield browser
+
+
+@contextmanager
+def launched(kind: BrowserType, *options: str) -> Iterator[Browser]:
+    """A browser of a kind with options of its own."""
     named = os.environ.get("SYNCPLAN_CHROMIUM")
     program = named or next(filter(None, map(shutil.which, _PROGRAMS)), None)
     assert program, "the tests of the page need Chromium: apt-get install chromium"
     # root can't have the sandbox, and containers have little shared memory
-    options = ["--no-sandbox", "--disable-dev-shm-usage"]
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=program, args=options)
-        try:
-            yield browser
-        finally:
-            browser.close()
+    needed = ["--no-sandbox", "--disable-dev-shm-usage"]
+    browser = kind.launch(executable_path=program, args=[*needed, *options])
+    try:
+        yield browser
+    finally:
+        browser.close()
 
 
 @dataclass(slots=True)

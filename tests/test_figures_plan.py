@@ -21,6 +21,7 @@ from syncplan.plotting.palette import DARK
 from syncplan.plotting.timeline import union_growth, within_period
 from tests.scenarios import example, small
 
+KINDS = {"link", "incidental", "landmark"}
 NAMES = ("paper-grid-alternate", "paper-grid-same", "mixed-radii-camera", "landmark-bridge")
 
 
@@ -288,10 +289,33 @@ def test_each_frame_has_the_poses_and_sightings_of_its_moment(made: Plan) -> Non
         for a in range(made.orbits.count):
             for b in range(len(bodies)):
                 expected += a != b and _sees(made, a, bodies[b] - where[a], time)
-        assert len(parts["directions"]["x"]) == expected
-        anchored = [x for x in parts["landmark-sightings"]["x"] if x is not None]
-        _, targets = live(made.windows, made.orbits.period, time)
-        assert len(anchored) == 2 * np.sum(targets >= made.orbits.count)
+        assert sum(x is not None for x in parts["directions"]["x"]) == expected
+        observers, targets = live(made.windows, made.orbits.period, time)
+        lines = {uid: t["x"] for uid, t in parts.items() if uid.startswith("sight-")}
+        ends = {uid: [x for x in line if x is not None] for uid, line in lines.items()}
+        anchored = sum(len(x) for uid, x in ends.items() if uid.startswith("sight-landmark-"))
+        assert anchored == 2 * np.sum(targets >= made.orbits.count)
+        pairs = {frozenset(pair) for pair in zip(observers, targets, strict=True)}
+        assert sum(map(len, ends.values())) == 2 * len(pairs)
+
+
+def test_a_sighting_looks_in_the_animation_as_its_link_does_in_the_formation(made: Plan) -> None:
+    specs = specs_of(made, ["formation", "animation"])
+    links = {t["uid"]: t for t in specs["formation"]["data"] if t["uid"].split("-")[0] in KINDS}
+    moving = {t["uid"]: t for t in specs["animation"]["data"] if t["uid"].startswith("sight-")}
+    assert {f"sight-{uid}" for uid in links if uid != "dropped"} == set(moving)
+    motions = [t for t in specs["formation"]["data"] if t["uid"].startswith("motion")]
+    lost = {trace["line"]["color"] for trace in motions}
+    for uid, trace in moving.items():
+        assert trace["line"] == links[uid.removeprefix("sight-")]["line"]
+        assert trace["name"].endswith(links[uid.removeprefix("sight-")]["name"])
+        assert trace["line"]["color"] not in lost
+        # of a trace without any points, Plotly's legend drops the entry
+        index = specs["animation"]["frames"][0]["traces"]
+        place = index.index(next(k for k, t in enumerate(specs["animation"]["data"]) if t is trace))
+        assert all(frame["data"][place]["x"] for frame in specs["animation"]["frames"])
+    for frame in specs["animation"]["frames"]:
+        assert all(trace["x"] for trace in frame["data"])
 
 
 def _sees(made: Plan, observer: int, away: np.ndarray, time: float) -> bool:

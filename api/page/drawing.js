@@ -3,6 +3,9 @@
 import { byId } from "./elements.js";
 
 const NARROW_PX = 480;
+const NARROW_MARGIN = { l: 44, r: 8, t: 8, b: 30 };
+const NARROW_NAME = 34;
+const LEAST_HEIGHT_PX = 180;
 const CONFIG = { displayModeBar: false, responsive: true, scrollZoom: false, doubleClick: "reset" };
 
 const loaded = new Promise((resolve, reject) => {
@@ -22,16 +25,44 @@ export async function draw(frame, figure, { filling = false } = {}) {
   const Plotly = await loaded;
   const { title, height, ...layout } = figure.layout;
   const narrow = filling && isNarrow(frame);
+  if (filling) frame.parentElement.style.height = narrow ? `${heightOf(layout, frame.clientWidth)}px` : "";
   const fitted = {
     ...layout,
     ...(filling ? { autosize: true } : { height }),
-    margin: { ...layout.margin, t: filling ? 16 : 28, ...(narrow ? { b: 50 } : {}) },
-    ...(narrow ? { showlegend: false } : {}),
+    margin: { ...layout.margin, t: filling ? 16 : 28 },
+    ...(narrow ? bare(layout) : {}),
     dragmode: false,
     updatemenus: [],
     sliders: [],
   };
-  return Plotly.react(frame, figure.data, fitted, CONFIG);
+  const data = !filling && isNarrow(frame) ? figure.data.map(folded) : figure.data;
+  return Plotly.react(frame, data, fitted, CONFIG);
+}
+
+/** A trace whose entry in the legend fits a narrow frame. */
+function folded(trace) {
+  if (!trace.name || trace.name.length <= NARROW_NAME) return trace;
+  const lines = [""];
+  for (const word of trace.name.split(" ")) {
+    const longer = `${lines.at(-1)} ${word}`.trim();
+    if (longer.length <= NARROW_NAME) lines[lines.length - 1] = longer;
+    else lines.push(word);
+  }
+  return { ...trace, name: lines.join("<br>") };
+}
+
+/** A map without what a narrow frame has no room for: its legend, and the titles of its axes. */
+function bare({ xaxis, yaxis }) {
+  const untitled = (axis) => ({ ...axis, title: { text: "" }, automargin: false });
+  return { showlegend: false, margin: NARROW_MARGIN, xaxis: untitled(xaxis), yaxis: untitled(yaxis) };
+}
+
+/** The height in px at which a map of that width, both axes to one scale, leaves nothing empty. */
+function heightOf({ xaxis, yaxis }, width) {
+  const span = ({ range }) => Math.abs(range[1] - range[0]);
+  const { l, r, t, b } = NARROW_MARGIN;
+  const wanted = t + b + ((width - l - r) * span(yaxis)) / span(xaxis);
+  return Math.round(Math.min(Math.max(wanted, LEAST_HEIGHT_PX), 0.7 * innerHeight));
 }
 
 /** Show one frame of an animation that was drawn: Plotly.animate stalls where a page is hidden. */

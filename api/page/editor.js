@@ -3,6 +3,7 @@
 import { Body } from "./body.js";
 import { byId, element, mark } from "./elements.js";
 import { Fields } from "./fields.js";
+import { Links } from "./links.js";
 import { sensorValue, valueAt, withSensor, withValue } from "./scenario.js";
 
 const TEAM = [
@@ -43,13 +44,20 @@ export class Editor {
   #form = byId("editor");
   #fields = new Fields();
   #body;
+  #links;
   #rated = true;
+  /** the place of the origin as typed: half of one is not yet the scenario's */
+  #origin = {};
 
   constructor(store) {
     this.#store = store;
     this.#body = new Body(store);
+    this.#links = new Links(store);
     this.#form.addEventListener("submit", (event) => event.preventDefault());
-    store.addEventListener("opened", () => this.#build());
+    store.addEventListener("opened", () => {
+      this.#origin = {};
+      this.#build();
+    });
     store.addEventListener("scenario", () => this.#show());
     store.addEventListener("plan", () => this.#show());
     store.addEventListener("plan", () => this.#clear());
@@ -63,6 +71,7 @@ export class Editor {
       element("p", { class: "fault block", role: "alert", id: "fault-rest" }),
       this.#group("Team", TEAM),
       this.#body.group,
+      this.#links.group,
       this.#group("Sensors of all", SENSOR),
       this.#folded("Noise", NOISE),
       this.#folded("Place and time, for exports", PLACE),
@@ -87,38 +96,51 @@ export class Editor {
     const [section, key] = path.split(".");
     let changed;
     if (section === "sensor") changed = withSensor(scenario, key, value);
+    else if (section === "geo_origin") changed = this.#withOrigin(key, value);
     else changed = withValue(scenario, path, value === "" ? undefined : value);
-    if (section === "geo_origin") changed = wholeOrigin(changed);
-    this.#store.edit(changed, { live: true, field: path });
+    if (changed !== scenario) this.#store.edit(changed, { live: true, field: path });
+  }
+
+  /** The scenario with a part of its origin typed: with both latitude and longitude, it has one. */
+  #withOrigin(key, value) {
+    const { scenario } = this.#store;
+    this.#origin = { ...this.#origin, [key]: value === "" ? undefined : value };
+    if (isWhole(this.#origin)) return withValue(scenario, "geo_origin", { alt_m: 0, ...defined(this.#origin) });
+    return scenario.geo_origin ? withValue(scenario, "geo_origin", undefined) : scenario;
   }
 
   #show() {
     const { scenario } = this.#store;
     if (!scenario) return;
+    if (scenario.geo_origin) this.#origin = { ...scenario.geo_origin };
+    else if (isWhole(this.#origin)) this.#origin = {};
     if ((scenario.orbit.speed_mps === undefined) !== this.#rated) {
       this.#build();
       return;
     }
     for (const path of this.#fields.keys) {
       const [section, key] = path.split(".");
-      const value = section === "sensor" ? sensorValue(scenario, key) : valueAt(scenario, path);
+      const value = section === "sensor" ? sensorValue(scenario, key) : valueAt({ ...scenario, geo_origin: this.#origin }, path);
       if (path !== "orbit.direction") this.#fields.put(path, value);
       else if (Array.isArray(value)) this.#fields.choose(path, { ...TURNS, "": "vehicle by vehicle" }, "");
       else this.#fields.choose(path, TURNS, value);
     }
     this.#body.show();
+    this.#links.show();
   }
 
   #clear() {
     this.#fields.unmark();
     this.#body.fields.unmark();
+    this.#links.tell([]);
     byId("fault-rest").textContent = "";
   }
 
   #tell({ faults, message }) {
-    this.#clear();
+    this.#fields.unmark();
+    this.#body.fields.unmark();
     const rest = [];
-    for (const { path, message: text } of faults) {
+    for (const { path, message: text } of this.#links.tell(faults)) {
       const place = this.#placeOf(path);
       if (place) mark(place, text);
       else rest.push(path ? `${path}: ${text}` : text);
@@ -138,9 +160,10 @@ export class Editor {
   }
 }
 
-/** An origin with latitude and longitude has an altitude; one without either is none. */
-function wholeOrigin(scenario) {
-  const origin = scenario.geo_origin || {};
-  if (origin.lat_deg === undefined && origin.lon_deg === undefined) return withValue(scenario, "geo_origin", undefined);
-  return origin.alt_m === undefined ? withValue(scenario, "geo_origin.alt_m", 0) : scenario;
+function isWhole({ lat_deg: latitude, lon_deg: longitude }) {
+  return latitude !== undefined && longitude !== undefined;
+}
+
+function defined(values) {
+  return Object.fromEntries(Object.entries(values).filter(([, value]) => value !== undefined));
 }

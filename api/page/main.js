@@ -4,10 +4,12 @@ import { Charts } from "./charts.js";
 import { offerDownloads } from "./downloads.js";
 import { Editor } from "./editor.js";
 import { byId, notice } from "./elements.js";
+import { askForKeys } from "./keys.js";
 import { FormationMap } from "./map.js";
 import { PLAN_FIGURES, Planner, theme } from "./planner.js";
 import { Player } from "./player.js";
-import { ask, askJson, key, postOnce } from "./service.js";
+import { ask, askJson, noSuchPlan, postOnce } from "./service.js";
+import { listenForKeys } from "./shortcuts.js";
 import { Store } from "./store.js";
 import { showVerdicts } from "./verdict.js";
 import { Work } from "./work.js";
@@ -22,6 +24,7 @@ new Editor(store);
 new Player(store, map, charts);
 new Planner(store, busy);
 showVerdicts(store);
+listenForKeys(store);
 const work = new Work(store, storePlan, { began, ended });
 offerDownloads(store, storePlan);
 
@@ -55,7 +58,7 @@ async function openFile(file) {
 async function openPlan(planId) {
   const turn = ++opening;
   const at = `v1/plans/${encodeURIComponent(planId)}`;
-  const [plan, figures] = await Promise.all([askJson("GET", at), figuresOf(at)]);
+  const [plan, figures] = await Promise.all([askJson("GET", at), figuresOf(at)]).catch(noSuchPlan);
   if (turn !== opening) return;
   store.open({ plan, planId, parentId: plan.parent_id });
   store.judged(plan, figures, { quick: false });
@@ -149,15 +152,11 @@ byId("share").addEventListener("click", () =>
     notice(`Link to this plan: ${location.href}`);
   }),
 );
-byId("key-form").addEventListener("submit", (event) => {
-  event.preventDefault();
-  key.set(byId("key").value.trim());
-  byId("key-form").hidden = true;
+askForKeys(() => {
   // an edit that waits for the key is not lost to the first example
   if (store.scenario) store.edit(store.scenario, { step: false });
   else attempt(start);
 });
-document.addEventListener("syncplan:key", askForKey);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => attempt(redraw));
 
 for (const name of ["opened", "scenario", "plan"]) {
@@ -182,7 +181,8 @@ async function attempt(task) {
   try {
     await task();
   } catch (error) {
-    notice(error.message, { fault: true });
+    // that a key is wanted is no fault; the form for it is there
+    notice(error.message, { fault: error.status !== 401 });
   } finally {
     busy(false);
   }
@@ -197,12 +197,6 @@ function allow(id, may) {
 function busy(flag) {
   waiting += flag ? 1 : -1;
   byId("workspace").setAttribute("aria-busy", waiting > 0);
-}
-
-function askForKey() {
-  byId("key-form").hidden = false;
-  byId("key-fault").textContent = key.get() ? "This key is not known to the service." : "";
-  byId("key").focus();
 }
 
 async function start() {

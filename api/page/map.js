@@ -4,6 +4,7 @@ import { draw, isNarrow } from "./drawing.js";
 import { byId, element, shown } from "./elements.js";
 import { legendOf } from "./legend.js";
 import { landmarksOf, round, vehiclesOf, withCenter, withLandmark } from "./scenario.js";
+import { Sight } from "./sight.js";
 
 const STEP = 0.01;
 const LONG_STEP = 0.05;
@@ -17,17 +18,45 @@ export class FormationMap {
   #legend = byId("map-legend");
   #dragged = null;
   #held = null;
+  #formation = null;
+  #sight = new Sight();
+  #time = 0;
 
   constructor(store) {
     this.#store = store;
-    store.addEventListener("plan", (event) => this.draw(event.detail.figures.formation));
+    this.#handles.before(this.#sight.drawing);
+    store.addEventListener("plan", (event) => {
+      this.#formation = event.detail.figures.formation || this.#formation;
+      this.drawPlan();
+    });
     for (const name of ["scenario", "opened", "selected"]) {
       store.addEventListener(name, () => this.#placeHandles());
     }
+    document.addEventListener("keydown", (event) => event.key === "Escape" && this.#takeBack());
   }
 
   get plot() {
     return this.#plot;
+  }
+
+  /** Show what the chosen vehicle covers so many seconds after the start. */
+  moment(time) {
+    this.#time = time;
+    this.#showSight();
+  }
+
+  #showSight() {
+    const axes = this.#plot._fullLayout;
+    if (!axes?.xaxis || !this.#store.scenario) return;
+    const { selected, scenario, plan } = this.#store;
+    const chosen = selected?.kind === "vehicle" ? vehiclesOf(scenario, plan)[selected.k] : null;
+    this.#sight.show(chosen, plan, this.#time, axes);
+    byId("sight-help").hidden = !chosen;
+  }
+
+  /** Draw the formation of the plan on show, as it is at time 0. */
+  drawPlan() {
+    return this.draw(this.#formation);
   }
 
   /** Draw a formation or one of its moments; the view stays while something is dragged. */
@@ -62,6 +91,7 @@ export class FormationMap {
   #placeHandles() {
     const axes = this.#plot._fullLayout;
     if (!axes?.xaxis || !this.#store.scenario) return;
+    this.#showSight();
     const bodies = this.#bodies();
     const made = [...this.#handles.children];
     made.slice(bodies.length).forEach((one) => one.remove());
@@ -132,6 +162,15 @@ export class FormationMap {
     if (moved) this.#store.edit(this.#store.scenario, { step: false });
   }
 
+  /** End a drag as if it had not begun. */
+  #takeBack() {
+    if (!this.#dragged) return;
+    const moved = !this.#held.first;
+    this.#dragged = null;
+    this.#held = null;
+    if (moved) this.#store.undo();
+  }
+
   #nudge(handle, event) {
     const ways = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
     const way = ways[event.key];
@@ -142,7 +181,7 @@ export class FormationMap {
     const tidy = 10 ** Math.floor(Math.log10(step));
     const by = Math.round(step / tidy) * tidy;
     const { body } = handle;
-    this.#move(body, body.x + way[0] * by, body.y + way[1] * by, { live: true });
+    this.#move(body, body.x + way[0] * by, body.y + way[1] * by, { live: true, field: `${body.kind} ${body.k}` });
   }
 
   #move(body, x, y, how) {

@@ -17,12 +17,14 @@ export class Player {
   #figure = null;
   #loading = null;
   #timer = 0;
+  /** whether the map shows a moment, not the plan's own figure */
+  #moving = false;
 
   constructor(store, map, charts) {
     this.#store = store;
     this.#map = map;
     this.#charts = charts;
-    this.#button.addEventListener("click", () => (this.#timer ? this.pause() : this.#play()));
+    this.#button.addEventListener("click", () => (this.#timer ? this.#stop() : this.#play()));
     this.#slider.addEventListener("input", () => this.#seek());
     for (const name of ["scenario", "opened"]) store.addEventListener(name, () => this.#reset());
     store.addEventListener("plan", () => this.#renew());
@@ -36,8 +38,15 @@ export class Player {
     this.#button.setAttribute("aria-pressed", "false");
   }
 
+  #stop() {
+    this.pause();
+    this.#show();
+  }
+
   #reset() {
     this.pause();
+    if (this.#moving) this.#map.drawPlan();
+    this.#moving = false;
     this.#figure = this.#loading = null;
     for (const one of [this.#button, this.#slider]) one.disabled = this.#store.scenario === null;
     this.#slider.value = 0;
@@ -47,6 +56,7 @@ export class Player {
   /** A plan that is judged puts its formation on the map: go on with the moments of that plan. */
   #renew() {
     this.#figure = this.#loading = null;
+    this.#moving = false;
     if (this.#timer || Number(this.#slider.value) > 0) this.#seek();
   }
 
@@ -81,7 +91,6 @@ export class Player {
       if (this.#store.plan !== plan) return this.#ready();
       this.#figure = found;
       this.#slider.max = found.frames.length - 1;
-      await this.#map.draw(found);
       return true;
     } catch (error) {
       notice(error.message, { fault: true });
@@ -90,9 +99,24 @@ export class Player {
     }
   }
 
-  #show() {
-    const frame = this.#figure.frames[Number(this.#slider.value)];
-    showFrame(this.#map.plot, frame);
+  /** Show the moment of the slider: while nothing plays, that of time 0 is the plan's own figure. */
+  async #show() {
+    if (!this.#figure) return;
+    this.#tell();
+    if (Number(this.#slider.value) === 0 && !this.#timer) {
+      if (this.#moving) this.#map.drawPlan();
+      this.#moving = false;
+      return;
+    }
+    if (!this.#moving) {
+      this.#moving = true;
+      await this.#map.draw(this.#figure);
+    }
+    // meanwhile another plan may have come, or people have gone back to time 0
+    if (this.#moving && this.#figure) showFrame(this.#map.plot, this.#figure.frames[Number(this.#slider.value)]);
+  }
+
+  #tell() {
     const time = (this.#store.plan.period_s * Number(this.#slider.value)) / this.#figure.frames.length;
     this.#say(time);
     const timeline = this.#charts.timeline;
@@ -104,6 +128,7 @@ export class Player {
 
   #say(time) {
     byId("moment-text").textContent = `${shown(time)} s`;
+    this.#map.moment(time);
     this.#slider.setAttribute("aria-valuetext", `${shown(time)} seconds`);
   }
 }

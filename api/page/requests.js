@@ -1,6 +1,7 @@
 // What can be asked of a plan: the forms of a refinement and of a validation.
 
 import { element, mark } from "./elements.js";
+import { vehiclesOf } from "./scenario.js";
 
 const OBJECTIVES = {
   "": "predicted error of the team",
@@ -10,6 +11,9 @@ const OBJECTIVES = {
   trace: "information (trace)",
 };
 const SERIES_LIMIT = 24;
+/** how far refinement may go where nobody said otherwise, in shares of the radii there are */
+const BOX_SHARE = 0.25;
+const RADIUS_SHARES = [0.75, 1.25];
 
 /** A form that hands in a job.
  *
@@ -20,9 +24,12 @@ export class RequestForm {
   #fields;
   #read;
   #rest;
+  #suited;
+  #typed = new Set();
 
-  constructor(title, hint, collection, { fields, read, rows, handIn }) {
+  constructor(title, hint, collection, { fields, read, rows, handIn, suited = () => ({}) }) {
     this.collection = collection;
+    this.#suited = suited;
     this.#fields = fields;
     this.#read = read;
     this.button = element("button", { type: "submit", class: "primary" }, title);
@@ -40,6 +47,14 @@ export class RequestForm {
       this.clear();
       if (this.#whole()) handIn(this, this.#read());
     });
+    for (const [key, input] of Object.entries(fields)) input.addEventListener("input", () => this.#typed.add(key));
+  }
+
+  /** Put in what suits a scenario, wherever people have typed nothing themselves. */
+  suit(scenario) {
+    for (const [key, value] of Object.entries(this.#suited(scenario))) {
+      if (!this.#typed.has(key)) this.#fields[key].value = value;
+    }
   }
 
   /** Tell what is wrong next to the fields it concerns. */
@@ -78,7 +93,7 @@ export function refinementForm(handIn) {
   );
   const centers = check("refine-centers", "centres, by up to", true);
   const box = number("refine-box", 5, "How far a centre may move each way, in m");
-  const radii = check("refine-radii", "radii, from", false);
+  const radii = check("refine-radii", "radii", false);
   const least = number("refine-least", 15, "Least radius in m");
   const most = number("refine-most", 25, "Largest radius in m");
   const time = number("refine-time", 30);
@@ -100,15 +115,31 @@ export function refinementForm(handIn) {
     read,
     rows: [
       element("div", { class: "field wide" }, element("label", { for: objective.id }, "Improve the"), objective),
-      element("div", { class: "row" }, "Move phases,", centers.label, box, "m"),
+      element("p", {}, "Move phases and"),
+      element("div", { class: "row" }, centers.label, amount(box, "m")),
       faultOf(box),
-      element("div", { class: "row" }, radii.label, least, "to", most, "m"),
+      element("div", { class: "row" }, radii.label, amount(least, "to", most, "m")),
       faultOf(least),
       faultOf(most),
       labelled("Time limit (s)", time),
     ],
     handIn,
+    suited: roomOf,
   });
+}
+
+/** How far refinement may go by default: what the scenario says, else shares of the team's radii. */
+function roomOf(scenario) {
+  const radii = vehiclesOf(scenario).map((one) => one.radius);
+  const mean = radii.reduce((sum, one) => sum + one, 0) / radii.length;
+  const { center_box_m: box, radius_m: asked } = scenario.refine || {};
+  const [least, most] = asked || [RADIUS_SHARES[0] * Math.min(...radii), RADIUS_SHARES[1] * Math.max(...radii)];
+  return { center_box_m: box || tidy(BOX_SHARE * mean), radius_m: asked ? least : tidy(least), "radius_m[1]": asked ? most : tidy(most) };
+}
+
+/** A number of two digits, as people would type it. */
+function tidy(value) {
+  return Number(value.toPrecision(2));
 }
 
 /** The form of a validation; `size()` returns the number of vehicles. */
@@ -136,6 +167,11 @@ function number(id, value, label) {
 function check(id, text, checked) {
   const input = element("input", { id, type: "checkbox", checked });
   return { input, label: element("label", { for: id, class: "check" }, input, ` ${text}`) };
+}
+
+/** Numbers and their unit, on one line whatever the width. */
+function amount(...parts) {
+  return element("span", { class: "amount" }, ...parts);
 }
 
 function faultOf(input) {

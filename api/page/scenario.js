@@ -140,6 +140,15 @@ export function withoutVehicle(scenario, k) {
   return changed;
 }
 
+/** Return the scenario with these pairs to synchronise; undefined leaves them to reach. */
+export function withLinks(scenario, links) {
+  return withValue(scenario, "formation.links", links);
+}
+
+export function withoutLink(scenario, k) {
+  return withLinks(scenario, scenario.formation.links.filter((_, i) => i !== k));
+}
+
 export function addLandmark(scenario) {
   const changed = structuredClone(scenario);
   const { x, y, radius } = vehiclesOf(scenario)[0];

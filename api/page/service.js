@@ -1,5 +1,7 @@
 // Requests to the service: what it refuses and what never reached it are told apart.
 
+import { notice } from "./elements.js";
+
 const STORED_KEY = "syncplan-key";
 const RETRY_S = [0.5, 1, 2, 4, 4];
 
@@ -32,7 +34,10 @@ export async function ask(method, path, { body, type, accept, headers, signal } 
     if (error.name === "AbortError") throw error;
     throw new Unreachable("the service can't be reached");
   }
-  if (answer.status === 401) document.dispatchEvent(new Event("syncplan:key"));
+  if (answer.status === 401) {
+    document.dispatchEvent(new Event("syncplan:key"));
+    throw new Refusal(401, { detail: "This service asks for a key. Enter yours to go on." });
+  }
   if (!answer.ok) throw new Refusal(answer.status, await problemOf(answer));
   return answer;
 }
@@ -54,17 +59,31 @@ export function postOnce(path, value) {
   return patiently(() => askJson("POST", path, { body: JSON.stringify(value), headers }));
 }
 
-/** Return what a request comes to, asked again while the service is away. */
+/** Throw what a request for a plan failed with, in words where there is no such plan. */
+export function noSuchPlan(error) {
+  const malformed = error instanceof Refusal && error.faults.some((one) => one.path === "path.plan_id");
+  if (error.status !== 404 && !malformed) throw error;
+  throw new Refusal(error.status, { detail: "There is no such plan, or it belongs to another key." });
+}
+
+/** Return what a request comes to, asked again while the service is away; people are told at once. */
 export async function patiently(request) {
-  for (const wait of RETRY_S) {
-    try {
-      return await request();
-    } catch (error) {
-      if (!passing(error)) throw error;
-      await pause(wait);
+  let told = false;
+  try {
+    for (const wait of RETRY_S) {
+      try {
+        return await request();
+      } catch (error) {
+        if (!passing(error)) throw error;
+        notice(`${error.message}; trying again …`, { fault: true });
+        told = true;
+        await pause(wait);
+      }
     }
+    return await request();
+  } finally {
+    if (told) notice("");
   }
-  return request();
 }
 
 /** Whether asking again later may help. */

@@ -1,18 +1,25 @@
 // What the plan comes to, in words.
 
 import { byId, element, shown } from "./elements.js";
+import { withValue } from "./scenario.js";
+
+/** how far off the exact rule phases are put where that is the cure */
+const DESYNC_RAD = 0.2;
+const MOST_TOLD = 3;
 
 /** Shows the verdict on a store's plan. */
 export function showVerdicts(store) {
   const place = byId("verdict");
   const badge = byId("badge");
+  repeat(badge, byId("badge-again"));
   store.addEventListener("plan", (event) => {
     const { observability: seen } = store.plan;
     const text = `${seen.observable ? "✓ Observable" : "✗ Not observable"}: rank ${seen.rank} of ${seen.state_dim}`;
     // read out when it changes, and only then
     if (badge.textContent !== text) badge.textContent = text;
     badge.className = `badge ${seen.observable ? "good" : "bad"}`;
-    place.replaceChildren(...verdictOf(store.plan, event.detail.quick));
+    const cure = canDesync(store) ? () => desynchronise(store) : null;
+    place.replaceChildren(...verdictOf(store.plan, event.detail.quick, cure));
     place.classList.remove("stale");
   });
   store.addEventListener("faults", () => {
@@ -22,11 +29,36 @@ export function showVerdicts(store) {
   });
 }
 
-function verdictOf(plan, quick) {
+/** Keep what the verdict says in sight where the form is far below it, as on a phone. */
+function repeat(badge, again) {
+  const copy = () => {
+    again.textContent = badge.textContent;
+    again.className = badge.className;
+  };
+  new MutationObserver(copy).observe(badge, { attributes: true, characterData: true, childList: true, subtree: true });
+  copy();
+}
+
+/** Whether phases are nearer to the rule than the cure would put them, and it would: of one sense it turns the team. */
+function canDesync({ scenario, plan }) {
+  if (plan.vehicles.every((one) => one.direction === plan.vehicles[0].direction)) return false;
+  return [scenario.orbit.desync_rad ?? 0].flat().every((one) => Math.abs(one) < DESYNC_RAD);
+}
+
+function desynchronise(store) {
+  store.edit(withValue(store.scenario, "orbit.desync_rad", DESYNC_RAD));
+  // the button goes with the motion that it cures
+  const badge = byId("badge");
+  badge.tabIndex = -1;
+  badge.focus();
+}
+
+function verdictOf(plan, quick, cure) {
   const { observability: seen, predicted_rms_m: predicted } = plan;
   return [
+    ...tooNear(plan.separation),
     table(plan, predicted),
-    ...seen.unobservable.map(motionOf),
+    ...seen.unobservable.map((motion) => motionOf(motion, cure)),
     ...plan.dropped_links.map((link) =>
       element("p", { class: "remark" }, element("strong", {}, `${link.a}–${link.b} dropped: `), link.reason),
     ),
@@ -78,11 +110,22 @@ function separation({ separation: least }) {
   return least.between ? `${shown(least.min_m, "m")}, ${least.between.join("–")}` : "—";
 }
 
-function motionOf(motion) {
+/** A line of its own where vehicles come nearer than asked for: however observable, that is no plan to fly. */
+function tooNear({ violations, required_m: required }) {
+  if (!violations.length) return [];
+  const told = violations.slice(0, MOST_TOLD).map((one) => `${one.between.join("–")} to ${shown(one.min_m, "m")}`);
+  const more = violations.length > MOST_TOLD ? ` and ${violations.length - MOST_TOLD} more` : "";
+  const text = `✗ Nearer than the ${shown(required, "m")} asked for: ${told.join(", ")}${more}`;
+  return [element("p", { class: "badge bad", id: "too-near" }, text)];
+}
+
+function motionOf(motion, cure) {
+  const cured = cure && motion.cure.includes("desync_rad");
   return element(
     "div",
     { class: "motion" },
     element("p", {}, element("strong", {}, "Not seen: "), motion.description),
     element("p", {}, element("strong", {}, "Cure: "), motion.cure),
+    cured ? element("button", { type: "button", onclick: cure }, `Desynchronise by ${DESYNC_RAD}`) : null,
   );
 }

@@ -5,6 +5,10 @@ import { follow } from "./events.js";
 import { refinementForm, validationForm } from "./requests.js";
 import { ask, askJson, patiently, postOnce, Refusal } from "./service.js";
 
+/** share of the least separation that may be lost without a word */
+const KEPT_SHARE = 0.9;
+/** trials below which chance alone may put the filter on either side */
+const FEWEST_TRIALS = 30;
 const NAMES = { refinement: "Refinement", validation: "Validation" };
 
 /** The panel of jobs.
@@ -35,6 +39,7 @@ export class Work {
     this.#running.append(this.#progress, this.#text, this.#cancel);
     byId("work").append(...this.#forms.map((form) => form.element), this.#fault, this.#running, this.#outcome);
     for (const name of ["opened", "scenario"]) store.addEventListener(name, () => this.#clear());
+    store.addEventListener("opened", () => this.#forms.forEach((form) => form.suit(store.scenario)));
     this.#enable();
   }
 
@@ -101,14 +106,23 @@ export class Work {
     const name = NAMES[job.kind];
     if (job.state === "succeeded") {
       const result = await patiently(() => askJson("GET", `v1/jobs/${job.id}/result`));
+      const lost = await this.#lostOf(job);
       const current = await this.#told.ended(job, result);
-      this.#outcome.replaceChildren(...outcomeOf(job, result), ...(current ? [] : [elsewhere(job)]));
+      this.#outcome.replaceChildren(...outcomeOf(job, result, lost), ...(current ? [] : [elsewhere(job)]));
       notice(`${name} done.`);
       return;
     }
     await this.#told.ended(job, null);
     if (job.state === "failed") this.#fault.textContent = `${name} failed: ${job.error.detail}`;
     else notice(`${name} cancelled.`);
+  }
+
+  /** The motions that no sighting tells of the plan that a validation was about. */
+  async #lostOf(job) {
+    if (job.kind !== "validation") return [];
+    const current = this.#store.planId === job.plan_id;
+    const plan = current ? this.#store.plan : await patiently(() => askJson("GET", `v1/plans/${job.plan_id}`));
+    return plan.observability.unobservable;
   }
 
   async #cancelJob() {
@@ -135,8 +149,8 @@ export class Work {
   }
 }
 
-function outcomeOf(job, result) {
-  return job.kind === "refinement" ? refined(result) : validated(result);
+function outcomeOf(job, result, lost) {
+  return job.kind === "refinement" ? refined(result) : validated(result, lost);
 }
 
 /** What leads to the plan of a job, where another is on show by now. */
@@ -160,18 +174,50 @@ function refined(plan) {
       { class: `badge ${improved ? "good" : ""}` },
       improved ? `Predicted error ${rms(before)} → ${rms(after)}` : "Nothing better was found",
     ),
-    element("p", {}, improved ? `Rank ${before.rank} → ${after.rank}; least distance ${shown(after.least_distance_m, "m")}.` : reason),
-  ];
+    element("p", {}, improved ? `Rank ${before.rank} → ${after.rank}.` : reason),
+    improved && after.least_distance_m !== null ? separationOf(before.least_distance_m, after.least_distance_m) : null,
+  ].filter(Boolean);
 }
 
-function validated(report) {
+/** How near vehicles come before and after: what is gained in error may be paid for in room. */
+function separationOf(before, after) {
+  const text = `Least separation ${shown(before)} → ${shown(after, "m")}.`;
+  if (after >= KEPT_SHARE * before) return element("p", {}, text);
+  return element(
+    "p",
+    { class: "remark" },
+    element("strong", {}, `⚠ ${text} `),
+    "Vehicles come nearer to each other than before. “Least separation” in the scenario bounds it.",
+  );
+}
+
+function validated(report, lost) {
   const { overall, anees, trials } = report;
+  const few = trials < FEWEST_TRIALS;
+  const consistent = anees.verdict === "consistent";
+  // what a filter believes of a motion that nothing tells is no proof, nor is a handful of trials
+  const look = !consistent && !few ? "bad" : few || lost.length ? "" : "good";
+  const verdict = few ? `Too few trials to tell whether the filter is consistent: give ${FEWEST_TRIALS} or more.` : `The filter is ${anees.verdict}: ANEES ${shown(anees.value)}.`;
   return [
     element(
       "p",
-      { class: `badge ${anees.verdict === "consistent" ? "good" : "bad"}` },
+      { class: `badge ${look}` },
       `Found ${shown(overall.rms_second_half_m, "m")}, predicted ${shown(overall.predicted_rms_m, "m")}`,
     ),
-    element("p", {}, `RMS over the second half of ${trials} trials. The filter is ${anees.verdict}: ANEES ${shown(anees.value)}.`),
+    element("p", {}, `RMS over the second half of ${counted(trials)}. ${verdict}`),
+    ...(lost.length ? [unproven(lost)] : []),
   ];
+}
+
+function unproven(lost) {
+  return element(
+    "p",
+    { class: "remark" },
+    element("strong", {}, "The plan is not observable. "),
+    `That a filter is consistent does not make known what no sighting tells: ${lost.map((one) => one.description).join("; ")}.`,
+  );
+}
+
+function counted(trials) {
+  return trials === 1 ? "1 trial" : `${trials} trials`;
 }

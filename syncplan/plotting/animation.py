@@ -25,8 +25,8 @@ from syncplan.plotting.maps import (
     name_trace,
     view_box,
 )
-from syncplan.plotting.palette import GREEN, INK, PURPLE
-from syncplan.plotting.standing import body_names
+from syncplan.plotting.palette import INK
+from syncplan.plotting.standing import Standing, body_names, grouped
 
 __all__ = ["FRAMES", "animation_spec", "live"]
 
@@ -44,7 +44,8 @@ _HEAD_AT = 0.68
 def animation_spec(plan: Plan, frames: int = FRAMES) -> Spec:
     """Return the figure of one period in `frames` steps, with buttons and a slider.
 
-    A line joins a vehicle and what it sees at that moment; its arrowhead points at what is seen.
+    A line joins a vehicle and what it sees at that moment, in the look that the formation gives a
+    link of that worth; its arrowhead points at what is seen.
     """
     low, high = view_box(plan)
     places = decimals(float(np.max(high - low))) - 1
@@ -53,15 +54,18 @@ def animation_spec(plan: Plan, frames: int = FRAMES) -> Spec:
         *circle_traces(plan, places, arrows=False),
         *landmark_traces(plan, names, places),
         name_trace(plan, names, places),
+        _entry(plan, "directions", "direction of sight", 9),
+        _entry(plan, "vehicles", "vehicle", 15),
     ]
     times = np.arange(frames) * plan.orbits.period / frames
-    moving = [_moving_traces(plan, float(time), places) for time in times]
+    kinds, kind_of = _kinds(plan)
+    moving = [_moving_traces(plan, kind_of, len(kinds), float(time), places) for time in times]
     first = moving[0]
-    for trace, more in zip(first, _looks(names), strict=True):
+    for trace, more in zip(first, _looks(kinds, names), strict=True):
         trace.update(more)
     index = [len(still) + k for k in range(len(first))]
     steps = [{"name": str(k), "data": traces, "traces": index} for k, traces in enumerate(moving)]
-    steps[0] = {**steps[0], "data": _moving_traces(plan, 0.0, places)}
+    steps[0] = {**steps[0], "data": _moving_traces(plan, kind_of, len(kinds), 0.0, places)}
     title = f"{escaped(plan.scenario.name or 'Formation')}: one period"
     note = f"{plan.orbits.period:.4g} s in {frames} steps; arrowheads point at what is seen"
     drawn = layout(
@@ -78,26 +82,37 @@ def live(windows: Windows, period: float, time: float) -> tuple[Index, Index]:
     return windows.observers[pair[now]], windows.targets[pair[now]]
 
 
-def _moving_traces(plan: Plan, time: float, places: int) -> list[Spec]:
-    """What changes from frame to frame: sight lines of two kinds, their heads, the vehicles."""
+def _kinds(plan: Plan) -> tuple[list[Standing], Index]:
+    """What links are worth, in the formation's order, and which it is of each pair of bodies.
+
+    The latter is (b, b), symmetric; -1 for pairs that never meet.
+    """
+    ordered = sorted(grouped(plan).items(), key=lambda item: item[0].key)
+    count = plan.orbits.count + len(plan.landmarks)
+    kind_of = np.full((count, count), -1)
+    for kind, (_, meetings) in enumerate(ordered):
+        for item in meetings:
+            kind_of[item.a, item.b] = kind_of[item.b, item.a] = kind
+    return [shown for shown, _ in ordered], kind_of
+
+
+def _moving_traces(plan: Plan, kind_of: Index, kinds: int, time: float, places: int) -> list[Spec]:
+    """What changes from frame to frame: sight lines of each kind, their heads, the vehicles."""
     orbits = plan.orbits
     where = position(orbits, time)
     bodies = np.concatenate([where, plan.landmarks.reshape(-1, 2)])
     observers, targets = live(plan.windows, orbits.period, time)
-    between = targets < orbits.count
-    both = {(int(a), int(b)) for a, b in zip(observers[between], targets[between], strict=True)}
-    pairs = sorted({(min(pair), max(pair)) for pair in both})
-    mutual = np.array(pairs, dtype=np.int64).reshape(-1, 2)
-    anchored = np.column_stack([observers[~between], targets[~between]])
+    # two that see each other are joined once
+    pairs = np.unique(np.sort(np.column_stack([observers, targets]), axis=1), axis=0)
+    worth = kind_of[pairs[:, 0], pairs[:, 1]]
     start, end = bodies[observers], bodies[targets]
     heads = start + _HEAD_AT * (end - start)
     away = end - start
     return [
-        _segments(bodies[mutual], places),
-        _segments(bodies[anchored], places),
+        *(_segments(bodies[pairs[worth == kind]], places) for kind in range(kinds)),
         {
-            "x": numbers(heads[:, 0], places),
-            "y": numbers(heads[:, 1], places),
+            "x": numbers(heads[:, 0], places) or [None],
+            "y": numbers(heads[:, 1], places) or [None],
             "marker": {
                 "symbol": "arrow",
                 "size": mark_px(plan, 9),
@@ -124,38 +139,53 @@ def _segments(ends: Array, places: int) -> Spec:
     return {"x": x or [None], "y": y or [None]}
 
 
-def _looks(names: list[str]) -> list[Spec]:
+def _looks(kinds: list[Standing], names: list[str]) -> list[Spec]:
     """How the moving traces look; their places come with each frame."""
-    line = {"type": "scatter", "mode": "lines", "hoverinfo": "skip"}
     return [
-        {
-            **line,
-            "uid": "sightings",
-            "name": "vehicles in contact",
-            "line": {"color": GREEN, "width": 2.5},
-        },
-        {
-            **line,
-            "uid": "landmark-sightings",
-            "name": "sighting of a landmark",
-            "line": {"color": PURPLE, "width": 2, "dash": "dash"},
-        },
+        *(
+            {
+                "type": "scatter",
+                "mode": "lines",
+                "hoverinfo": "skip",
+                "uid": f"sight-{kind.key}",
+                "name": f"in contact: {kind.text}",
+                "line": {"color": kind.color, "width": kind.width, "dash": kind.dash},
+            }
+            for kind in kinds
+        ),
         {
             "type": "scatter",
             "mode": "markers",
             "uid": "directions",
-            "name": "direction of sight",
+            "legendgroup": "directions",
+            "showlegend": False,
             "hoverinfo": "skip",
         },
         {
             "type": "scatter",
             "mode": "markers",
             "uid": "vehicles",
-            "name": "vehicle",
+            "legendgroup": "vehicles",
+            "showlegend": False,
             "text": names,
             "hovertemplate": "%{text}<br>%{x} m, %{y} m<extra></extra>",
         },
     ]
+
+
+def _entry(plan: Plan, moving: str, name: str, largest: float) -> Spec:
+    """The legend's entry of arrows that move: their own would turn with the first of them."""
+    return {
+        "type": "scatter",
+        "mode": "markers",
+        "uid": f"{moving}-entry",
+        "name": name,
+        "legendgroup": moving,
+        "x": [None],
+        "y": [None],
+        "marker": {"symbol": "arrow", "size": mark_px(plan, largest), "angle": 90, "color": INK},
+        "hoverinfo": "skip",
+    }
 
 
 def _controls(times: Array) -> Spec:

@@ -1,6 +1,7 @@
 """A scenario opened and changed on the page, by mouse, by keyboard and on a phone."""
 
 import json
+import re
 from typing import Any
 
 import httpx2
@@ -40,6 +41,38 @@ def test_a_lost_motion_is_drawn_and_its_cure_told_and_cures_it(
     page.get_by_label("Desynchronise by").fill("0.2")
     visit.verdict("Observable: rank 18 of 18")
     expect(page.locator(".motion")).to_have_count(0)
+
+
+def test_a_cure_is_told_in_words_and_has_a_button(visit: Visit) -> None:
+    page = visit.page
+    visit.choose(ALTERNATE)
+    motion = page.locator(".motion").first
+    expect(motion).to_contain_text("a small desynchronisation (orbit.desync_rad)")
+    button = motion.get_by_role("button", name="Desynchronise by 0.2")
+    button.press("Enter")
+    visit.verdict("Observable: rank 18 of 18")
+    expect(page.get_by_label("Desynchronise by (rad)")).to_have_value("0.2")
+    expect(page.locator("#badge")).to_be_focused()
+    # one that is larger, as of vehicles that are off the rule by half a turn, is not written over
+    page.get_by_label("Desynchronise by (rad)").fill("3.141592653589793")
+    visit.verdict("Not observable: rank 16 of 18")
+    visit.settle()
+    expect(motion).to_contain_text("desync_rad")
+    expect(page.get_by_role("button", name="Desynchronise by 0.2")).to_have_count(0)
+
+
+def test_vehicles_nearer_than_asked_for_are_told_in_a_line_of_their_own(visit: Visit) -> None:
+    page = visit.page
+    told = page.locator("#too-near")
+    expect(told).to_have_count(0)
+    page.get_by_label("Least separation").fill("95")
+    visit.verdict("rank 18 of 18")
+    expect(told).to_contain_text("Nearer than the 95 m asked for: v1")
+    expect(told).to_contain_text("more")
+    expect(told).to_have_class("badge bad")
+    assert accessibility_faults(page) == []
+    page.get_by_label("Least separation").fill("10")
+    expect(told).to_have_count(0)
 
 
 def test_a_landmark_moves_by_mouse_and_the_view_stays_while_it_does(visit: Visit) -> None:
@@ -188,6 +221,85 @@ def test_what_is_typed_at_one_go_is_one_step_to_undo(visit: Visit) -> None:
     page.get_by_role("button", name="Undo").click()
     expect(field).to_have_value("20")
     expect(page.get_by_role("button", name="Undo")).to_have_attribute("aria-disabled", "true")
+
+
+def test_escape_takes_a_drag_back(visit: Visit) -> None:
+    page = visit.page
+    box = handle(page, "v4").bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 15, box["y"] + 15)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 40, box["y"] + 40)
+    page.mouse.move(box["x"] + 60, box["y"] + 60)
+    expect(handle(page, "v4")).not_to_have_attribute("aria-label", re.compile("140, 70 m"))
+    page.keyboard.press("Escape")
+    page.mouse.move(box["x"] + 90, box["y"] + 60)
+    page.mouse.up()
+    visit.settle()
+    expect(handle(page, "v4")).to_have_attribute("aria-label", re.compile("140, 70 m"))
+    expect(page.get_by_role("button", name="Undo")).to_have_attribute("aria-disabled", "true")
+
+
+def test_keys_undo_and_redo_and_arrows_in_a_row_are_one_step(visit: Visit) -> None:
+    page = visit.page
+    moved = handle(page, "v4")
+    moved.focus()
+    for _ in range(3):
+        page.keyboard.press("ArrowUp")
+    expect(moved).to_have_attribute("aria-label", re.compile("140, 76 m"))
+    page.keyboard.press("Control+z")
+    expect(moved).to_have_attribute("aria-label", re.compile("140, 70 m"))
+    expect(page.get_by_role("button", name="Undo")).to_have_attribute("aria-disabled", "true")
+    page.keyboard.press("Control+Shift+Z")
+    expect(moved).to_have_attribute("aria-label", re.compile("140, 76 m"))
+    visit.settle()
+    # in a text field they are the browser's own
+    page.get_by_label("Name").focus()
+    page.keyboard.press("Control+z")
+    page.wait_for_timeout(300)
+    expect(moved).to_have_attribute("aria-label", re.compile("140, 76 m"))
+
+
+def test_the_chosen_one_of_two_on_one_place_lies_above(visit: Visit) -> None:
+    page = visit.page
+    opened(
+        page,
+        document(name="shared", formation={"centers_m": [[0.0, 0.0], [0.0, 0.0], [70.0, 0.0]]}),
+    )
+    top = """names => {
+        const box = document.querySelector('#handles button').getBoundingClientRect();
+        const at = [box.left + box.width / 2, box.top + box.height / 2];
+        return document.elementFromPoint(...at).closest('button').title;
+    }"""
+    for name, value in (("v1", "vehicle 0"), ("v2", "vehicle 1")):
+        page.get_by_label("Vehicle or landmark").select_option(value)
+        assert page.evaluate(top) == name
+
+
+def test_half_an_origin_is_no_fault_and_its_altitude_stays(visit: Visit) -> None:
+    page = visit.page
+    page.locator("summary", has_text="Place and time").click()
+    altitude = page.get_by_label("Altitude of the origin")
+    latitude = page.get_by_label("Latitude of the origin")
+    altitude.fill("412")
+    latitude.fill("47.4")
+    page.get_by_label("Radius of all").fill("21")
+    visit.settle()
+    expect(page.locator("#notice.bad")).to_have_count(0)
+    expect(latitude).to_have_value("47.4")
+    assert "geo_origin" not in downloaded(page)
+    page.get_by_label("Longitude of the origin").fill("8.5")
+    visit.settle()
+    assert downloaded(page)["geo_origin"] == {"lat_deg": 47.4, "lon_deg": 8.5, "alt_m": 412}
+    latitude.fill("")
+    visit.settle()
+    expect(altitude).to_have_value("412")
+    assert "geo_origin" not in downloaded(page)
+    latitude.fill("47.5")
+    visit.settle()
+    assert downloaded(page)["geo_origin"]["alt_m"] == 412
+    visit.choose(SAME)
+    expect(altitude).to_have_value("")
 
 
 def test_vehicles_named_by_numbers_keep_their_order(visit: Visit) -> None:

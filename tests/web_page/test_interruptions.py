@@ -1,12 +1,13 @@
 """What comes between: a service that is away, keys, answers in another order, deleted plans."""
 
+import re
 from pathlib import Path
 
 import httpx2
 import pytest
 from playwright.sync_api import Browser, Route, expect
 
-from tests.api_servers import key_of, serving
+from tests.api_servers import key_of, serving, speaking
 from tests.browsing import Visit, accessibility_faults, visiting
 from tests.serving import Server, running, settings_of
 from tests.web_page.gestures import plan_id_of
@@ -42,15 +43,87 @@ def test_a_service_with_keys_asks_for_one(browser: Browser, tmp_path: Path) -> N
     ):
         page = visit.page
         visit.expect_complaints("401")
-        expect(page.get_by_label("API key")).to_be_focused()
+        field = page.get_by_label("API key")
+        expect(field).to_be_focused()
+        expect(page.locator("#notice")).to_have_text(re.compile("^This service asks for a key"))
+        expect(page.locator("#notice.bad")).to_have_count(0)
+        expect(page.locator("body")).not_to_contain_text("Authorization")
+        expect(page.get_by_role("button", name="Change key")).to_be_hidden()
         assert accessibility_faults(page) == []
-        page.get_by_label("API key").fill("wrong")
+        field.fill("wrong")
         page.keyboard.press("Enter")
         expect(page.locator("#key-fault")).to_contain_text("not known")
-        page.get_by_label("API key").fill(key_of("ann"))
+        field.fill(key_of("ann"))
         page.keyboard.press("Enter")
         visit.verdict("Observable: rank 18 of 18")
         expect(page.locator("#key-form")).to_be_hidden()
+        expect(page.locator("#notice")).to_be_empty()
+
+
+def test_a_key_with_a_character_that_nobody_sees_is_refused_at_its_field(
+    browser: Browser, tmp_path: Path
+) -> None:
+    with serving(tmp_path, "ann") as server, visiting(browser, server.url) as visit:
+        page = visit.page
+        visit.expect_complaints("401")
+        key = key_of("ann")
+        for wrong, told in (
+            (f"{key[:3]}\u200b{key[3:]}", "character 4 is U+200B"),
+            ("", "Enter the key"),
+            ("two words", "character 4 is U+0020"),
+        ):
+            page.get_by_label("API key").fill(wrong)
+            page.keyboard.press("Enter")
+            expect(page.locator("#key-fault")).to_contain_text(told)
+            expect(page.get_by_label("API key")).to_have_attribute("aria-invalid", "true")
+        assert accessibility_faults(page) == []
+        page.get_by_label("API key").fill(f"  {key}\n")
+        page.keyboard.press("Enter")
+        visit.verdict("Observable: rank 18 of 18")
+
+
+def test_a_key_can_be_changed_and_others_plans_are_not_told_from_none(
+    browser: Browser, tmp_path: Path
+) -> None:
+    with serving(tmp_path, "ann bob") as server, visiting(browser, server.url) as visit:
+        page = visit.page
+        visit.expect_complaints("401", "404", "422")
+        page.get_by_label("API key").fill(key_of("ann"))
+        page.keyboard.press("Enter")
+        visit.verdict("Observable: rank 18 of 18")
+        page.get_by_role("button", name="Copy link").click()
+        expect(page.locator("#notice")).to_contain_text("Link to this plan")
+        change = page.get_by_role("button", name="Change key")
+        change.click()
+        expect(page.get_by_label("API key")).to_be_focused()
+        assert accessibility_faults(page) == []
+        page.get_by_role("button", name="Keep the present key").click()
+        expect(change).to_be_focused()
+        change.click()
+        page.get_by_label("API key").fill(key_of("bob"))
+        page.keyboard.press("Enter")
+        visit.settle()
+        assert page.evaluate("sessionStorage.getItem('syncplan-key')") == key_of("bob")
+        visit.verdict("Observable: rank 18 of 18")
+        with speaking(server, "ann") as http:
+            owned = http.get("/v1/plans").json()["items"]
+        for plan in (owned[0]["id"], "nonsense"):
+            page.goto(f"{server.url}/?plan={plan}")
+            expect(page.locator("#notice")).to_have_text(
+                "There is no such plan, or it belongs to another key."
+            )
+
+
+def test_while_a_request_is_tried_again_the_page_says_so(visit: Visit) -> None:
+    page = visit.page
+    visit.expect_complaints("net::ERR")
+    page.route("**/v1/plans", lambda route: route.abort())
+    page.get_by_role("button", name="Copy link").click()
+    told = page.locator("#notice.bad")
+    expect(told).to_have_text("the service can't be reached; trying again …", timeout=2_000)
+    page.unroute("**/v1/plans")
+    expect(page.locator("#notice")).to_contain_text("Link to this plan")
+    expect(told).to_have_count(0)
 
 
 def test_of_two_that_are_opened_at_once_the_later_one_stays(visit: Visit) -> None:

@@ -7,8 +7,9 @@ import pytest
 from playwright.sync_api import Browser, expect
 
 from tests.browsing import Visit, accessibility_faults, visiting
+from tests.scenarios import document
 from tests.serving import Server
-from tests.web_page.gestures import plan_id_of
+from tests.web_page.gestures import opened, plan_id_of
 
 pytestmark = [pytest.mark.slow, pytest.mark.alone]
 
@@ -47,6 +48,75 @@ def test_refine_compare_validate_and_open_the_link_again(
         expect(again.page.locator("#verdict")).to_contain_text(f"{error} m")
         expect(again.page.get_by_role("tab", name="Before and after")).to_be_visible()
         assert plan_id_of(again.page) == plan["id"]
+
+
+def test_what_refinement_may_move_by_suits_the_team_that_was_opened(visit: Visit) -> None:
+    page = visit.page
+    box, least, most = (
+        page.get_by_label(label)
+        for label in (
+            "How far a centre may move each way, in m",
+            "Least radius in m",
+            "Largest radius in m",
+        )
+    )
+    expect(box).to_have_value("5")
+    expect(least).to_have_value("15")
+    expect(most).to_have_value("25")
+    visit.choose("four-ground-robots")
+    expect(box).to_have_value("0.13")
+    expect(least).to_have_value("0.38")
+    expect(most).to_have_value("0.63")
+    box.fill("0.2")
+    visit.choose("mixed-radii-camera")
+    expect(box).to_have_value("0.2")
+    expect(least).to_have_value("11")
+    asked = {"vary": ["phases", "radii"], "radius_m": [12.125, 20.0]}
+    opened(page, document(name="asked", refine=asked))
+    expect(least).to_have_value("12.125")
+    expect(most).to_have_value("20")
+
+
+def test_refining_tells_what_it_costs_in_separation(visit: Visit) -> None:
+    page = visit.page
+    page.get_by_label("Time limit (s)").fill("5")
+    page.get_by_role("button", name="Refine").click()
+    told = page.locator(".outcome .remark")
+    expect(told).to_contain_text(re.compile(r"Least separation 30 → [\d.]+ m"))
+    expect(told).to_contain_text("“Least separation” in the scenario bounds it")
+    visit.choose("paper-grid-same")
+    page.get_by_label("Least separation").fill("29")
+    visit.settle()
+    page.get_by_role("button", name="Refine").click()
+    expect(page.locator(".outcome")).to_contain_text("Least separation 30 → 29")
+    expect(told).to_have_count(0)
+
+
+def test_a_validation_is_no_proof_where_the_plan_is_unobservable_or_trials_are_few(
+    visit: Visit,
+) -> None:
+    page = visit.page
+    badge = page.locator(".outcome .badge")
+    outcome = page.locator(".outcome")
+
+    def validate(trials: str) -> None:
+        page.get_by_role("spinbutton", name="Trials").fill(trials)
+        page.get_by_role("button", name="Validate").click()
+        expect(outcome).to_contain_text(f"of {trials} trial")
+
+    validate("30")
+    expect(outcome).to_contain_text("The filter is consistent")
+    expect(badge).to_have_class("badge good")
+    validate("1")
+    expect(outcome).to_contain_text("of 1 trial. Too few trials to tell")
+    expect(outcome).not_to_contain_text("The filter is")
+    expect(badge).not_to_have_class("badge good")
+    visit.choose(ALTERNATE)
+    validate("40")
+    expect(badge).not_to_have_class("badge good")
+    expect(outcome.locator(".remark")).to_contain_text("The plan is not observable")
+    expect(outcome.locator(".remark")).to_contain_text("stretch of v1-v2")
+    assert accessibility_faults(page) == []
 
 
 def test_a_job_can_be_cancelled(visit: Visit, server: Server) -> None:

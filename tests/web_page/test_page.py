@@ -4,10 +4,10 @@ import re
 
 import httpx2
 import pytest
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import Browser, Page, expect
 
 from syncplan.exports import FORMATS
-from tests.browsing import DESKTOP, PHONE, Visit, accessibility_faults, visiting
+from tests.browsing import DESKTOP, PHONE, Visit, accessibility_faults, launched, visiting
 from tests.scenarios import FILES
 from tests.serving import Server
 from tests.web_page.gestures import handle
@@ -41,6 +41,97 @@ def test_the_page_fits_a_phone(browser: Browser, server: Server) -> None:
         assert visit.page.evaluate(wide) <= 0
         handle(visit.page, "v2").tap()
         expect(visit.page.get_by_label("Centre east")).to_have_value("70")
+
+
+def test_a_phone_shows_no_more_of_the_map_than_there_is_and_keeps_the_verdict_in_sight(
+    browser: Browser, server: Server
+) -> None:
+    with visiting(browser, server.url, size=PHONE, touch=True) as visit:
+        page = visit.page
+        visit.choose(ALTERNATE)
+        frame = page.locator("#map").bounding_box()
+        drawn = page.locator("#map-plot .cartesianlayer .bg, #map-plot .bglayer .bg").first
+        inner = drawn.bounding_box()
+        assert frame is not None
+        assert inner is not None
+        # room for the axis below, and nothing else
+        assert frame["height"] - inner["height"] < 50
+        expect(page.locator("#map-plot .xtitle, #map-plot .ytitle")).to_have_count(0)
+        expect(page.locator(".by-keys")).to_be_hidden()
+        again = page.locator("#badge-again")
+        page.get_by_label("Sample time").scroll_into_view_if_needed()
+        expect(page.locator("#badge")).not_to_be_in_viewport()
+        expect(again).to_be_in_viewport()
+        expect(again).to_have_text(page.locator("#badge").text_content() or "?")
+        expect(again).to_have_class("badge bad")
+        page.get_by_label("Desynchronise by (rad)").fill("0.2")
+        expect(again).to_contain_text("rank 18 of 18")
+        expect(again).to_have_class("badge good")
+        for name in ("Contacts", "Singular values", "Predicted error"):
+            page.get_by_role("tab", name=name).tap()
+            visit.settle()
+            over = page.evaluate(
+                """[...document.querySelectorAll('#panel-plot text')].filter(one =>
+                    one.getBoundingClientRect().right
+                        > document.getElementById('panel').getBoundingClientRect().right)
+                .map(one => one.textContent)"""
+            )
+            assert over == []
+    with visiting(browser, server.url) as visit:
+        visit.verdict("Observable")
+        expect(visit.page.locator("#badge-again")).to_be_hidden()
+        expect(visit.page.locator("#map-plot .xtitle")).to_be_visible()
+        expect(visit.page.locator(".by-keys")).to_be_visible()
+
+
+def _cut(page: Page) -> list[str]:
+    """What sticks out of its card, or is wider than there is room for."""
+    found: list[str] = page.evaluate(
+        """[...document.querySelectorAll('.card *, .bar *')].filter(one => {
+            const box = one.getBoundingClientRect();
+            const around = one.closest('.card, .bar').getBoundingClientRect();
+            return box.width && !one.closest('.unseen, svg, .plot, #handles, legend')
+                && (box.right > around.right + 1 || box.left < around.left - 1);
+        }).map(one => one.outerHTML.slice(0, 100))"""
+    )
+    return found
+
+
+@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
+def test_letters_of_double_size_find_room(
+    browser: Browser, server: Server, size: tuple[int, int]
+) -> None:
+    with (
+        launched(browser.browser_type, "--blink-settings=defaultFontSize=32") as large,
+        visiting(large, server.url, size=size) as visit,
+    ):
+        page = visit.page
+        visit.choose(ALTERNATE)
+        handle(page, "v2").click()
+        body = "parseFloat(getComputedStyle(document.body).fontSize)"
+        assert page.evaluate(body) == pytest.approx(30.0)
+        for summary in page.locator("summary").all():
+            if summary.is_visible():
+                summary.click()
+        assert _cut(page) == []
+        for name in ("Centre east", "Angular rate", "Trials"):
+            box = page.get_by_label(name).bounding_box()
+            label = page.locator("label", has_text=name).bounding_box()
+            assert box is not None
+            assert label is not None
+            # a label beside its field has room for words
+            assert label["width"] > 150
+        assert accessibility_faults(page) == []
+
+
+def test_numbers_and_their_units_stay_on_one_line(visit: Visit) -> None:
+    amounts = visit.page.locator(".amount")
+    expect(amounts).to_have_count(2)
+    for amount in amounts.all():
+        box = amount.bounding_box()
+        assert box is not None
+        assert box["height"] < 40
+    assert _cut(visit.page) == []
 
 
 def test_a_phone_tells_the_marks_below_the_map(browser: Browser, server: Server) -> None:
