@@ -35,6 +35,8 @@ export async function draw(frame, figure, { filling = false } = {}) {
     updatemenus: [],
     sliders: [],
   };
+  // the map fills its frame; with constrained domains Plotly.react keeps the range of the map before
+  if (filling) for (const name of ["xaxis", "yaxis"]) fitted[name] = { ...fitted[name], constrain: "range" };
   const data = !filling && isNarrow(frame) ? figure.data.map(folded) : figure.data;
   return Plotly.react(frame, data, fitted, CONFIG);
 }

@@ -5,9 +5,13 @@ import re
 from typing import Any
 
 import httpx2
+import numpy as np
 import pytest
 from playwright.sync_api import expect
 
+from syncplan.loading import load_scenario
+from syncplan.planner import plan
+from syncplan.plotting.maps import view_box
 from tests.browsing import Visit, accessibility_faults
 from tests.scenarios import BAD_FILES, FILES, document
 from tests.serving import Server
@@ -90,6 +94,21 @@ def test_a_landmark_moves_by_mouse_and_the_view_stays_while_it_does(visit: Visit
     visit.settle()
     assert float(page.get_by_label("East (m)", exact=True).input_value()) > 190.0
     assert float(page.get_by_label("North (m)", exact=True).input_value()) > 0.0
+
+
+def test_the_map_shows_all_of_what_was_opened_and_no_more_than_that(visit: Visit) -> None:
+    page = visit.page
+    ranges = "(l => [l.xaxis.range, l.yaxis.range])(document.getElementById('map-plot').layout)"
+    for name in ("mixed-radii-camera", SAME, "mixed-radii-camera"):
+        visit.choose(name)
+        drawn = plan(load_scenario(FILES / f"{name}.yaml"))
+        low, high = view_box(drawn)
+        seen = np.array(page.evaluate(ranges))
+        assert seen.mean(axis=1) == pytest.approx((low + high) / 2.0, abs=0.2)
+        # one scale: along one axis just what there is to see, along the other what fills the frame
+        more = np.diff(seen)[:, 0] / (high - low)
+        assert more.min() == pytest.approx(1.0, abs=0.01)
+        assert more.max() >= 1.0
 
 
 def test_everything_can_be_done_by_keyboard(visit: Visit) -> None:
