@@ -11,7 +11,9 @@ from typing import Any
 
 import numpy as np
 
+import syncplan
 from syncplan.loading import parse_document
+from syncplan.planfile import stated
 from tests.scenarios import FILES
 
 __all__ = ["Sent", "draw_request", "valid_scenarios"]
@@ -58,8 +60,11 @@ class Sent:
 
 
 def valid_scenarios() -> list[Tree]:
-    """Return the documents of examples/scenarios."""
-    return [parse_document(path.read_text(), "") for path in sorted(FILES.glob("*.yaml"))]
+    """Return the documents of examples/scenarios, and at the end a plan in place of one."""
+    files = sorted(FILES.glob("*.yaml"))
+    made = syncplan.plan(syncplan.load_scenario(FILES / "four-ground-robots.yaml"))
+    given = json.loads(json.dumps(stated(made.scenario, made.orbits)))
+    return [*(parse_document(path.read_text(), "") for path in files), given]
 
 
 def draw_request(draw: Draw, scenarios: list[Tree], plans: list[str]) -> Sent:
