@@ -2,30 +2,68 @@
 
 import { byId, element, shown } from "./elements.js";
 
-/** Shows the verdict on a store's plan. */
+/** What the verdict on show is not of, by why: what the badge begins with, and a remark. */
+const DOUBTS = {
+  fault: ["Before the fault", "Of the scenario before the fault."],
+  away: ["Waiting for the service, before it", "Of the scenario before your edits, which wait for the service."],
+  key: ["Waiting for a key, before it", "Of the scenario before your edits, which wait for a key."],
+  typing: ["Before the field half typed", "Of the scenario without the field that is half typed."],
+};
+
+/** Fields that are never empty begin with this: those of one vehicle or landmark. */
+const NEEDED = "field-chosen-";
+
+const ORIGINS = {
+  refined: "refined",
+  file: "from a file",
+  given: "as given",
+};
+
+/** Shows the verdict on a store's plan; one that is not of what the fields hold is told as such. */
 export function showVerdicts(store) {
   const place = byId("verdict");
   const badge = byId("badge");
-  store.addEventListener("plan", (event) => {
+  const remark = element("p", { class: "hint" });
+  let doubt = null;
+
+  const show = () => {
     const { observability: seen } = store.plan;
-    const text = `${seen.observable ? "✓ Observable" : "✗ Not observable"}: rank ${seen.rank} of ${seen.state_dim}`;
+    const verdict = `${seen.observable ? "✓ Observable" : "✗ Not observable"}: rank ${seen.rank} of ${seen.state_dim}`;
+    const text = doubt ? `${DOUBTS[doubt][0]}: ${verdict}` : verdict;
     // read out when it changes, and only then
     if (badge.textContent !== text) badge.textContent = text;
-    badge.className = `badge ${seen.observable ? "good" : "bad"}`;
-    place.replaceChildren(...verdictOf(store.plan, event.detail.quick));
-    place.classList.remove("stale");
+    badge.className = doubt ? "badge" : `badge ${seen.observable ? "good" : "bad"}`;
+    remark.textContent = doubt ? DOUBTS[doubt][1] : "";
+    place.classList.toggle("stale", doubt !== null);
+    byId("workspace").classList.toggle("doubtful", doubt !== null);
+  };
+  const doubtFor = (why) => {
+    doubt = why;
+    if (store.plan) show();
+  };
+  store.addEventListener("plan", (event) => {
+    place.replaceChildren(...verdictOf(store, event.detail.quick), remark);
+    doubtFor(halfTyped() ? "typing" : null);
   });
-  store.addEventListener("faults", () => {
-    if (!store.plan || place.classList.contains("stale")) return;
-    place.classList.add("stale");
-    place.append(element("p", { class: "hint" }, "Of the scenario before the fault."));
-  });
+  store.addEventListener("faults", (event) => doubtFor(event.detail.why));
+  byId("editor").addEventListener("input", () => halfTyped() && doubtFor("typing"));
 }
 
-function verdictOf(plan, quick) {
+/** How to have the phases back that an edit lost, by where they came from. */
+export function wayBack(origin) {
+  return `Undo brings the ${origin === "refined" ? "refined plan" : "plan as it was"} back.`;
+}
+
+/** Whether a field holds what is no number yet, so that the scenario is without it. */
+function halfTyped() {
+  const fields = [...byId("editor").querySelectorAll("input[type=number]")];
+  return fields.some((one) => one.validity.badInput || (one.value === "" && one.id.startsWith(NEEDED)));
+}
+
+function verdictOf({ plan, given, lost }, quick) {
   const { observability: seen, predicted_rms_m: predicted } = plan;
   return [
-    table(plan, predicted),
+    table(plan, predicted, phases(plan, given, lost)),
     ...seen.unobservable.map(motionOf),
     ...plan.dropped_links.map((link) =>
       element("p", { class: "remark" }, element("strong", {}, `${link.a}–${link.b} dropped: `), link.reason),
@@ -35,9 +73,16 @@ function verdictOf(plan, quick) {
   ];
 }
 
-function table(plan, predicted) {
+/** Where the phases of a plan come from, and how to have others back. */
+function phases({ synchronisation: { method } }, given, lost) {
+  const kept = method === "refined" || method === "given";
+  return [kept ? ORIGINS[given?.origin] || ORIGINS[method] : "synchronised", lost ? `Found anew. ${wayBack(lost)}` : ""];
+}
+
+function table(plan, predicted, [origin, how]) {
   const { certificate } = plan.observability;
   const rows = [
+    ["Phases", origin, how],
     ["Predicted RMS error", shown(predicted.overall, "m"), predicted.note],
     ["Worst vehicle", worst(predicted.vehicles), ""],
     ["Connectivity period", connectivity(plan), ""],
