@@ -22,7 +22,9 @@ async function keptPlan(store, storePlan) {
   try {
     await ask("GET", `v1/plans/${planId}`);
   } catch (error) {
-    if (store.planId !== planId || !store.deleted(error)) throw error;
+    // a service that is away says nothing about the plan
+    if (error.status !== 404) return planId;
+    if (store.planId === planId) store.deleted(error);
   }
   return storePlan();
 }
