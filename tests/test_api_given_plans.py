@@ -177,6 +177,8 @@ def test_a_plan_of_a_team_that_is_too_large_is_refused(ann: httpx2.Client) -> No
     made = syncplan.plan(small(formation={"shape": "line", "count": 7, "spacing_m": 70.0}))
     told = problem(ann.post("/v1/plans", json=stated(made.scenario, made.orbits)), 422)
     assert "6" in told.detail
+    with pytest.raises(InputError, match=r"^scenario\.formation"):
+        loaded_from(given(), max_vehicles=1)
 
 
 def test_the_same_plan_under_the_same_key_is_answered_alike(ann: httpx2.Client) -> None:
