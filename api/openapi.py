@@ -128,8 +128,9 @@ _EVENT = {
 
 
 def _request_body(body: Body, examples: Tree) -> Tree:
+    schemas = [{"$ref": REFERENCE.format(model=model.__name__)} for model in body.models]
     content = {
-        "schema": {"$ref": REFERENCE.format(model=body.model.__name__)},
+        "schema": schemas[0] if len(schemas) == 1 else {"anyOf": schemas},
         "examples": examples,
     }
     return {
@@ -142,7 +143,7 @@ def _request_body(body: Body, examples: Tree) -> Tree:
 def _schemas(settings: Settings) -> Tree:
     """The schemas that the operations below refer to, with the limits of this service."""
     models: Sequence[type[BaseModel]] = [
-        *(body.model for body in BODIES.values()),
+        *dict.fromkeys(model for body in BODIES.values() for model in body.models),
         *RESULTS,
         JobEvent,
     ]

@@ -8,6 +8,7 @@ from pydantic import BaseModel
 from api.answers import StoredPlan
 from api.requests import RefinementRequest, SweepRequest, ValidationRequest
 from syncplan.document import SweepReport, ValidationDocument
+from syncplan.planfile import PlanFile
 from syncplan.scenario import Scenario
 
 __all__ = ["ANSWERS", "BODIES", "FOLLOWING", "HEADERS", "REQUEST_ID", "RESULTS", "SENT", "Body"]
@@ -15,21 +16,28 @@ __all__ = ["ANSWERS", "BODIES", "FOLLOWING", "HEADERS", "REQUEST_ID", "RESULTS",
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """The body of a request: what it holds, and whether there must be one."""
+    """The body of a request: what it holds, one of these, and whether there must be one."""
 
-    model: type[BaseModel]
+    models: tuple[type[BaseModel], ...]
     required: bool
     description: str
 
 
+_PLANNED = Body(
+    (Scenario, PlanFile),
+    True,
+    "A scenario, as in a file of it, to find phases for; or a plan, as in a file of it, whose own "
+    "orbits are judged with its scenario: of a plan, `scenario` and `vehicles` are read",
+)
+
 BODIES = {
-    "createPlan": Body(Scenario, True, "The scenario, as in a file of it"),
+    "createPlan": _PLANNED,
     "refinePlan": Body(
-        RefinementRequest, False, "What changes of the plan's own options; nothing if empty"
+        (RefinementRequest,), False, "What changes of the plan's own options; nothing if empty"
     ),
-    "previewScenario": Body(Scenario, True, "The scenario, as in a file of it"),
-    "validatePlan": Body(ValidationRequest, False, "How to fly; defaults if empty"),
-    "sweepScenario": Body(SweepRequest, True, "The scenario, what is varied, and how to fly"),
+    "previewScenario": _PLANNED,
+    "validatePlan": Body((ValidationRequest,), False, "How to fly; defaults if empty"),
+    "sweepScenario": Body((SweepRequest,), True, "The scenario, what is varied, and how to fly"),
 }
 """What operations take; the others take no body."""
 

@@ -9,7 +9,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
 from api.limits import Limits, check_at_most, check_size, check_trials
-from syncplan.errors import Fault, InputError
+from syncplan.errors import InputError
 from syncplan.loading import scenario_from
 from syncplan.planfile import Loaded
 from syncplan.portions import Many
@@ -247,9 +247,4 @@ def _within(section: str) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        key = ".".join(part for part in (section, error.key) if part)
-        faults = tuple(
-            Fault(".".join(part for part in (section, one.key) if part), one.problem, one.value)
-            for one in error.faults
-        )
-        raise InputError(error.problem, key=key, faults=faults) from None
+        raise error.within(section) from None

@@ -19,7 +19,7 @@ from urllib.parse import quote
 from syncplan.errors import InputError
 from syncplan.loading import scenario_from
 from syncplan.parts import unpack
-from syncplan.planfile import loaded_from, plan_of
+from syncplan.planfile import loaded_from, plan_of, stated
 from syncplan.planner import Plan
 from syncplan.remote import Remote, RemoteError, error_of, values_of
 from syncplan.scenario import Scenario
@@ -110,9 +110,15 @@ class Client:
 
     # --- plans ---
 
-    def plan(self, scenario: Scenario | Mapping[str, Any], *, steady: bool = False) -> StoredPlan:
-        """Return the plan of a scenario, kept by the service; see syncplan.plan."""
-        body = _as_document(scenario)
+    def plan(
+        self, subject: Scenario | Plan | Mapping[str, Any], *, steady: bool = False
+    ) -> StoredPlan:
+        """Return the plan of a scenario, kept by the service; see syncplan.plan.
+
+        Of a plan, or the mapping that a file of one holds, the orbits stay as they are and are
+        judged afresh. Raises InputError.
+        """
+        body = _as_planned(subject)
         parameters = {"steady": "true"} if steady else None
         return _stored_plan(values_of(self._remote.send("POST", "/v1/plans", body, parameters)))
 
@@ -228,6 +234,18 @@ class Client:
             "GET", f"/v1/jobs/{job.id}/trials", accept="application/octet-stream"
         )
         return conclude(run, [unpack(trials.content)])
+
+
+def _as_planned(subject: Scenario | Plan | Mapping[str, Any]) -> dict[str, Any]:
+    """What plans are asked for with: the document of a scenario, or of a plan."""
+    if isinstance(subject, Plan):
+        return stated(subject.scenario, subject.orbits)
+    if isinstance(subject, Scenario):
+        return _as_document(subject)
+    loaded = loaded_from(subject)
+    return (
+        stated(loaded.scenario, loaded.orbits) if loaded.orbits else _as_document(loaded.scenario)
+    )
 
 
 def _as_document(scenario: Scenario | Mapping[str, Any]) -> dict[str, Any]:

@@ -50,8 +50,18 @@ class InputError(SyncplanError):
         message = ": ".join(part for part in (source, key, problem) if part)
         super().__init__("".join(c if c.isprintable() else ascii(c)[1:-1] for c in message))
 
+    def within(self, section: str) -> "InputError":
+        """Return the error as told of a document that holds this one as a section."""
+        faults = (Fault(_joined(section, one.key), one.problem, one.value) for one in self.faults)
+        key = _joined(section, self.key)
+        return InputError(self.problem, key=key, source=self.source, faults=tuple(faults))
+
 
 class NoSolutionError(SyncplanError):
     """The request is well formed, but no solution exists or none was found."""
 
     exit_code = 4
+
+
+def _joined(section: str, key: str) -> str:
+    return f"{section}.{key}" if key else section

@@ -57,7 +57,8 @@ SMALLEST_M = 1e-6
 Coordinate = Annotated[float, Field(ge=-FURTHEST_M, le=FURTHEST_M)]
 Angle = Annotated[float, Field(ge=-1e6, le=1e6)]
 _PRINTING = r"[^\x00-\x1f\x7f]"
-_SOLID = r"[^\s\x00-\x1f\x7f]"
+# the next-line character is white space here, but not to every reader of JSON Schema
+_SOLID = r"[^\s\x00-\x1f\x7f\x85]"
 Name = Annotated[
     str,
     StringConstraints(min_length=1, max_length=64, pattern=rf"^{_SOLID}({_PRINTING}*{_SOLID})?$"),

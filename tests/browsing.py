@@ -73,8 +73,13 @@ class Visit:
         return [one for one in self.complaints if not any(part in one for part in self.expected)]
 
     def verdict(self, text: str) -> None:
-        """Wait until the verdict begins with a text."""
-        expect(self.page.locator("#badge")).to_contain_text(text)
+        """Wait until the verdict holds a text, and is of what the fields hold."""
+        expect(self.page.locator("#badge.good, #badge.bad")).to_contain_text(text)
+
+    def doubt(self, text: str) -> None:
+        """Wait until the verdict is told, with a text, to be of something else."""
+        expect(self.page.locator("#badge:not(.good, .bad)")).to_contain_text(text)
+        expect(self.page.locator("#workspace")).to_contain_class("doubtful")
 
     def choose(self, example: str) -> None:
         """Start from an example."""

@@ -11,7 +11,9 @@ from typing import Any
 
 import numpy as np
 
+import syncplan
 from syncplan.loading import parse_document
+from syncplan.planfile import stated
 from tests.scenarios import FILES
 
 __all__ = ["Sent", "draw_request", "valid_scenarios"]
@@ -59,12 +61,18 @@ class Sent:
 
 
 def valid_scenarios() -> list[Tree]:
-    """Return the documents of examples/scenarios, every other one on Earth and dated."""
-    found = [parse_document(path.read_text(), "") for path in sorted(FILES.glob("*.yaml"))]
+    """Return the documents of examples/scenarios, and at the end a plan in place of one.
+
+    Every other one is on Earth and dated.
+    """
+    files = sorted(FILES.glob("*.yaml"))
+    made = syncplan.plan(syncplan.load_scenario(FILES / "four-ground-robots.yaml"))
+    given = json.loads(json.dumps(stated(made.scenario, made.orbits)))
+    found = [parse_document(path.read_text(), "") for path in files]
     for document in found[::2]:
         document["geo_origin"] = {"lat_deg": 47.4, "lon_deg": 8.5, "alt_m": 488.0}
         document["start_time"] = "2027-05-01T09:00:00Z"
-    return found
+    return [*found, given]
 
 
 def draw_request(draw: Draw, scenarios: list[Tree], plans: list[str]) -> Sent:

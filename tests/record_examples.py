@@ -15,6 +15,7 @@ from typing import Any
 
 import httpx2
 
+from syncplan.planfile import StatedOrbit
 from tests.serving import ROOT, Server, running
 
 __all__ = ["FOLDER", "KEY", "SCENARIO", "main"]
@@ -115,7 +116,10 @@ def _plans(recorder: _Recorder) -> str:
     plan = recorder.ask("createPlan", "survey", "The plan", "POST", "/v1/plans", json=scenario)
     wrong = {**SCENARIO, "sensor": {**SCENARIO["sensor"], "range_m": -5}, "radius": 3}
     recorder.ask("createPlan", "faults", "Faults of a scenario", "POST", "/v1/plans", json=wrong)
+    given = {"scenario": SCENARIO, "vehicles": [_stated(one) for one in plan["vehicles"]]}
+    recorder.request("createPlan", "given", "A plan: its own orbits are judged", given)
     recorder.request("previewScenario", "survey", "The same three vehicles", SCENARIO)
+    recorder.request("previewScenario", "given", "A plan: its own orbits are judged", given)
     for name, summary, body in (
         ("survey", "The plan and a figure", SCENARIO),
         ("faults", "Faults of a scenario", wrong),
@@ -137,6 +141,11 @@ def _plans(recorder: _Recorder) -> str:
     for operation, last in (("refinePlan", "refinements"), ("validatePlan", "validations")):
         recorder.ask(operation, "unknown", "No such plan", "POST", f"{missing}/{last}")
     return str(plan["id"])
+
+
+def _stated(vehicle: Tree) -> Tree:
+    """What is read of a vehicle of a plan."""
+    return {key: vehicle[key] for key in StatedOrbit.model_fields}
 
 
 def _jobs(recorder: _Recorder, plan: str) -> None:

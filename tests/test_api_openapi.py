@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
@@ -19,6 +20,8 @@ from api.openapi import operations
 from api.requests import RefinementRequest, SweepRequest, ValidationRequest
 from api.settings import load_settings
 from syncplan.document import SweepReport
+from syncplan.loading import is_plan
+from syncplan.planfile import PlanFile
 from syncplan.scenario import Scenario
 from tests.record_examples import BINARY, SCENARIO
 from tests.serving import ROOT
@@ -239,17 +242,17 @@ def _beyond_a_schema(fault: Any) -> bool:
 @pytest.mark.parametrize(
     ("path", "model"),
     [
-        ("/v1/plans", Scenario),
-        ("/v1/previews", Scenario),
+        ("/v1/plans", None),
+        ("/v1/previews", None),
         ("/v1/plans/{plan_id}/refinements", RefinementRequest),
         ("/v1/plans/{plan_id}/validations", ValidationRequest),
         ("/v1/sweeps", SweepRequest),
     ],
 )
 def test_what_the_schema_allows_breaks_no_rule_about_a_single_key(
-    path: str, model: type[BaseModel]
+    path: str, model: type[BaseModel] | None
 ) -> None:
-    seen = 0
+    seen: Counter[str] = Counter()
 
     @given(case=_bodies(path))
     @settings(
@@ -261,13 +264,12 @@ def test_what_the_schema_allows_breaks_no_rule_about_a_single_key(
         suppress_health_check=list(HealthCheck),
     )
     def check(case: Any) -> None:
-        nonlocal seen
         if not isinstance(case.body, dict):
             return
-        seen += 1
-        assert [
-            fault for fault in _faults_of(model, case.body) if not _beyond_a_schema(fault)
-        ] == []
+        kind = model or (PlanFile if is_plan(case.body) else Scenario)
+        seen[kind.__name__] += 1
+        assert [fault for fault in _faults_of(kind, case.body) if not _beyond_a_schema(fault)] == []
 
     check()
-    assert seen > 20
+    assert set(seen) == ({"PlanFile", "Scenario"} if model is None else {model.__name__})
+    assert min(seen.values()) > (3 if model is None else 20)

@@ -1,25 +1,33 @@
-"""What tasks begin with: scenarios as they were sent, and plans as they are stored."""
+"""What tasks begin with: scenarios and plans as they were sent, and plans as they are stored."""
 
 from typing import TYPE_CHECKING, Literal
 
 from api.limits import Limits, check_size
-from syncplan.loading import decoded, parse_document, scenario_from
-from syncplan.scenario import Scenario
+from syncplan.errors import InputError
+from syncplan.loading import decoded, parse_document
 
 if TYPE_CHECKING:
     from syncplan.planfile import Loaded
 
-__all__ = ["Syntax", "loaded_plan", "scenario_of"]
+__all__ = ["Syntax", "loaded_body", "loaded_plan"]
 
 Syntax = Literal["json", "yaml"]
 
 
-def scenario_of(body: bytes, syntax: Syntax, limits: Limits) -> Scenario:
-    """Return the scenario that a body holds; raises InputError, also for one beyond the limits."""
+def loaded_body(body: bytes, syntax: Syntax, limits: Limits) -> "Loaded":
+    """Return the scenario that a body holds, or the plan: a scenario with its orbits.
+
+    Raises InputError, also for what is beyond the limits.
+    """
+    from syncplan.planfile import loaded_from
+
     document = parse_document(decoded(body, ""), "", syntax)
-    scenario = scenario_from(document, max_vehicles=limits.vehicles)
-    check_size(scenario, limits)
-    return scenario
+    loaded = loaded_from(document, max_vehicles=limits.vehicles)
+    try:
+        check_size(loaded.scenario, limits)
+    except InputError as error:
+        raise (error if loaded.orbits is None else error.within("scenario")) from None
+    return loaded
 
 
 def loaded_plan(text: str) -> "Loaded":

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-from api.computing.inputs import Syntax, loaded_plan, scenario_of
+from api.computing.inputs import Syntax, loaded_body, loaded_plan
 from api.limits import Limits
 
 if TYPE_CHECKING:
@@ -23,12 +23,12 @@ def ready() -> None:
 def previewed(
     body: bytes, syntax: Syntax, limits: Limits, quick: bool, names: Sequence[str], theme: "Theme"
 ) -> str:
-    """Return the plan of a scenario with figures of it, as JSON; raises as made_plan does."""
+    """Return a plan as made_plan makes it with figures of it, as JSON; raises as that does."""
     from syncplan.plan_report import plan_document
-    from syncplan.planner import plan
+    from syncplan.planfile import plan_of
     from syncplan.plotting.catalogue import specs_of
 
-    made = plan(scenario_of(body, syntax, limits), margin_bound=not quick)
+    made = plan_of(loaded_body(body, syntax, limits), margin_bound=not quick)
     specs = specs_of(made, names, theme=theme) if names else {}
     return _compact({"plan": plan_document(made).as_json(), "figures": specs})
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Literal
 
-from api.computing.inputs import Syntax, loaded_plan, scenario_of
+from api.computing.inputs import Syntax, loaded_body, loaded_plan
 from api.limits import Limits
 from api.requests import REQUESTS, RefinementRequest, SweepRequest, ValidationRequest
 from syncplan.loading import decoded, parse_document, scenario_from
@@ -67,10 +67,13 @@ class Cut:
 
 
 def made_plan(body: bytes, syntax: Syntax, limits: Limits, steady: bool) -> PlanText:
-    """Return the plan of a scenario as it was sent; raises InputError, NoSolutionError."""
-    from syncplan.planner import plan
+    """Return the plan of a scenario as it was sent, or of a plan's orbits, judged afresh.
 
-    return _as_plan_text(plan(scenario_of(body, syntax, limits), steady=steady))
+    Raises InputError, NoSolutionError.
+    """
+    from syncplan.planfile import plan_of
+
+    return _as_plan_text(plan_of(loaded_body(body, syntax, limits), steady=steady))
 
 
 def checked_request(

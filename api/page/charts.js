@@ -37,12 +37,13 @@ export class Charts {
     return this.#tabs.current() === "timeline" && this.#plot.data ? this.#plot : null;
   }
 
-  /** Add figures of a stored plan or a job, by their addresses. */
-  async add(addresses, { show } = {}) {
+  /** Add figures of a stored plan or a job, by their addresses, if they are `wanted()` once here. */
+  async add(addresses, { show, wanted = () => true } = {}) {
     const names = Object.keys(addresses);
     const found = await Promise.allSettled(
       names.map((name) => patiently(() => askJson("GET", `${addresses[name]}?theme=${theme()}`))),
     );
+    if (!wanted()) return;
     // what a figure is of may have been deleted: the others are there
     names.forEach((name, k) => {
       if (found[k].status === "fulfilled") this.#figures[name] = found[k].value;

@@ -28,44 +28,55 @@ export function offerDownloads(store, storePlan) {
     element("button", { type: "button", onclick: () => run(savePlan) }, "Plan"),
     element("button", { type: "button", onclick: () => run(saveExport) }, "Export"),
   ];
+  const report = element("button", { type: "button", onclick: () => run(saveReport) }, "Report");
   byId("downloads").append(
     element("div", { class: "row" }, buttons[0], buttons[1]),
     element("div", { class: "field wide" }, element("label", { for: "format" }, "Format"), format),
     buttons[2],
+    report,
     element("p", { class: "hint" }, "Missions, GeoJSON and KML need the place of the origin, above."),
     fault,
   );
   const enable = () => {
     buttons.forEach((one) => (one.disabled = store.scenario === null));
+    report.disabled = store.report === null;
     fault.textContent = "";
   };
-  for (const name of ["opened", "scenario"]) store.addEventListener(name, enable);
+  for (const name of ["opened", "scenario", "report"]) store.addEventListener(name, enable);
   enable();
 
   async function run(task) {
     fault.textContent = "";
     try {
-      await task(await storePlan());
+      await task();
     } catch (error) {
       fault.textContent = store.deleted(error) || error.message;
     }
   }
 
-  async function savePlan(planId) {
-    const answer = await ask("GET", `v1/plans/${planId}`);
+  async function savePlan() {
+    const answer = await ask("GET", `v1/plans/${await storePlan()}`);
     save(await answer.blob(), `${nameOf(store)}.plan.json`, "application/json");
   }
 
-  async function saveExport(planId) {
-    const answer = await ask("GET", `v1/plans/${planId}/exports/${format.value}`, { accept: "application/zip" });
+  async function saveExport() {
+    const at = `v1/plans/${await storePlan()}/exports/${format.value}`;
+    const answer = await ask("GET", at, { accept: "application/zip" });
     const file = await answer.blob();
     save(file, `${nameOf(store)}-${format.value}.zip`, "application/zip");
     notice(`Exported, ${shown(file.size / 1024)} KiB. Notes are in the file of the same name ending in .sync.json.`);
+  }
+
+  /** The report of the validation on show, the bytes that the command line would write. */
+  async function saveReport() {
+    const answer = await ask("GET", `v1/jobs/${store.report}/result`);
+    save(await answer.blob(), `${nameOf(store)}.report.json`, "application/json");
   }
 }
 
 function saveScenario(store) {
   save(`${JSON.stringify(store.scenario, null, 1)}\n`, `${nameOf(store)}.json`, "application/json");
+  if (store.given) notice("The scenario alone: opened again, its phases are found anew. The file of the plan keeps them.");
 }
 
 function nameOf(store) {

@@ -3,7 +3,7 @@
 import { ask, pause, Refusal, Unreachable } from "./service.js";
 
 const RETRY_S = 1;
-const ENDED = ["succeeded", "failed", "cancelled"];
+export const ENDED = ["succeeded", "failed", "cancelled"];
 
 /** Call `told(event)` for every change of a job until it has ended, whatever the connection does.
  *

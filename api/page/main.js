@@ -6,12 +6,14 @@ import { Editor } from "./editor.js";
 import { byId, notice } from "./elements.js";
 import { askForKeys } from "./keys.js";
 import { FormationMap } from "./map.js";
-import { PLAN_FIGURES, Planner, theme } from "./planner.js";
+import { Planner } from "./planner.js";
 import { Player } from "./player.js";
-import { ask, askJson, noSuchPlan, postOnce } from "./service.js";
+import { ask, noSuchPlan, passing, postOnce } from "./service.js";
+import { forget, keepOverReloads, kept } from "./session.js";
+import { offerLink } from "./sharing.js";
 import { listenForKeys } from "./shortcuts.js";
 import { Store } from "./store.js";
-import { showVerdicts } from "./verdict.js";
+import { showVerdicts, wayBack } from "./verdict.js";
 import { Work } from "./work.js";
 
 const FIRST_EXAMPLE = "paper-grid-same";
@@ -27,6 +29,8 @@ showVerdicts(store);
 listenForKeys(store);
 const work = new Work(store, storePlan, { began, ended });
 offerDownloads(store, storePlan);
+offerLink(store, storePlan, attempt);
+keepOverReloads(store);
 
 // --- opening ------------------------------------------------------------------------------------
 
@@ -35,13 +39,12 @@ let opening = 0;
 
 /** Open a scenario's text, YAML or JSON, or a plan's, unless something was chosen after that turn. */
 async function openText(text, name, turn) {
-  const plan = planIn(text);
-  const found = await Planner.preview(plan ? plan.scenario : text);
+  const found = await Planner.preview(planIn(text) || text);
   if (turn !== opening) return;
-  store.open({ plan: found.plan });
+  store.open({ plan: found.plan, origin: "file" });
   store.judged(found.plan, found.figures, { quick: false });
-  address({});
-  if (plan) notice(`${name}: the plan's scenario, planned again.`);
+  address();
+  if (store.given) notice(`${name}: the plan with its own phases, judged afresh.`);
 }
 
 async function openExample(name) {
@@ -55,29 +58,51 @@ async function openFile(file) {
   await openText(await file.text(), file.name, turn);
 }
 
-async function openPlan(planId) {
+async function openPlan(planId, { opened = () => {} } = {}) {
   const turn = ++opening;
-  const at = `v1/plans/${encodeURIComponent(planId)}`;
-  const [plan, figures] = await Promise.all([askJson("GET", at), figuresOf(at)]).catch(noSuchPlan);
+  const { plan, figures } = await Planner.stored(planId).catch(noSuchPlan);
   if (turn !== opening) return;
-  store.open({ plan, planId, parentId: plan.parent_id });
+  store.open({ plan, planId });
+  opened();
   store.judged(plan, figures, { quick: false });
-  if (!plan.parent_id) return;
-  const more = { comparison: `${at}/figures/comparison`, refinement: `${at}/figures/refinement` };
-  await charts.add(more, { show: "comparison" });
+  await compare(plan, { show: "comparison" });
 }
 
-async function figuresOf(at) {
-  const asked = PLAN_FIGURES.map((name) => askJson("GET", `${at}/figures/${name}?theme=${theme()}`));
-  const found = await Promise.all(asked);
-  return Object.fromEntries(PLAN_FIGURES.map((name, k) => [name, found[k]]));
+/** Add the figures of a refined plan beside what it was refined from. */
+async function compare({ id, parent_id: parentId }, { show } = {}) {
+  if (!parentId) return;
+  const at = `v1/plans/${id}/figures`;
+  const more = { comparison: `${at}/comparison`, refinement: `${at}/refinement` };
+  await charts.add(more, { show, wanted: () => store.planId === id });
 }
 
-/** The plan that a file holds, null for a scenario. */
+/** Open what was being edited before a reload; resolves with whether there was such. */
+async function reopen() {
+  const found = kept();
+  if (!found) return false;
+  const turn = ++opening;
+  const before = new Store();
+  try {
+    before.reopen(found.state, null);
+    const { plan, figures } = await Planner.preview(before.document);
+    if (turn !== opening) return true;
+    store.reopen(found.state, plan);
+    store.judged(plan, figures, { quick: false });
+    if (found.scenario) store.edit(found.scenario);
+    return true;
+  } catch (error) {
+    if (passing(error) || error.status === 401) throw error;
+    // what an older page kept may mean nothing to this one
+    forget();
+    return false;
+  }
+}
+
+/** What the service reads of the plan that a JSON file holds, null for anything else. */
 function planIn(text) {
   try {
-    const read = JSON.parse(text);
-    return read.scenario && read.vehicles ? read : null;
+    const { scenario, vehicles } = JSON.parse(text);
+    return scenario && vehicles ? { scenario, vehicles } : null;
   } catch {
     return null;
   }
@@ -85,34 +110,48 @@ function planIn(text) {
 
 // --- stored plans and jobs ----------------------------------------------------------------------
 
-/** Resolves with the identifier of the plan on show, which is stored if it was not. */
+/** the scenario that is being stored, and the promise of its identifier */
+let storing = null;
+
+/** Resolves with the identifier of the plan on show, which is stored, once, if it was not. */
 async function storePlan() {
   if (store.planId) return store.planId;
-  const { scenario } = store;
-  const plan = await postOnce("v1/plans", scenario);
-  if (store.scenario === scenario) {
-    store.stored(plan.id, plan.parent_id);
-    address({ plan: plan.id });
+  const { scenario, document } = store;
+  if (storing?.scenario !== scenario) storing = { scenario, planId: keepPlan(scenario, document) };
+  try {
+    return await storing.planId;
+  } finally {
+    if (storing?.scenario === scenario) storing = null;
   }
-  return plan.id;
 }
 
-let following = null;
+async function keepPlan(scenario, document) {
+  const { id } = await postOnce("v1/plans", document);
+  if (store.scenario === scenario) {
+    store.stored(id);
+    address();
+  }
+  return id;
+}
+
+/** the job that the address names: at work, or ended with its outcome on show */
+let followed = null;
 
 function began(job) {
-  following = job.id;
-  address({ plan: store.planId });
+  followed = { id: job.id, ended: false };
+  address();
 }
 
 /** Show what a job came to; resolves with whether the plan on show is still the one it was about. */
 async function ended(job, result) {
-  following = null;
-  const current = store.planId === job.plan_id;
-  address({ plan: store.planId });
+  const current = store.planId !== null && [job.plan_id, job.result_plan_id].includes(store.planId);
+  const outcome = current ? { id: job.id, ended: true } : null;
+  followed = outcome;
+  address();
+  if (result && job.kind === "validation") store.reported(job.id);
   if (!result || !current) return current;
   if (job.kind === "refinement") {
-    address({ plan: result.id });
-    await openPlan(result.id);
+    if (store.planId !== result.id) await openRefined(result.id, outcome);
     return true;
   }
   const at = `v1/jobs/${job.id}/figures`;
@@ -122,13 +161,32 @@ async function ended(job, result) {
   return true;
 }
 
-/** Say in the address what is on show and followed, so that a link or a reload goes on with it. */
-function address({ plan }) {
+/** Open what a refinement came to; the browser's Back leads to the plan before it. */
+async function openRefined(planId, outcome) {
+  followed = null;
+  address();
+  await openPlan(planId, {
+    opened: () => {
+      followed = outcome;
+      address({ push: true });
+    },
+  });
+}
+
+/** Say in the address what is on show and followed, so that a reload goes on with it. */
+function address({ push = false } = {}) {
   const parts = new URLSearchParams();
-  if (plan) parts.set("plan", plan);
-  if (following) parts.set("job", following);
+  if (store.planId) parts.set("plan", store.planId);
+  if (followed) parts.set("job", followed.id);
   const text = parts.toString();
-  history.replaceState(null, "", text ? `?${text}` : location.pathname);
+  const at = text ? `?${text}` : location.pathname;
+  if (push) history.pushState(null, "", at);
+  else history.replaceState(null, "", at);
+}
+
+/** Forget an outcome that is no longer of what is on show. */
+function settleOutcome() {
+  if (followed?.ended) followed = null;
 }
 
 // --- the bar ------------------------------------------------------------------------------------
@@ -145,13 +203,6 @@ byId("upload").addEventListener("change", async (event) => {
 });
 byId("undo").addEventListener("click", () => store.undo());
 byId("redo").addEventListener("click", () => store.redo());
-byId("share").addEventListener("click", () =>
-  store.scenario && attempt(async () => {
-    await storePlan();
-    await navigator.clipboard.writeText(location.href).catch(() => {});
-    notice(`Link to this plan: ${location.href}`);
-  }),
-);
 askForKeys(() => {
   // an edit that waits for the key is not lost to the first example
   if (store.scenario) store.edit(store.scenario, { step: false });
@@ -165,12 +216,16 @@ for (const name of ["opened", "scenario", "plan"]) {
     allow("redo", store.canRedo);
     allow("share", true);
     byId("map-name").textContent = store.scenario.name || "";
-    if (name === "scenario") address({});
+    if (name !== "plan") settleOutcome();
+    if (name === "scenario") address();
   });
 }
 store.addEventListener("scenario", (event) => {
-  if (event.detail.wasRefined) notice("Edited: phases are found anew. Refine again, or undo and open the link to the refined plan.");
+  if (event.detail.lost) notice(`Edited: phases are found anew. ${wayBack(store.lost)}`);
+  if (event.detail.restored) notice("");
 });
+store.addEventListener("plan", (event) => event.detail.again && compare(store.plan));
+addEventListener("popstate", () => attempt(goTo));
 store.addEventListener("faults", (event) => notice(event.detail.message, { fault: true }));
 store.addEventListener("plan", () => byId("notice").classList.contains("bad") && notice(""));
 
@@ -201,18 +256,44 @@ function busy(flag) {
 
 async function start() {
   const asked = new URLSearchParams(location.search);
-  following = asked.get("job");
   if (asked.get("plan")) await openPlan(asked.get("plan"));
-  else await openExample(FIRST_EXAMPLE);
+  else if (!(await reopen())) await openExample(FIRST_EXAMPLE);
   performance.mark("ready");
-  if (asked.get("job")) work.resume(asked.get("job")).catch((error) => notice(error.message, { fault: true }));
+  if (asked.get("job")) resume(asked.get("job"));
+}
+
+/** Go on with a job, or show what it came to. */
+async function resume(jobId) {
+  followed = { id: jobId, ended: false };
+  address();
+  try {
+    await work.resume(jobId);
+  } catch (error) {
+    followed = null;
+    address();
+    notice(error.message, { fault: true });
+  }
+}
+
+/** Show what the address names, after Back or Forward. */
+async function goTo() {
+  const asked = new URLSearchParams(location.search);
+  const planId = asked.get("plan");
+  // a jump within the page comes here as well
+  if (planId === store.planId) return;
+  if (!planId) {
+    store.undo();
+    return;
+  }
+  await openPlan(planId);
+  if (asked.get("job") && !followed) resume(asked.get("job"));
 }
 
 /** Draw everything anew, in the colours of the theme. */
 async function redraw() {
-  const { plan, planId, scenario } = store;
+  const { plan, planId, document } = store;
   if (!plan) return;
-  const figures = planId ? await figuresOf(`v1/plans/${planId}`) : (await Planner.preview(scenario)).figures;
+  const { figures } = await (planId ? Planner.stored(planId) : Planner.preview(document));
   if (store.plan === plan) store.judged(plan, figures, { quick: false });
 }
 

@@ -28,13 +28,21 @@ export class Planner {
     store.addEventListener("scenario", (event) => this.#ask(event.detail.live));
   }
 
-  /** Resolves with the plan and figures of any scenario, stored nowhere. */
-  static preview(scenario, { figures = PLAN_FIGURES, quick = false } = {}) {
+  /** Resolves with the plan and figures of a stored plan. */
+  static async stored(planId) {
+    const at = `v1/plans/${encodeURIComponent(planId)}`;
+    const asked = PLAN_FIGURES.map((name) => askJson("GET", `${at}/figures/${name}?theme=${theme()}`));
+    const [plan, ...found] = await Promise.all([askJson("GET", at), ...asked]);
+    return { plan, figures: Object.fromEntries(PLAN_FIGURES.map((name, k) => [name, found[k]])) };
+  }
+
+  /** Resolves with the plan and figures of any scenario or plan document, stored nowhere. */
+  static preview(document, { figures = PLAN_FIGURES, quick = false } = {}) {
     const asked = new URLSearchParams({ quick, theme: theme() });
     for (const name of figures) asked.append("figure", name);
-    const text = typeof scenario === "string";
+    const text = typeof document === "string";
     return askJson("POST", `v1/previews?${asked}`, {
-      body: text ? scenario : JSON.stringify(scenario),
+      body: text ? document : JSON.stringify(document),
       type: text ? "application/yaml" : "application/json",
     });
   }
@@ -43,40 +51,64 @@ export class Planner {
     this.#tellBusy(true);
     clearTimeout(this.#timer);
     this.#timer = live ? setTimeout(() => this.#ask(false), SETTLE_MS) : 0;
-    this.#waiting = { scenario: this.#store.scenario, live, asked: performance.now() };
+    this.#waiting = { subject: this.#store.subject, live, asked: performance.now() };
     if (!this.#running) this.#run();
   }
 
   async #run() {
     this.#running = true;
     while (this.#waiting) {
-      const { scenario, live, asked } = this.#waiting;
+      const { subject, live, asked } = this.#waiting;
+      const { scenario } = subject;
       this.#waiting = null;
-      const options = live ? { figures: LIVE, quick: true } : {};
       try {
-        const found = await Planner.preview(scenario, options);
+        const found = await this.#find(subject, live);
         // a plan opened meanwhile is not to be overwritten by an older edit
         if (this.#store.scenario !== scenario && !this.#waiting) continue;
-        this.#store.judged(found.plan, found.figures, { quick: live });
+        this.#store.judged(found.plan, found.figures, { quick: live, again: found.again, scenario });
         const measured = live ? "moved to verdict" : "edited to verdict";
         requestAnimationFrame(() => performance.measure(measured, { start: asked }));
       } catch (error) {
-        const faults = error instanceof Refusal ? error.faults : [];
-        this.#store.faulty(faults, error.message);
+        this.#store.faulty(faultsOf(error, subject), error.message, whyOf(error));
         if (!passing(error)) continue;
         await pause(AWAY_S);
         // once the service is back, the latest edit is planned
-        if (this.#store.scenario === scenario) this.#waiting ??= { scenario, live: false, asked: performance.now() };
+        if (this.#store.scenario === scenario) this.#waiting ??= { subject, live: false, asked: performance.now() };
       }
     }
     this.#running = false;
     this.#tellBusy(this.#timer !== 0);
   }
 
+  /** The plan of a subject: as stored, if it is, and otherwise made. */
+  async #find({ document, planId }, live) {
+    if (planId) {
+      try {
+        return { ...(await Planner.stored(planId)), again: true };
+      } catch (error) {
+        if (error.status !== 404) throw error;
+        if (this.#store.planId === planId) this.#store.deleted(error);
+      }
+    }
+    return Planner.preview(document, live ? { figures: LIVE, quick: true } : {});
+  }
+
   #tellBusy(flag) {
     if (flag !== this.#told) this.#busy(flag);
     this.#told = flag;
   }
+}
+
+/** The faults of a refusal by their paths in the scenario, also where a plan document was sent. */
+function faultsOf(error, { document, scenario }) {
+  if (!(error instanceof Refusal)) return [];
+  if (document === scenario) return error.faults;
+  return error.faults.map((one) => ({ ...one, path: one.path.replace(/^scenario\./, "") }));
+}
+
+function whyOf(error) {
+  if (error.status === 401) return "key";
+  return passing(error) ? "away" : "fault";
 }
 
 export function theme() {

@@ -82,11 +82,11 @@ export class Player {
   }
 
   async #load() {
-    const { scenario, plan, planId } = this.#store;
+    const { scenario, document, plan, planId } = this.#store;
     try {
       const found = planId
         ? await askJson("GET", `v1/plans/${planId}/figures/animation?theme=${theme()}`)
-        : (await Planner.preview(scenario, { figures: ["animation"] })).figures.animation;
+        : (await Planner.preview(document, { figures: ["animation"] })).figures.animation;
       if (this.#store.scenario !== scenario) return false;
       if (this.#store.plan !== plan) return this.#ready();
       this.#figure = found;

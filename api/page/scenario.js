@@ -20,6 +20,48 @@ export function editable(plan) {
   return scenario;
 }
 
+/** What of a scenario neither its orbits nor who meets whom rest on. */
+const LOOSE = ["name", "start_time", "geo_origin", "duration_s", "motion", "initial_sigma"];
+const LOOSE_OF_SENSOR = ["bearing_sigma_rad"];
+
+/** Whether two scenarios say the same. */
+export function sameScenario(one, other) {
+  return one === other || sorted(one) === sorted(other);
+}
+
+/** Whether two scenarios have the same orbits and meetings, whatever else they say. */
+export function sameOrbits(one, other) {
+  return one === other || sorted(orbitsAndMeetings(one)) === sorted(orbitsAndMeetings(other));
+}
+
+/** Return of a plan's vehicles what the service reads of a plan. */
+export function orbitsOf(plan) {
+  return plan.vehicles.map(({ name, center_m, radius_m, direction, phase_rad }) => ({
+    name,
+    center_m,
+    radius_m,
+    direction,
+    phase_rad,
+  }));
+}
+
+function orbitsAndMeetings(scenario) {
+  const sensor = [scenario.sensor].flat().map((one) => without(one, LOOSE_OF_SENSOR));
+  return { ...without(scenario, LOOSE), sensor };
+}
+
+function without(values, keys) {
+  return Object.fromEntries(Object.entries(values).filter(([key]) => !keys.includes(key)));
+}
+
+/** JSON with the keys of every object in order. */
+function sorted(value) {
+  return JSON.stringify(value, (_, inner) => {
+    if (inner === null || typeof inner !== "object" || Array.isArray(inner)) return inner;
+    return Object.fromEntries(Object.entries(inner).sort(([a], [b]) => (a < b ? -1 : 1)));
+  });
+}
+
 /** Return {name, x, y, radius, direction, sensor} of each vehicle; directions as planned, if known. */
 export function vehiclesOf(scenario, plan) {
   const centers = scenario.formation.centers_m;
@@ -183,7 +225,7 @@ function pointsOf(points) {
 function withPoint(scenario, path, k, point) {
   const changed = structuredClone(scenario);
   const points = valueAt(changed, path);
-  points[Array.isArray(points) ? k : Object.keys(points)[k]] = point.map(round);
+  points[Array.isArray(points) ? k : Object.keys(points)[k]] = point;
   return changed;
 }
 

@@ -1,22 +1,53 @@
 // What the page knows: the scenario being edited, its plan, and who wants to hear of changes.
 
-import { editable } from "./scenario.js";
+import { editable, orbitsOf, sameOrbits, sameScenario } from "./scenario.js";
 
 const MOST_STEPS = 100;
 const SAME_EDIT_MS = 1000;
 
-/** The page's state. Events: "opened", "scenario" (edited), "plan" (judged), "faults", "selected". */
+/** The page's state.
+ *
+ * Events: "opened", "scenario" (edited), "plan" (judged), "faults", "selected", "report".
+ *
+ * Edits are compared with an anchor, the plan that was opened or stored last: `{ scenario, planId,
+ * given }`. Its scenario typed in again is that plan again. `given` is `{ vehicles, origin }` where
+ * no rule gives its phases; they stay while the orbits and who meets whom do.
+ */
 export class Store extends EventTarget {
   scenario = null;
   plan = null;
+  selected = null;
   /** identifier of the plan as stored; null while it is an edit that nobody has stored */
   planId = null;
-  /** identifier of the plan it was refined from */
-  parentId = null;
-  selected = null;
+  /** orbits that were given and hold for the scenario: `{ vehicles, origin }`, or null */
+  given = null;
+  /** identifier of the validation whose report is on show, or null */
+  report = null;
+  #anchor = null;
   #past = [];
   #future = [];
   #last = { field: null, at: 0 };
+
+  /** What there is to plan: the scenario, with the orbits that were given. */
+  get document() {
+    return this.given ? { scenario: this.scenario, vehicles: this.given.vehicles } : this.scenario;
+  }
+
+  /** What a plan is asked for with, now. */
+  get subject() {
+    const { scenario, document, planId } = this;
+    return { scenario, document, planId };
+  }
+
+  /** What brings the present scenario back: itself, and what it is an edit of. */
+  get state() {
+    return { scenario: this.scenario, anchor: this.#anchor };
+  }
+
+  /** Whose phases were lost to an edit that moved orbits or meetings: "refined", ..., or null. */
+  get lost() {
+    return this.given ? null : (this.#anchor?.given?.origin ?? null);
+  }
 
   /** Take an edit: the plan on show is then of an older scenario until the service answers.
    *
@@ -26,38 +57,59 @@ export class Store extends EventTarget {
     const at = performance.now();
     const goesOn = field !== null && field === this.#last.field && at - this.#last.at < SAME_EDIT_MS;
     this.#last = { field, at };
-    if (step && !goesOn && this.scenario) this.#remember(this.scenario);
-    const wasRefined = this.parentId !== null;
-    Object.assign(this, { scenario, planId: null, parentId: null });
-    this.#tell("scenario", { live, wasRefined });
+    if (step && !goesOn && !sameScenario(scenario, this.scenario)) this.#remember(this.state);
+    const { given } = this;
+    this.#put({ scenario, anchor: this.#anchor });
+    this.#tell("scenario", { live, lost: given && !this.given });
   }
 
-  /** Start over with a plan, stored or not. */
-  open({ plan, planId = null, parentId = null }) {
-    if (this.scenario) this.#remember(this.scenario);
+  /** Start over with a plan, stored or not; `origin` says where phases come from that were given. */
+  open({ plan, planId = null, origin = "given" }) {
     const scenario = editable(plan);
-    Object.assign(this, { scenario, plan, planId, parentId, selected: null });
+    const { method } = plan.synchronisation;
+    const whence = { refined: "refined", given: origin }[method];
+    const given = whence ? { vehicles: orbitsOf(plan), origin: whence } : null;
+    this.reopen({ scenario, anchor: { scenario, planId, given } }, plan);
+  }
+
+  /** Start over with a state that was kept, and its plan; what it is an edit of can be undone to. */
+  reopen(state, plan) {
+    if (this.scenario) this.#remember(this.state);
+    const { anchor } = state;
+    if (!sameScenario(state.scenario, anchor.scenario)) this.#remember({ scenario: anchor.scenario, anchor });
+    this.#put(state);
+    Object.assign(this, { plan, selected: null });
     this.#tell("opened");
   }
 
-  judged(plan, figures, { quick }) {
+  /** Show a plan: of the present scenario, or of an older one that an edit has overtaken.
+   *
+   * `again` says that it is a stored plan which undo or redo brought back.
+   */
+  judged(plan, figures, { quick, again = false, scenario = this.scenario }) {
     this.plan = plan;
-    this.#tell("plan", { figures, quick });
+    this.#tell("plan", { figures, quick, again, current: scenario === this.scenario });
   }
 
-  faulty(faults, message) {
-    this.#tell("faults", { faults, message });
+  /** Tell what is wrong; `why` is "fault", "away" or "key". */
+  faulty(faults, message, why) {
+    this.#tell("faults", { faults, message, why });
   }
 
-  stored(planId, parentId) {
-    Object.assign(this, { planId, parentId });
+  stored(planId) {
+    this.#put({ scenario: this.scenario, anchor: { scenario: this.scenario, planId, given: this.given } });
   }
 
   /** What went wrong in words, if it is that the plan on show was deleted; it is stored anew then. */
   deleted(error) {
     if (error.status !== 404 || !this.planId) return null;
-    this.stored(null, null);
-    return "This plan was deleted from the service. Try again: its scenario is planned and stored anew.";
+    this.stored(null);
+    return "This plan was deleted from the service. Try again: it is stored anew.";
+  }
+
+  reported(jobId) {
+    this.report = jobId;
+    this.#tell("report");
   }
 
   select(what) {
@@ -81,20 +133,29 @@ export class Store extends EventTarget {
     this.#step(this.#future, this.#past);
   }
 
-  #remember(scenario) {
-    this.#past.push(scenario);
+  #put({ scenario, anchor }) {
+    this.#anchor = anchor;
+    this.scenario = scenario;
+    this.planId = sameScenario(scenario, anchor.scenario) ? anchor.planId : null;
+    this.given = anchor.given && sameOrbits(scenario, anchor.scenario) ? anchor.given : null;
+  }
+
+  #remember(state) {
+    this.#past.push(state);
     if (this.#past.length > MOST_STEPS) this.#past.shift();
     this.#future = [];
   }
 
   #step(from, to) {
     if (!from.length) return;
-    to.push(this.scenario);
-    const scenario = from.pop();
-    this.edit(scenario, { step: false });
+    to.push(this.state);
+    this.#last = { field: null, at: 0 };
+    this.#put(from.pop());
+    this.#tell("scenario", { live: false, restored: true });
   }
 
   #tell(name, detail = {}) {
+    if (name === "opened" || name === "scenario") this.report = null;
     this.dispatchEvent(new CustomEvent(name, { detail }));
   }
 }

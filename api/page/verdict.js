@@ -7,26 +7,53 @@ import { withValue } from "./scenario.js";
 const DESYNC_RAD = 0.2;
 const MOST_TOLD = 3;
 
-/** Shows the verdict on a store's plan. */
+/** What the verdict on show is not of, by why: what the badge begins with, and a remark. */
+const DOUBTS = {
+  fault: ["Before the fault", "Of the scenario before the fault."],
+  away: ["Waiting for the service, before it", "Of the scenario before your edits, which wait for the service."],
+  key: ["Waiting for a key, before it", "Of the scenario before your edits, which wait for a key."],
+  typing: ["Before the field half typed", "Of the scenario without the field that is half typed."],
+};
+
+/** Fields that are never empty begin with this: those of one vehicle or landmark. */
+const NEEDED = "field-chosen-";
+
+const ORIGINS = {
+  refined: "refined",
+  file: "from a file",
+  given: "as given",
+};
+
+/** Shows the verdict on a store's plan; one that is not of what the fields hold is told as such. */
 export function showVerdicts(store) {
   const place = byId("verdict");
   const badge = byId("badge");
   repeat(badge, byId("badge-again"));
-  store.addEventListener("plan", (event) => {
+  const remark = element("p", { class: "hint" });
+  let doubt = null;
+
+  const show = () => {
     const { observability: seen } = store.plan;
-    const text = `${seen.observable ? "✓ Observable" : "✗ Not observable"}: rank ${seen.rank} of ${seen.state_dim}`;
+    const verdict = `${seen.observable ? "✓ Observable" : "✗ Not observable"}: rank ${seen.rank} of ${seen.state_dim}`;
+    const text = doubt ? `${DOUBTS[doubt][0]}: ${verdict}` : verdict;
     // read out when it changes, and only then
     if (badge.textContent !== text) badge.textContent = text;
-    badge.className = `badge ${seen.observable ? "good" : "bad"}`;
+    badge.className = doubt ? "badge" : `badge ${seen.observable ? "good" : "bad"}`;
+    remark.textContent = doubt ? DOUBTS[doubt][1] : "";
+    place.classList.toggle("stale", doubt !== null);
+    byId("workspace").classList.toggle("doubtful", doubt !== null);
+  };
+  const doubtFor = (why) => {
+    doubt = why;
+    if (store.plan) show();
+  };
+  store.addEventListener("plan", (event) => {
     const cure = canDesync(store) ? () => desynchronise(store) : null;
-    place.replaceChildren(...verdictOf(store.plan, event.detail.quick, cure));
-    place.classList.remove("stale");
+    place.replaceChildren(...verdictOf(store, event.detail.quick, cure), remark);
+    doubtFor(halfTyped() ? "typing" : null);
   });
-  store.addEventListener("faults", () => {
-    if (!store.plan || place.classList.contains("stale")) return;
-    place.classList.add("stale");
-    place.append(element("p", { class: "hint" }, "Of the scenario before the fault."));
-  });
+  store.addEventListener("faults", (event) => doubtFor(event.detail.why));
+  byId("editor").addEventListener("input", () => halfTyped() && doubtFor("typing"));
 }
 
 /** Keep what the verdict says in sight where the form is far below it, as on a phone. */
@@ -53,11 +80,22 @@ function desynchronise(store) {
   badge.focus();
 }
 
-function verdictOf(plan, quick, cure) {
+/** How to have the phases back that an edit lost, by where they came from. */
+export function wayBack(origin) {
+  return `Undo brings the ${origin === "refined" ? "refined plan" : "plan as it was"} back.`;
+}
+
+/** Whether a field holds what is no number yet, so that the scenario is without it. */
+function halfTyped() {
+  const fields = [...byId("editor").querySelectorAll("input[type=number]")];
+  return fields.some((one) => one.validity.badInput || (one.value === "" && one.id.startsWith(NEEDED)));
+}
+
+function verdictOf({ plan, given, lost }, quick, cure) {
   const { observability: seen, predicted_rms_m: predicted } = plan;
   return [
     ...tooNear(plan.separation),
-    table(plan, predicted),
+    table(plan, predicted, phases(plan, given, lost)),
     ...seen.unobservable.map((motion) => motionOf(motion, cure)),
     ...plan.dropped_links.map((link) =>
       element("p", { class: "remark" }, element("strong", {}, `${link.a}–${link.b} dropped: `), link.reason),
@@ -67,9 +105,16 @@ function verdictOf(plan, quick, cure) {
   ];
 }
 
-function table(plan, predicted) {
+/** Where the phases of a plan come from, and how to have others back. */
+function phases({ synchronisation: { method } }, given, lost) {
+  const kept = method === "refined" || method === "given";
+  return [kept ? ORIGINS[given?.origin] || ORIGINS[method] : "synchronised", lost ? `Found anew. ${wayBack(lost)}` : ""];
+}
+
+function table(plan, predicted, [origin, how]) {
   const { certificate } = plan.observability;
   const rows = [
+    ["Phases", origin, how],
     ["Predicted RMS error", shown(predicted.overall, "m"), predicted.note],
     ["Worst vehicle", worst(predicted.vehicles), ""],
     ["Connectivity period", connectivity(plan), ""],

@@ -1,7 +1,7 @@
 // Refinement and validation as jobs: handed in, followed, cancelled, and what came of them.
 
 import { byId, element, notice, shown } from "./elements.js";
-import { follow } from "./events.js";
+import { ENDED, follow } from "./events.js";
 import { refinementForm, validationForm } from "./requests.js";
 import { ask, askJson, patiently, postOnce, Refusal } from "./service.js";
 
@@ -45,7 +45,8 @@ export class Work {
 
   /** Go on following a job, as after a reload. */
   async resume(jobId) {
-    await this.#follow(await askJson("GET", `v1/jobs/${encodeURIComponent(jobId)}`));
+    const job = await askJson("GET", `v1/jobs/${encodeURIComponent(jobId)}`);
+    await (ENDED.includes(job.state) ? this.#conclude(job) : this.#follow(job));
   }
 
   async #handIn(form, request) {

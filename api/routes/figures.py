@@ -31,7 +31,7 @@ ReportFigure = Literal["accuracy", "errors", "consistency", "sweep"]
     "/previews",
     response_model=Preview,
     operation_id="previewScenario",
-    summary="Plan a scenario without storing it",
+    summary="Plan a scenario, or judge a plan, without storing it",
     responses=problem_responses(401, 406, 413, 415, 422, 503, 507),
 )
 async def create_preview(
@@ -48,7 +48,10 @@ async def create_preview(
     ] = None,
     theme: Theme = "light",
 ) -> Response:
-    """Find phases for a scenario and judge the plan, as it is edited; nothing is kept."""
+    """Find phases for a scenario and judge the plan, as it is edited; nothing is kept.
+
+    A plan in its place keeps its orbits and is judged afresh.
+    """
 
     async def compute() -> str:
         names = list(dict.fromkeys(figure or ()))

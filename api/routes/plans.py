@@ -34,14 +34,17 @@ _TAGS = "Entity tags as ETag gave them, separated by commas, or *"
     status_code=201,
     response_model=StoredPlan,
     operation_id="createPlan",
-    summary="Plan a scenario",
+    summary="Plan a scenario, or keep a plan",
     responses=problem_responses(401, 406, 413, 415, 422, 503, 507),
 )
 async def create_plan(
     call: CurrentCall,
     steady: Annotated[bool, Query(description="Add the error once it has become periodic")] = False,
 ) -> Response:
-    """Find phases for a scenario, JSON or YAML, and judge the plan: all at once."""
+    """Find phases for a scenario, JSON or YAML, and judge the plan: all at once.
+
+    A plan in its place keeps its orbits and is judged afresh.
+    """
 
     async def compute() -> PlanText:
         made: PlanText = await computed(

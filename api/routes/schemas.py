@@ -26,7 +26,7 @@ _DIALECT = "https://json-schema.org/draft/2020-12/schema"
     responses=problem_responses(406),
 )
 async def scenario_schema() -> dict[str, Any]:
-    """The JSON Schema of what POST /plans takes."""
+    """The JSON Schema of the scenarios that POST /plans takes."""
     return _scenario()
 
 

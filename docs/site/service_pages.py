@@ -190,6 +190,8 @@ def _first_example(response: Tree) -> Any:
 def _kind(schema: Tree) -> str:
     if "$ref" in schema:
         return str(schema["$ref"].rpartition("/")[2])
+    if "anyOf" in schema:
+        return " or ".join(_kind(one) for one in schema["anyOf"])
     if "enum" in schema:
         return ", ".join(f"`{value}`" for value in schema["enum"])
     limits = [f"{schema[key]:g}" for key in ("minimum", "maximum") if key in schema]

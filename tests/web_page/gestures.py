@@ -7,7 +7,7 @@ from typing import Any
 
 from playwright.sync_api import Download, Locator, Page, expect
 
-__all__ = ["downloaded", "drag", "handle", "opened", "plan_id_of", "saved"]
+__all__ = ["downloaded", "drag", "handle", "opened", "phases", "plan_id_of", "saved"]
 
 
 def handle(page: Page, name: str) -> Locator:
@@ -37,6 +37,11 @@ def plan_id_of(page: Page) -> str:
     found = re.search(r"[?&]plan=([0-9a-f-]{36})", page.url)
     assert found, page.url
     return found[1]
+
+
+def phases(page: Page) -> Locator:
+    """Where the verdict tells whence the phases are."""
+    return page.get_by_role("row", name="Phases").get_by_role("cell")
 
 
 def opened(page: Page, scenario: dict[str, Any]) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import httpx2
 import numpy as np
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Page, expect
 
 from syncplan.loading import load_scenario
 from syncplan.planner import plan
@@ -181,9 +181,42 @@ def test_a_fault_is_told_next_to_its_field(visit: Visit) -> None:
     told = page.locator("#field-sensor-range-m-fault")
     expect(told).to_contain_text("must be greater than 0")
     expect(told).to_have_attribute("role", "alert")
+    visit.doubt("Before the fault: ✓ Observable: rank 18 of 18")
+    expect(page.locator("#verdict")).to_contain_text("Of the scenario before the fault")
+    assert dimmed(page)
     assert accessibility_faults(page) == []
     field.fill("50")
     expect(told).to_be_empty()
+    visit.verdict("Observable: rank 18 of 18")
+    expect(page.locator("#workspace")).not_to_contain_class("doubtful")
+    assert not dimmed(page)
+
+
+def dimmed(page: Page) -> bool:
+    """Whether the map and the figure are shown as of something else."""
+    fade = "id => Number(getComputedStyle(document.getElementById(id)).opacity) < 1"
+    shown = [page.evaluate(fade, one) for one in ("map-plot", "panel-plot")]
+    assert shown[0] == shown[1]
+    return bool(shown[0])
+
+
+def test_a_number_half_typed_leaves_no_verdict_that_looks_current(visit: Visit) -> None:
+    visit.expect_complaints("422")
+    page = visit.page
+    field = page.get_by_label("Field of view (°)", exact=True)
+    field.fill("72")
+    visit.settle()
+    badge = page.locator("#badge").text_content()
+    visit.verdict("bservable: rank")
+    field.press("End")
+    field.press("0")
+    visit.doubt(f"Before the fault: {badge}")
+    field.press("Backspace")
+    visit.verdict("bservable: rank")
+    visit.settle()
+    field.press("e")
+    visit.doubt(f"half typed: {badge}")
+    page.get_by_role("button", name="Undo").click()
     visit.verdict("Observable: rank 18 of 18")
 
 
@@ -222,9 +255,10 @@ def test_a_field_that_is_typed_anew_moves_nothing_meanwhile(visit: Visit) -> Non
     handle(page, "v4").click()
     page.get_by_label("Centre east").fill("")
     page.wait_for_timeout(600)
-    visit.verdict("Observable: rank 18 of 18")
+    visit.doubt("half typed: ✓ Observable: rank 18 of 18")
     page.get_by_label("Centre east").fill("141")
     visit.settle()
+    visit.verdict("Observable: rank 18 of 18")
     expect(handle(page, "v4")).to_have_attribute("aria-label", "Circle of v4, centre at 141, 70 m")
 
 

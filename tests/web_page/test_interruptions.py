@@ -154,7 +154,8 @@ def test_an_edit_while_the_service_is_away_is_planned_once_it_is_back(
         first.kill()
         page.get_by_label("Desynchronise by").fill("0.2")
         expect(page.locator("#notice.bad")).to_contain_text("can't be reached")
-        expect(page.locator("#verdict")).to_contain_text("Of the scenario before the fault")
+        visit.doubt("Waiting for the service, before it: ✗ Not observable: rank 16 of 18")
+        expect(page.locator("#verdict")).to_contain_text("Of the scenario before your edits")
         with running(Server(tmp_path / "log", port=first.port, **given)):
             visit.verdict("Observable: rank 18 of 18")
             expect(page.locator("#notice.bad")).to_have_count(0)
@@ -171,6 +172,7 @@ def test_an_edit_that_waits_for_a_key_is_not_lost(browser: Browser, tmp_path: Pa
         page.evaluate("sessionStorage.clear()")
         page.get_by_label("Desynchronise by").fill("0.2")
         expect(page.get_by_label("API key")).to_be_focused()
+        visit.doubt("Waiting for a key")
         page.get_by_label("API key").fill(key_of("ann"))
         page.keyboard.press("Enter")
         visit.verdict("Observable: rank 18 of 18")

@@ -41,8 +41,9 @@ def test_refine_compare_validate_and_open_the_link_again(
     plan = httpx2.get(f"{server.url}/v1/plans/{plan_id_of(page)}").json()
     page.get_by_role("button", name="Copy link").click()
     expect(page.locator("#notice")).to_contain_text(plan["id"])
-    assert page.evaluate("navigator.clipboard.readText()") == page.url
-    with visiting(browser, page.url) as again:
+    link = page.evaluate("navigator.clipboard.readText()")
+    assert link == f"{server.url}/?plan={plan['id']}"
+    with visiting(browser, link) as again:
         again.verdict("Observable: rank 18 of 18")
         error = f"{plan['predicted_rms_m']['overall']:.4g}".rstrip("0")
         expect(again.page.locator("#verdict")).to_contain_text(f"{error} m")

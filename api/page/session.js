@@ -1,0 +1,47 @@
+// The scenario being edited, kept in the tab over a reload.
+
+const STORED_KEY = "syncplan-edit";
+
+/** Keep a store's scenario in the tab while no address names it.
+ *
+ * Kept are the state that was judged last and, where it is another, the scenario as it stands: one
+ * with a fault can be opened as an edit of the other alone.
+ */
+export function keepOverReloads(store) {
+  let judged = null;
+  const keep = () => {
+    if (!judged) return;
+    const { state, planId } = store;
+    const scenario = state.scenario === judged.scenario ? null : state.scenario;
+    write(planId ? null : { state: judged, scenario });
+  };
+  store.addEventListener("opened", () => (judged = store.state));
+  store.addEventListener("plan", (event) => {
+    if (event.detail.current) judged = store.state;
+    keep();
+  });
+  addEventListener("pagehide", keep);
+}
+
+/** What was kept, `{ state, scenario }`, or null. */
+export function kept() {
+  try {
+    return JSON.parse(sessionStorage.getItem(STORED_KEY));
+  } catch {
+    return null;
+  }
+}
+
+/** Forget what was kept. */
+export function forget() {
+  write(null);
+}
+
+function write(value) {
+  try {
+    if (value) sessionStorage.setItem(STORED_KEY, JSON.stringify(value));
+    else sessionStorage.removeItem(STORED_KEY);
+  } catch {
+    // no room, or not allowed: nothing is kept
+  }
+}
