@@ -92,7 +92,7 @@ def test_a_key_can_be_changed_and_others_plans_are_not_told_from_none(
         page.keyboard.press("Enter")
         visit.verdict("Observable: rank 18 of 18")
         page.get_by_role("button", name="Copy link").click()
-        expect(page.locator("#notice")).to_contain_text("Link to this plan")
+        expect(page.locator("#notice")).to_contain_text("Link copied")
         change = page.get_by_role("button", name="Change key")
         change.click()
         expect(page.get_by_label("API key")).to_be_focused()
@@ -122,7 +122,7 @@ def test_while_a_request_is_tried_again_the_page_says_so(visit: Visit) -> None:
     told = page.locator("#notice.bad")
     expect(told).to_have_text("the service can't be reached; trying again …", timeout=2_000)
     page.unroute("**/v1/plans")
-    expect(page.locator("#notice")).to_contain_text("Link to this plan")
+    expect(page.locator("#notice")).to_contain_text("Link copied")
     expect(told).to_have_count(0)
 
 
