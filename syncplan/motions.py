@@ -215,7 +215,7 @@ def _stretch(
         f"{_who(team, part)} shift{'s' if len(part) == 1 else ''}",
         _shift(team, part, bearing),
         f"let the line of sight of {pairs or 'these links'} turn: a small desynchronisation "
-        "(orbit.desync_rad), unequal radii, or refinement",
+        "by orbit.desync_rad, unequal radii, or refinement",
     )
 
 

@@ -6,10 +6,11 @@ import { Editor } from "./editor.js";
 import { byId, notice } from "./elements.js";
 import { askForKeys } from "./keys.js";
 import { FormationMap } from "./map.js";
+import { Opening } from "./opening.js";
 import { Planner } from "./planner.js";
 import { Player } from "./player.js";
-import { ask, noSuchPlan, passing, postOnce } from "./service.js";
-import { forget, keepOverReloads, kept } from "./session.js";
+import { postOnce } from "./service.js";
+import { keepOverReloads } from "./session.js";
 import { offerLink } from "./sharing.js";
 import { listenForKeys } from "./shortcuts.js";
 import { Store } from "./store.js";
@@ -27,86 +28,11 @@ new Player(store, map, charts);
 new Planner(store, busy);
 showVerdicts(store);
 listenForKeys(store);
+const opening = new Opening(store, charts, address);
 const work = new Work(store, storePlan, { began, ended });
 offerDownloads(store, storePlan);
 offerLink(store, storePlan, attempt);
 keepOverReloads(store);
-
-// --- opening ------------------------------------------------------------------------------------
-
-/** counts what was chosen to open: an answer that comes after another choice is dropped */
-let opening = 0;
-
-/** Open a scenario's text, YAML or JSON, or a plan's, unless something was chosen after that turn. */
-async function openText(text, name, turn) {
-  const found = await Planner.preview(planIn(text) || text);
-  if (turn !== opening) return;
-  store.open({ plan: found.plan, origin: "file" });
-  store.judged(found.plan, found.figures, { quick: false });
-  address();
-  if (store.given) notice(`${name}: the plan with its own phases, judged afresh.`);
-}
-
-async function openExample(name) {
-  const turn = ++opening;
-  const answer = await ask("GET", `assets/examples/${name}.yaml`, { accept: "application/yaml" });
-  await openText(await answer.text(), name, turn);
-}
-
-async function openFile(file) {
-  const turn = ++opening;
-  await openText(await file.text(), file.name, turn);
-}
-
-async function openPlan(planId, { opened = () => {} } = {}) {
-  const turn = ++opening;
-  const { plan, figures } = await Planner.stored(planId).catch(noSuchPlan);
-  if (turn !== opening) return;
-  store.open({ plan, planId });
-  opened();
-  store.judged(plan, figures, { quick: false });
-  await compare(plan, { show: "comparison" });
-}
-
-/** Add the figures of a refined plan beside what it was refined from. */
-async function compare({ id, parent_id: parentId }, { show } = {}) {
-  if (!parentId) return;
-  const at = `v1/plans/${id}/figures`;
-  const more = { comparison: `${at}/comparison`, refinement: `${at}/refinement` };
-  await charts.add(more, { show, wanted: () => store.planId === id });
-}
-
-/** Open what was being edited before a reload; resolves with whether there was such. */
-async function reopen() {
-  const found = kept();
-  if (!found) return false;
-  const turn = ++opening;
-  const before = new Store();
-  try {
-    before.reopen(found.state, null);
-    const { plan, figures } = await Planner.preview(before.document);
-    if (turn !== opening) return true;
-    store.reopen(found.state, plan);
-    store.judged(plan, figures, { quick: false });
-    if (found.scenario) store.edit(found.scenario);
-    return true;
-  } catch (error) {
-    if (passing(error) || error.status === 401) throw error;
-    // what an older page kept may mean nothing to this one
-    forget();
-    return false;
-  }
-}
-
-/** What the service reads of the plan that a JSON file holds, null for anything else. */
-function planIn(text) {
-  try {
-    const { scenario, vehicles } = JSON.parse(text);
-    return scenario && vehicles ? { scenario, vehicles } : null;
-  } catch {
-    return null;
-  }
-}
 
 // --- stored plans and jobs ----------------------------------------------------------------------
 
@@ -165,7 +91,7 @@ async function ended(job, result) {
 async function openRefined(planId, outcome) {
   followed = null;
   address();
-  await openPlan(planId, {
+  await opening.plan(planId, {
     opened: () => {
       followed = outcome;
       address({ push: true });
@@ -193,13 +119,13 @@ function settleOutcome() {
 
 byId("examples").addEventListener("change", (event) => {
   const { value } = event.target;
-  if (value) attempt(() => openExample(value));
+  if (value) attempt(() => opening.example(value));
   event.target.value = "";
 });
 byId("upload").addEventListener("change", async (event) => {
   const [file] = event.target.files;
   event.target.value = "";
-  if (file) attempt(() => openFile(file));
+  if (file) attempt(() => opening.file(file));
 });
 byId("undo").addEventListener("click", () => store.undo());
 byId("redo").addEventListener("click", () => store.redo());
@@ -224,7 +150,7 @@ store.addEventListener("scenario", (event) => {
   if (event.detail.lost) notice(`Edited: phases are found anew. ${wayBack(store.lost)}`);
   if (event.detail.restored) notice("");
 });
-store.addEventListener("plan", (event) => event.detail.again && compare(store.plan));
+store.addEventListener("plan", (event) => event.detail.again && opening.compare(store.plan));
 addEventListener("popstate", () => attempt(goTo));
 store.addEventListener("faults", (event) => notice(event.detail.message, { fault: true }));
 store.addEventListener("plan", () => byId("notice").classList.contains("bad") && notice(""));
@@ -256,8 +182,8 @@ function busy(flag) {
 
 async function start() {
   const asked = new URLSearchParams(location.search);
-  if (asked.get("plan")) await openPlan(asked.get("plan"));
-  else if (!(await reopen())) await openExample(FIRST_EXAMPLE);
+  if (asked.get("plan")) await opening.plan(asked.get("plan"));
+  else if (!(await opening.edit())) await opening.example(FIRST_EXAMPLE);
   performance.mark("ready");
   if (asked.get("job")) resume(asked.get("job"));
 }
@@ -285,7 +211,7 @@ async function goTo() {
     store.undo();
     return;
   }
-  await openPlan(planId);
+  await opening.plan(planId);
   if (asked.get("job") && !followed) resume(asked.get("job"));
 }
 

@@ -51,7 +51,7 @@ def test_a_cure_is_told_in_words_and_has_a_button(visit: Visit) -> None:
     page = visit.page
     visit.choose(ALTERNATE)
     motion = page.locator(".motion").first
-    expect(motion).to_contain_text("a small desynchronisation (orbit.desync_rad)")
+    expect(motion).to_contain_text("a small desynchronisation by orbit.desync_rad")
     button = motion.get_by_role("button", name="Desynchronise by 0.2")
     button.press("Enter")
     visit.verdict("Observable: rank 18 of 18")

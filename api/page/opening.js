@@ -1,0 +1,96 @@
+// Opening: examples, files, stored plans, and what a reload interrupted.
+
+import { notice } from "./elements.js";
+import { Planner } from "./planner.js";
+import { ask, noSuchPlan, passing } from "./service.js";
+import { forget, kept } from "./session.js";
+import { Store } from "./store.js";
+
+/** Puts into a store what is chosen; an answer that comes after another choice is dropped.
+ *
+ * `address()` says in the address what is on show.
+ */
+export class Opening {
+  #store;
+  #charts;
+  #address;
+  #choices = 0;
+
+  constructor(store, charts, address) {
+    this.#store = store;
+    this.#charts = charts;
+    this.#address = address;
+  }
+
+  async example(name) {
+    const choice = ++this.#choices;
+    const answer = await ask("GET", `assets/examples/${name}.yaml`, { accept: "application/yaml" });
+    await this.#text(await answer.text(), name, choice);
+  }
+
+  async file(file) {
+    const choice = ++this.#choices;
+    await this.#text(await file.text(), file.name, choice);
+  }
+
+  /** Open a stored plan; `opened()` is called once it is there, before it is drawn. */
+  async plan(planId, { opened = () => {} } = {}) {
+    const choice = ++this.#choices;
+    const { plan, figures } = await Planner.stored(planId).catch(noSuchPlan);
+    if (choice !== this.#choices) return;
+    this.#store.open({ plan, planId });
+    opened();
+    this.#store.judged(plan, figures, { quick: false });
+    await this.compare(plan, { show: "comparison" });
+  }
+
+  /** Open what was being edited before a reload; resolves with whether there was such. */
+  async edit() {
+    const found = kept();
+    if (!found) return false;
+    const choice = ++this.#choices;
+    const before = new Store();
+    try {
+      before.reopen(found.state, null);
+      const { plan, figures } = await Planner.preview(before.document);
+      if (choice !== this.#choices) return true;
+      this.#store.reopen(found.state, plan);
+      this.#store.judged(plan, figures, { quick: false });
+      if (found.scenario) this.#store.edit(found.scenario);
+      return true;
+    } catch (error) {
+      if (passing(error) || error.status === 401) throw error;
+      // what an older page kept may mean nothing to this one
+      forget();
+      return false;
+    }
+  }
+
+  /** Add the figures of a refined plan beside what it was refined from. */
+  async compare({ id, parent_id: parentId }, { show } = {}) {
+    if (!parentId) return;
+    const at = `v1/plans/${id}/figures`;
+    const more = { comparison: `${at}/comparison`, refinement: `${at}/refinement` };
+    await this.#charts.add(more, { show, wanted: () => this.#store.planId === id });
+  }
+
+  /** Open a scenario's text, YAML or JSON, or a plan's. */
+  async #text(text, name, choice) {
+    const found = await Planner.preview(planIn(text) || text);
+    if (choice !== this.#choices) return;
+    this.#store.open({ plan: found.plan, origin: "file" });
+    this.#store.judged(found.plan, found.figures, { quick: false });
+    this.#address();
+    if (this.#store.given) notice(`${name}: the plan with its own phases, judged afresh.`);
+  }
+}
+
+/** What the service reads of the plan that a JSON file holds, null for anything else. */
+function planIn(text) {
+  try {
+    const { scenario, vehicles } = JSON.parse(text);
+    return scenario && vehicles ? { scenario, vehicles } : null;
+  } catch {
+    return null;
+  }
+}
