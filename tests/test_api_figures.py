@@ -1,6 +1,7 @@
 """Previews, figures and exports over HTTP: what the library makes, and nothing kept."""
 
 import io
+import json
 import zipfile
 from collections.abc import Iterator
 from typing import Any, get_args
@@ -131,6 +132,7 @@ def test_an_export_is_the_library_s_to_the_byte(ann: httpx2.Client, name: str) -
     assert answer.headers["content-disposition"] == f'attachment; filename="plan-{name}.zip"'
     made = export(syncplan.plan(scenario_from(scenario)), name)
     assert answer.content == as_archive(made)
+    assert json.loads(answer.headers["syncplan-notes"]) == list(made.notes)
     assert zipfile.ZipFile(io.BytesIO(answer.content)).testzip() is None
 
 
@@ -142,6 +144,7 @@ def test_options_of_an_export_count(ann: httpx2.Client) -> None:
         "autopilot=px4",
         "vehicle=fixed_wing",
         "turns=2",
+        "altitude_step_m=5",
         "waypoints=1",
     ):
         answer = ann.get(f"{at}/exports/qgc?{option}")

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from syncplan.planner import Plan
     from syncplan.plotting.palette import Theme
 
-__all__ = ["exported_archive", "plan_figure", "previewed", "ready", "report_figure"]
+__all__ = ["exported", "plan_figure", "previewed", "ready", "report_figure"]
 
 
 def ready() -> None:
@@ -58,11 +58,12 @@ def report_figure(text: str, kind: str, name: str, theme: "Theme") -> str:
     return _compact(specs_of(model.model_validate_json(text), [name], theme=theme)[name])
 
 
-def exported_archive(text: str, name: str, options: Mapping[str, Any]) -> bytes:
-    """Return the files of an export of a plan in a zip archive; raises InputError."""
+def exported(text: str, name: str, options: Mapping[str, Any]) -> tuple[bytes, tuple[str, ...]]:
+    """Return the files of an export of a plan, zipped, and its notes; raises InputError."""
     from syncplan.exports import ExportOptions, as_archive, export
 
-    return as_archive(export(_judged(text), name, ExportOptions(**options)))
+    made = export(_judged(text), name, ExportOptions(**options))
+    return as_archive(made), made.notes
 
 
 @lru_cache(maxsize=4)

@@ -15,14 +15,23 @@ const FORMATS = {
   kml: "KML",
 };
 
+/** Whom missions are for, in words, by what is asked for. */
+const PILOTS = {
+  "autopilot=ardupilot&vehicle=multicopter": "ArduPilot Copter",
+  "autopilot=ardupilot&vehicle=fixed_wing": "ArduPilot Plane",
+  "autopilot=px4&vehicle=multicopter": "PX4 multicopter",
+  "autopilot=px4&vehicle=fixed_wing": "PX4 fixed wing",
+};
+const MISSIONS = ["qgc", "ardupilot"];
+
 /** The panel of downloads. `storePlan()` resolves with the identifier of the plan on show. */
 export function offerDownloads(store, storePlan) {
   const fault = element("p", { class: "fault", role: "alert", id: "download-fault" });
-  const format = element(
-    "select",
-    { id: "format" },
-    ...Object.entries(FORMATS).map(([value, text]) => element("option", { value }, text)),
-  );
+  const notes = element("div", { role: "status", id: "export-notes" });
+  const pilot = choice("pilot", PILOTS);
+  const pilots = element("div", { class: "field wide" }, element("label", { for: "pilot" }, "For"), pilot);
+  const format = choice("format", FORMATS);
+  format.addEventListener("change", () => (pilots.hidden = !MISSIONS.includes(format.value)));
   const buttons = [
     element("button", { type: "button", onclick: () => saveScenario(store) }, "Scenario"),
     element("button", { type: "button", onclick: () => run(savePlan) }, "Plan"),
@@ -32,21 +41,25 @@ export function offerDownloads(store, storePlan) {
   byId("downloads").append(
     element("div", { class: "row" }, buttons[0], buttons[1]),
     element("div", { class: "field wide" }, element("label", { for: "format" }, "Format"), format),
+    pilots,
     buttons[2],
     report,
     element("p", { class: "hint" }, "Missions, GeoJSON and KML need the place of the origin, above."),
     fault,
+    notes,
   );
   const enable = () => {
     buttons.forEach((one) => (one.disabled = store.scenario === null));
     report.disabled = store.report === null;
     fault.textContent = "";
+    notes.replaceChildren();
   };
   for (const name of ["opened", "scenario", "report"]) store.addEventListener(name, enable);
   enable();
 
   async function run(task) {
     fault.textContent = "";
+    notes.replaceChildren();
     try {
       await task();
     } catch (error) {
@@ -60,11 +73,14 @@ export function offerDownloads(store, storePlan) {
   }
 
   async function saveExport() {
-    const at = `v1/plans/${await storePlan()}/exports/${format.value}`;
+    const asked = MISSIONS.includes(format.value) ? `?${pilot.value}` : "";
+    const at = `v1/plans/${await storePlan()}/exports/${format.value}${asked}`;
     const answer = await ask("GET", at, { accept: "application/zip" });
     const file = await answer.blob();
     save(file, `${nameOf(store)}-${format.value}.zip`, "application/zip");
-    notice(`Exported, ${shown(file.size / 1024)} KiB. Notes are in the file of the same name ending in .sync.json.`);
+    const told = JSON.parse(answer.headers.get("Syncplan-Notes") || "[]");
+    notes.replaceChildren(...told.map((note) => element("p", { class: "remark" }, note)));
+    notice(`Exported, ${shown(file.size / 1024)} KiB. How vehicles join their circles is in the file ending in .sync.json.`);
   }
 
   /** The report of the validation on show, the bytes that the command line would write. */
@@ -72,6 +88,10 @@ export function offerDownloads(store, storePlan) {
     const answer = await ask("GET", `v1/jobs/${store.report}/result`);
     save(await answer.blob(), `${nameOf(store)}.report.json`, "application/json");
   }
+}
+
+function choice(id, texts) {
+  return element("select", { id }, ...Object.entries(texts).map(([value, text]) => element("option", { value }, text)));
 }
 
 function saveScenario(store) {

@@ -1,5 +1,6 @@
 """Plans as files that mission planners load, in a zip archive."""
 
+import json
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Depends, Query, Response
@@ -12,7 +13,14 @@ from api.routes.plans import Identifier, find_or_refuse
 from api.security import CurrentOwner
 from api.service import CurrentService
 
-__all__ = ["ExportName", "router"]
+__all__ = ["NOTES", "ExportName", "router"]
+
+NOTES = "Syncplan-Notes"
+_NOTES_HEADER = {
+    "description": "What the reader must not miss, as the sidecar has it: a JSON array of strings, "
+    "in ASCII",
+    "schema": {"type": "string", "contentMediaType": "application/json"},
+}
 
 router = APIRouter(tags=["exports"], dependencies=[Depends(accepts("application/zip"))])
 
@@ -27,7 +35,7 @@ ExportName = Literal[
     operation_id="exportPlan",
     summary="Export a plan",
     responses={
-        200: {"content": {"application/zip": {}}},
+        200: {"content": {"application/zip": {}}, "headers": {NOTES: _NOTES_HEADER}},
         **problem_responses(401, 404, 406, 422, 503),
     },
 )
@@ -78,6 +86,9 @@ async def read_export(
         "waypoints": waypoints,
         "snap_radius": snap_radius,
     }
-    archive = await computed(service, "exported_archive", row.text, format, options)
-    named = {"content-disposition": f'attachment; filename="plan-{format}.zip"'}
-    return Response(archive, headers=named, media_type="application/zip")
+    archive, notes = await computed(service, "exported", row.text, format, options)
+    headers = {
+        "content-disposition": f'attachment; filename="plan-{format}.zip"',
+        NOTES: json.dumps(notes),
+    }
+    return Response(archive, headers=headers, media_type="application/zip")

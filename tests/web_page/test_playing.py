@@ -10,7 +10,7 @@ import httpx2
 import pytest
 from playwright.sync_api import expect
 
-from tests.browsing import Visit
+from tests.browsing import Visit, accessibility_faults
 from tests.serving import Server
 from tests.web_page.gestures import plan_id_of, saved
 
@@ -172,3 +172,15 @@ def test_plans_and_exports_are_saved_and_an_export_says_what_it_lacks(
         page.get_by_role("button", name="Export").click()
     names = zipfile.ZipFile(io.BytesIO(saved(waiting.value))).namelist()
     assert sum(name.endswith(".plan") for name in names) == 6
+    told = page.locator("#export-notes")
+    expect(told).to_contain_text("set CIRCLE_RATE to 11.4592 (deg/s)")
+    assert accessibility_faults(page) == []
+    page.get_by_label("For", exact=True).select_option("PX4 multicopter")
+    with page.expect_download() as waiting:
+        page.get_by_role("button", name="Export").click()
+    archive = zipfile.ZipFile(io.BytesIO(saved(waiting.value)))
+    first = next(name for name in archive.namelist() if name.endswith(".plan"))
+    assert json.loads(archive.read(first))["mission"]["firmwareType"] == 12
+    expect(told).not_to_contain_text("CIRCLE_RATE")
+    page.get_by_label("Format", exact=True).select_option("kml")
+    expect(page.get_by_label("For", exact=True)).to_be_hidden()
