@@ -10,7 +10,7 @@ import pytest
 from tests.search_contract import KEY, SMALL_JOBS, search
 from tests.serving import Server, running
 
-pytestmark = [pytest.mark.slow, pytest.mark.alone]
+pytestmark = pytest.mark.slow
 
 CASES = 90
 TOLERANCE = 1e-6

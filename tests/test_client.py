@@ -24,8 +24,6 @@ from syncplan.validation_report import sweep_document, validation_document
 from tests.scenarios import document, example, small
 from tests.serving import Server, free_port, running, settings_of
 
-pytestmark = pytest.mark.alone
-
 KEY = "ann-0123456789abcdef"
 LANDMARKS = [[190.0, 0.0], [190.0, 70.0]]
 

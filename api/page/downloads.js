@@ -39,12 +39,11 @@ export function offerDownloads(store, storePlan) {
   ];
   const report = element("button", { type: "button", onclick: () => run(saveReport) }, "Report");
   byId("downloads").append(
-    element("div", { class: "row" }, buttons[0], buttons[1]),
+    element("div", { class: "row" }, buttons[0], buttons[1], report),
     element("div", { class: "field wide" }, element("label", { for: "format" }, "Format"), format),
     pilots,
     buttons[2],
-    report,
-    element("p", { class: "hint" }, "Missions, GeoJSON and KML need the place of the origin, above."),
+    element("p", { class: "hint" }, "Missions, GeoJSON and KML need the place of the origin: in the scenario, under “Place and time”."),
     fault,
     notes,
   );

@@ -17,7 +17,7 @@ from tests.scenarios import BAD_FILES, FILES, document
 from tests.serving import Server
 from tests.web_page.gestures import downloaded, drag, handle, opened, saved
 
-pytestmark = [pytest.mark.slow, pytest.mark.alone]
+pytestmark = pytest.mark.slow
 
 ALTERNATE = "paper-grid-alternate"
 SAME = "paper-grid-same"

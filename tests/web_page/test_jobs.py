@@ -11,7 +11,7 @@ from tests.scenarios import document
 from tests.serving import Server
 from tests.web_page.gestures import opened, plan_id_of
 
-pytestmark = [pytest.mark.slow, pytest.mark.alone]
+pytestmark = pytest.mark.slow
 
 ALTERNATE = "paper-grid-alternate"
 

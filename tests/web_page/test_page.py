@@ -12,7 +12,7 @@ from tests.scenarios import FILES
 from tests.serving import Server
 from tests.web_page.gestures import handle
 
-pytestmark = [pytest.mark.slow, pytest.mark.alone]
+pytestmark = pytest.mark.slow
 
 ALTERNATE = "paper-grid-alternate"
 

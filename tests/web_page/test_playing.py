@@ -14,7 +14,7 @@ from tests.browsing import Visit, accessibility_faults
 from tests.serving import Server
 from tests.web_page.gestures import plan_id_of, saved
 
-pytestmark = [pytest.mark.slow, pytest.mark.alone]
+pytestmark = pytest.mark.slow
 
 SAME = "paper-grid-same"
 
