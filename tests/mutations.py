@@ -16,7 +16,7 @@ from syncplan.loading import parse_document
 from syncplan.planfile import stated
 from tests.scenarios import FILES
 
-__all__ = ["Sent", "draw_request", "valid_scenarios"]
+__all__ = ["FIGURES", "Sent", "draw_request", "valid_scenarios"]
 
 Draw = np.random.Generator
 Tree = dict[str, Any]

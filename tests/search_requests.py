@@ -28,7 +28,7 @@ from typing import Any
 import httpx2
 import numpy as np
 
-from tests.mutations import Sent, draw_request, valid_scenarios
+from tests.mutations import FIGURES, Sent, draw_request, valid_scenarios
 from tests.serving import ROOT, Server, running
 
 __all__ = ["LARGEST_GROWTH_MB", "SETTINGS", "Found", "main", "search"]
@@ -227,6 +227,7 @@ def _warmed_up(client: httpx2.Client, scenarios: list[Any], requests: int) -> li
         assert response.status_code == 201, response.text
         plans.append(response.json()["id"])
     plans = plans[: len(scenarios)]
+    _rendered(client, plans)
     sweep = {"scenario": scenarios[1], "angular_rate_rad_s": [0.2, 0.4], "trials": 50}
     for _ in range(2):
         jobs = [
@@ -241,6 +242,17 @@ def _warmed_up(client: httpx2.Client, scenarios: list[Any], requests: int) -> li
         assert {job.status_code for job in jobs} == {202}, [job.text for job in jobs]
         _wait_for_jobs(client)
     return plans
+
+
+def _rendered(client: httpx2.Client, plans: list[str]) -> None:
+    """Have every process load what draws and exports, several asking at once."""
+    asked = [
+        *(f"/v1/plans/{one}/exports/all" for one in plans),
+        *(f"/v1/plans/{one}/figures/{name}" for one in plans[:4] for name in FIGURES[:-1]),
+    ]
+    with ThreadPoolExecutor(CLIENTS) as clients:
+        answers = list(clients.map(client.get, asked))
+    assert {answer.status_code for answer in answers} == {200}, [one.text[:300] for one in answers]
 
 
 def _wait_for_jobs(client: httpx2.Client) -> None:
