@@ -13,6 +13,15 @@ export function element(name, attributes = {}, ...children) {
   return made;
 }
 
+const SVG = "http://www.w3.org/2000/svg";
+
+/** Return an element of a drawing: drawn("line", { x1: 0, stroke: "red" }). */
+export function drawn(name, attributes = {}) {
+  const made = document.createElementNS(SVG, name);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  return made;
+}
+
 export function byId(id) {
   return document.getElementById(id);
 }

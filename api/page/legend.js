@@ -1,8 +1,7 @@
 // What a figure's marks mean, as a list under it, where its own legend has no room.
 
-import { element } from "./elements.js";
+import { drawn, element } from "./elements.js";
 
-const SVG = "http://www.w3.org/2000/svg";
 const DASHES = { dash: "6 4", dot: "2 3", dashdot: "6 3 2 3", longdash: "9 4" };
 const STAR = "M12 1l3 7 7 .5-5.5 4.5 2 7-6.5-4-6.5 4 2-7L2 8.5 9 8z";
 const ARROW = "M12 2l7 17-7-4-7 4z";
@@ -22,10 +21,4 @@ function swatch({ mode, line, marker }) {
     drawing.append(drawn("path", { d: marker.symbol === "star" ? STAR : ARROW, fill: marker.color }));
   }
   return drawing;
-}
-
-function drawn(name, attributes) {
-  const made = document.createElementNS(SVG, name);
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
-  return made;
 }

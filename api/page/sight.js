@@ -1,16 +1,14 @@
 // What the chosen vehicle's sensor covers at the moment shown: a circle, or a part of one.
 
-const SVG = "http://www.w3.org/2000/svg";
+import { drawn } from "./elements.js";
 
 /** A drawing over the map's axes. */
 export class Sight {
   /** the element to lay over the map */
-  drawing = document.createElementNS(SVG, "svg");
-  #path = document.createElementNS(SVG, "path");
+  drawing = drawn("svg", { class: "sight", "aria-hidden": "true" });
+  #path = drawn("path");
 
   constructor() {
-    this.drawing.setAttribute("class", "sight");
-    this.drawing.setAttribute("aria-hidden", "true");
     this.drawing.append(this.#path);
   }
 

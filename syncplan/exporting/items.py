@@ -1,12 +1,11 @@
 """Items of missions, as MAVLink has them (common.xml), and the missions made of them."""
 
 from dataclasses import dataclass
-from datetime import datetime
 
 import numpy as np
 from numpy.typing import NDArray
 
-from syncplan.exporting.flight import Flight
+from syncplan.exporting.flight import Flight, start_second
 
 __all__ = [
     "LOITER_TURNS",
@@ -16,7 +15,7 @@ __all__ = [
     "Parameters",
     "circle_item",
     "speed_item",
-    "waiting_item",
+    "waiting_items",
     "waypoint_item",
 ]
 
@@ -74,10 +73,13 @@ def speed_item(flight: Flight, speed: float) -> MissionItem:
     return MissionItem(CHANGE_SPEED, FRAME_MISSION, (kind, speed, _UNCHANGED, 0.0))
 
 
-def waiting_item(moment: datetime) -> MissionItem:
-    """Return a wait until the time of day of a moment in UTC, whole seconds."""
+def waiting_items(flight: Flight) -> tuple[MissionItem, ...]:
+    """Return a Copter's wait for time 0, a time of day in whole seconds; none if not known."""
+    moment = start_second(flight) if flight.is_copter else None
+    if moment is None:
+        return ()
     when = (_TIME_OF_DAY, float(moment.hour), float(moment.minute), float(moment.second))
-    return MissionItem(DELAY, FRAME_MISSION, when)
+    return (MissionItem(DELAY, FRAME_MISSION, when),)
 
 
 def waypoint_item(flight: Flight, place: Array, altitude: float, accepted: float) -> MissionItem:

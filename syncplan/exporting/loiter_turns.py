@@ -19,13 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from syncplan.errors import InputError
-from syncplan.exporting.flight import Flight, start_second
+from syncplan.exporting.flight import Flight
 from syncplan.exporting.geodesy import geodetic
 from syncplan.exporting.items import (
     Mission,
     circle_item,
     speed_item,
-    waiting_item,
+    waiting_items,
     waypoint_item,
 )
 from syncplan.orbits import position
@@ -62,9 +62,7 @@ def loiter_missions(flight: Flight) -> tuple[list[Mission], list[str]]:
     notes = [*_radius_notes(flight), *_rate_notes(flight)]
     entries = geodetic(flight.origin, position(orbits, 0.0))
     centers = geodetic(flight.origin, orbits.centers)
-    moment = start_second(flight) if flight.is_copter else None
-    waits = () if moment is None else (waiting_item(moment),)
-    missions = []
+    waits, missions = waiting_items(flight), []
     for k in range(orbits.count):
         # clockwise is positive there, counter-clockwise here
         clockwise, altitude = -float(orbits.senses[k]), flight.altitudes[k]

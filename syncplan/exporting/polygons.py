@@ -14,13 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from syncplan.errors import InputError
-from syncplan.exporting.flight import Flight, check_amount, start_second
+from syncplan.exporting.flight import Flight, check_amount
 from syncplan.exporting.geodesy import geodetic
 from syncplan.exporting.items import (
     Mission,
-    MissionItem,
     speed_item,
-    waiting_item,
+    waiting_items,
     waypoint_item,
 )
 from syncplan.orbits import Orbits, unit
@@ -50,9 +49,7 @@ def waypoint_missions(flight: Flight) -> tuple[list[Mission], list[str]]:
     InputError where the missions would be too long.
     """
     orbits, sagitta = flight.plan.orbits, flight.options.sagitta_m
-    moment = start_second(flight) if flight.is_copter else None
-    waits: tuple[MissionItem, ...] = () if moment is None else (waiting_item(moment),)
-    missions, most = [], 0
+    waits, missions, most = waiting_items(flight), [], 0
     for k in range(orbits.count):
         radius, altitude = float(orbits.radii[k]), flight.altitudes[k]
         legs = _legs_per_turn(radius, sagitta)
@@ -65,7 +62,7 @@ def waypoint_missions(flight: Flight) -> tuple[list[Mission], list[str]]:
                 f"{MOST_ITEMS:,}; allow more, or fly fewer turns",
                 key="sagitta_m",
             )
-        speed = _leg(radius, legs) * legs / orbits.period
+        speed = _chord_speed(flight, radius, legs)
         accepted = _acceptance(flight, radius, legs)
         first, *others = (
             waypoint_item(flight, place, altitude, accepted)
@@ -98,6 +95,11 @@ def _legs_per_turn(radius: float, sagitta: float) -> int:
 
 def _leg(radius: float, legs: int) -> float:
     return 2.0 * radius * math.sin(math.pi / legs)
+
+
+def _chord_speed(flight: Flight, radius: float, legs: int) -> float:
+    """Speed in m/s along the chords that takes one period for a turn."""
+    return _leg(radius, legs) * legs / flight.plan.orbits.period
 
 
 def _acceptance(flight: Flight, radius: float, legs: int) -> float:
@@ -133,7 +135,7 @@ def _pace_notes(flight: Flight) -> list[str]:
     slowest, told, name = math.inf, 0.0, ""
     for k, radius in enumerate(orbits.radii.tolist()):
         legs = _legs_per_turn(radius, flight.options.sagitta_m)
-        speed = _leg(radius, legs) * legs / orbits.period
+        speed = _chord_speed(flight, radius, legs)
         corner = px4_corner_speed(radius, legs)
         if corner < speed and corner / speed < slowest:
             slowest, told, name = corner / speed, speed, flight.names[k]

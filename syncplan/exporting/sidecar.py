@@ -129,9 +129,9 @@ def _separation_tolerances(flight: Flight) -> list[float | None]:
     orbits, apart = flight.plan.orbits, flight.plan.scenario.min_separation_m
     a, b = reachable_pairs(orbits, np.zeros((0, 2)), np.full(orbits.count, apart))
     pairs = np.column_stack([a, b])[a < b]
-    slips = np.full(orbits.count, np.pi)
+    slips, safe = np.full(orbits.count, np.pi), safe_slips(orbits, pairs, apart)
     for column in (0, 1):
-        np.minimum.at(slips, pairs[:, column], safe_slips(orbits, pairs, apart))
+        np.minimum.at(slips, pairs[:, column], safe)
     return [None if slip >= math.pi else slip / orbits.rate for slip in slips.tolist()]
 
 
