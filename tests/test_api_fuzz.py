@@ -21,7 +21,7 @@ def test_no_request_breaks_the_service(tmp_path: Path) -> None:
     settings = {**SETTINGS, **QUICK, "SYNCPLAN_DATA_DIR": str(tmp_path)}
     server = Server(tmp_path / "log", port=None, **settings)
     with running(server):
-        found = search(server, REQUESTS, seed=3, warm_up=45)
+        found = search(server, REQUESTS, seed=3, warm_up=45, passes=3)
     assert found.faults == []
     assert found.growth_mb < LARGEST_GROWTH_MB
     assert found.health_ms
