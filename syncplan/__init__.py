@@ -43,6 +43,7 @@ Modules, each using only those before it
     connectivity, bounds, meetings            how often, how well, each pair
     arcs, ekf, consistency                    the filter, and whether it is honest
     trials, montecarlo, parts                 many runs of it
+    logs, replays                             a run on real robots' readings
     refining.*                                a smooth copy for the solver, exact measures
     planner, refinement                       the chain: plan, judge, refine
     siting.*, landmark_sites                  which landmark sites tell most
@@ -72,14 +73,17 @@ __all__ = [
     "InputError",
     "NoSolutionError",
     "Plan",
+    "Replay",
     "Scenario",
     "SyncplanError",
     "Validation",
     "export",
+    "load_log",
     "load_scenario",
     "place",
     "plan",
     "refine",
+    "replay",
     "sweep",
     "validate",
 ]
@@ -91,14 +95,17 @@ _HOME = {
     "InputError": "errors",
     "NoSolutionError": "errors",
     "Plan": "planner",
+    "Replay": "replays",
     "Scenario": "scenario",
     "SyncplanError": "errors",
     "Validation": "validation",
     "export": "exports",
+    "load_log": "logs",
     "load_scenario": "loading",
     "place": "placement",
     "plan": "planner",
     "refine": "refinement",
+    "replay": "replays",
     "sweep": "sweeps",
     "validate": "validation",
 }
@@ -108,9 +115,11 @@ if TYPE_CHECKING:
     from syncplan.errors import InputError, NoSolutionError, SyncplanError
     from syncplan.exports import export
     from syncplan.loading import load_scenario
+    from syncplan.logs import load_log
     from syncplan.placement import place
     from syncplan.planner import Plan, plan
     from syncplan.refinement import refine
+    from syncplan.replays import Replay, replay
     from syncplan.scenario import Scenario
     from syncplan.sweeps import sweep
     from syncplan.validation import Validation, validate

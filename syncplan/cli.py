@@ -3,6 +3,7 @@
 import os
 import sys
 from enum import StrEnum
+from importlib import import_module
 from typing import Annotated, NoReturn
 
 import typer
@@ -46,6 +47,11 @@ OPTIONS = {
     "altitude_m": "--altitude-m",
     "turns": "--turns",
     "sample_time_s": "--sample-time-s",
+    "sample_time": "--sample-time-s",
+    "landmarks": "--landmarks",
+    "bearing_sigma": "--bearing-sigma-rad",
+    "speed_sigma": "--speed-sigma-mps",
+    "turn_rate_sigma": "--turn-rate-sigma-rad-s",
     "sagitta_m": "--sagitta-m",
     "autopilot": "--autopilot",
     "vehicle": "--vehicle",
@@ -75,7 +81,19 @@ class Contract(StrEnum):
     plan = "plan"
     sites = "sites"
     validation = "validation"
+    replay = "replay"
     sync = "sync"
+
+
+DOCUMENTS = {
+    Contract.scenario: ("syncplan.scenario", "Scenario", "validation"),
+    Contract.plan: ("syncplan.document", "PlanDocument", "serialization"),
+    Contract.sites: ("syncplan.sites_report", "SitesDocument", "serialization"),
+    Contract.validation: ("syncplan.document", "ValidationDocument", "serialization"),
+    Contract.replay: ("syncplan.document", "ReplayDocument", "serialization"),
+    Contract.sync: ("syncplan.exporting.sync_document", "SyncDocument", "serialization"),
+}
+"""Module, model and Pydantic's mode of each; loaded where asked for."""
 
 
 @schemas.command(name="schema", epilog="Example: syncplan schema scenario")
@@ -84,26 +102,9 @@ def _schema(
     output: Output = None,
 ) -> int:
     """Print the JSON Schema of a document."""
-    if contract is Contract.scenario:
-        from syncplan.scenario import Scenario as ScenarioModel
-
-        schema = ScenarioModel.model_json_schema()
-    elif contract is Contract.plan:
-        from syncplan.document import PlanDocument
-
-        schema = PlanDocument.model_json_schema(mode="serialization")
-    elif contract is Contract.sites:
-        from syncplan.sites_report import SitesDocument
-
-        schema = SitesDocument.model_json_schema(mode="serialization")
-    elif contract is Contract.sync:
-        from syncplan.exporting.sync_document import SyncDocument
-
-        schema = SyncDocument.model_json_schema(mode="serialization")
-    else:
-        from syncplan.document import ValidationDocument
-
-        schema = ValidationDocument.model_json_schema(mode="serialization")
+    module, name, mode = DOCUMENTS[contract]
+    model = getattr(import_module(module), name)
+    schema = model.model_json_schema(mode=mode)
     deliver({"$schema": JSON_SCHEMA, **schema}, output, Format.json, None)
     return 0
 

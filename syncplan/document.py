@@ -10,6 +10,7 @@ from syncplan.scenario import Scenario
 __all__ = [
     "PlanDocument",
     "RefinementResult",
+    "ReplayDocument",
     "Series",
     "Spread",
     "SweepReport",
@@ -263,7 +264,7 @@ class Spread(_Part):
     count: int = Field(description="Degrees of freedom the band rests on")
 
 
-class ErrorFigures(_Part):
+class _Errors(_Part):
     """Errors over all trials; RMS over the samples after time 0."""
 
     rms_m: float
@@ -272,9 +273,14 @@ class ErrorFigures(_Part):
     rms_y_m: float
     rms_heading_rad: float
     final_error_m: float = Field(description="RMS over the trials at the last sample")
+    coverage_3sigma: float = Field(description="Share of coordinates within 3 sigma; ideal 0.9973")
+
+
+class ErrorFigures(_Errors):
+    """Errors over all trials; RMS over the samples after time 0."""
+
     predicted_rms_m: float | None
     rms_over_predicted: float | None = Field(description="Second-half RMS over predicted RMS")
-    coverage_3sigma: float = Field(description="Share of coordinates within 3 sigma; ideal 0.9973")
 
 
 class VehicleFigures(ErrorFigures):
@@ -338,6 +344,78 @@ class ValidationDocument(_Part):
         """Return the report as JSON values, without `series` where it was not asked for."""
         left_out = {"series"} if self.series is None else set()
         return self.model_dump(mode="json", exclude=left_out)
+
+    @property
+    def run(self) -> str:
+        """How much was run, in words."""
+        return f"{self.trials} trials of {self.duration_s:g} s, seed {self.seed}"
+
+
+class RobotFigures(_Errors):
+    """Errors of one robot of a recording: a single trial."""
+
+    name: str
+
+
+class ReplayFilter(_Part):
+    """What the filter was told of a recording; sigmas of motion are per sample."""
+
+    bearing_sigma_rad: float
+    speed_sigma_mps: float
+    turn_rate_sigma_rad_s: float
+    sample_time_s: float
+    gate_probability: float = Field(description="Of the innovation gate; 1 accepts all")
+
+
+class ReadingCounts(_Part):
+    """What became of the readings of bearings."""
+
+    used: int
+    rejected: int = Field(description="Rejected by the gate")
+    unknown: int = Field(description="Of a barcode that nobody carries")
+    left_out: int = Field(
+        description="Not asked for, or taken while not every robot's truth is known"
+    )
+
+
+class ReplayDocument(_Part):
+    """The filter on a recording of real robots, beside where they truly were."""
+
+    version: str
+    name: str
+    duration_s: float
+    landmarks: list[int] = Field(description="Numbers of those whose bearings were asked for")
+    meetings: bool = Field(description="Whether bearings that robots took of each other were")
+    filter: ReplayFilter
+    position_rmse_m: float = Field(description="Over all robots and samples after the first")
+    heading_rmse_rad: float
+    robots: list[RobotFigures]
+    coverage_3sigma: float
+    anees: Spread
+    nis: Spread
+    readings: ReadingCounts
+    series: Series | None = None
+    notes: list[str]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the report as JSON values, without `series` where it was not asked for."""
+        left_out = {"series"} if self.series is None else set()
+        return self.model_dump(mode="json", exclude=left_out)
+
+    @property
+    def run(self) -> str:
+        """How much was run, in words."""
+        return f"a recording of {self.duration_s:g} s"
+
+    @property
+    def vehicles(self) -> list[RobotFigures]:
+        """The robots, as figures of any run know them."""
+        return self.robots
+
+    @property
+    def trials(self) -> int:
+        """One: a recording is a single trial."""
+        return 1
 
 
 class SweepRow(_Part):

@@ -11,13 +11,15 @@ them, one module a figure. All take `theme`, "light" or "dark"; backgrounds are 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from syncplan.document import SweepReport, ValidationDocument
+from syncplan.document import ReplayDocument, SweepReport, ValidationDocument
 from syncplan.errors import InputError
 from syncplan.planner import Plan
 from syncplan.plotting.canvas import Spec
 from syncplan.plotting.catalogue import Subject, specs_of
 from syncplan.plotting.errors import errors_spec
 from syncplan.plotting.palette import Theme, themed
+from syncplan.replay_report import replay_document
+from syncplan.replays import Replay
 from syncplan.validation import Validation
 from syncplan.validation_report import validation_document
 
@@ -41,7 +43,7 @@ __all__ = [
     "timeline",
 ]
 
-Report = Validation | ValidationDocument
+Report = Validation | ValidationDocument | Replay | ReplayDocument
 
 
 def formation(plan: Plan, *, theme: Theme = "light") -> Figure:
@@ -80,7 +82,7 @@ def comparison(before: Plan, after: Plan, *, theme: Theme = "light") -> Figure:
 
 
 def accuracy(report: Report, *, theme: Theme = "light") -> Figure:
-    """Return the Monte Carlo's RMS position errors beside the predicted ones, in m."""
+    """Return the RMS position errors found, beside the predicted ones if known, in m."""
     return _one(report, "accuracy", theme)
 
 
@@ -92,7 +94,11 @@ def error_bands(
     If none are: for all, or of a large team those with the largest errors. Raises InputError for
     a report without series, or an unknown vehicle.
     """
-    document = validation_document(report) if isinstance(report, Validation) else report
+    document: ValidationDocument | ReplayDocument
+    if isinstance(report, Replay | ReplayDocument):
+        document = replay_document(report) if isinstance(report, Replay) else report
+    else:
+        document = validation_document(report) if isinstance(report, Validation) else report
     return _figure(themed(errors_spec(document, vehicles), theme))
 
 
@@ -107,7 +113,7 @@ def sweep_curves(report: SweepReport, *, theme: Theme = "light") -> Figure:
 
 
 def figures_of(subject: Subject, *, theme: Theme = "light") -> dict[str, Figure]:
-    """Return all figures of a plan, a validation or a sweep, by name."""
+    """Return all figures of a plan, a validation, a sweep or a replay, by name."""
     return {name: _figure(spec) for name, spec in specs_of(subject, theme=theme).items()}
 
 

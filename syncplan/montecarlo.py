@@ -8,7 +8,7 @@ fixed trial numbers, so neither threads nor parts change a byte (see syncplan.tr
 
 import threading
 from collections import deque
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, fields, replace
@@ -25,7 +25,7 @@ from syncplan.errors import InputError
 from syncplan.noise import Noise
 from syncplan.orbits import Orbits, heading, position
 from syncplan.sightings import Sightings
-from syncplan.trials import CHUNK_TRIALS, Branch, MonteCarloResult, joined, merge
+from syncplan.trials import CHUNK_TRIALS, Branch, MonteCarloResult, joined, merge, tallied
 
 __all__ = ["run_trials"]
 
@@ -225,7 +225,7 @@ def _chunk(run: _Run, start: int) -> MonteCarloResult:
         trials = range(first, min(first + lanes, stop))
         tallies.append(ekf.empty_tally(n, len(trials), sums))
         ekf.filter_lanes(run.course, _readings(run, trials), tallies[-1])
-    return _result(run, start, tallies)
+    return tallied(tallies, steps=steps, seed=run.seed, first_trial=start)
 
 
 def _readings(run: _Run, trials: range) -> ekf.Readings:
@@ -255,33 +255,3 @@ def _scattered(truth: Array, sigma: Array | float, draws: Array) -> Array:
     np.multiply(draws, np.asarray(sigma)[..., None], out=scattered)
     scattered += truth[:, None]
     return scattered
-
-
-def _result(run: _Run, start: int, tallies: Sequence[ekf.Tally]) -> MonteCarloResult:
-    steps = len(run.course.truth) - 1
-    sampled = -(-steps // ekf.SAMPLE_EVERY)
-
-    def per_trial(name: str) -> Array:
-        lanes_last = np.concatenate([getattr(tally, name) for tally in tallies], axis=-1)
-        return np.ascontiguousarray(np.moveaxis(lanes_last, -1, 0))
-
-    samples = per_trial("nees_samples")
-    with np.errstate(invalid="ignore"):
-        nees = per_trial("nees") / samples
-    branch = Branch(0, start // CHUNK_TRIALS, tallies[0].series)
-    return MonteCarloResult(
-        seed=run.seed,
-        first_trial=start,
-        steps=steps,
-        mean_squares=per_trial("squares") / steps,
-        late_mean_squares=per_trial("late_squares") / (steps - steps // 2),
-        final_errors=per_trial("final"),
-        covered=per_trial("covered"),
-        coverage_samples=3 * sampled,
-        nees=nees,
-        nees_samples=samples,
-        nis_sums=per_trial("nis"),
-        accepted=per_trial("accepted"),
-        gated=per_trial("gated"),
-        branches=(branch,) if run.with_series else (),
-    )

@@ -33,7 +33,7 @@ def _plot(
         str,
         typer.Argument(
             metavar="FILE",
-            help="Plan, scenario, or report of validate or sweep; - is standard input",
+            help="Plan, scenario, or report of validate, sweep or replay; - is standard input",
         ),
     ],
     output: Annotated[
@@ -51,7 +51,7 @@ def _plot(
         typer.Option(
             help="Figure to draw, may be repeated: formation, animation, timeline, spectrum, "
             "prediction, refinement, comparison of a plan; accuracy, errors, consistency of a "
-            "validation; sweep. All if not given; the first in an image",
+            "validation or replay; sweep. All if not given; the first in an image",
             show_default=False,
         ),
     ] = None,
@@ -123,12 +123,20 @@ def _drawn(
 
 def _read(file: str, most: int) -> "tuple[Subject, RefinementResult | None, str]":
     """What a file holds, the record of its refinement, and its title."""
-    from syncplan.document import RefinementResult, SweepReport, ValidationDocument
+    from syncplan.document import (
+        RefinementResult,
+        ReplayDocument,
+        SweepReport,
+        ValidationDocument,
+    )
     from syncplan.loading import is_plan, parse_document, read_text
     from syncplan.planfile import loaded_from, plan_of
 
     source, text = read_text(file)
     values = parse_document(text, source)
+    if "anees" in values and "readings" in values:
+        replayed = _model(ReplayDocument, values, source)
+        return replayed, None, replayed.name
     if "anees" in values:
         report = _model(ValidationDocument, values, source)
         return report, None, report.name or "Validation"

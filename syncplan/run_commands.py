@@ -1,6 +1,7 @@
-"""The commands that fly a plan: validate, sweep."""
+"""The commands that run the filter: validate, sweep, replay."""
 
 from enum import StrEnum
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -174,6 +175,97 @@ def _sweep(
 
     deliver(sweep_document(name, rows, reports), output, format_, show)
     return 0
+
+
+@runs.command(
+    name="replay",
+    epilog="Example: syncplan replay mrclam6 --landmarks 7,15 --series -o report.json",
+)
+def _replay(
+    log_dir: Annotated[
+        Path,
+        typer.Argument(
+            metavar="LOG_DIR", help="Folder of a recording in the format of the MRCLAM data sets"
+        ),
+    ],
+    output: Output = None,
+    format_: Shown = Format.auto,
+    landmarks: Annotated[
+        str,
+        typer.Option(help="Landmarks whose bearings count: numbers such as 7,15, or all, or none"),
+    ] = "all",
+    meetings: Annotated[
+        bool, typer.Option(help="Whether bearings that robots took of each other count")
+    ] = True,
+    bearing_sigma_rad: Annotated[
+        float, typer.Option(help="What the filter takes a bearing's sigma to be")
+    ] = 0.08,
+    speed_sigma_mps: Annotated[
+        float, typer.Option(help="The same of the speed, per sample")
+    ] = 0.15,
+    turn_rate_sigma_rad_s: Annotated[
+        float, typer.Option(help="The same of the turn rate, per sample")
+    ] = 0.5,
+    sample_time_s: Annotated[float, typer.Option(help="Time between the filter's samples")] = 0.05,
+    gate: Annotated[
+        float, typer.Option(help="Probability of the innovation gate; 1 accepts every bearing")
+    ] = 0.999,
+    series: Annotated[
+        bool, typer.Option("--series", help="Add errors and sigmas over time to the report")
+    ] = False,
+) -> int:
+    """Run the filter on recorded odometry and bearings, and compare it with the recorded truth.
+
+    The filter starts at the truth and uses bearings, not ranges.
+    """
+    from dataclasses import replace
+
+    from syncplan.logs import load_log
+    from syncplan.replay_report import replay_document
+    from syncplan.replays import GROUND_ROBOTS, replay
+
+    chosen = _landmark_numbers(landmarks)
+    log = load_log(log_dir)
+    for recorded in log_dir.iterdir():
+        refuse_overwriting(str(recorded), output)
+    _announce_compilation(len(log.robots))
+    replayed = replay(
+        log,
+        landmarks=chosen,
+        meetings=meetings,
+        bearing_sigma=bearing_sigma_rad,
+        noise=replace(
+            GROUND_ROBOTS, speed_sigma=speed_sigma_mps, turn_rate_sigma=turn_rate_sigma_rad_s
+        ),
+        sample_time=sample_time_s,
+        gate_probability=gate,
+        with_series=series,
+    )
+    document = replay_document(replayed)
+
+    def show(console: "Console") -> None:
+        from syncplan.tables import show_replay
+
+        show_replay(document, console)
+
+    if deliver(document.as_json(), output, format_, show) is Format.json:
+        say_notes(document.notes)
+    return 0
+
+
+def _landmark_numbers(text: str) -> list[int] | None:
+    """The landmarks of an option, None for all; raises InputError where they are no numbers."""
+    if text == "all":
+        return None
+    if text == "none":
+        return []
+    try:
+        return [int(part) for part in text.split(",")]
+    except ValueError:
+        raise InputError(
+            f"{text!r}: must be all, none or numbers with commas between, such as 7,15",
+            key="landmarks",
+        ) from None
 
 
 def _announce_compilation(count: int) -> None:

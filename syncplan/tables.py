@@ -14,12 +14,13 @@ from syncplan.document import (
     Link,
     PlanDocument,
     RefinementResult,
+    ReplayDocument,
     Spread,
     ValidationDocument,
 )
 from syncplan.placement import Placement
 
-__all__ = ["show_placement", "show_plan", "show_sweep", "show_validation"]
+__all__ = ["show_placement", "show_plan", "show_replay", "show_sweep", "show_validation"]
 
 MOST_ROWS = 40
 MOST_NAMED = 12
@@ -73,6 +74,37 @@ def show_validation(report: ValidationDocument, console: Console) -> None:
         table.add_row(escape(vehicle.name), *_figures(vehicle))
     table.add_section()
     table.add_row("overall", *_figures(report.overall))
+    console.print(table)
+    console.print(f"ANEES {_spread(report.anees)}")
+    console.print(f"NIS   {_spread(report.nis)}")
+    for note in report.notes:
+        console.print(f"[yellow]note[/]: {escape(note)}")
+
+
+def show_replay(report: ReplayDocument, console: Console) -> None:
+    """Print the report of a replay."""
+    counts = report.readings
+    console.print(
+        f"[bold]{escape(report.name)}[/]: {report.run}; position {report.position_rmse_m:.3f} m, "
+        f"heading {report.heading_rmse_rad:.3f} rad RMS over all robots"
+    )
+    console.print(
+        f"bearings: {counts.used} used, {counts.rejected} rejected by the gate, {counts.unknown} "
+        f"of unknown barcodes, {counts.left_out} left out"
+    )
+    table = _table(
+        "RMS error in m over the run, and over its second half",
+        ("robot", "x", "y", "position", "2nd half", "heading rad", "3 sigma"),
+    )
+    for robot in report.robots[:MOST_ROWS]:
+        values = (robot.rms_x_m, robot.rms_y_m, robot.rms_m, robot.rms_second_half_m)
+        table.add_row(
+            escape(robot.name),
+            *(f"{value:.3f}" for value in values),
+            f"{robot.rms_heading_rad:.3f}",
+            f"{robot.coverage_3sigma:.4f}",
+        )
+    _count_rest(table, len(report.robots))
     console.print(table)
     console.print(f"ANEES {_spread(report.anees)}")
     console.print(f"NIS   {_spread(report.nis)}")

@@ -16,6 +16,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from syncplan import ekf
 from syncplan.errors import InputError
 
 __all__ = [
@@ -28,6 +29,7 @@ __all__ = [
     "joined",
     "merge",
     "series",
+    "tallied",
 ]
 
 Array = NDArray[np.float64]
@@ -137,6 +139,42 @@ class Series:
     heading_sigma: Array
     axis_rms: Array
     axis_sigma: Array
+
+
+def tallied(
+    tallies: Sequence[ekf.Tally], *, steps: int, seed: int = 0, first_trial: int = 0
+) -> MonteCarloResult:
+    """Return what trials of `steps` samples left behind, from `first_trial` on.
+
+    The tallies share one series; `first_trial` is a multiple of CHUNK_TRIALS, and the trials are at
+    most as many.
+    """
+    sampled = -(-steps // ekf.SAMPLE_EVERY)
+
+    def per_trial(name: str) -> Array:
+        lanes_last = np.concatenate([getattr(tally, name) for tally in tallies], axis=-1)
+        return np.ascontiguousarray(np.moveaxis(lanes_last, -1, 0))
+
+    samples = per_trial("nees_samples")
+    with np.errstate(invalid="ignore"):
+        nees = per_trial("nees") / samples
+    sums = tallies[0].series
+    return MonteCarloResult(
+        seed=seed,
+        first_trial=first_trial,
+        steps=steps,
+        mean_squares=per_trial("squares") / steps,
+        late_mean_squares=per_trial("late_squares") / (steps - steps // 2),
+        final_errors=per_trial("final"),
+        covered=per_trial("covered"),
+        coverage_samples=3 * sampled,
+        nees=nees,
+        nees_samples=samples,
+        nis_sums=per_trial("nis"),
+        accepted=per_trial("accepted"),
+        gated=per_trial("gated"),
+        branches=(Branch(0, first_trial // CHUNK_TRIALS, sums),) if len(sums) else (),
+    )
 
 
 def merge(parts: Sequence[MonteCarloResult]) -> MonteCarloResult:

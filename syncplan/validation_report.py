@@ -17,10 +17,10 @@ from syncplan.document import (
 )
 from syncplan.plan_report import separation_notes
 from syncplan.sweeps import SWEEPABLE, SweepRow
-from syncplan.trials import Accuracy, series
+from syncplan.trials import Accuracy, MonteCarloResult, series
 from syncplan.validation import Validation
 
-__all__ = ["sweep_document", "validation_document"]
+__all__ = ["series_of", "spread_of", "sweep_document", "validation_document"]
 
 
 def validation_document(validation: Validation) -> ValidationDocument:
@@ -63,9 +63,9 @@ def validation_document(validation: Validation) -> ValidationDocument:
                 per_vehicle.overall(), (), overall_bound, float(np.mean(validation.coverage))
             )
         ),
-        anees=_consistency(validation.anees),
-        nis=_consistency(validation.nis),
-        series=_series(validation, names) if result.branches else None,
+        anees=spread_of(validation.anees),
+        nis=spread_of(validation.nis),
+        series=series_of(result, names, plan.sensors.sample_time) if result.branches else None,
         notes=_filter_notes(validation),
     )
 
@@ -110,7 +110,8 @@ def _figures(
     }
 
 
-def _consistency(figure: Consistency) -> Spread:
+def spread_of(figure: Consistency) -> Spread:
+    """Return a consistency figure as a document holds it."""
     if not figure.degrees:
         return Spread(value=None, band=None, verdict="unknown", count=0)
     return Spread(
@@ -118,11 +119,15 @@ def _consistency(figure: Consistency) -> Spread:
     )
 
 
-def _series(validation: Validation, names: list[str]) -> Series:
-    kept = series(validation.result)
-    steps = np.arange(validation.result.steps + 1)
+def series_of(result: MonteCarloResult, names: Sequence[str], sample_time: float) -> Series:
+    """Return errors and sigmas over time as a document holds them; `sample_time` in s.
+
+    Raises InputError for a run that kept no series.
+    """
+    kept = series(result)
+    steps = np.arange(result.steps + 1)
     return Series(
-        time_s=(steps * validation.plan.sensors.sample_time).tolist(),
+        time_s=(steps * sample_time).tolist(),
         vehicles=[
             VehicleSeries(
                 name=name,

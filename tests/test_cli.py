@@ -277,7 +277,7 @@ def test_a_sweep_reports_each_value_and_the_connected_row(run: Any) -> None:
         assert run("sweep", GRID, name, "50", "--trials", "2", "--duration", "5")[0] == 0
 
 
-@pytest.mark.parametrize("contract", ["scenario", "plan", "validation"])
+@pytest.mark.parametrize("contract", ["scenario", "plan", "sites", "validation", "replay", "sync"])
 def test_schemas_are_json_schema(contract: str, run: Any) -> None:
     status, out, _ = run("schema", contract)
     assert status == 0
@@ -286,7 +286,7 @@ def test_schemas_are_json_schema(contract: str, run: Any) -> None:
     assert schema["properties"]
 
 
-@pytest.mark.parametrize("command", ["plan", "validate", "sweep", "schema"])
+@pytest.mark.parametrize("command", ["plan", "validate", "sweep", "replay", "schema"])
 def test_help_has_an_example(command: str, run: Any) -> None:
     status, out, _ = run(command, "--help")
     assert status == 0

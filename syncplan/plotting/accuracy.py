@@ -4,12 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from syncplan.document import ValidationDocument
+from syncplan.document import ReplayDocument, ValidationDocument
 from syncplan.planner import Plan
 from syncplan.plotting.canvas import Spec, axis, escaped, layout, message, numbers
 from syncplan.plotting.palette import BLUE, GREEN, INK, ORANGE, SKY
 
-__all__ = ["accuracy_spec", "bars", "prediction_spec"]
+__all__ = ["accuracy_spec", "bars", "prediction_spec", "replay_spec"]
 
 _MOST_LABELS = 40
 
@@ -45,16 +45,12 @@ def accuracy_spec(report: ValidationDocument) -> Spec:
     """Return the figure of RMS position errors over the trials beside the predicted ones."""
     names = [escaped(vehicle.name) for vehicle in report.vehicles]
     found = report.vehicles
-    late = [vehicle.rms_second_half_m for vehicle in found]
-    traces = [
-        bars("late", "Monte Carlo, second half of the run", names, late, ORANGE, ""),
-        bars("whole", "Monte Carlo, whole run", names, [v.rms_m for v in found], SKY, "/"),
-    ]
+    traces = _found_traces("Monte Carlo", report)
     predicted = [vehicle.predicted_rms_m for vehicle in found]
     if all(value is not None for value in predicted):
         name = "predicted: posterior bound, second half"
         traces.insert(0, bars("predicted", name, names, predicted, BLUE, "x"))
-    note = f"{report.trials} trials of {report.duration_s:g} s, seed {report.seed}"
+    note = report.run
     ratio = report.overall.rms_over_predicted
     if ratio is not None:
         note += f"; second half over predicted: {ratio:.3g}"
@@ -62,6 +58,24 @@ def accuracy_spec(report: ValidationDocument) -> Spec:
         note += "; the plan is NOT observable"
     title = f"{escaped(report.name or 'Plan')}: error found and predicted"
     return {"data": traces, "layout": _layout(title, note, len(names))}
+
+
+def replay_spec(report: ReplayDocument) -> Spec:
+    """Return the figure of RMS position errors of the robots of a recording."""
+    title = f"{escaped(report.name)}: error found"
+    note = f"{report.run}; {report.position_rmse_m:.3g} m over all robots"
+    traces = _found_traces("filter", report)
+    return {"data": traces, "layout": _layout(title, note, len(report.robots))}
+
+
+def _found_traces(who: str, report: ValidationDocument | ReplayDocument) -> list[Spec]:
+    names = [escaped(vehicle.name) for vehicle in report.vehicles]
+    late = [vehicle.rms_second_half_m for vehicle in report.vehicles]
+    whole = [vehicle.rms_m for vehicle in report.vehicles]
+    return [
+        bars("late", f"{who}, second half of the run", names, late, ORANGE, ""),
+        bars("whole", f"{who}, whole run", names, whole, SKY, "/"),
+    ]
 
 
 def bars(

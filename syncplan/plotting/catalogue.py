@@ -3,10 +3,10 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from syncplan.document import RefinementResult, SweepReport, ValidationDocument
+from syncplan.document import RefinementResult, ReplayDocument, SweepReport, ValidationDocument
 from syncplan.errors import InputError
 from syncplan.planner import Plan
-from syncplan.plotting.accuracy import accuracy_spec, prediction_spec
+from syncplan.plotting.accuracy import accuracy_spec, prediction_spec, replay_spec
 from syncplan.plotting.animation import animation_spec
 from syncplan.plotting.canvas import Spec
 from syncplan.plotting.comparison import comparison_spec, refinement_spec
@@ -18,12 +18,14 @@ from syncplan.plotting.spectrum import spectrum_spec
 from syncplan.plotting.sweep import sweep_spec
 from syncplan.plotting.timeline import timeline_spec
 from syncplan.refinement_report import refinement_result
+from syncplan.replay_report import replay_document
+from syncplan.replays import Replay
 from syncplan.validation import Validation
 from syncplan.validation_report import validation_document
 
 __all__ = ["ENTRIES", "Entry", "Subject", "makers", "specs_of"]
 
-Subject = Plan | Validation | ValidationDocument | SweepReport
+Subject = Plan | Validation | ValidationDocument | SweepReport | Replay | ReplayDocument
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +69,7 @@ ENTRIES: Mapping[str, Entry] = {
     ),
     "accuracy": Entry(
         "Error found",
-        "RMS position errors of the filter over all trials, beside the predicted ones.",
+        "RMS position errors of the filter over all trials, beside the predicted ones if known.",
     ),
     "errors": Entry(
         "Errors over time",
@@ -99,11 +101,7 @@ def makers(
         raise InputError("only a plan can be compared with a plan", key="compare")
     if isinstance(subject, SweepReport):
         return {"sweep": lambda: sweep_spec(subject)}
-    report = validation_document(subject) if isinstance(subject, Validation) else subject
-    found = {"accuracy": lambda: accuracy_spec(report)}
-    if report.series is not None:
-        found["errors"] = lambda: errors_spec(report)
-    return {**found, "consistency": lambda: consistency_spec(report)}
+    return _of_run(subject)
 
 
 def specs_of(
@@ -123,6 +121,24 @@ def specs_of(
         if name not in known:
             raise InputError(f"{name!r}: {_why_not(name, list(known))}", key="figure")
     return {name: themed(known[name](), theme) for name in names or known}
+
+
+def _of_run(
+    subject: Validation | ValidationDocument | Replay | ReplayDocument,
+) -> dict[str, Callable[[], Spec]]:
+    report: ValidationDocument | ReplayDocument
+    found: dict[str, Callable[[], Spec]] = {}
+    if isinstance(subject, Replay | ReplayDocument):
+        replayed = replay_document(subject) if isinstance(subject, Replay) else subject
+        found["accuracy"] = lambda: replay_spec(replayed)
+        report = replayed
+    else:
+        validated = validation_document(subject) if isinstance(subject, Validation) else subject
+        found["accuracy"] = lambda: accuracy_spec(validated)
+        report = validated
+    if report.series is not None:
+        found["errors"] = lambda: errors_spec(report)
+    return {**found, "consistency": lambda: consistency_spec(report)}
 
 
 def _of_plan(
@@ -149,7 +165,7 @@ def _of_plan(
 def _why_not(name: str, known: list[str]) -> str:
     choices = f"choose from {', '.join(known)}"
     if name == "errors" and "accuracy" in known:
-        return f"the report has no errors over time (validate --series keeps them); {choices}"
+        return f"the report has no errors over time (--series keeps them); {choices}"
     if name == "refinement" and "formation" in known:
         return f"the plan was not refined; {choices}"
     if name == "comparison" and "formation" in known:

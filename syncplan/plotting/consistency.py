@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from syncplan.document import Spread, ValidationDocument
+from syncplan.document import ReplayDocument, Spread, ValidationDocument
 from syncplan.plotting.canvas import Spec, axis, escaped, layout, numbers, panel_title
 from syncplan.plotting.palette import BLUE, INK, MUTED, SKY, VERMILLION
 
@@ -14,7 +14,7 @@ IDEAL_COVERAGE = 0.9973
 _SYMBOLS = {"consistent": "circle", "optimistic": "triangle-right", "conservative": "triangle-left"}
 
 
-def consistency_spec(report: ValidationDocument) -> Spec:
+def consistency_spec(report: ValidationDocument | ReplayDocument) -> Spec:
     """Return the figure of ANEES and NIS in their 95 % bands, and of each vehicle's coverage."""
     figures = [("ANEES", report.anees), ("NIS", report.nis)]
     traces = []
@@ -51,9 +51,8 @@ def consistency_spec(report: ValidationDocument) -> Spec:
         for number, (name, figure) in enumerate(figures)
     ]
     titles.append(panel_title("Coordinates within the filter's own 3 sigma", 0, 0.51))
-    note = f"{report.trials} trials of {report.duration_s:g} s, seed {report.seed}"
     title = f"{escaped(report.name or 'Plan')}: is the filter honest?"
-    drawn = layout(title, note=note, height=590, annotations=titles, **axes)
+    drawn = layout(title, note=report.run, height=590, annotations=titles, **axes)
     drawn["margin"]["t"] += 34
     drawn["margin"]["b"] = 104
     return {"data": traces, "layout": drawn}

@@ -5,7 +5,7 @@ from itertools import chain
 
 import numpy as np
 
-from syncplan.document import Series, ValidationDocument, VehicleSeries
+from syncplan.document import ReplayDocument, Series, ValidationDocument, VehicleSeries
 from syncplan.errors import InputError
 from syncplan.plotting.canvas import Array, Spec, axis, escaped, layout, numbers, panel_title
 from syncplan.plotting.palette import INK, SKY, VERMILLION, translucent
@@ -23,7 +23,9 @@ _GAP_PX = 34
 _COLUMNS = ("x in m", "y in m", "heading in rad")
 
 
-def errors_spec(report: ValidationDocument, vehicles: Sequence[str] | None = None) -> Spec:
+def errors_spec(
+    report: ValidationDocument | ReplayDocument, vehicles: Sequence[str] | None = None
+) -> Spec:
     """Return the figure of errors over time: a row per vehicle; x, y and heading.
 
     The line is the mean error over the trials (of a single trial: its error), the band three of
@@ -43,8 +45,8 @@ def errors_spec(report: ValidationDocument, vehicles: Sequence[str] | None = Non
     )
     whole = _ROW_PX * len(rows) + _GAP_PX * (len(rows) - 1)
     axes, titles = _axes(rows, whole)
-    shown = "its error" if report.trials == 1 else f"mean error of {report.trials} trials"
-    note = f"{shown}, seed {report.seed}, and the filter's own 3-sigma band"
+    shown = "error" if report.trials == 1 else "mean error"
+    note = f"{shown} of {report.run}, and the filter's own 3-sigma band"
     if len(rows) < len(report.vehicles) and vehicles is None:
         note += f"; the {len(rows)} of {len(report.vehicles)} vehicles with the largest errors"
     title = f"{escaped(report.name or 'Plan')}: errors over time"
@@ -54,17 +56,17 @@ def errors_spec(report: ValidationDocument, vehicles: Sequence[str] | None = Non
     return {"data": traces, "layout": drawn}
 
 
-def _series_of(report: ValidationDocument) -> Series:
+def _series_of(report: ValidationDocument | ReplayDocument) -> Series:
     if report.series is None:
         raise InputError(
-            "the report has no errors over time; make it with 'syncplan validate --series'",
+            "the report has no errors over time; --series keeps them",
             key="series",
         )
     return report.series
 
 
 def _chosen(
-    report: ValidationDocument, series: Series, vehicles: Sequence[str] | None
+    report: ValidationDocument | ReplayDocument, series: Series, vehicles: Sequence[str] | None
 ) -> list[VehicleSeries]:
     known = {row.name: row for row in series.vehicles}
     if vehicles is not None:
@@ -73,8 +75,8 @@ def _chosen(
                 problem = f"{name!r} is not in the report; it has {', '.join(list(known)[:6])}"
                 raise InputError(problem, key="vehicles")
         return [known[name] for name in vehicles]
-    worst = sorted(report.vehicles, key=lambda one: -one.rms_m)[:MOST_VEHICLES]
-    kept = {one.name for one in worst}
+    errors = {one.name: one.rms_m for one in report.vehicles}
+    kept = sorted(errors, key=lambda name: -errors[name])[:MOST_VEHICLES]
     return [row for row in series.vehicles if row.name in kept]
 
 
@@ -87,7 +89,7 @@ def _curves(row: VehicleSeries, column: int) -> tuple[Array, Array, Array]:
 
 
 def _panel(
-    report: ValidationDocument,
+    report: ValidationDocument | ReplayDocument,
     row: VehicleSeries,
     column: int,
     times: Array,

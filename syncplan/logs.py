@@ -1,0 +1,233 @@
+"""Recordings of a team of ground robots, in the file format of the UTIAS MRCLAM data sets.
+
+A folder holds text files of numbers in columns, comments after "#". Times are in s by one clock
+common to all files, and never go back; angles are in rad:
+
+    Barcodes.dat               subject, barcode        the number a camera reads off a subject
+    Landmark_Groundtruth.dat   subject, x, y           m; further columns are not read
+    Robot1_Groundtruth.dat     time, x, y, heading     m, rad: where the robot truly was
+    Robot1_Odometry.dat        time, speed, turn rate  m/s, rad/s
+    Robot1_Measurement.dat     time, barcode, range, bearing   m, rad from the robot's heading
+
+The last three are there for each robot; its number is its subject's.
+
+Source: Leung, Halpern, Barfoot, Liu, "The UTIAS multi-robot cooperative localization and mapping
+dataset", International Journal of Robotics Research 30(8):969-974, 2011.
+"""
+
+import re
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.errors import InputError
+
+__all__ = ["Log", "RobotLog", "load_log"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+NOBODY = -1
+"""Subject of a reading whose barcode nobody carries."""
+
+MOST_ROBOTS = 200
+LARGEST_FILE_BYTES = 256 * 2**20
+LARGEST_VALUE = 1e12
+"""Beyond any clock that counts seconds, and any place."""
+
+_ODOMETRY = re.compile(r"Robot([1-9][0-9]{0,5})_Odometry\.dat")
+
+
+@dataclass(frozen=True, slots=True)
+class RobotLog:
+    """What one robot recorded; times in s never go back.
+
+    Attributes
+    ----------
+    subject : its number
+    truth : (k, 4) time s, x m, y m, heading rad
+    odometry : (k, 3) time s, speed m/s, turn rate rad/s
+    times, subjects, bearings : (s,) s; number of who was seen, NOBODY where unknown; rad
+    """
+
+    subject: int
+    truth: Array
+    odometry: Array
+    times: Array
+    subjects: Index
+    bearings: Array
+
+    @property
+    def name(self) -> str:
+        """What the robot is called in reports."""
+        return f"robot{self.subject}"
+
+
+@dataclass(frozen=True, slots=True)
+class Log:
+    """A recording of n robots among m landmarks.
+
+    Attributes
+    ----------
+    name : of the folder
+    robots : n of them, by number
+    landmark_subjects : (m,) their numbers
+    landmarks : (m, 2) m
+    """
+
+    name: str
+    robots: tuple[RobotLog, ...]
+    landmark_subjects: Index
+    landmarks: Array
+
+
+def load_log(folder: str | Path) -> Log:
+    """Return the recording in a folder; raises InputError naming file, line and what is wrong."""
+    folder = Path(folder)
+    if not folder.is_dir():
+        problem = "is not a folder; give the one that" if folder.exists() else "no such folder that"
+        raise InputError(
+            f"{problem} holds Barcodes.dat and Robot1_Odometry.dat", source=str(folder)
+        )
+    numbers = _robots_in(folder)
+    landmark_subjects, landmarks = _landmarks(folder / "Landmark_Groundtruth.dat", numbers)
+    carried = _barcodes(folder / "Barcodes.dat", {*numbers, *landmark_subjects.tolist()})
+    robots = tuple(_robot(folder, number, carried) for number in numbers)
+    return Log(folder.resolve().name, robots, landmark_subjects, landmarks)
+
+
+def _robots_in(folder: Path) -> list[int]:
+    found = (_ODOMETRY.fullmatch(path.name) for path in folder.iterdir())
+    numbers = sorted(int(match[1]) for match in found if match)
+    if not numbers:
+        raise InputError(
+            "holds no Robot1_Odometry.dat; is it the right folder?", source=str(folder)
+        )
+    if len(numbers) > MOST_ROBOTS:
+        problem = f"holds {len(numbers)} robots, more than {MOST_ROBOTS}"
+        raise InputError(problem, source=str(folder))
+    return numbers
+
+
+def _landmarks(path: Path, robots: list[int]) -> tuple[Index, Array]:
+    table = _table(path, "subject, x, y", whole=(0,))
+    subjects = table[:, 0].astype(np.int64)
+    for subject in subjects.tolist():
+        if subject in robots:
+            raise InputError(f"subject {subject} is a robot as well", source=str(path))
+    _refuse_twice(subjects, "subject", path)
+    return subjects, np.ascontiguousarray(table[:, 1:3])
+
+
+def _barcodes(path: Path, known: set[int]) -> dict[int, int]:
+    """Subject by barcode."""
+    table = _table(path, "subject, barcode", whole=(0, 1)).astype(np.int64)
+    _refuse_twice(table[:, 1], "barcode", path)
+    for subject in table[:, 0].tolist():
+        if subject not in known:
+            problem = f"subject {subject} is neither a robot with files nor a landmark"
+            raise InputError(problem, source=str(path))
+    return {barcode: subject for subject, barcode in table.tolist()}
+
+
+def _robot(folder: Path, number: int, carried: dict[int, int]) -> RobotLog:
+    truth = _table(folder / f"Robot{number}_Groundtruth.dat", "time, x, y, heading", ordered=True)
+    odometry = _table(
+        folder / f"Robot{number}_Odometry.dat", "time, speed, turn rate", ordered=True
+    )
+    path = folder / f"Robot{number}_Measurement.dat"
+    seen = _table(path, "time, barcode, range, bearing", whole=(1,), ordered=True)
+    for table, kind in ((truth, "Groundtruth"), (odometry, "Odometry")):
+        if not len(table):
+            source = str(folder / f"Robot{number}_{kind}.dat")
+            raise InputError("holds no rows of numbers", source=source)
+    # nobody sees himself: such a barcode was misread
+    others = {code: subject for code, subject in carried.items() if subject != number}
+    subjects = [others.get(code, NOBODY) for code in seen[:, 1].astype(np.int64).tolist()]
+    return RobotLog(
+        subject=number,
+        truth=truth,
+        odometry=odometry,
+        times=np.ascontiguousarray(seen[:, 0]),
+        subjects=np.array(subjects, dtype=np.int64),
+        bearings=np.ascontiguousarray(seen[:, 3]),
+    )
+
+
+def _table(
+    path: Path, columns: str, *, whole: tuple[int, ...] = (), ordered: bool = False
+) -> Array:
+    """The named columns (k, c) of a file; `whole` ones hold integers, `ordered` is by time."""
+    names = columns.split(", ")
+    _check_file(path)
+    try:
+        with warnings.catch_warnings():
+            # no rows are no fault of a file of measurements
+            warnings.simplefilter("ignore", UserWarning)
+            values = np.loadtxt(
+                path, comments="#", usecols=range(len(names)), ndmin=2, encoding="utf-8"
+            )
+    except UnicodeDecodeError:
+        raise InputError("is not a text file", source=str(path)) from None
+    except OSError as error:
+        raise InputError(f"can't be read: {error.strerror}", source=str(path)) from None
+    except ValueError:
+        raise _no_number(path, names) from None
+    faults = [
+        (~np.isfinite(values).all(axis=1), "holds a value that is not finite"),
+        *((values[:, c] != np.rint(values[:, c]), f"{names[c]} is not whole") for c in whole),
+        ((np.abs(values) > LARGEST_VALUE).any(axis=1), f"holds a value over {LARGEST_VALUE:g}"),
+    ]
+    if ordered:
+        back = np.diff(values[:, 0], prepend=-np.inf) < 0.0
+        faults.append((back, "its time is before that of the line above"))
+    for wrong, problem in faults:
+        if wrong.any():
+            number, row = _rows(path)[int(wrong.argmax())]
+            raise InputError(f"line {number}, {' '.join(row)!r}: {problem}", source=str(path))
+    return values
+
+
+def _check_file(path: Path) -> None:
+    try:
+        size = path.stat().st_size
+    except FileNotFoundError:
+        raise InputError("is missing", source=str(path)) from None
+    except OSError as error:
+        raise InputError(f"can't be read: {error.strerror}", source=str(path)) from None
+    if path.is_dir():
+        raise InputError("is a folder; a file is needed", source=str(path))
+    if size > LARGEST_FILE_BYTES:
+        raise InputError(f"is larger than {LARGEST_FILE_BYTES // 2**20} MiB", source=str(path))
+
+
+def _rows(path: Path) -> list[tuple[int, list[str]]]:
+    """Rows of words with their lines' numbers, comments left out."""
+    lines = path.read_text("utf-8").splitlines()
+    rows = [(number, line.split("#")[0].split()) for number, line in enumerate(lines, 1)]
+    return [(number, row) for number, row in rows if row]
+
+
+def _no_number(path: Path, names: list[str]) -> InputError:
+    """What is wrong with the first line that does not hold numbers in the named columns."""
+    for number, row in _rows(path):
+        if len(row) < len(names):
+            there = "1 column" if len(row) == 1 else f"{len(row)} columns"
+            problem = f"line {number} has {there}; needed are {', '.join(names)}"
+            return InputError(problem, source=str(path))
+        for name, text in zip(names, row, strict=False):
+            try:
+                float(text)
+            except ValueError:
+                problem = f"line {number}: {name} is {text[:60]!r}; a number is needed"
+                return InputError(problem, source=str(path))
+    return InputError("holds something other than numbers", source=str(path))
+
+
+def _refuse_twice(values: Index, what: str, path: Path) -> None:
+    found, count = np.unique(values, return_counts=True)
+    if (count > 1).any():
+        raise InputError(f"{what} {found[count > 1][0]} stands there twice", source=str(path))
