@@ -33,7 +33,7 @@ from tests.survival import (
     validation,
 )
 
-pytestmark = [pytest.mark.slow, pytest.mark.alone]
+pytestmark = pytest.mark.slow
 
 LONG = 100_000
 """Trials of a validation that takes minutes."""
@@ -104,6 +104,7 @@ def warm(site: Site, process: Process) -> None:
 # --- killed -------------------------------------------------------------------------------------
 
 
+@pytest.mark.alone
 @EACH
 @pytest.mark.parametrize(("victim", "seed"), [("server", 1), ("worker", 2)])
 def test_jobs_come_to_their_bytes_once_whoever_is_killed(
@@ -120,6 +121,7 @@ def test_a_server_killed_right_after_it_accepted_a_job_has_accepted_it(tmp_path:
         kill_at(site, [validation(600, 2)], [0.0, 0.0], "server")
 
 
+@pytest.mark.alone
 def test_the_jobs_of_a_dead_worker_go_on_within_15_seconds(tmp_path: Path) -> None:
     with Site(tmp_path, SYNCPLAN_PROCESSES="1") as site:
         site.serve("--no-worker")
@@ -217,6 +219,7 @@ def test_what_ends_in_good_order_gives_its_jobs_up_at_once(
         site.see_all_done()
 
 
+@pytest.mark.alone
 @EACH
 def test_a_worker_frozen_until_it_counts_as_dead_does_no_harm(
     address: str | None, tmp_path: Path
@@ -234,6 +237,7 @@ def test_a_worker_frozen_until_it_counts_as_dead_does_no_harm(
         site.see_all_done()
 
 
+@pytest.mark.alone
 def test_a_cancelled_job_stops_within_two_seconds_and_stays_cancelled(tmp_path: Path) -> None:
     with quick(tmp_path) as site:
         site.serve("--no-worker")
@@ -315,6 +319,7 @@ def every_request(plan_id: str, job_id: str) -> list[tuple[str, str, dict[str, A
     ]
 
 
+@pytest.mark.alone
 def test_the_database_away_for_ten_seconds_costs_nothing_but_time(
     tmp_path: Path, postgres: Postgres
 ) -> None:

@@ -121,7 +121,7 @@ def test_of_a_large_team_the_worst_are_drawn_or_those_named() -> None:
     drawn = {trace["uid"].split("-")[1] for trace in spec["data"]}
     order = np.argsort(-run.accuracy.position, kind="stable")[:MOST_VEHICLES]
     assert drawn == {f"v{k + 1}" for k in order}
-    assert "8 of 10 vehicles" in spec["layout"]["title"]["subtitle"]["text"]
+    assert "8 of 10" in spec["layout"]["title"]["subtitle"]["text"]
     named = figures.error_bands(run, ["v3"]).to_plotly_json()
     assert {trace["uid"].split("-")[1] for trace in named["data"]} == {"v3"}
     with pytest.raises(InputError, match="'v11' is not in the report"):
