@@ -105,9 +105,11 @@ function address({ push = false } = {}) {
   if (store.planId) parts.set("plan", store.planId);
   if (followed) parts.set("job", followed.id);
   const text = parts.toString();
-  const at = text ? `?${text}` : location.pathname;
+  const query = text ? `?${text}` : "";
+  const at = query || location.pathname;
   if (push) history.pushState(null, "", at);
-  else history.replaceState(null, "", at);
+  // browsers are slow at it, and a drag asks at every move
+  else if (query !== location.search) history.replaceState(null, "", at);
 }
 
 /** Forget an outcome that is no longer of what is on show. */
