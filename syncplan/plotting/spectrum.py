@@ -82,7 +82,7 @@ def _gap(rank: int, drawn: np.ndarray, gap: float, limit: float) -> Spec:
         text, low, at = f"gap: {size}", float(drawn[rank]), rank + 0.5
     else:
         last = float(drawn[-1])
-        text, low, at = f"smallest is {last / limit:.1e} times the tolerance", limit, rank
+        text, low, at = f"smallest is {last / limit:.1e}<br>times the tolerance", limit, rank
     high = float(drawn[max(rank, 1) - 1])
     return {
         "text": text,
