@@ -3,7 +3,8 @@
 A filter's sigma is no evidence of its error. Three figures compare the two:
 
     ANEES      mean of e' P^-1 e / dimension of e      1 where P is the errors' covariance
-    NIS        mean of nu^2 / S over innovations       1 where S is the innovations' variance
+    NIS        mean of nu^2 / S over innovations, over that of a consistent filter with the gate
+                                                       1 where S is the innovations' variance
     coverage   share of |error| <= 3 sigma             0.9973 for normal errors
 
 The first two come with the two-sided 95 % band a consistent filter's figure falls into.
@@ -75,18 +76,36 @@ def anees(nees: Array, dimension: int) -> Consistency:
     return _judged(float(judged.mean()) / dimension, len(judged) * dimension)
 
 
-def nis(total: float, count: int) -> Consistency:
+def nis(total: float, count: int, gate_probability: float | None = None) -> Consistency:
     """Return the mean of `count` normalised squared scalar innovations that sum up to `total`.
 
-    Innovations of a consistent filter are white, so each is a sample of its own. A gate cuts the
-    tail off and so lowers the mean a little: 0.987 instead of 1 for a gate of 99.9 %.
+    Innovations of a consistent filter are white, so each is a sample of its own. A gate cuts their
+    tail off: what it leaves has a mean below 1 (0.987 for a gate of 99.9 %) and a smaller variance.
+    The value is over that mean, so 1 stands for a consistent filter whatever the gate; the band is
+    that of the chi-square variable with the same mean and variance.
     """
-    return _judged(float(total) / count, count) if count else _nothing()
+    if not count:
+        return _nothing()
+    mean, variance = _gated_moments(gate_probability)
+    return _judged(float(total) / count / mean, round(2.0 * mean**2 / variance * count))
 
 
 def coverage(covered: Array, samples: int) -> Array:
     """Return the share (...) of the coordinates within three sigma, of `samples` each."""
     return np.asarray(covered / samples)
+
+
+def _gated_moments(probability: float | None) -> tuple[float, float]:
+    """Mean and variance of a chi-square variable of one degree below a gate."""
+    from scipy.special import chdtr
+
+    gate = gate_threshold(probability)
+    if math.isinf(gate):
+        return 1.0, 2.0
+    # y^k times the density of 1 degree is a multiple of that of 1 + 2 k degrees
+    share = float(chdtr(1, gate))
+    mean = float(chdtr(3, gate)) / share
+    return mean, 3.0 * float(chdtr(5, gate)) / share - mean**2
 
 
 def _judged(value: float, degrees: int) -> Consistency:

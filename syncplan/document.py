@@ -363,6 +363,8 @@ class ReplayFilter(_Part):
     bearing_sigma_rad: float
     speed_sigma_mps: float
     turn_rate_sigma_rad_s: float
+    position_sigma_m: float = Field(description="Of the start, which is at the truth")
+    heading_sigma_rad: float = Field(description="Of the start, which is at the truth")
     sample_time_s: float
     gate_probability: float = Field(description="Of the innovation gate; 1 accepts all")
 
@@ -373,9 +375,8 @@ class ReadingCounts(_Part):
     used: int
     rejected: int = Field(description="Rejected by the gate")
     unknown: int = Field(description="Of a barcode that nobody carries")
-    left_out: int = Field(
-        description="Not asked for, or taken while not every robot's truth is known"
-    )
+    not_asked_for: int = Field(description="Of landmarks or robots left out on purpose")
+    outside: int = Field(description="Asked for, but from before or after the run")
 
 
 class ReplayDocument(_Part):
@@ -383,6 +384,7 @@ class ReplayDocument(_Part):
 
     version: str
     name: str
+    begin_s: float = Field(description="When the run begins by the recording's clock")
     duration_s: float
     landmarks: list[int] = Field(description="Numbers of those whose bearings were asked for")
     meetings: bool = Field(description="Whether bearings that robots took of each other were")

@@ -38,7 +38,7 @@ LARGEST_FILE_BYTES = 256 * 2**20
 LARGEST_VALUE = 1e12
 """Beyond any clock that counts seconds, and any place."""
 
-_ODOMETRY = re.compile(r"Robot([1-9][0-9]{0,5})_Odometry\.dat")
+_OF_ROBOT = re.compile(r"Robot([1-9][0-9]{0,5})_(?:Groundtruth|Odometry|Measurement)\.dat")
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,11 +87,6 @@ class Log:
 def load_log(folder: str | Path) -> Log:
     """Return the recording in a folder; raises InputError naming file, line and what is wrong."""
     folder = Path(folder)
-    if not folder.is_dir():
-        problem = "is not a folder; give the one that" if folder.exists() else "no such folder that"
-        raise InputError(
-            f"{problem} holds Barcodes.dat and Robot1_Odometry.dat", source=str(folder)
-        )
     numbers = _robots_in(folder)
     landmark_subjects, landmarks = _landmarks(folder / "Landmark_Groundtruth.dat", numbers)
     carried = _barcodes(folder / "Barcodes.dat", {*numbers, *landmark_subjects.tolist()})
@@ -100,8 +95,16 @@ def load_log(folder: str | Path) -> Log:
 
 
 def _robots_in(folder: Path) -> list[int]:
-    found = (_ODOMETRY.fullmatch(path.name) for path in folder.iterdir())
-    numbers = sorted(int(match[1]) for match in found if match)
+    try:
+        found = [_OF_ROBOT.fullmatch(path.name) for path in folder.iterdir()]
+    except NotADirectoryError:
+        problem = "is not a folder; give the one that holds Barcodes.dat and Robot1_Odometry.dat"
+        raise InputError(problem, source=str(folder)) from None
+    except FileNotFoundError:
+        raise InputError("no such folder; check the path", source=str(folder)) from None
+    except OSError as error:
+        raise InputError(f"can't be read: {error.strerror}", source=str(folder)) from None
+    numbers = sorted({int(match[1]) for match in found if match})
     if not numbers:
         raise InputError(
             "holds no Robot1_Odometry.dat; is it the right folder?", source=str(folder)
@@ -116,6 +119,8 @@ def _landmarks(path: Path, robots: list[int]) -> tuple[Index, Array]:
     table = _table(path, "subject, x, y", whole=(0,))
     subjects = table[:, 0].astype(np.int64)
     for subject in subjects.tolist():
+        if subject < 1:
+            raise InputError(f"subject {subject} is below 1", source=str(path))
         if subject in robots:
             raise InputError(f"subject {subject} is a robot as well", source=str(path))
     _refuse_twice(subjects, "subject", path)
@@ -128,8 +133,11 @@ def _barcodes(path: Path, known: set[int]) -> dict[int, int]:
     _refuse_twice(table[:, 1], "barcode", path)
     for subject in table[:, 0].tolist():
         if subject not in known:
-            problem = f"subject {subject} is neither a robot with files nor a landmark"
-            raise InputError(problem, source=str(path))
+            raise InputError(
+                f"subject {subject} has neither files such as Robot{subject}_Odometry.dat nor a "
+                "place in Landmark_Groundtruth.dat; remove its line, or add what is missing",
+                source=str(path),
+            )
     return {barcode: subject for subject, barcode in table.tolist()}
 
 
@@ -168,7 +176,7 @@ def _table(
             # no rows are no fault of a file of measurements
             warnings.simplefilter("ignore", UserWarning)
             values = np.loadtxt(
-                path, comments="#", usecols=range(len(names)), ndmin=2, encoding="utf-8"
+                path, comments="#", usecols=range(len(names)), ndmin=2, encoding="utf-8-sig"
             )
     except UnicodeDecodeError:
         raise InputError("is not a text file", source=str(path)) from None
@@ -198,15 +206,16 @@ def _check_file(path: Path) -> None:
         raise InputError("is missing", source=str(path)) from None
     except OSError as error:
         raise InputError(f"can't be read: {error.strerror}", source=str(path)) from None
-    if path.is_dir():
-        raise InputError("is a folder; a file is needed", source=str(path))
+    if not path.is_file():
+        kind = "a folder" if path.is_dir() else "no file of bytes"
+        raise InputError(f"is {kind}; a text file is needed", source=str(path))
     if size > LARGEST_FILE_BYTES:
         raise InputError(f"is larger than {LARGEST_FILE_BYTES // 2**20} MiB", source=str(path))
 
 
 def _rows(path: Path) -> list[tuple[int, list[str]]]:
     """Rows of words with their lines' numbers, comments left out."""
-    lines = path.read_text("utf-8").splitlines()
+    lines = path.read_text("utf-8-sig").splitlines()
     rows = [(number, line.split("#")[0].split()) for number, line in enumerate(lines, 1)]
     return [(number, row) for number, row in rows if row]
 
@@ -216,7 +225,10 @@ def _no_number(path: Path, names: list[str]) -> InputError:
     for number, row in _rows(path):
         if len(row) < len(names):
             there = "1 column" if len(row) == 1 else f"{len(row)} columns"
-            problem = f"line {number} has {there}; needed are {', '.join(names)}"
+            problem = (
+                f"line {number} has {there}; needed are {', '.join(names)}, with spaces or tabs "
+                "between"
+            )
             return InputError(problem, source=str(path))
         for name, text in zip(names, row, strict=False):
             try:

@@ -12,8 +12,10 @@ What follows is what a Monte Carlo does with one trial (`ekf.filter_lanes`), so 
 same. The filter starts at the truth. Ranges are not used: it is a filter of bearings.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable
+from concurrent.futures import Future
 from dataclasses import dataclass
+from threading import Thread
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +28,7 @@ from syncplan.logs import NOBODY, Log
 from syncplan.noise import Noise
 from syncplan.trials import Accuracy, MonteCarloResult, accuracy, tallied
 
-__all__ = ["GROUND_ROBOTS", "Replay", "replay"]
+__all__ = ["GROUND_ROBOTS", "Replay", "longest_gap", "replay"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -34,11 +36,14 @@ Index = NDArray[np.int64]
 GROUND_ROBOTS = Noise(
     speed_sigma=0.15, turn_rate_sigma=0.5, position_sigma=0.01, heading_sigma=0.01
 )
-"""Sigmas that suit the robots of the MRCLAM data sets at samples of 0.05 s from the truth on."""
+"""Wide sigmas for the robots of the MRCLAM data sets, at samples of 0.05 s from the truth on."""
 
 BEARING_SIGMA = 0.08
 SAMPLE_TIME = 0.05
 GATE_PROBABILITY = 0.999
+
+LEAST_SIGMA, LARGEST_SIGMA = 1e-6, 1e6
+"""What any sigma may be; those of motion and of the start may be 0 as well."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,16 +55,15 @@ class Replay:
     log : the recording
     landmarks : (l,) numbers of the landmarks whose bearings were used
     meetings : whether the bearings that robots took of each other were used
-    sample_time, duration : s
+    sample_time, duration, begin : s; when the run begins by the recording's clock
     bearing_sigma, noise : what the filter was told, rad and as Noise
     gate_probability : of the innovation gate; 1 accepts all
     result : one trial's errors
     accuracy : RMS errors by robot
     coverage : (n,) share of coordinates within the filter's own three sigma
     anees, nis : consistency figures
-    unknown, left_out : readings of a barcode that nobody carries; readings not asked for, or from
-        before or after all robots' truth is known
-    longest_gap : (n,) s that a robot's truth has no entry
+    unknown, not_asked_for, outside : readings of a barcode that nobody carries; of landmarks or
+        robots not asked for; asked for, but nearest to no sample k = 1, 2 .. of the run
     """
 
     log: Log
@@ -67,6 +71,7 @@ class Replay:
     meetings: bool
     sample_time: float
     duration: float
+    begin: float
     bearing_sigma: float
     noise: Noise
     gate_probability: float
@@ -76,14 +81,14 @@ class Replay:
     anees: Consistency
     nis: Consistency
     unknown: int
-    left_out: int
-    longest_gap: Array
+    not_asked_for: int
+    outside: int
 
 
 def replay(
     log: Log,
     *,
-    landmarks: Sequence[int] | None = None,
+    landmarks: Iterable[int] | None = None,
     meetings: bool = True,
     bearing_sigma: float = BEARING_SIGMA,
     noise: Noise = GROUND_ROBOTS,
@@ -95,8 +100,10 @@ def replay(
 
     `landmarks` are the numbers of those whose bearings count, all if None; `meetings` says whether
     bearings that robots took of each other do. `bearing_sigma` is in rad, `sample_time` in s; the
-    sigmas of `noise` are per sample. Raises InputError naming the argument at fault, and
-    NoSolutionError where the filter diverges.
+    sigmas of `noise`, a syncplan.noise.Noise, are per sample. A bearing counts while it is within
+    the gate of `gate_probability`; 1 accepts all. `with_series` keeps errors and sigmas over time.
+    Raises InputError naming the argument or the robot at fault, and NoSolutionError where the
+    filter diverges.
     """
     _check(bearing_sigma, noise, sample_time, gate_probability)
     used = _chosen(log, landmarks)
@@ -127,7 +134,7 @@ def replay(
         bearings=bearings.angles[:, None],
     )
     tally = ekf.empty_tally(n, 1, np.zeros((steps + 1 if with_series else 0, n, len(ekf.SERIES))))
-    ekf.filter_lanes(course, readings, tally)
+    _run_aside(course, readings, tally)
     result = tallied([tally], steps=steps)
     if not np.isfinite(result.mean_squares).all():
         raise NoSolutionError(
@@ -139,6 +146,7 @@ def replay(
         meetings=meetings,
         sample_time=sample_time,
         duration=steps * sample_time,
+        begin=clock.begin,
         bearing_sigma=bearing_sigma,
         noise=noise,
         gate_probability=gate_probability,
@@ -146,11 +154,17 @@ def replay(
         accuracy=accuracy(result),
         coverage=coverage(result.covered[0], result.coverage_samples),
         anees=anees(result.nees, 3 * n),
-        nis=nis(float(result.nis_sums[0]), int(result.accepted[0])),
+        nis=nis(float(result.nis_sums[0]), int(result.accepted[0]), gate_probability),
         unknown=bearings.unknown,
-        left_out=bearings.left_out,
-        longest_gap=np.array([_longest_gap(robot.truth[:, 0], clock) for robot in log.robots]),
+        not_asked_for=bearings.not_asked_for,
+        outside=bearings.outside,
     )
+
+
+def longest_gap(recorded: Array, begin: float, duration: float) -> float:
+    """Return the longest time in s between recorded times (k,), while a run lasts."""
+    first, last = np.searchsorted(recorded, (begin, begin + duration))
+    return float(np.diff(recorded[max(first - 1, 0) : last + 1]).max(initial=0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,31 +197,47 @@ class _Bearings:
     targets: Index
     angles: Array
     unknown: int
-    left_out: int
+    not_asked_for: int
+    outside: int
+
+
+def _run_aside(course: ekf.Course, readings: ekf.Readings, tally: ekf.Tally) -> None:
+    """Filter in another thread: compiled code would keep an interrupt waiting, and lose it."""
+    done: Future[None] = Future()
+
+    def run() -> None:
+        try:
+            ekf.filter_lanes(course, readings, tally)
+            done.set_result(None)
+        except BaseException as error:
+            done.set_exception(error)
+
+    Thread(target=run, daemon=True).start()
+    done.result()
 
 
 def _check(bearing_sigma: float, noise: Noise, sample_time: float, gate_probability: float) -> None:
-    positive = (("bearing_sigma", bearing_sigma, "rad"), ("sample_time", sample_time, "s"))
-    for key, value, unit in positive:
-        if not (np.isfinite(value) and value > 0.0):
-            raise InputError(f"{value:g} {unit} given; it must be positive", key=key)
+    allowed = f"allowed is {LEAST_SIGMA:g} to {LARGEST_SIGMA:g}"
+    for key, value in (("bearing_sigma", bearing_sigma), ("sample_time", sample_time)):
+        if not LEAST_SIGMA <= value <= LARGEST_SIGMA:
+            raise InputError(f"{value:g} given; {allowed}", key=key)
     for key in ("speed_sigma", "turn_rate_sigma", "position_sigma", "heading_sigma"):
         value = getattr(noise, key)
-        if not (np.isfinite(value) and value >= 0.0):
-            raise InputError(f"{value:g} given; it must not be negative", key=key)
+        if value != 0.0 and not LEAST_SIGMA <= value <= LARGEST_SIGMA:
+            raise InputError(f"{value:g} given; {allowed}, or 0", key=key)
     if not 0.0 < gate_probability <= 1.0:
         problem = f"{gate_probability:g} given; allowed is more than 0, up to 1, which accepts all"
         raise InputError(problem, key="gate_probability")
 
 
-def _chosen(log: Log, landmarks: Sequence[int] | None) -> Index:
+def _chosen(log: Log, landmarks: Iterable[int] | None) -> Index:
     """Places of the chosen landmarks among the recording's, in its order."""
     known = log.landmark_subjects.tolist()
-    for number in landmarks or ():
+    wanted = known if landmarks is None else list(landmarks)
+    for number in wanted:
         if number not in known:
             there = ", ".join(str(one) for one in known) or "none"
-            raise InputError(f"no landmark {number}; there are {there}", key="landmarks")
-    wanted = known if landmarks is None else landmarks
+            raise InputError(f"no landmark {number!r}; there are {there}", key="landmarks")
     return np.flatnonzero(np.isin(log.landmark_subjects, np.array(wanted, dtype=np.int64)))
 
 
@@ -225,6 +255,15 @@ def _clock(log: Log, sample_time: float) -> _Clock:
     problem = excess(duration, sample_time, duration, len(log.robots))
     if problem:
         raise InputError(problem, key="sample_time")
+    for robot in log.robots:
+        read = robot.odometry[:, 0]
+        if read[-1] <= begin or read[0] >= end:
+            raise InputError(
+                f"the odometry of {robot.name} is from {read[0] - begin:.6g} to "
+                f"{read[-1] - begin:.6g} s after the beginning of the run, which lasts "
+                f"{duration:.6g} s: by another clock?",
+                source=log.name,
+            )
     # a whole number of samples is not to be lost to rounding
     return _Clock(begin, sample_time, int(duration / sample_time + 1e-4))
 
@@ -263,19 +302,13 @@ def _bearings(log: Log, clock: _Clock, used: Index, *, meetings: bool) -> _Beari
     samples = np.rint(taken / clock.sample_time)
     order = np.flatnonzero((targets >= 0) & (samples >= 1) & (samples <= clock.steps))
     order = order[np.argsort(taken[order], kind="stable")]
-    unknown = int(np.sum(subjects == NOBODY))
+    unknown, asked_for = int(np.sum(subjects == NOBODY)), int(np.sum(targets >= 0))
     return _Bearings(
         first=np.searchsorted(samples[order], np.arange(clock.steps + 2)).astype(np.int64),
         observers=observers[order],
         targets=targets[order],
         angles=angles[order],
         unknown=unknown,
-        left_out=len(taken) - unknown - len(order),
+        not_asked_for=len(taken) - unknown - asked_for,
+        outside=asked_for - len(order),
     )
-
-
-def _longest_gap(known: Array, clock: _Clock) -> float:
-    """The longest time in s between entries, while the filter runs."""
-    entries = clock.since_begin(known)
-    begin, end = np.searchsorted(entries, (0.0, clock.times[-1]))
-    return float(np.diff(entries[max(begin - 1, 0) : end + 1]).max(initial=0.0))

@@ -226,7 +226,7 @@ def _replay(
 
     chosen = _landmark_numbers(landmarks)
     log = load_log(log_dir)
-    for recorded in log_dir.iterdir():
+    for recorded in log_dir.glob("*.dat"):
         refuse_overwriting(str(recorded), output)
     _announce_compilation(len(log.robots))
     replayed = replay(

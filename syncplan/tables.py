@@ -89,8 +89,9 @@ def show_replay(report: ReplayDocument, console: Console) -> None:
         f"heading {report.heading_rmse_rad:.3f} rad RMS over all robots"
     )
     console.print(
-        f"bearings: {counts.used} used, {counts.rejected} rejected by the gate, {counts.unknown} "
-        f"of unknown barcodes, {counts.left_out} left out"
+        f"bearings: {counts.used} used, {counts.rejected} rejected by the gate, "
+        f"{counts.unknown} of unknown barcodes, {counts.not_asked_for} not asked for, "
+        f"{counts.outside} outside the run"
     )
     table = _table(
         "RMS error in m over the run, and over its second half",

@@ -215,7 +215,7 @@ def conclude(run: TrialRun, parts: Sequence[MonteCarloResult]) -> Validation:
         predicted=_predicted(flown, run.duration),
         coverage=coverage(result.covered.mean(axis=0), result.coverage_samples),
         anees=anees(result.nees, 3 * flown.orbits.count),
-        nis=nis(float(result.nis_sums.sum()), int(result.accepted.sum())),
+        nis=nis(float(result.nis_sums.sum()), int(result.accepted.sum()), run.gate_probability),
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from syncplan.orbits import Orbits, heading, position
 from tests.serving import ROOT
 
-__all__ = ["REAL", "Recipe", "write_recording"]
+__all__ = ["CLOCK", "LANDMARKS", "REAL", "Recipe", "write_recording"]
 
 REAL = ROOT.parent / "shared" / "data" / "mrclam6.tar.xz"
 """The recording of real robots that some tests need, beside the checkout."""

@@ -266,6 +266,34 @@ def test_the_band_is_that_of_chi_square_tables() -> None:
     assert gate_threshold(None) == np.inf
 
 
+GATES = pytest.mark.parametrize("probability", [None, 0.999, 0.9])
+
+
+def _honest_squares(count: int, probability: float | None) -> np.ndarray:
+    drawn = np.random.default_rng(7).standard_normal(2 * count) ** 2
+    return drawn[drawn <= gate_threshold(probability)][:count]
+
+
+@GATES
+@pytest.mark.parametrize("count", [5, 40])
+def test_nis_of_honest_innovations_leaves_its_band_as_often_as_said(
+    probability: float | None, count: int
+) -> None:
+    sums = _honest_squares(1000 * count, probability).reshape(-1, count).sum(axis=1)
+    judged = [nis(float(one), count, probability) for one in sums]
+    assert np.mean([one.value for one in judged]) == pytest.approx(1.0, abs=0.05)
+    outside = np.mean([one.verdict != "consistent" for one in judged])
+    assert outside == pytest.approx(0.05, abs=0.03)
+
+
+@GATES
+def test_nis_of_many_honest_innovations_is_in_its_narrow_band(probability: float | None) -> None:
+    squares = _honest_squares(1_000_000, probability)
+    judged = nis(float(squares.sum()), len(squares), probability)
+    assert judged.verdict == "consistent"
+    assert judged.band[1] - judged.band[0] < 0.006
+
+
 def test_verdicts_name_the_side_of_the_band() -> None:
     assert anees(np.full(100, 18.0), 18).verdict == "consistent"
     assert anees(np.full(100, 22.0), 18).verdict == "optimistic"

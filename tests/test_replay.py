@@ -3,8 +3,11 @@
 import contextlib
 import inspect
 import json
+import subprocess
+import sys
 import tarfile
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,15 +17,17 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from typer.main import get_command
 
-from syncplan import cli, figures
+from syncplan import cli, ekf, figures, logs
 from syncplan.arcs import Motion, predict, update
 from syncplan.consistency import gate_threshold
-from syncplan.errors import InputError
-from syncplan.logs import NOBODY, Log, load_log
+from syncplan.errors import InputError, NoSolutionError
+from syncplan.logs import NOBODY, Log, RobotLog, load_log
+from syncplan.noise import Noise
 from syncplan.orbits import wrap
 from syncplan.replay_report import replay_document
-from syncplan.replays import GROUND_ROBOTS, replay
-from tests.recordings import LANDMARKS, REAL, Recipe, write_recording
+from syncplan.replays import GROUND_ROBOTS, longest_gap, replay
+from tests.recordings import CLOCK, LANDMARKS, REAL, Recipe, write_recording
+from tests.serving import ROOT
 
 NOISY = Recipe(
     jitter=0.8,
@@ -76,7 +81,9 @@ BAD = [
     ("Robot3_Measurement.dat", 3, "1e300\t13\t3\t4", "line 3, '1e300 13 3 4': holds a value over"),
     ("Robot3_Measurement.dat", 3, "1\t1.5\t3\t4", "line 3, '1 1.5 3 4': barcode is not whole"),
     ("Barcodes.dat", 3, "2\t13\n1\t13", "barcode 13 stands there twice"),
-    ("Barcodes.dat", 3, "55\t13", "subject 55 is neither a robot with files nor a landmark"),
+    ("Barcodes.dat", 3, "55\t13", "subject 55 has neither files such as Robot55_Odometry.dat nor"),
+    ("Landmark_Groundtruth.dat", 3, "-1\t13\t2", "subject -1 is below 1"),
+    ("Robot1_Odometry.dat", 9, "1.0,2.0,3.0", "line 9 has 1 column; needed are time, speed, turn"),
     ("Landmark_Groundtruth.dat", 3, "1\t13\t2", "subject 1 is a robot as well"),
     ("Landmark_Groundtruth.dat", 3, "6\t13\t2", "subject 6 stands there twice"),
 ]
@@ -96,7 +103,9 @@ def test_a_fault_is_told_with_file_and_line(
     assert f"{folder / name}: {told}" in err
 
 
-def test_files_that_are_not_there_are_named(noisy: Path, tmp_path: Path, run: Any) -> None:
+def test_files_that_can_not_be_had_are_named(
+    noisy: Path, tmp_path: Path, run: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def refused(folder: Path) -> str:
         status, out, err = run("replay", str(folder))
         assert (status, out, err.count("\n")) == (2, "", 1)
@@ -113,9 +122,17 @@ def test_files_that_are_not_there_are_named(noisy: Path, tmp_path: Path, run: An
     assert "Robot2_Measurement.dat: is missing" in refused(folder)
     (folder / "Robot2_Measurement.dat").mkdir()
     assert "Robot2_Measurement.dat: is a folder" in refused(folder)
-    for k in range(1, 4):
-        (folder / f"Robot{k}_Odometry.dat").unlink()
+    monkeypatch.setattr(logs, "LARGEST_FILE_BYTES", 50)
+    assert "is larger than 0 MiB" in refused(folder)
+    monkeypatch.setattr(logs, "MOST_ROBOTS", 2)
+    assert "holds 3 robots, more than 2" in refused(folder)
+    monkeypatch.undo()
+    (folder / "Robot1_Odometry.dat").unlink()
+    assert "Robot1_Odometry.dat: is missing" in refused(folder)
+    for path in folder.glob("Robot*"):
+        path.rmdir() if path.is_dir() else path.unlink()
     assert "holds no Robot1_Odometry.dat" in refused(folder)
+    assert "can't be read: File name too long" in refused(folder / ("x" * 5000))
 
 
 def test_a_robot_that_saw_nobody_is_no_fault(noisy: Path, tmp_path: Path) -> None:
@@ -172,21 +189,55 @@ def test_errors_are_those_of_the_numpy_filter(
         bearing_sigma=0.1,
         gate_probability=0.99,
     )
-    errors, used, rejected = _by_numpy(log, landmarks, meetings=meetings)
+    found = _by_numpy(log, landmarks, meetings=meetings)
+    errors, used, rejected = found.errors, found.used, found.rejected
     assert len(errors) == replayed.result.steps == round(replayed.duration / 0.07)
     squares = np.mean(errors**2, axis=0)
     np.testing.assert_allclose(replayed.result.mean_squares[0], squares, rtol=1e-9)
     np.testing.assert_allclose(replayed.result.final_errors[0], errors[-1], rtol=1e-6, atol=1e-9)
     assert (int(replayed.result.accepted[0]), int(replayed.result.gated[0])) == (used, rejected)
     total = sum(len(robot.times) for robot in log.robots)
-    assert replayed.left_out == total - used - rejected - 3 * 7
+    assert replayed.not_asked_for + replayed.outside == total - used - rejected - 3 * 7
     assert rejected > 0
+    document = replay_document(replayed)
+    late = errors[len(errors) // 2 :]
+    assert document.heading_rmse_rad == pytest.approx(np.sqrt(np.mean(errors[..., 2] ** 2)))
+    for k, robot in enumerate(document.robots):
+        assert robot.rms_second_half_m == pytest.approx(_rms(late[:, k]))
+        assert robot.rms_x_m == pytest.approx(np.sqrt(np.mean(errors[:, k, 0] ** 2)))
+        assert robot.coverage_3sigma == pytest.approx(found.covered[k])
+    assert document.coverage_3sigma == pytest.approx(np.mean(found.covered))
+    assert document.anees.value == pytest.approx(found.nees / 9)
+    assert document.anees.count == 9
+    below = _mean_below(gate_threshold(0.99))
+    assert document.nis.value == pytest.approx(found.nis / below)
 
 
-def _by_numpy(
-    log: Log, landmarks: list[int] | None, *, meetings: bool
-) -> tuple[np.ndarray, int, int]:
-    """Errors (steps, n, 3), and how many bearings were used and rejected; all by plain loops."""
+def _rms(errors: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.sum(errors[..., :2] ** 2, axis=-1))))
+
+
+def _mean_below(gate: float) -> float:
+    """Mean of the square of a normal variable, given that it is below a gate: by quadrature."""
+    z = np.linspace(0.0, np.sqrt(gate), 20_001)
+    density = np.exp(-0.5 * z**2)
+    return float(np.trapezoid(z**2 * density, z) / np.trapezoid(density, z))
+
+
+@dataclass(frozen=True)
+class _Found:
+    """errors (steps, n, 3); bearings; shares (n,) within 3 sigma, mean NEES, mean NIS."""
+
+    errors: np.ndarray
+    used: int
+    rejected: int
+    covered: np.ndarray
+    nees: float
+    nis: float
+
+
+def _by_numpy(log: Log, landmarks: list[int] | None, *, meetings: bool) -> _Found:
+    """What a filter finds that is written in plain loops."""
     time, motion = 0.07, Motion(0.07, GROUND_ROBOTS.speed_sigma, GROUND_ROBOTS.turn_rate_sigma)
     begin = max(robot.truth[0, 0] for robot in log.robots)
     end = min(robot.truth[-1, 0] for robot in log.robots) - begin
@@ -205,7 +256,7 @@ def _by_numpy(
     readings.sort()
     x = _truth(truths, 0.0)
     P = np.diag(np.tile([1e-4, 1e-4, 1e-4], n))
-    errors, used, rejected = [], 0, 0
+    errors, squares, rejected, nees, covered = [], [], 0, [], []
     for step in range(1, steps + 1):
         span = ((step - 1) * time, step * time)
         speeds = np.array([_held_mean(one, 1, *span) for one in odometry])
@@ -215,13 +266,24 @@ def _by_numpy(
             if round(at / time) == step:
                 gate = gate_threshold(0.99)
                 x, P, nu, variance = update(x, P, observer, target, bearing, 0.1, places, gate)
-                used, rejected = (
-                    (used + 1, rejected) if nu**2 <= gate * variance else (used, rejected + 1)
-                )
+                if nu**2 <= gate * variance:
+                    squares.append(nu**2 / variance)
+                else:
+                    rejected += 1
         error = x - _truth(truths, span[1])
         error[:, 2] = wrap(error[:, 2])
         errors.append(error)
-    return np.array(errors), used, rejected
+        if step % 10 == 0 or step == steps:
+            nees.append(error.ravel() @ np.linalg.solve(P, error.ravel()))
+            covered.append(error**2 <= 9.0 * np.diag(P).reshape(n, 3))
+    return _Found(
+        errors=np.array(errors),
+        used=len(squares),
+        rejected=rejected,
+        covered=np.mean(covered, axis=(0, 2)),
+        nees=float(np.mean(nees)),
+        nis=float(np.mean(squares)),
+    )
 
 
 def _truth(truths: list[np.ndarray], at: float) -> np.ndarray:
@@ -250,12 +312,136 @@ def test_a_gap_of_the_truth_is_told(noisy: Path, tmp_path: Path) -> None:
     path = folder / "Robot2_Groundtruth.dat"
     lines = path.read_text().splitlines()
     path.write_text("\n".join(lines[:1000] + lines[1100:]))
-    replayed = replay(load_log(folder))
-    assert replayed.longest_gap == pytest.approx([0.01, 1.01, 0.01], abs=1e-6)
-    notes = replay_document(replayed).notes
-    assert [note for note in notes if "robot2" in note] == [
+    assert _notes_of(folder, "robot") == [
         "the truth of robot2 has a gap of 1.01 s: its errors there are from a straight line"
     ]
+    assert _notes_of(noisy, "robot") == []
+
+
+def _notes_of(folder: Path, word: str, **options: Any) -> list[str]:
+    notes = replay_document(replay(load_log(folder), **options)).notes
+    return [note for note in notes if word in note]
+
+
+def test_gaps_across_the_ends_of_a_run_count() -> None:
+    recorded = np.array([0.0, 5.0, 6.0, 7.0, 20.0])
+    assert longest_gap(recorded, 2.0, 4.0) == 5.0
+    assert longest_gap(recorded, 2.0, 8.0) == 13.0
+    assert longest_gap(recorded, 5.5, 1.0) == 1.0
+
+
+def _still(*times: float) -> Log:
+    """Two robots that stand still and see nobody."""
+    truth = np.array([[time, 0.0, 0.0, 0.0] for time in times])
+    none = np.zeros(0)
+    robots = [RobotLog(k, truth, truth[:, :3], none, none.astype(int), none) for k in (1, 2)]
+    return Log("still", tuple(robots), none.astype(int), np.zeros((0, 2)))
+
+
+def test_a_whole_number_of_samples_is_not_lost_to_rounding() -> None:
+    assert int(0.3 / 0.1) == 2
+    assert replay(_still(0.0, 0.3), sample_time=0.1).result.steps == 3
+
+
+def test_a_filter_that_diverges_is_no_result(monkeypatch: pytest.MonkeyPatch) -> None:
+    def diverge(course: ekf.Course, readings: ekf.Readings, tally: ekf.Tally) -> None:
+        tally.squares[:] = np.nan
+
+    monkeypatch.setattr(ekf, "filter_lanes", diverge)
+    with pytest.raises(NoSolutionError, match="the filter diverged"):
+        replay(_still(0.0, 1.0))
+
+
+def test_what_of_a_recording_is_not_used_is_told(noisy: Path, tmp_path: Path) -> None:
+    folder = _copy(noisy, tmp_path)
+    path = folder / "Robot3_Odometry.dat"
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:202], *lines[402:602]]))
+    assert _notes_of(folder, "odometry") == [
+        "odometry ends early; from then on they count as standing still: robot3 10.1 s",
+        "the odometry of robot3 has a gap of 10.05 s: its last reading counts meanwhile",
+    ]
+    path.write_text("\n".join(lines[202:]))
+    assert _notes_of(folder, "odometry") == [
+        "odometry begins late; till then they count as standing still: robot3 9.9 s"
+    ]
+    path.write_text("\n".join(lines))
+    path = folder / "Robot1_Groundtruth.dat"
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join(lines[:3002]))
+    assert _notes_of(folder, "truth") == [
+        "the truth of robot1 ends 10.0 s early: that part of the recording is not used"
+    ]
+    replayed = replay(load_log(folder))
+    assert replayed.begin == pytest.approx(CLOCK + 0.1, abs=1e-6)
+    assert replayed.duration == pytest.approx(29.85)
+    path.write_text("\n".join([*lines[:2], *lines[1002:]]))
+    assert _notes_of(folder, "truth") == [
+        "the truth of robot1 begins 10.0 s late: that part of the recording is not used"
+    ]
+
+
+def test_files_of_other_clocks_and_units_are_told(noisy: Path, tmp_path: Path) -> None:
+    folder = _copy(noisy, tmp_path)
+    for k in (1, 2, 3):
+        _change(folder / f"Robot{k}_Measurement.dat", 0, lambda time: time + 5000.0)
+    assert _notes_of(folder, "bearing")[0].startswith("all 1939 bearings")
+    assert "before or after the run: by another clock?" in _notes_of(folder, "bearing")[0]
+    for k in (1, 2, 3):
+        _change(folder / f"Robot{k}_Measurement.dat", 0, lambda time: time - 5000.0)
+        _change(folder / f"Robot{k}_Measurement.dat", 3, np.degrees)
+    rejected, degrees = _notes_of(folder, "bearings", bearing_sigma=0.01)[:2]
+    assert rejected.startswith("the gate rejected")
+    assert degrees.endswith("rad: are they in degrees?")
+    _change(folder / "Robot2_Odometry.dat", 0, lambda time: time + 5000.0)
+    with pytest.raises(InputError, match=r"odometry of robot2 is from 4999.* by another clock\?"):
+        replay(load_log(folder))
+
+
+def _change(path: Path, column: int, new: Callable[[float], float]) -> None:
+    rows = [line.split() for line in path.read_text().splitlines() if not line.startswith("#")]
+    for row in rows:
+        row[column] = repr(float(new(float(row[column]))))
+    path.write_text("\n".join("\t".join(row) for row in rows))
+
+
+def test_files_of_other_editors_are_read(noisy: Path, tmp_path: Path) -> None:
+    folder = _copy(noisy, tmp_path)
+    for path in folder.iterdir():
+        path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes().replace(b"\n", b"\r\n"))
+    assert replay(load_log(folder)).accuracy.overall().position == (
+        replay(load_log(noisy)).accuracy.overall().position
+    )
+
+
+INTERRUPTED = """
+import os, signal, threading, time
+import numpy as np
+from syncplan import ekf
+from syncplan.logs import Log, RobotLog
+from syncplan.replays import replay
+none = np.zeros(0)
+truth = np.array([[0.0, 0.0, 0.0, 0.0], [1000.0, 0.0, 0.0, 0.0]])
+odometry = np.array([[0.0, 1.0, 0.1], [1000.0, 1.0, 0.1]])
+robots = [RobotLog(k, truth, odometry, none, none.astype(int), none) for k in range(1, 191)]
+log = Log("long", tuple(robots), none.astype(int), np.zeros((0, 2)))
+ekf.compile_kernels(190)
+threading.Timer(1.0, os.kill, [os.getpid(), signal.SIGINT]).start()
+began = time.monotonic()
+try:
+    replay(log)
+except KeyboardInterrupt:
+    print(time.monotonic() - began)
+"""
+
+
+def test_an_interrupt_ends_a_long_run_at_once() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED], cwd=ROOT, capture_output=True, text=True, timeout=300
+    )
+    assert done.returncode == 0, done.stderr
+    # on its own it takes most of a minute
+    assert float(done.stdout) < 10.0
 
 
 def test_sigmas_that_are_too_small_are_found_out(noisy: Path) -> None:
@@ -264,6 +450,15 @@ def test_sigmas_that_are_too_small_are_found_out(noisy: Path) -> None:
     assert sure.anees.verdict == "optimistic" != honest.anees.verdict
     assert sure.nis.value > 10.0 > honest.nis.value
     assert any("larger errors than its sigmas say" in note for note in replay_document(sure).notes)
+    wide = replay(load_log(noisy), bearing_sigma=1.0)
+    notes = replay_document(wide).notes
+    assert any("smaller errors than its sigmas say" in note for note in notes)
+    assert any(
+        "bearings scatter less than the filter expects" in note and "less than 1 rad" in note
+        for note in notes
+    )
+    notes = replay_document(sure).notes
+    assert any("bearings scatter more" in note and "more than 0.004 rad" in note for note in notes)
     lost = replay(load_log(noisy), bearing_sigma=0.002, gate_probability=0.5)
     assert any(note.startswith("the gate rejected") for note in replay_document(lost).notes)
 
@@ -272,9 +467,11 @@ def test_what_can_not_be_run_is_refused(noisy: Path, tmp_path: Path) -> None:
     log = load_log(noisy)
     wrong: list[tuple[dict[str, Any], str]] = [
         ({"landmarks": [9]}, "landmarks: no landmark 9; there are 8, 6, 7"),
-        ({"bearing_sigma": 0.0}, "bearing_sigma: 0 rad given; it must be positive"),
-        ({"sample_time": float("nan")}, "sample_time: nan s given; it must be positive"),
-        ({"sample_time": 1e-7}, "sample_time: 39.9 s at a sample time of 1e-07 s makes more than"),
+        ({"landmarks": "67"}, "landmarks: no landmark '6'; there are 8, 6, 7"),
+        ({"bearing_sigma": 0.0}, "bearing_sigma: 0 given; allowed is 1e-06 to 1e+06"),
+        ({"bearing_sigma": 1e200}, "bearing_sigma: 1e+200 given; allowed is 1e-06 to 1e+06"),
+        ({"sample_time": float("nan")}, "sample_time: nan given; allowed is 1e-06 to 1e+06"),
+        ({"sample_time": 1e-6}, "sample_time: 39.9 s at a sample time of 1e-06 s makes more than"),
         ({"sample_time": 100.0}, "recording: the truth of all robots is known together for 39.9"),
         ({"gate_probability": 0.0}, "gate_probability: 0 given; allowed is more than 0, up to 1"),
     ]
@@ -308,6 +505,9 @@ def test_the_command_says_what_the_library_finds(noisy: Path, tmp_path: Path, ru
     assert sum(counts.values()) == sum(len(robot.times) for robot in replayed.log.robots)
     errors = np.array(found["series"]["vehicles"][1]["rms_m"])
     assert np.sqrt(np.mean(errors[1:] ** 2)) == pytest.approx(found["robots"][1]["rms_m"])
+    times = found["series"]["time_s"]
+    assert times[:2] == [0.0, 0.05]
+    assert times[-1] == pytest.approx(found["duration_s"])
     assert {"value", "band", "verdict"} <= set(found["anees"])
 
 
@@ -319,6 +519,12 @@ def test_at_a_terminal_there_is_a_table(noisy: Path, run: Any) -> None:
     assert "recording: a recording of" in out
     assert "robot3" in out
     assert "0 used, 0 rejected by the gate, 21 of unknown barcodes" in " ".join(out.split())
+    shown = next(line.split() for line in out.splitlines() if line.startswith(" robot3"))
+    alone = replay(load_log(noisy), landmarks=[], meetings=False).accuracy
+    assert shown[1:6] == [
+        f"{figure[2]:.3f}"
+        for figure in (alone.x, alone.y, alone.position, alone.late_position, alone.heading)
+    ]
     assert "this is odometry alone" in out
 
 
@@ -328,7 +534,7 @@ def test_at_a_terminal_there_is_a_table(noisy: Path, run: Any) -> None:
         (["--landmarks", "six"], "--landmarks: 'six': must be all, none or numbers"),
         (["--landmarks", "6,99"], "--landmarks: no landmark 99; there are 8, 6, 7"),
         (["--gate", "2"], "--gate: 2 given"),
-        (["--sample-time-s", "0"], "--sample-time-s: 0 s given"),
+        (["--sample-time-s", "0"], "--sample-time-s: 0 given"),
     ],
 )
 def test_options_that_can_not_be_are_refused(
@@ -337,6 +543,43 @@ def test_options_that_can_not_be_are_refused(
     status, out, err = run("replay", str(noisy), *options)
     assert (status, out, err.count("\n")) == (2, "", 1)
     assert told in err
+
+
+def test_every_option_reaches_the_filter(noisy: Path, run: Any) -> None:
+    options = {
+        "--bearing-sigma-rad": "0.11",
+        "--speed-sigma-mps": "0.33",
+        "--turn-rate-sigma-rad-s": "0.07",
+        "--sample-time-s": "0.08",
+        "--gate": "0.98",
+        "--landmarks": "8",
+    }
+    status, out, err = run(
+        "replay", str(noisy), "--no-meetings", *(word for pair in options.items() for word in pair)
+    )
+    assert status == 0
+    replayed = replay(
+        load_log(noisy),
+        landmarks=np.array([8]),
+        meetings=False,
+        bearing_sigma=0.11,
+        noise=Noise(0.33, 0.07, 0.01, 0.01),
+        sample_time=0.08,
+        gate_probability=0.98,
+    )
+    found = json.loads(out)
+    assert found == json.loads(json.dumps(replay_document(replayed).as_json()))
+    assert found["filter"] == {
+        "bearing_sigma_rad": 0.11,
+        "speed_sigma_mps": 0.33,
+        "turn_rate_sigma_rad_s": 0.07,
+        "position_sigma_m": 0.01,
+        "heading_sigma_rad": 0.01,
+        "sample_time_s": 0.08,
+        "gate_probability": 0.98,
+    }
+    assert (found["landmarks"], found["meetings"]) == ([8], False)
+    assert [line.partition(": ")[2] for line in err.splitlines()] == found["notes"]
 
 
 def test_a_recording_is_never_written_over(noisy: Path, run: Any) -> None:

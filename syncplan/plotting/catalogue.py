@@ -69,7 +69,7 @@ ENTRIES: Mapping[str, Entry] = {
     ),
     "accuracy": Entry(
         "Error found",
-        "RMS position errors of the filter over all trials, beside the predicted ones if known.",
+        "RMS position errors of the filter, beside the predicted ones where these are known.",
     ),
     "errors": Entry(
         "Errors over time",
