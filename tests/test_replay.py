@@ -426,6 +426,8 @@ odometry = np.array([[0.0, 1.0, 0.1], [1000.0, 1.0, 0.1]])
 robots = [RobotLog(k, truth, odometry, none, none.astype(int), none) for k in range(1, 191)]
 log = Log("long", tuple(robots), none.astype(int), np.zeros((0, 2)))
 ekf.compile_kernels(190)
+# a parent in the background has its children ignore interrupts
+signal.signal(signal.SIGINT, signal.default_int_handler)
 threading.Timer(1.0, os.kill, [os.getpid(), signal.SIGINT]).start()
 began = time.monotonic()
 try:
