@@ -323,7 +323,16 @@ class Series(_Part):
     vehicles: list[VehicleSeries]
 
 
-class ValidationDocument(_Part):
+class _RunReport(_Part):
+    """A report of a run, which may hold `series`."""
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the report as JSON values, without `series` where it was not asked for."""
+        left_out = {"series"} if getattr(self, "series", None) is None else set()
+        return self.model_dump(mode="json", exclude=left_out)
+
+
+class ValidationDocument(_RunReport):
     """A Monte Carlo run of the filter on a plan."""
 
     version: str
@@ -339,11 +348,6 @@ class ValidationDocument(_Part):
     nis: Spread
     series: Series | None = None
     notes: list[str]
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the report as JSON values, without `series` where it was not asked for."""
-        left_out = {"series"} if self.series is None else set()
-        return self.model_dump(mode="json", exclude=left_out)
 
     @property
     def run(self) -> str:
@@ -379,7 +383,7 @@ class ReadingCounts(_Part):
     outside: int = Field(description="Asked for, but from before or after the run")
 
 
-class ReplayDocument(_Part):
+class ReplayDocument(_RunReport):
     """The filter on a recording of real robots, beside where they truly were."""
 
     version: str
@@ -398,11 +402,6 @@ class ReplayDocument(_Part):
     readings: ReadingCounts
     series: Series | None = None
     notes: list[str]
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the report as JSON values, without `series` where it was not asked for."""
-        left_out = {"series"} if self.series is None else set()
-        return self.model_dump(mode="json", exclude=left_out)
 
     @property
     def run(self) -> str:

@@ -11,17 +11,13 @@ them, one module a figure. All take `theme`, "light" or "dark"; backgrounds are 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from syncplan.document import ReplayDocument, SweepReport, ValidationDocument
+from syncplan.document import SweepReport
 from syncplan.errors import InputError
 from syncplan.planner import Plan
 from syncplan.plotting.canvas import Spec
-from syncplan.plotting.catalogue import Subject, specs_of
+from syncplan.plotting.catalogue import Run, Subject, report_of, specs_of
 from syncplan.plotting.errors import errors_spec
 from syncplan.plotting.palette import Theme, themed
-from syncplan.replay_report import replay_document
-from syncplan.replays import Replay
-from syncplan.validation import Validation
-from syncplan.validation_report import validation_document
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -42,8 +38,6 @@ __all__ = [
     "sweep_curves",
     "timeline",
 ]
-
-Report = Validation | ValidationDocument | Replay | ReplayDocument
 
 
 def formation(plan: Plan, *, theme: Theme = "light") -> Figure:
@@ -81,28 +75,23 @@ def comparison(before: Plan, after: Plan, *, theme: Theme = "light") -> Figure:
     return _figure(specs_of(before, ["comparison"], theme=theme, after=after)["comparison"])
 
 
-def accuracy(report: Report, *, theme: Theme = "light") -> Figure:
+def accuracy(report: Run, *, theme: Theme = "light") -> Figure:
     """Return the RMS position errors found, beside the predicted ones if known, in m."""
     return _one(report, "accuracy", theme)
 
 
 def error_bands(
-    report: Report, vehicles: Sequence[str] | None = None, *, theme: Theme = "light"
+    report: Run, vehicles: Sequence[str] | None = None, *, theme: Theme = "light"
 ) -> Figure:
     """Return errors over time in the filter's own 3-sigma band, for the vehicles named.
 
     If none are: for all, or of a large team those with the largest errors. Raises InputError for
     a report without series, or an unknown vehicle.
     """
-    document: ValidationDocument | ReplayDocument
-    if isinstance(report, Replay | ReplayDocument):
-        document = replay_document(report) if isinstance(report, Replay) else report
-    else:
-        document = validation_document(report) if isinstance(report, Validation) else report
-    return _figure(themed(errors_spec(document, vehicles), theme))
+    return _figure(themed(errors_spec(report_of(report), vehicles), theme))
 
 
-def consistency(report: Report, *, theme: Theme = "light") -> Figure:
+def consistency(report: Run, *, theme: Theme = "light") -> Figure:
     """Return ANEES and NIS in their bands, and the coverage of each vehicle."""
     return _one(report, "consistency", theme)
 

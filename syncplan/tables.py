@@ -64,8 +64,9 @@ def show_plan(document: PlanDocument, console: Console) -> None:
 
 def show_validation(report: ValidationDocument, console: Console) -> None:
     """Print a Monte Carlo report."""
-    run = f"{report.trials} trials of {report.duration_s:g} s, seed {report.seed}"
-    console.print(f"[bold]{escape(report.name or 'plan')}[/]: {run}, {report.filter.model} filter")
+    console.print(
+        f"[bold]{escape(report.name or 'plan')}[/]: {report.run}, {report.filter.model} filter"
+    )
     table = _table(
         "RMS error in m over the run, and over its second half",
         ("vehicle", "x", "y", "position", "2nd half", "bound", "ratio", "3 sigma"),

@@ -23,9 +23,10 @@ from syncplan.replays import Replay
 from syncplan.validation import Validation
 from syncplan.validation_report import validation_document
 
-__all__ = ["ENTRIES", "Entry", "Subject", "makers", "specs_of"]
+__all__ = ["ENTRIES", "Entry", "Run", "Subject", "makers", "report_of", "specs_of"]
 
-Subject = Plan | Validation | ValidationDocument | SweepReport | Replay | ReplayDocument
+Run = Validation | ValidationDocument | Replay | ReplayDocument
+Subject = Plan | SweepReport | Run
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,19 +124,20 @@ def specs_of(
     return {name: themed(known[name](), theme) for name in names or known}
 
 
-def _of_run(
-    subject: Validation | ValidationDocument | Replay | ReplayDocument,
-) -> dict[str, Callable[[], Spec]]:
-    report: ValidationDocument | ReplayDocument
-    found: dict[str, Callable[[], Spec]] = {}
-    if isinstance(subject, Replay | ReplayDocument):
-        replayed = replay_document(subject) if isinstance(subject, Replay) else subject
-        found["accuracy"] = lambda: replay_spec(replayed)
-        report = replayed
-    else:
-        validated = validation_document(subject) if isinstance(subject, Validation) else subject
-        found["accuracy"] = lambda: accuracy_spec(validated)
-        report = validated
+def report_of(run: Run) -> ValidationDocument | ReplayDocument:
+    """Return the report of a run of the filter, which may be that already."""
+    if isinstance(run, Validation):
+        return validation_document(run)
+    return replay_document(run) if isinstance(run, Replay) else run
+
+
+def _of_run(subject: Run) -> dict[str, Callable[[], Spec]]:
+    report = report_of(subject)
+    found: dict[str, Callable[[], Spec]] = {
+        "accuracy": lambda: (
+            replay_spec(report) if isinstance(report, ReplayDocument) else accuracy_spec(report)
+        )
+    }
     if report.series is not None:
         found["errors"] = lambda: errors_spec(report)
     return {**found, "consistency": lambda: consistency_spec(report)}
