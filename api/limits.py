@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from syncplan.errors import InputError
-from syncplan.scenario import Scenario
+from syncplan.scenario.specification import Scenario
 
 __all__ = ["Limits", "check_at_most", "check_size", "check_trials"]
 

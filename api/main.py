@@ -18,7 +18,7 @@ from api.security import Keyring
 from api.service import Ending, Service, limits_of
 from api.settings import Settings, load_settings
 from api.storage.database import open_database
-from api.storage.work import count_by_state
+from api.storage.job_queries import count_by_state
 from api.telemetry import telemetry_options
 from syncplan import __version__
 

@@ -1,8 +1,8 @@
 """The OpenAPI document: what FastAPI can't know of bodies and headers, and worked examples.
 
 Bodies are read as they come and checked in child processes, so FastAPI sees no model of them. The
-examples are answers of the real service, kept as data; `python -m tests.record_examples` renews
-them.
+examples are answers of the real service, kept as data; `python -m tests.tools.record_examples`
+renews them.
 """
 
 import json
@@ -14,7 +14,6 @@ from fastapi import FastAPI
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
-from api.answers import JobEvent
 from api.operations import (
     ANSWERS,
     BODIES,
@@ -26,7 +25,8 @@ from api.operations import (
     Body,
 )
 from api.problems import problem_responses
-from api.problems.openapi import REFERENCE
+from api.problems.openapi_problems import REFERENCE
+from api.responses import JobEvent
 from api.settings import Settings
 
 __all__ = ["document_operations", "operations"]

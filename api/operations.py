@@ -5,11 +5,11 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from api.answers import StoredPlan
 from api.requests import RefinementRequest, SweepRequest, ValidationRequest
-from syncplan.document import SweepReport, ValidationDocument
-from syncplan.planfile import PlanFile
-from syncplan.scenario import Scenario
+from api.responses import StoredPlan
+from syncplan.planning.plan_files import PlanFile
+from syncplan.reports.schemas import SweepReport, ValidationDocument
+from syncplan.scenario.specification import Scenario
 
 __all__ = ["ANSWERS", "BODIES", "FOLLOWING", "HEADERS", "REQUEST_ID", "RESULTS", "SENT", "Body"]
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from uvicorn.protocols.http.httptools_impl import STATUS_LINE, HttpToolsProtocol
 
-from api.problems.document import MEDIA_TYPE, Problem, title_of
+from api.problems.problem_document import MEDIA_TYPE, Problem, title_of
 
 __all__ = ["LARGEST_HEAD_BYTES", "HttpProtocol"]
 

@@ -10,15 +10,15 @@ from pydantic_core import CoreSchema
 
 from api.limits import Limits, check_at_most, check_size, check_trials
 from syncplan.errors import InputError
-from syncplan.loading import scenario_from
-from syncplan.planfile import Loaded
-from syncplan.portions import Many
-from syncplan.quantities import Section, fault
-from syncplan.refine_options import Bounds, Objective, Variable
-from syncplan.refinement import options_for
-from syncplan.scenario import Scenario
-from syncplan.sweeps import varied
-from syncplan.validation import check_duration
+from syncplan.planning.plan_files import Loaded
+from syncplan.planning.sweeps import varied
+from syncplan.planning.validation import check_duration
+from syncplan.refinement.refiner import options_for
+from syncplan.scenario.chunked_validation import Many
+from syncplan.scenario.loading import scenario_from
+from syncplan.scenario.quantities import Section, fault
+from syncplan.scenario.refine_options import Bounds, Objective, Variable
+from syncplan.scenario.specification import Scenario
 
 __all__ = ["REQUESTS", "RefinementRequest", "SweepRequest", "ValidationRequest"]
 
@@ -31,7 +31,7 @@ _SWEPT = {
     "radius_m": "radius",
     "spacing_m": "spacing",
 }
-"""What a sweep may vary, with its name in syncplan.sweeps."""
+"""What a sweep may vary, with its name in syncplan.planning.sweeps."""
 
 
 class _Trials(Section):
@@ -85,7 +85,7 @@ class ValidationRequest(_Trials):
         return self.trials
 
     def run_options(self) -> dict[str, Any]:
-        """Return the arguments of syncplan.validation.trial_run."""
+        """Return the arguments of syncplan.planning.validation.trial_run."""
         return {
             "trials": self.trials,
             "seed": self.seed,
@@ -160,12 +160,12 @@ class SweepRequest(_Trials):
         return rows * self.trials
 
     def swept(self) -> tuple[str, list[float]]:
-        """Return the name of what is swept, as syncplan.sweeps knows it, and its values."""
+        """Return what is swept, as syncplan.planning.sweeps names it, and its values."""
         key = self._key()
         return _SWEPT[key], getattr(self, key)
 
     def run_options(self) -> dict[str, Any]:
-        """Return the arguments of syncplan.validation.trial_run."""
+        """Return the arguments of syncplan.planning.validation.trial_run."""
         return {"trials": self.trials, "seed": self.seed, "duration": self.duration_s}
 
     def _key(self) -> str:
@@ -220,7 +220,7 @@ class RefinementRequest(Section):
         return self.model_copy(update={"time_limit_s": limits.refine_s})
 
     def changes(self) -> dict[str, Any]:
-        """Return the options that are given, as syncplan.refinement.refine takes them."""
+        """Return the options that are given, as syncplan.refinement.refiner.refine takes them."""
         return self.model_dump(exclude_none=True)
 
 

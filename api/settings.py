@@ -13,8 +13,8 @@ from sqlalchemy.engine import URL, make_url
 from sqlalchemy.exc import ArgumentError
 
 from api.keys import ApiKey, check_keys, parsed_keys
-from syncplan.cores import usable_cores
 from syncplan.errors import InputError
+from syncplan.runtime.cores import usable_cores
 
 __all__ = ["ApiKey", "Settings", "load_settings"]
 

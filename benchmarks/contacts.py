@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks import Figure, print_figures
-from syncplan.contacts import Sensors, Windows, find_windows, reachable_pairs
-from syncplan.orbits import Orbits, heading, position
+from syncplan.orbits.circles import Orbits, heading, position
+from syncplan.orbits.contacts import Sensors, Windows, find_windows, reachable_pairs
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

@@ -31,7 +31,7 @@ WHOLE = "command"
 def _alone(path: Path, repeats: int) -> dict[str, float]:
     """Fastest seconds of each format in this process, the first run of each left out."""
     import syncplan
-    from syncplan.exports import ALL, FORMATS, export
+    from syncplan.exporting.formats import ALL, FORMATS, export
 
     plan = syncplan.plan(syncplan.load_scenario(path))
     result = {}

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from time import perf_counter
 
 from benchmarks import Figure, print_figures
-from syncplan.loading import scenario_from
-from syncplan.planner import Plan, plan
+from syncplan.planning.planner import Plan, plan
 from syncplan.plotting.catalogue import specs_of
-from syncplan.plotting.page import figure_page
+from syncplan.plotting.html_page import figure_page
+from syncplan.scenario.loading import scenario_from
 
 __all__ = ["Timings", "figures", "main"]
 

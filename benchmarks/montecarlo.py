@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from syncplan import ekf
-from syncplan.contacts import Sensors, find_windows
-from syncplan.montecarlo import run_trials
-from syncplan.noise import Noise
-from syncplan.orbits import Orbits, heading, position, wrap
-from syncplan.sightings import Sightings, sample_sightings
+from syncplan.estimation import batched_filter
+from syncplan.estimation.montecarlo import run_trials
+from syncplan.orbits.circles import Orbits, heading, position, wrap
+from syncplan.orbits.contacts import Sensors, find_windows
+from syncplan.orbits.noise import Noise
+from syncplan.orbits.sightings import Sightings, sample_sightings
 
 Array = NDArray[np.float64]
 Scene = tuple[Orbits, Array, Sensors, Noise, Sightings, int]
@@ -104,7 +104,7 @@ def _away(x: Array, observer: int, target: int, landmarks: Array) -> Array:
 
 
 def filterpy_trial(scene: Scene, trial: int) -> Array:
-    """Return the final error (n, 3) of one trial, drawn as `syncplan.montecarlo` draws it."""
+    """Return the final error (n, 3) of one trial, drawn as by syncplan.estimation.montecarlo."""
     orbits, landmarks, sensors, noise, sightings, steps = scene
     n, times = orbits.count, np.arange(steps + 1) * sensors.sample_time
     random = np.random.Generator(np.random.PCG64(np.random.SeedSequence(SEED, spawn_key=(trial,))))
@@ -137,7 +137,7 @@ def _difference(a: Array, b: Array) -> Array:
 def main(trials: int = 1000, filterpy_trials: int = 3) -> dict[str, float]:
     """Return seconds per trial of both, their ratio, and how far their final errors differ."""
     scene = paper_grid_same()
-    if not ekf.kernels_are_compiled(scene[0].count):
+    if not batched_filter.kernels_are_compiled(scene[0].count):
         print("compiling the filter's kernels, once", file=sys.stderr)
     compiled = run_trials(*scene, filterpy_trials, SEED)
     begin = time.perf_counter()

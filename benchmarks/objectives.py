@@ -14,11 +14,11 @@ from typing import get_args
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from syncplan.loading import load_scenario
-from syncplan.planner import Plan, plan
-from syncplan.refine_options import Objective
-from syncplan.refinement import refine
-from syncplan.validation import validate
+from syncplan.planning.planner import Plan, plan
+from syncplan.planning.validation import validate
+from syncplan.refinement.refiner import refine
+from syncplan.scenario.loading import load_scenario
+from syncplan.scenario.refine_options import Objective
 
 EXAMPLES = (
     "paper-grid-same",

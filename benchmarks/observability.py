@@ -34,10 +34,10 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks import Figure, print_figures
-from syncplan.contacts import Sensors, find_windows
-from syncplan.observability import RANK_TOLERANCE, assess, link_information
-from syncplan.orbits import Orbits, heading, position, wrap
-from syncplan.sightings import Sightings, sample_sightings
+from syncplan.observability.rank import RANK_TOLERANCE, assess, link_information
+from syncplan.orbits.circles import Orbits, heading, position, wrap
+from syncplan.orbits.contacts import Sensors, find_windows
+from syncplan.orbits.sightings import Sightings, sample_sightings
 
 Array = NDArray[np.float64]
 

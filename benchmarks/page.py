@@ -19,8 +19,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from playwright.sync_api import Browser, Page
 
 from benchmarks import Figure, print_figures
-from tests.browsing import DESKTOP, chromium
-from tests.serving import Server, running
+from tests.tools.browsing import DESKTOP, chromium
+from tests.tools.serving import Server, running
 
 LOADS = 5
 STEPS = 60

@@ -29,15 +29,15 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks import Figure, print_figures
 from benchmarks.vectorised_team import VectorisedTeam
-from syncplan.blas import single_threaded_blas
-from syncplan.loading import scenario_from
-from syncplan.planner import plan
-from syncplan.refinement import options_for
-from syncplan.refining.measures import Measurement, measure
-from syncplan.refining.posing import problem_of
-from syncplan.refining.problem import RefineProblem, circles_of, orbits_of
-from syncplan.refining.program import Stage, program_of, stages_of
-from syncplan.refining.solver import StagedSolver
+from syncplan.planning.planner import plan
+from syncplan.refinement.ipopt import StagedSolver
+from syncplan.refinement.measures import Measurement, measure
+from syncplan.refinement.nlp import Stage, program_of, stages_of
+from syncplan.refinement.problem import RefineProblem, circles_of, orbits_of
+from syncplan.refinement.problem_setup import problem_of
+from syncplan.refinement.refiner import options_for
+from syncplan.runtime.blas import single_threaded_blas
+from syncplan.scenario.loading import scenario_from
 
 Array = NDArray[np.float64]
 

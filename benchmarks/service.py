@@ -23,10 +23,10 @@ import numpy as np
 
 import syncplan
 from benchmarks import Figure, print_figures
-from syncplan.output import as_text
-from syncplan.validation_report import validation_document
-from tests.scenarios import example
-from tests.serving import Server, running
+from syncplan.reports.validation_report import validation_document
+from syncplan.runtime.files import as_text
+from tests.tools.scenarios import example
+from tests.tools.serving import Server, running
 
 GRID = "paper-grid-alternate"
 LOAD_S = 10.0

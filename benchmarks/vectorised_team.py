@@ -1,9 +1,9 @@
 """One stage of a refinement for `logdet` as NumPy arrays: what SciPy's solvers are given.
 
-The same variables, weights and constraints as syncplan.refining.program has, written for speed in
+The same variables, weights and constraints as syncplan.refinement.nlp has, written for speed in
 NumPy: all pairs and samples at once, landmarks among them as bodies that stand still and see
 nothing. With v = (t_y, -t_x, t.g_a, t.g_b, 1) of a pair at a sample (notation of
-syncplan.refining.smooth_sightings), both rows of a mutual sighting are linear in v, so the
+syncplan.refinement.smooth_sightings), both rows of a mutual sighting are linear in v, so the
 information of a pair comes from its 5 x 5 sums of w v v^T: one batched matrix product. A fixed
 sparse matrix then adds all of them into the team's.
 """
@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.special import expit, logsumexp
 
-from syncplan.observability import NEAREST
-from syncplan.refining.problem import RefineProblem
-from syncplan.refining.program import CONTACT_SAMPLES, Stage
-from syncplan.refining.sample_times import samples_of
-from syncplan.refining.smooth_team import sighted_pairs
+from syncplan.observability.rank import NEAREST
+from syncplan.refinement.nlp import CONTACT_SAMPLES, Stage
+from syncplan.refinement.problem import RefineProblem
+from syncplan.refinement.sample_times import samples_of
+from syncplan.refinement.smooth_team import sighted_pairs
 
 __all__ = ["VectorisedTeam"]
 
@@ -56,7 +56,7 @@ _SEEN_BY_B = np.array(
 
 @dataclass(frozen=True, slots=True)
 class VectorisedTeam:
-    """A problem at one stage; variables as those of syncplan.refining.program, without extra ones.
+    """A problem at one stage; variables as those of syncplan.refinement.nlp, without extra ones.
 
     Attributes
     ----------

@@ -10,7 +10,7 @@ links of one direction meet at the same time.
 from dataclasses import dataclass
 
 import syncplan
-from syncplan.loading import scenario_from
+from syncplan.scenario.loading import scenario_from
 
 LANDMARKS = [[-40.0, 0.0], [-40.0, 20.0], [-30.0, -30.0]]
 RING = {"shape": "ring", "count": 6, "spacing_m": 70.0}

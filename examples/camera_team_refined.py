@@ -8,7 +8,7 @@ vehicles can fly; every meeting is kept.
 from pathlib import Path
 
 import syncplan
-from syncplan.loading import scenario_from
+from syncplan.scenario.loading import scenario_from
 
 SCENARIO = Path(__file__).parent / "scenarios" / "mixed-radii-camera.yaml"
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import syncplan
-from syncplan.loading import scenario_from
+from syncplan.scenario.loading import scenario_from
 
 SCENARIO = Path(__file__).parent / "scenarios" / "paper-grid-alternate.yaml"
 DESYNC_RAD = 0.2

@@ -6,8 +6,8 @@ The convex relaxation bounds what any pair can reach, and search proves the choi
 from pathlib import Path
 
 import syncplan
-from syncplan.landmark_sites import SiteChoice, choose_sites
-from syncplan.loading import scenario_from
+from syncplan.landmarks.site_choice import SiteChoice, choose_sites
+from syncplan.scenario.loading import scenario_from
 
 SCENARIO = Path(__file__).parent / "scenarios" / "paper-grid-same.yaml"
 SITES = {

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import syncplan
-from syncplan.loading import scenario_from
+from syncplan.scenario.loading import scenario_from
 
 SCENARIO = Path(__file__).parent / "scenarios" / "paper-grid-same.yaml"
 STUCK_M = 1.0

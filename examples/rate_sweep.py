@@ -9,7 +9,7 @@ comparison: the rank and the log-determinant per period do not rise with the rat
 from pathlib import Path
 
 import syncplan
-from syncplan.sweeps import SweepRow
+from syncplan.planning.sweeps import SweepRow
 
 SCENARIO = Path(__file__).parent / "scenarios" / "paper-grid-same.yaml"
 RATES = (0.2, 0.4, 0.6, 0.8, 1.0)

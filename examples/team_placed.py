@@ -5,7 +5,7 @@ building; `plan` finds phases for them, `refine` makes the most of the room ther
 """
 
 import syncplan
-from syncplan.loading import scenario_from
+from syncplan.scenario.loading import scenario_from
 
 SCENARIO = {
     "name": "courtyard",

@@ -29,34 +29,24 @@ symbols in bodies:
     P          covariance of the error of (x, y, psi) of all vehicles
     Phi        transition of errors from one time to another
 
-Modules, each using only those before it
-----------------------------------------
-    errors, formation, areas, quantities,     what the user says, checked
-    georeference, refine_options, checks,
-    sections, scenario, loading, candidates
-    blas, cores, children                     threads, cores, child processes
-    orbits, trigpoly, contacts, separation    circles, exact contact windows, least distances
-    sightings, noise, graph                   samples, sigmas, who sees whom
-    rules, slack, relaxation, senses, sync    phases and senses
-    placing.*, placement                      centres, from links or from a gap
-    observability, certificate, motions       rank, why it holds, what is lost
-    connectivity, bounds, meetings            how often, how well, each pair
-    arcs, ekf, consistency                    the filter, and whether it is honest
-    trials, montecarlo, parts                 many runs of it
-    logs, replays                             a run on real robots' readings
-    refining.*                                a smooth copy for the solver, exact measures
-    planner, refinement                       the chain: plan, judge, refine
-    siting.*, landmark_sites                  which landmark sites tell most
-    validation, sweeps                        a plan flown, many plans compared
-    document, *_report                        contracts
-    planfile, output                          files
-    plotting.*, figures                       what is drawn: plain values; Plotly's figures
-    exporting.*, exports                      other programs' formats
-    remote, client                            the same, computed by a service
-    streams, tables, arguments,               the command line
-    plan_commands, run_commands,
-    plot_commands, export_commands,
-    service_commands, cli
+Packages, each using only those before it; each says what its modules are
+-------------------------------------------------------------------------
+    errors            the errors raised on purpose
+    runtime           cores and threads, child processes, files written whole
+    scenario          what the user says, read and checked
+    orbits            circles, contact windows, least distances, sightings
+    synchronisation   senses and phases
+    placement         centres, from links or from a gap
+    observability     rank, certificate, unobservable modes
+    estimation        bounds, the filter, Monte Carlo, recordings
+    planning          plan, judge, validate, sweep
+    refinement        the best plan near a plan
+    landmarks         choice of landmark sites
+    reports           JSON documents
+    plotting          figures
+    exporting         other programs' formats
+    client            the same, computed by a service
+    cli               the command line
 
 References
 ----------
@@ -91,42 +81,45 @@ __all__ = [
 __version__ = "0.1.0"
 
 _HOME = {
-    "Client": "client",
+    "Client": "client.service_client",
     "InputError": "errors",
     "NoSolutionError": "errors",
-    "Plan": "planner",
-    "Replay": "replays",
-    "Scenario": "scenario",
+    "Plan": "planning.planner",
+    "Replay": "estimation.replays",
+    "Scenario": "scenario.specification",
     "SyncplanError": "errors",
-    "Validation": "validation",
-    "export": "exports",
-    "load_log": "logs",
-    "load_scenario": "loading",
-    "place": "placement",
-    "plan": "planner",
-    "refine": "refinement",
-    "replay": "replays",
-    "sweep": "sweeps",
-    "validate": "validation",
+    "Validation": "planning.validation",
+    "export": "exporting.formats",
+    "load_log": "estimation.mrclam",
+    "load_scenario": "scenario.loading",
+    "place": "placement.centers",
+    "plan": "planning.planner",
+    "refine": "refinement.refiner",
+    "replay": "estimation.replays",
+    "sweep": "planning.sweeps",
+    "validate": "planning.validation",
 }
+_MODULES = {"figures": "plotting.plotly_figures"}
 
 if TYPE_CHECKING:
-    from syncplan.client import Client
+    from syncplan.client.service_client import Client
     from syncplan.errors import InputError, NoSolutionError, SyncplanError
-    from syncplan.exports import export
-    from syncplan.loading import load_scenario
-    from syncplan.logs import load_log
-    from syncplan.placement import place
-    from syncplan.planner import Plan, plan
-    from syncplan.refinement import refine
-    from syncplan.replays import Replay, replay
-    from syncplan.scenario import Scenario
-    from syncplan.sweeps import sweep
-    from syncplan.validation import Validation, validate
+    from syncplan.estimation.mrclam import load_log
+    from syncplan.estimation.replays import Replay, replay
+    from syncplan.exporting.formats import export
+    from syncplan.placement.centers import place
+    from syncplan.planning.planner import Plan, plan
+    from syncplan.planning.sweeps import sweep
+    from syncplan.planning.validation import Validation, validate
+    from syncplan.refinement.refiner import refine
+    from syncplan.scenario.loading import load_scenario
+    from syncplan.scenario.specification import Scenario
 
 
 def __getattr__(name: str) -> Any:
     """Load a public name where it is first used, so that importing syncplan costs nothing."""
+    if name in _MODULES:
+        return import_module(f"syncplan.{_MODULES[name]}")
     if name not in _HOME:
         raise AttributeError(f"module 'syncplan' has no attribute {name!r}")
     return getattr(import_module(f"syncplan.{_HOME[name]}"), name)

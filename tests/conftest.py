@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from syncplan import cli
+from syncplan.cli import command_line
 
 
 @pytest.fixture
@@ -13,7 +13,7 @@ def run(capsys: pytest.CaptureFixture[str]) -> Any:
 
     def call(*arguments: str) -> tuple[int, str, str]:
         with pytest.raises(SystemExit) as stopped:
-            cli.main(list(arguments))
+            command_line.main(list(arguments))
         out, err = capsys.readouterr()
         assert isinstance(stopped.value.code, int)
         return stopped.value.code, out, err

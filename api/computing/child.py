@@ -9,8 +9,8 @@ from collections.abc import Callable
 from typing import Any
 
 from api.computing import renditions, tasks
-from syncplan.children import ChildProcess, connect_to_parent
 from syncplan.errors import Fault, InputError, NoSolutionError
+from syncplan.runtime.child_processes import ChildProcess, connect_to_parent
 
 __all__ = ["Child", "ChildGoneError", "TaskFailedError", "TooSlowError", "serve"]
 

@@ -4,10 +4,10 @@ from typing import TYPE_CHECKING, Literal
 
 from api.limits import Limits, check_size
 from syncplan.errors import InputError
-from syncplan.loading import decoded, parse_document
+from syncplan.scenario.loading import decoded, parse_document
 
 if TYPE_CHECKING:
-    from syncplan.planfile import Loaded
+    from syncplan.planning.plan_files import Loaded
 
 __all__ = ["Syntax", "loaded_body", "loaded_plan"]
 
@@ -19,7 +19,7 @@ def loaded_body(body: bytes, syntax: Syntax, limits: Limits) -> "Loaded":
 
     Raises InputError, also for what is beyond the limits.
     """
-    from syncplan.planfile import loaded_from
+    from syncplan.planning.plan_files import loaded_from
 
     document = parse_document(decoded(body, ""), "", syntax)
     loaded = loaded_from(document, max_vehicles=limits.vehicles)
@@ -32,6 +32,6 @@ def loaded_body(body: bytes, syntax: Syntax, limits: Limits) -> "Loaded":
 
 def loaded_plan(text: str) -> "Loaded":
     """Return the scenario and the orbits of a stored plan."""
-    from syncplan.planfile import loaded_from
+    from syncplan.planning.plan_files import loaded_from
 
     return loaded_from(parse_document(text, "", "json"))

@@ -9,7 +9,7 @@ from api.computing.inputs import Syntax, loaded_body, loaded_plan
 from api.limits import Limits
 
 if TYPE_CHECKING:
-    from syncplan.planner import Plan
+    from syncplan.planning.planner import Plan
     from syncplan.plotting.palette import Theme
 
 __all__ = ["exported", "plan_figure", "previewed", "ready", "report_figure"]
@@ -24,9 +24,9 @@ def previewed(
     body: bytes, syntax: Syntax, limits: Limits, quick: bool, names: Sequence[str], theme: "Theme"
 ) -> str:
     """Return a plan as made_plan makes it with figures of it, as JSON; raises as that does."""
-    from syncplan.plan_report import plan_document
-    from syncplan.planfile import plan_of
+    from syncplan.planning.plan_files import plan_of
     from syncplan.plotting.catalogue import specs_of
+    from syncplan.reports.plan_report import plan_document
 
     made = plan_of(loaded_body(body, syntax, limits), margin_bound=not quick)
     specs = specs_of(made, names, theme=theme) if names else {}
@@ -38,8 +38,8 @@ def plan_figure(text: str, name: str, theme: "Theme", parent_text: str | None) -
 
     With its parent's text, `comparison` shows the parent beside it.
     """
-    from syncplan.document import RefinementResult
     from syncplan.plotting.catalogue import specs_of
+    from syncplan.reports.schemas import RefinementResult
 
     if name == "comparison" and parent_text is not None:
         specs = specs_of(_judged(parent_text), [name], theme=theme, after=_judged(text))
@@ -51,8 +51,8 @@ def plan_figure(text: str, name: str, theme: "Theme", parent_text: str | None) -
 
 def report_figure(text: str, kind: str, name: str, theme: "Theme") -> str:
     """Return a figure of the report of a validation or a sweep as JSON; raises InputError."""
-    from syncplan.document import SweepReport, ValidationDocument
     from syncplan.plotting.catalogue import specs_of
+    from syncplan.reports.schemas import SweepReport, ValidationDocument
 
     model = SweepReport if kind == "sweep" else ValidationDocument
     return _compact(specs_of(model.model_validate_json(text), [name], theme=theme)[name])
@@ -60,7 +60,7 @@ def report_figure(text: str, kind: str, name: str, theme: "Theme") -> str:
 
 def exported(text: str, name: str, options: Mapping[str, Any]) -> tuple[bytes, tuple[str, ...]]:
     """Return the files of an export of a plan, zipped, and its notes; raises InputError."""
-    from syncplan.exports import ExportOptions, as_archive, export
+    from syncplan.exporting.formats import ExportOptions, as_archive, export
 
     made = export(_judged(text), name, ExportOptions(**options))
     return as_archive(made), made.notes
@@ -68,7 +68,7 @@ def exported(text: str, name: str, options: Mapping[str, Any]) -> tuple[bytes, t
 
 @lru_cache(maxsize=4)
 def _judged(text: str) -> "Plan":
-    from syncplan.planfile import plan_of
+    from syncplan.planning.plan_files import plan_of
 
     return plan_of(loaded_plan(text))
 

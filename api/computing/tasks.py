@@ -13,9 +13,9 @@ from typing import Any, Literal
 from api.computing.inputs import Syntax, loaded_body, loaded_plan
 from api.limits import Limits
 from api.requests import REQUESTS, RefinementRequest, SweepRequest, ValidationRequest
-from syncplan.loading import decoded, parse_document, scenario_from
-from syncplan.trials import CHUNK_TRIALS
-from syncplan.validation import TrialRun
+from syncplan.estimation.trials import CHUNK_TRIALS
+from syncplan.planning.validation import TrialRun
+from syncplan.scenario.loading import decoded, parse_document, scenario_from
 
 __all__ = [
     "Cut",
@@ -71,7 +71,7 @@ def made_plan(body: bytes, syntax: Syntax, limits: Limits, steady: bool) -> Plan
 
     Raises InputError, NoSolutionError.
     """
-    from syncplan.planfile import plan_of
+    from syncplan.planning.plan_files import plan_of
 
     return _as_plan_text(plan_of(loaded_body(body, syntax, limits), steady=steady))
 
@@ -85,7 +85,7 @@ def checked_request(
     """
     from pydantic import ValidationError
 
-    from syncplan.loading import validation_fault
+    from syncplan.scenario.loading import validation_fault
 
     model = REQUESTS[kind]
     document = parse_document(decoded(body, ""), "", syntax) if body.strip() else {}
@@ -107,8 +107,8 @@ def refined_plan(spec: JobSpec, workers: int, progress: Progress) -> PlanText:
 
     Progress is told in starts that must have ended, since others have begun.
     """
-    from syncplan.planfile import plan_of
-    from syncplan.refinement import refine
+    from syncplan.planning.plan_files import plan_of
+    from syncplan.refinement.refiner import refine
 
     assert spec.plan is not None
     changes = RefinementRequest.model_validate_json(spec.request).changes()
@@ -127,7 +127,7 @@ def measured_runs(spec: JobSpec) -> list[tuple[int, float]]:
 
     The first run is timed; the others count by their samples and sightings.
     """
-    from syncplan.validation import run_part
+    from syncplan.planning.validation import run_part
 
     runs = _runs(spec)
     count = min(CHUNK_TRIALS, runs[0].trials)
@@ -141,8 +141,8 @@ def measured_runs(spec: JobSpec) -> list[tuple[int, float]]:
 
 def flown_part(spec: JobSpec, cut: Cut, progress: Progress) -> bytes:
     """Return a part of a job's trials as bytes."""
-    from syncplan.parts import pack
-    from syncplan.validation import run_part
+    from syncplan.estimation.trial_archive import pack
+    from syncplan.planning.validation import run_part
 
     run = _runs(spec)[cut.run]
     return pack(run_part(run, cut.first_trial, cut.trials, threads=1, progress=progress))
@@ -153,11 +153,11 @@ def finished_report(spec: JobSpec, parts: Sequence[tuple[Cut, bytes]]) -> tuple[
 
     Beside it, the figures of each trial of a validation, packed.
     """
-    from syncplan.output import as_text
-    from syncplan.parts import pack, unpack
-    from syncplan.sweeps import SweepRow
-    from syncplan.validation import conclude
-    from syncplan.validation_report import sweep_document, validation_document
+    from syncplan.estimation.trial_archive import pack, unpack
+    from syncplan.planning.sweeps import SweepRow
+    from syncplan.planning.validation import conclude
+    from syncplan.reports.validation_report import sweep_document, validation_document
+    from syncplan.runtime.files import as_text
 
     runs = _runs(spec)
     ordered = sorted(parts, key=lambda item: (item[0].run, item[0].first_trial))
@@ -178,8 +178,8 @@ def finished_report(spec: JobSpec, parts: Sequence[tuple[Cut, bytes]]) -> tuple[
 
 @lru_cache(maxsize=2)
 def _runs(spec: JobSpec) -> list[TrialRun]:
-    from syncplan.planfile import plan_of
-    from syncplan.validation import trial_run
+    from syncplan.planning.plan_files import plan_of
+    from syncplan.planning.validation import trial_run
 
     if spec.kind == "sweep":
         options = SweepRequest.model_validate_json(spec.request).run_options()
@@ -191,7 +191,7 @@ def _runs(spec: JobSpec) -> list[TrialRun]:
 
 @lru_cache(maxsize=2)
 def _planned(spec: JobSpec) -> list[Any]:
-    from syncplan.sweeps import planned_rows
+    from syncplan.planning.sweeps import planned_rows
 
     request = SweepRequest.model_validate_json(spec.request)
     scenario = scenario_from(request.scenario)
@@ -200,8 +200,8 @@ def _planned(spec: JobSpec) -> list[Any]:
 
 
 def _as_plan_text(made: Any) -> PlanText:
-    from syncplan.output import as_text
-    from syncplan.plan_report import plan_document
+    from syncplan.reports.plan_report import plan_document
+    from syncplan.runtime.files import as_text
 
     document = plan_document(made)
     predicted = document.predicted_rms_m
@@ -216,12 +216,12 @@ def _as_plan_text(made: Any) -> PlanText:
 
 def warm_up(trials: bool) -> None:
     """Load what the first task would otherwise wait for; with `trials`, the filter as well."""
-    from syncplan.planner import plan
+    from syncplan.planning.planner import plan
 
     made = plan(scenario_from(_SMALL))
     _as_plan_text(made)
     if trials:
-        from syncplan.validation import run_part, trial_run
+        from syncplan.planning.validation import run_part, trial_run
 
         run_part(trial_run(made, trials=1, duration=1.0), 0, 1, threads=1)
 

@@ -18,10 +18,10 @@ from collections.abc import Callable, Collection
 from dbos import DBOSClient, WorkflowStatus
 
 from api.jobs.queue import APPLICATION, WORKFLOWS_VERSION
-from api.storage import executors, jobs
-from api.storage.answers import forget_answers
+from api.storage import executors, job_records
 from api.storage.database import Database
-from api.storage.old_jobs import delete_jobs, ended_before
+from api.storage.ended_jobs import delete_jobs, ended_before
+from api.storage.kept_answers import forget_answers
 from api.storage.tables import moment
 
 __all__ = ["Guard"]
@@ -158,7 +158,7 @@ class Guard:
     def _fail_lost(self) -> None:
         """Fail jobs whose workflow is broken or gone, so that nobody waits for them for ever."""
         with self._database.reading() as connection:
-            waiting = jobs.unfinished(connection)
+            waiting = job_records.unfinished(connection)
         for first in range(0, len(waiting), _BATCH):
             asked = waiting[first : first + _BATCH]
             found = {
@@ -173,7 +173,7 @@ class Guard:
                     status = None if workflow is None else workflow.status
                     _logger.error("job %s was lost: workflow %s", job_id, status)
                     with self._database.writing() as connection:
-                        jobs.end_job(connection, job_id, "failed", error=_LOST)
+                        job_records.end_job(connection, job_id, "failed", error=_LOST)
 
     def _sweep(self) -> None:
         """Delete what was kept long enough; jobs last, so that none is forgotten half deleted."""

@@ -9,10 +9,10 @@ from collections.abc import Collection
 from dbos import DBOS, DBOSConfig
 
 from api.computing.pool import Pool
-from api.jobs import runtime
+from api.jobs import dbos_runtime
+from api.jobs.dbos_runtime import Runtime
 from api.jobs.guard import Guard
 from api.jobs.queue import APPLICATION, JOBS_QUEUE, WORKFLOWS_VERSION, JobQueue
-from api.jobs.runtime import Runtime
 from api.jobs.workflows import PARTS_QUEUE
 from api.settings import Settings
 from api.storage.database import Database
@@ -33,7 +33,7 @@ class Worker:
         size = settings.process_count
         self.pool = Pool(size, background=True)
         self._runtime = Runtime(settings, database, self.pool)
-        runtime.use(self._runtime)
+        dbos_runtime.use(self._runtime)
         self._queue = JobQueue(settings.database)
         self._guard = guard_of(
             settings, database, self._queue, self.executor_id, self._runtime.at_work
@@ -59,7 +59,7 @@ class Worker:
         DBOS.destroy(workflow_completion_timeout_sec=0)
         self._guard.close()
         self._queue.close()
-        runtime.use(None)
+        dbos_runtime.use(None)
 
 
 def guard_of(

@@ -19,12 +19,12 @@ from sqlalchemy import Connection
 from api.computing.child import ChildGoneError, TaskFailedError
 from api.computing.pool import GivenUpError, Ticket
 from api.computing.tasks import Cut, PlanText
-from api.jobs.cuts import cuts_of
+from api.jobs.batching import cuts_of
+from api.jobs.dbos_runtime import current
 from api.jobs.queue import JOB_WORKFLOW
-from api.jobs.runtime import current
-from api.storage import jobs, parts, work
+from api.storage import job_queries, job_records, part_records
 from api.storage.database import patiently, unavailable
-from api.storage.plans import add_plan
+from api.storage.plan_records import add_plan
 from api.storage.tables import new_id
 from syncplan.errors import InputError, NoSolutionError
 
@@ -84,9 +84,9 @@ async def run_part(job_id: str, number: int) -> bool:
 @DBOS.step(name="start")
 async def _start(job_id: str) -> str | None:
     def start(connection: Connection) -> str | None:
-        if not work.start_job(connection, job_id):
+        if not job_queries.start_job(connection, job_id):
             return None
-        spec = work.spec_of(connection, job_id)
+        spec = job_queries.spec_of(connection, job_id)
         return None if spec is None else spec.kind
 
     return await _in_transaction(start)
@@ -96,21 +96,21 @@ async def _start(job_id: str) -> str | None:
 async def _cut(job_id: str) -> int:
     """Return the number of parts, or 0 where the job has ended."""
     runtime = current()
-    spec = await _in_transaction(lambda connection: work.spec_of(connection, job_id))
+    spec = await _in_transaction(lambda connection: job_queries.spec_of(connection, job_id))
     if spec is None:
         return 0
     runs = await _computed(job_id, runtime.pool.submit("measured_runs", spec))
     if runs is None:
         return 0
     cuts: list[Cut] = cuts_of(runs, runtime.settings.batch_s, runtime.settings.process_count)
-    return await _in_transaction(lambda connection: parts.cut_job(connection, job_id, cuts))
+    return await _in_transaction(lambda connection: part_records.cut_job(connection, job_id, cuts))
 
 
 @DBOS.step(name="fly")
 async def _fly(job_id: str, number: int) -> bool:
     def begin(connection: Connection) -> tuple[Any, bool]:
-        goes_on = work.spec_of(connection, job_id) is not None
-        return parts.next_part(connection, job_id, number), goes_on
+        goes_on = job_queries.spec_of(connection, job_id) is not None
+        return part_records.next_part(connection, job_id, number), goes_on
 
     found, goes_on = await _in_transaction(begin)
     if found is None:
@@ -119,7 +119,9 @@ async def _fly(job_id: str, number: int) -> bool:
     ticket = current().pool.submit("flown_part", *found, progress=latest.take)
     data = await _computed(job_id, ticket, latest, number)
     if data is not None:
-        await _in_transaction(lambda connection: parts.keep_part(connection, job_id, number, data))
+        await _in_transaction(
+            lambda connection: part_records.keep_part(connection, job_id, number, data)
+        )
     return data is not None
 
 
@@ -140,8 +142,8 @@ async def _drop_parts(job_id: str) -> None:
 @DBOS.step(name="conclude")
 async def _conclude(job_id: str) -> None:
     def gather(connection: Connection) -> Any:
-        spec = work.spec_of(connection, job_id)
-        return None if spec is None else (spec, parts.finished_parts(connection, job_id))
+        spec = job_queries.spec_of(connection, job_id)
+        return None if spec is None else (spec, part_records.finished_parts(connection, job_id))
 
     gathered = await _in_transaction(gather)
     if gathered is None:
@@ -150,7 +152,7 @@ async def _conclude(job_id: str) -> None:
     if finished is not None:
         report, trials = finished
         await _in_transaction(
-            lambda connection: jobs.end_job(
+            lambda connection: job_records.end_job(
                 connection, job_id, "succeeded", report=report, trials=trials
             )
         )
@@ -159,7 +161,7 @@ async def _conclude(job_id: str) -> None:
 @DBOS.step(name="refine")
 async def _refine(job_id: str) -> None:
     runtime = current()
-    spec = await _in_transaction(lambda connection: work.spec_of(connection, job_id))
+    spec = await _in_transaction(lambda connection: job_queries.spec_of(connection, job_id))
     if spec is None:
         return
     latest = _Latest()
@@ -174,8 +176,8 @@ async def _refine(job_id: str) -> None:
 def _keep_refined(connection: Connection, job_id: str, made: PlanText) -> None:
     """End the job and store its plan, both or neither."""
     plan_id = new_id()
-    if jobs.end_job(connection, job_id, "succeeded", plan_id=plan_id):
-        owner, parent_id = work.owner_and_plan(connection, job_id)
+    if job_records.end_job(connection, job_id, "succeeded", plan_id=plan_id):
+        owner, parent_id = job_queries.owner_and_plan(connection, job_id)
         add_plan(connection, owner, made, plan_id=plan_id, parent_id=parent_id)
 
 
@@ -229,7 +231,7 @@ async def _computed(
         _logger.error("job %s failed: %s", job_id, error)
         failure = {"title": "Internal fault", "detail": "an internal fault; see the service's log"}
     await _in_transaction(
-        lambda connection: jobs.end_job(connection, job_id, "failed", error=failure)
+        lambda connection: job_records.end_job(connection, job_id, "failed", error=failure)
     )
     return None
 
@@ -239,7 +241,7 @@ async def _goes_on(job_id: str, done: int, number: int | None) -> bool:
 
     def note() -> bool:
         with current().database.writing() as connection:
-            return parts.note_progress(connection, job_id, done, number)
+            return part_records.note_progress(connection, job_id, done, number)
 
     try:
         return await asyncio.to_thread(note)

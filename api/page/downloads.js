@@ -3,7 +3,7 @@
 import { byId, element, notice, save, shown } from "./elements.js";
 import { ask } from "./service.js";
 
-/** The formats of syncplan.exports, in words. */
+/** The formats of syncplan.exporting.formats, in words. */
 const FORMATS = {
   qgc: "QGroundControl missions",
   ardupilot: "ArduPilot missions (WPL 110)",

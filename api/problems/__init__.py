@@ -1,7 +1,9 @@
 """Errors as RFC 9457 documents: what routes raise, and one table from exceptions to statuses."""
 
-from api.problems.document import FaultEntry, Problem
-from api.problems.errors import (
+from api.problems.handling import install_handlers
+from api.problems.openapi_problems import document_problems, problem_responses
+from api.problems.problem_document import FaultEntry, Problem
+from api.problems.service_errors import (
     Conflict,
     KeyReused,
     NotFound,
@@ -13,8 +15,6 @@ from api.problems.errors import (
     Unauthorized,
     Unavailable,
 )
-from api.problems.handling import install_handlers
-from api.problems.openapi import document_problems, problem_responses
 
 __all__ = [
     "Conflict",

@@ -15,8 +15,8 @@ from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from api.logs import current_request_id, route_template
-from api.problems.document import MEDIA_TYPE, Problem, printable, title_of
-from api.problems.openapi import document_problems
+from api.problems.openapi_problems import document_problems
+from api.problems.problem_document import MEDIA_TYPE, Problem, printable, title_of
 from api.problems.table import TABLE, Failure, Logged, failure_of
 
 __all__ = ["install_handlers"]

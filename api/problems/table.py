@@ -12,8 +12,8 @@ from sqlalchemy.exc import TimeoutError as PoolTimeout
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
-from api.problems.document import FaultEntry, printable, shown
-from api.problems.errors import ServiceError, StorageFull, Unavailable
+from api.problems.problem_document import FaultEntry, printable, shown
+from api.problems.service_errors import ServiceError, StorageFull, Unavailable
 from syncplan.errors import InputError, NoSolutionError, SyncplanError
 
 __all__ = ["TABLE", "Failure", "Logged", "failure_of"]

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Depends, Query, Response
 from starlette.concurrency import run_in_threadpool
 
-from api.calls import computed
+from api.idempotency import computed
 from api.negotiation import accepts
 from api.problems import problem_responses
 from api.routes.plans import Identifier, find_or_refuse

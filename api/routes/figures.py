@@ -5,16 +5,16 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Depends, Query, Response
 from starlette.concurrency import run_in_threadpool
 
-from api.answers import FigureValues, Preview
-from api.calls import CurrentCall, answer_once, computed
+from api.idempotency import CurrentCall, answer_once, computed
 from api.negotiation import accepts
 from api.problems import Conflict, NotFound, problem_responses
+from api.responses import FigureValues, Preview
 from api.routes.jobs import Owned
 from api.routes.plans import Identifier, find_or_refuse
 from api.security import CurrentOwner
 from api.service import CurrentService, Service
-from api.storage import work
-from api.storage.answers import Answer
+from api.storage import job_queries
+from api.storage.kept_answers import Answer
 from syncplan.errors import InputError
 
 __all__ = ["router"]
@@ -107,7 +107,7 @@ async def read_job_figure(
 
     def report() -> str | None:
         with service.database.reading() as connection:
-            return work.report_of(connection, row.id)
+            return job_queries.report_of(connection, row.id)
 
     text = await run_in_threadpool(report)
     if text is None:

@@ -9,19 +9,19 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 from sqlalchemy import Connection
 from starlette.concurrency import run_in_threadpool
 
-from api.answers import Job, JobPage, job_answer
-from api.calls import Call, CurrentCall, EmptyCall, answer_once, computed
+from api.idempotency import Call, CurrentCall, EmptyCall, answer_once, computed
 from api.negotiation import accepts
 from api.problems import Conflict, NotFound, TooManyRequests, problem_responses
+from api.responses import Job, JobPage, job_answer
 from api.routes.plans import Identifier, find_or_refuse
 from api.security import CurrentOwner
 from api.service import CurrentEnding, CurrentService, Service
-from api.storage import jobs, work
-from api.storage.answers import Answer
+from api.storage import job_queries, job_records
 from api.storage.database import unavailable
 from api.storage.events import MOST_EVENTS, events_after
-from api.storage.jobs import JobRow, State
-from api.storage.plans import body_of
+from api.storage.job_records import JobRow, State
+from api.storage.kept_answers import Answer
+from api.storage.plan_records import body_of
 
 __all__ = ["Owned", "router"]
 
@@ -94,7 +94,7 @@ def read_jobs(
 ) -> JobPage:
     """Your jobs, newest first, a page at a time."""
     with service.database.reading() as connection:
-        found = jobs.list_jobs(connection, owner, limit + 1, before, state)
+        found = job_records.list_jobs(connection, owner, limit + 1, before, state)
     items = [job_answer(row) for row in found[:limit]]
     chosen = f"&state={state}" if state else ""
     more = len(found) > limit
@@ -105,7 +105,7 @@ def read_jobs(
 def _owned(job_id: Identifier, service: CurrentService, owner: CurrentOwner) -> JobRow:
     """The job, if it is the caller's."""
     with service.database.reading() as connection:
-        row = jobs.find_job(connection, owner, job_id)
+        row = job_records.find_job(connection, owner, job_id)
     if row is None:
         raise NotFound(f"there is no job {job_id}")
     return row
@@ -166,14 +166,14 @@ async def follow_job(
         for number, data in found:
             told = number
             yield ServerSentEvent(id=str(number), event="job", raw_data=data)
-        ended = now not in jobs.UNFINISHED and len(found) < MOST_EVENTS
+        ended = now not in job_records.UNFINISHED and len(found) < MOST_EVENTS
         if not ended:
             await asyncio.sleep(_LOOK_EVERY_S)
 
 
 def _state(service: Service, job_id: str) -> State | None:
     with service.database.reading() as connection:
-        return jobs.state_of(connection, job_id)
+        return job_records.state_of(connection, job_id)
 
 
 @router.post(
@@ -194,11 +194,11 @@ async def cancel_job(row: Owned, call: EmptyCall) -> Response:
         return None
 
     def store(connection: Connection, _nothing: None) -> Answer:
-        if not jobs.end_job(connection, row.id, "cancelled"):
-            state = jobs.state_of(connection, row.id)
+        if not job_records.end_job(connection, row.id, "cancelled"):
+            state = job_records.state_of(connection, row.id)
             if state != "cancelled":
                 raise Conflict(f"the job has ended already: it has {state}")
-        now = jobs.find_job(connection, call.owner, row.id)
+        now = job_records.find_job(connection, call.owner, row.id)
         if now is None:
             raise NotFound(f"there is no job {row.id}")
         return Answer(call.digest, 200, {}, job_answer(now).model_dump_json())
@@ -223,7 +223,7 @@ def read_result(row: Owned, service: CurrentService, owner: CurrentOwner) -> Res
         headers = {"content-location": f"/v1/plans/{plan.id}", "etag": f'"{plan.etag}"'}
         return Response(body_of(plan), headers=headers, media_type="application/json")
     with service.database.reading() as connection:
-        report = work.report_of(connection, row.id)
+        report = job_queries.report_of(connection, row.id)
     if report is None:
         raise NotFound(f"the result of job {row.id} was deleted")
     return Response(report, media_type="application/json")
@@ -245,13 +245,13 @@ def read_trials(row: Owned, service: CurrentService) -> Response:
     if row.state != "succeeded" or row.kind != "validation":
         raise Conflict(f"the job is a {row.kind}, {row.state}; validations that succeeded have one")
     with service.database.reading() as connection:
-        trials = work.trials_of(connection, row.id)
+        trials = job_queries.trials_of(connection, row.id)
     if trials is None:
         raise NotFound(f"the result of job {row.id} was deleted")
     return Response(trials, media_type="application/octet-stream")
 
 
-async def _hand_in(call: Call, kind: jobs.Kind, plan_id: str | None) -> Response:
+async def _hand_in(call: Call, kind: job_records.Kind, plan_id: str | None) -> Response:
     service = call.service
 
     async def compute() -> tuple[str, int, str | None]:
@@ -266,15 +266,15 @@ async def _hand_in(call: Call, kind: jobs.Kind, plan_id: str | None) -> Response
 
     def store(connection: Connection, checked: tuple[str, int, str | None]) -> Answer:
         request, amount, text = checked
-        jobs.hold_owner(connection, call.owner)
-        waiting = len(jobs.unfinished(connection, call.owner))
+        job_records.hold_owner(connection, call.owner)
+        waiting = len(job_records.unfinished(connection, call.owner))
         if waiting >= service.settings.max_queued_jobs:
             raise TooManyRequests(
                 f"you have {waiting} unfinished jobs, the most there may be; "
                 "wait for one to end, or cancel one",
                 retry_after_s=_RETRY_AFTER_S,
             )
-        row = jobs.add_job(connection, call.owner, kind, request, amount, plan_id, text)
+        row = job_records.add_job(connection, call.owner, kind, request, amount, plan_id, text)
         service.queue.enqueue(connection, row.id)
         headers = {"location": f"/v1/jobs/{row.id}"}
         return Answer(call.digest, 202, headers, job_answer(row).model_dump_json())

@@ -5,15 +5,15 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Header, Path, Query, Response
 from sqlalchemy import Connection
 
-from api.answers import PlanPage, PlanSummary, StoredPlan
-from api.calls import CurrentCall, answer_once, computed
 from api.computing.tasks import PlanText
+from api.idempotency import CurrentCall, answer_once, computed
 from api.negotiation import accepts
 from api.problems import NotFound, PreconditionFailed, problem_responses
+from api.responses import PlanPage, PlanSummary, StoredPlan
 from api.security import CurrentOwner
 from api.service import CurrentService, Service
-from api.storage.answers import Answer
-from api.storage.plans import PlanRow, add_plan, body_of, delete_plan, find_plan, list_plans
+from api.storage.kept_answers import Answer
+from api.storage.plan_records import PlanRow, add_plan, body_of, delete_plan, find_plan, list_plans
 
 __all__ = ["Identifier", "find_or_refuse", "router"]
 

@@ -5,10 +5,10 @@ from typing import Any
 
 from fastapi import APIRouter, Depends
 
-from api.answers import StoredPlan
 from api.negotiation import accepts
 from api.problems import problem_responses
-from syncplan.scenario import Scenario
+from api.responses import StoredPlan
+from syncplan.scenario.specification import Scenario
 
 __all__ = ["router"]
 

@@ -90,7 +90,7 @@ job_results = Table(
     METADATA,
     _job_id(),
     Column("text", Text, nullable=False),
-    # of a validation: the figures of each trial, as syncplan.parts packs them
+    # of a validation: the figures of each trial, as syncplan.estimation.trial_archive packs them
     Column("trials", LargeBinary),
 )
 

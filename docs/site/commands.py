@@ -7,7 +7,7 @@ import typer
 from typer.cli import get_docs_for_click
 from typer.main import get_command
 
-from syncplan.cli import app
+from syncplan.cli.command_line import app
 
 __all__ = ["commands_page"]
 

@@ -7,12 +7,12 @@ from functools import partial
 import numpy as np
 
 from docs.site import studies
-from syncplan.document import ValidationDocument
-from syncplan.orbits import position
-from syncplan.planner import Plan
+from syncplan.orbits.circles import position
+from syncplan.planning.planner import Plan
 from syncplan.plotting.canvas import Spec, axis, layout, numbers
 from syncplan.plotting.catalogue import specs_of
 from syncplan.plotting.palette import BLUE, GREEN, ORANGE, VERMILLION
+from syncplan.reports.schemas import ValidationDocument
 
 __all__ = ["DRAWN", "Drawn", "final_error", "sight_direction"]
 

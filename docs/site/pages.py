@@ -9,7 +9,7 @@ from docs.site.figures import DRAWN
 from docs.site.reference import PAGES
 from syncplan.errors import InputError
 from syncplan.plotting.canvas import CONFIG, Spec
-from syncplan.plotting.page import embedded, plotly_script
+from syncplan.plotting.html_page import embedded, plotly_script
 from syncplan.plotting.palette import DARK
 
 __all__ = ["DOCS", "with_figures", "write_pages"]

@@ -3,7 +3,8 @@
 import inspect
 
 import syncplan
-from syncplan import exports, figures
+from syncplan import figures
+from syncplan.exporting import formats
 
 __all__ = ["python_page"]
 
@@ -16,8 +17,8 @@ arrays of NumPy.
 
 _SECTIONS = (
     ("## The package", syncplan, "syncplan"),
-    ("## Figures", figures, "syncplan.figures"),
-    ("## Exports", exports, "syncplan.exports"),
+    ("## Figures", figures, "syncplan.plotting.plotly_figures"),
+    ("## Exports", formats, "syncplan.exporting.formats"),
 )
 
 

@@ -4,7 +4,7 @@ import json
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from syncplan.scenario import Scenario
+from syncplan.scenario.specification import Scenario
 
 __all__ = ["described_keys", "keys_page", "unit_of"]
 

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 import syncplan
-from syncplan.document import ValidationDocument
-from syncplan.loading import scenario_from
-from syncplan.validation_report import validation_document
+from syncplan.reports.schemas import ValidationDocument
+from syncplan.reports.validation_report import validation_document
+from syncplan.scenario.loading import scenario_from
 
 __all__ = [
     "DESYNC_RAD",

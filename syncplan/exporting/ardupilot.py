@@ -5,9 +5,9 @@ longitude, altitude, autocontinue. Item 0 is home. Source: MAVLink, "File Format
 """
 
 from syncplan.errors import InputError
-from syncplan.exporting.files import ExportedFile, Written
+from syncplan.exporting.exported_files import ExportedFile, Written
 from syncplan.exporting.flight import Flight
-from syncplan.exporting.items import WAYPOINT, Mission, MissionItem
+from syncplan.exporting.mission_items import WAYPOINT, Mission, MissionItem
 from syncplan.exporting.missions import missions_of, written_missions
 
 __all__ = ["write_ardupilot"]

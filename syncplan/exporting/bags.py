@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from syncplan.errors import InputError
-from syncplan.exporting.files import ExportedFile, Written
+from syncplan.exporting.exported_files import ExportedFile, Written
 from syncplan.exporting.flight import Flight, Poses, sampled_poses, start_of
-from syncplan.exporting.names import ros_names
+from syncplan.exporting.safe_names import ros_names
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from syncplan.errors import InputError
-from syncplan.exporting.files import ExportedFile, Written
+from syncplan.exporting.exported_files import ExportedFile, Written
 from syncplan.exporting.flight import Flight
-from syncplan.orbits import Orbits, heading
+from syncplan.orbits.circles import Orbits, heading
 
 __all__ = ["arc_pieces", "write_crazyswarm"]
 

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from syncplan.errors import InputError
+from syncplan.exporting.export_options import ExportOptions
 from syncplan.exporting.geodesy import geodetic
-from syncplan.exporting.names import file_names, file_title
-from syncplan.exporting.options import ExportOptions
-from syncplan.georeference import GeoOrigin
-from syncplan.orbits import heading, position
-from syncplan.planner import Plan
+from syncplan.exporting.safe_names import file_names, file_title
+from syncplan.orbits.circles import heading, position
+from syncplan.planning.planner import Plan
+from syncplan.scenario.georeference import GeoOrigin
 
 __all__ = [
     "Flight",

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from syncplan.errors import InputError
-from syncplan.georeference import GeoOrigin
+from syncplan.scenario.georeference import GeoOrigin
 
 __all__ = ["geodetic", "ground_error"]
 

@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from syncplan.exporting.files import ExportedFile, Written
+from syncplan.exporting.exported_files import ExportedFile, Written
 from syncplan.exporting.flight import Flight
-from syncplan.exporting.maps import landmark_places, parted, tracks_of
-from syncplan.output import as_text
+from syncplan.exporting.map_tracks import landmark_places, parted, tracks_of
+from syncplan.runtime.files import as_text
 
 __all__ = ["write_geojson"]
 

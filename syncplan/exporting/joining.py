@@ -1,6 +1,6 @@
 """How a vehicle joins its circle at the right phase and stays in step, for each kind of file."""
 
-from syncplan.exporting.files import Written
+from syncplan.exporting.exported_files import Written
 from syncplan.exporting.flight import Flight, start_of
 from syncplan.exporting.loiter_turns import ACCELERATION
 

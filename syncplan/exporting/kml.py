@@ -5,11 +5,11 @@ from xml.etree import ElementTree as Xml
 import numpy as np
 from numpy.typing import NDArray
 
-from syncplan.exporting.files import ExportedFile, Written
+from syncplan.exporting.exported_files import ExportedFile, Written
 from syncplan.exporting.flight import Flight, moment, start_of
 from syncplan.exporting.geodesy import geodetic
-from syncplan.exporting.maps import POINTS_PER_TURN, landmark_places, parted, tracks_of
-from syncplan.orbits import position
+from syncplan.exporting.map_tracks import POINTS_PER_TURN, landmark_places, parted, tracks_of
+from syncplan.orbits.circles import position
 
 __all__ = ["write_kml"]
 

@@ -21,14 +21,14 @@ from numpy.typing import NDArray
 from syncplan.errors import InputError
 from syncplan.exporting.flight import Flight
 from syncplan.exporting.geodesy import geodetic
-from syncplan.exporting.items import (
+from syncplan.exporting.mission_items import (
     Mission,
     circle_item,
     speed_item,
     waiting_items,
     waypoint_item,
 )
-from syncplan.orbits import position
+from syncplan.orbits.circles import position
 
 __all__ = ["loiter_missions", "snapped_radii"]
 

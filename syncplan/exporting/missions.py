@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from syncplan.exporting.files import ExportedFile, Written
+from syncplan.exporting.exported_files import ExportedFile, Written
 from syncplan.exporting.flight import Flight, start_of, start_second
-from syncplan.exporting.items import Mission
 from syncplan.exporting.loiter_turns import loiter_missions
+from syncplan.exporting.mission_items import Mission
 from syncplan.exporting.polygons import waypoint_missions
 
 __all__ = ["flies_loiter_turns", "missions_of", "written_missions"]

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from syncplan.errors import InputError
 from syncplan.exporting.flight import Flight, check_amount
 from syncplan.exporting.geodesy import geodetic
-from syncplan.exporting.items import (
+from syncplan.exporting.mission_items import (
     Mission,
     speed_item,
     waiting_items,
     waypoint_item,
 )
-from syncplan.orbits import Orbits, unit
+from syncplan.orbits.circles import Orbits, unit
 
 __all__ = ["px4_corner_speed", "waypoint_missions"]
 

@@ -3,9 +3,9 @@
 import csv
 import io
 
-from syncplan.exporting.files import ExportedFile, Written
+from syncplan.exporting.exported_files import ExportedFile, Written
 from syncplan.exporting.flight import Flight, moment, places_of, sampled_poses, start_of
-from syncplan.orbits import wrap
+from syncplan.orbits.circles import wrap
 
 __all__ = ["write_poses"]
 

@@ -5,11 +5,11 @@ Source: QGroundControl developer guide, "Plan File Format".
 
 from typing import Any
 
-from syncplan.exporting.files import ExportedFile, Written
+from syncplan.exporting.exported_files import ExportedFile, Written
 from syncplan.exporting.flight import Flight
-from syncplan.exporting.items import Mission, MissionItem
+from syncplan.exporting.mission_items import Mission, MissionItem
 from syncplan.exporting.missions import missions_of, written_missions
-from syncplan.output import as_text
+from syncplan.runtime.files import as_text
 
 __all__ = ["write_qgc"]
 

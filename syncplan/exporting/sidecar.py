@@ -6,8 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from syncplan.contacts import reachable_pairs
-from syncplan.exporting.files import ExportedFile, Written
+from syncplan.exporting.exported_files import ExportedFile, Written
 from syncplan.exporting.flight import Flight, moment, places_of, start_of
 from syncplan.exporting.joining import procedure
 from syncplan.exporting.sync_document import (
@@ -17,10 +16,11 @@ from syncplan.exporting.sync_document import (
     SyncedVehicle,
     VehicleMeeting,
 )
-from syncplan.meetings import Meeting
-from syncplan.orbits import heading, position
-from syncplan.output import as_text
-from syncplan.slips import safe_slips
+from syncplan.observability.link_verdicts import Meeting
+from syncplan.orbits.circles import heading, position
+from syncplan.orbits.contacts import reachable_pairs
+from syncplan.runtime.files import as_text
+from syncplan.synchronisation.phase_tolerance import safe_slips
 
 __all__ = ["sidecar_file", "sync_document"]
 

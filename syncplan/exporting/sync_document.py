@@ -4,7 +4,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from syncplan.georeference import GeoOrigin
+from syncplan.scenario.georeference import GeoOrigin
 
 __all__ = ["EntryPoint", "LandmarkSighting", "SyncDocument", "SyncedVehicle", "VehicleMeeting"]
 

@@ -3,25 +3,30 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from syncplan.document import RefinementResult, ReplayDocument, SweepReport, ValidationDocument
 from syncplan.errors import InputError
-from syncplan.planner import Plan
-from syncplan.plotting.accuracy import accuracy_spec, prediction_spec, replay_spec
-from syncplan.plotting.animation import animation_spec
+from syncplan.estimation.replays import Replay
+from syncplan.planning.planner import Plan
+from syncplan.planning.validation import Validation
+from syncplan.plotting.accuracy_figure import accuracy_spec, prediction_spec, replay_spec
+from syncplan.plotting.animation_figure import animation_spec
 from syncplan.plotting.canvas import Spec
-from syncplan.plotting.comparison import comparison_spec, refinement_spec
-from syncplan.plotting.consistency import consistency_spec
-from syncplan.plotting.errors import errors_spec
-from syncplan.plotting.formation import formation_spec
+from syncplan.plotting.comparison_figure import comparison_spec, refinement_spec
+from syncplan.plotting.consistency_figure import consistency_spec
+from syncplan.plotting.errors_figure import errors_spec
+from syncplan.plotting.formation_figure import formation_spec
 from syncplan.plotting.palette import Theme, themed
-from syncplan.plotting.spectrum import spectrum_spec
-from syncplan.plotting.sweep import sweep_spec
-from syncplan.plotting.timeline import timeline_spec
-from syncplan.refinement_report import refinement_result
-from syncplan.replay_report import replay_document
-from syncplan.replays import Replay
-from syncplan.validation import Validation
-from syncplan.validation_report import validation_document
+from syncplan.plotting.spectrum_figure import spectrum_spec
+from syncplan.plotting.sweep_figure import sweep_spec
+from syncplan.plotting.timeline_figure import timeline_spec
+from syncplan.reports.refinement_report import refinement_result
+from syncplan.reports.replay_report import replay_document
+from syncplan.reports.schemas import (
+    RefinementResult,
+    ReplayDocument,
+    SweepReport,
+    ValidationDocument,
+)
+from syncplan.reports.validation_report import validation_document
 
 __all__ = ["ENTRIES", "Entry", "Run", "Subject", "makers", "report_of", "specs_of"]
 

@@ -1,0 +1,150 @@
+"""POST requests: their body, who asks, and the same answer for the same Idempotency-Key."""
+
+import asyncio
+import hashlib
+import logging
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Literal, TypeVar
+
+from fastapi import Depends, Header, Request, Response
+from sqlalchemy import Connection
+from starlette.concurrency import run_in_threadpool
+
+from api.computing.child import ChildGoneError, TooSlowError
+from api.computing.pool import GivenUpError, PoolFullError
+from api.negotiation import body_kind
+from api.problems import KeyReused, TooMuchWork, Unavailable
+from api.security import CurrentOwner
+from api.service import CurrentService, Service
+from api.storage.kept_answers import Answer, AnswerTakenError, find_answer, keep_answer
+
+__all__ = ["Call", "CurrentCall", "EmptyCall", "answer_once", "computed"]
+
+T = TypeVar("T")
+
+_logger = logging.getLogger("syncplan.calls")
+
+IdempotencyKey = Annotated[
+    str | None,
+    Header(
+        alias="Idempotency-Key",
+        min_length=1,
+        max_length=255,
+        pattern=r"^[\x21-\x7e]+$",
+        description="Any name of your choice, such as a UUID: repeated with the same body, the "
+        "request does nothing more and gets the same answer",
+    ),
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """A POST request.
+
+    Attributes
+    ----------
+    key : Idempotency-Key, if one was given
+    digest : of all that makes two requests the same
+    """
+
+    service: Service
+    owner: str
+    body: bytes
+    syntax: Literal["json", "yaml"]
+    key: str | None
+    digest: str
+
+
+async def _empty_call(
+    request: Request,
+    service: CurrentService,
+    owner: CurrentOwner,
+    idempotency_key: IdempotencyKey = None,
+) -> Call:
+    body = await request.body()
+    digest = hashlib.sha256()
+    for part in (request.method, request.url.path, request.url.query):
+        digest.update(part.encode() + b"\n")
+    digest.update(body)
+    return Call(service, owner, body, "json", idempotency_key, digest.hexdigest())
+
+
+EmptyCall = Annotated[Call, Depends(_empty_call)]
+"""Parameter type of a route that takes no body: whatever is sent as one is not looked at."""
+
+
+async def _call(request: Request, call: EmptyCall) -> Call:
+    return replace(call, syntax=body_kind(request))
+
+
+CurrentCall = Annotated[Call, Depends(_call)]
+"""Parameter type of a route that takes a body, JSON or YAML."""
+
+
+async def answer_once(
+    call: Call, compute: Callable[[], Awaitable[T]], store: Callable[[Connection, T], Answer]
+) -> Response:
+    """Return the answer to a request: compute, then store what came of it and the answer at once.
+
+    With an Idempotency-Key that was answered before, that answer. Raises KeyReused where it was
+    given to another request.
+    """
+    if call.key is not None:
+        known = await run_in_threadpool(_known, call)
+        if known is not None:
+            return _response(known)
+    value = await compute()
+    return _response(await run_in_threadpool(_stored, call, value, store))
+
+
+def _known(call: Call) -> Answer | None:
+    assert call.key is not None
+    with call.service.database.reading() as connection:
+        known = find_answer(connection, call.owner, call.key)
+    if known is not None and known.request_digest != call.digest:
+        raise KeyReused(
+            f"Idempotency-Key {call.key!r} was used for another request; take a new one"
+        )
+    return known
+
+
+def _stored(call: Call, value: T, store: Callable[[Connection, T], Answer]) -> Answer:
+    try:
+        with call.service.database.writing() as connection:
+            answer = store(connection, value)
+            if call.key is not None:
+                keep_answer(connection, call.owner, call.key, answer)
+            return answer
+    except AnswerTakenError:
+        known = _known(call)
+        assert known is not None
+        return known
+
+
+def _response(answer: Answer) -> Response:
+    return Response(
+        answer.body, answer.status, headers=answer.headers, media_type="application/json"
+    )
+
+
+async def computed(service: Service, task: str, *arguments: Any) -> Any:
+    """Return what a task in a child process returns, or raise the problem it has."""
+    limit = service.settings.plan_timeout_s
+    try:
+        ticket = service.pool.submit(task, *arguments, timeout_s=limit)
+        return await asyncio.wrap_future(ticket.future)
+    except PoolFullError:
+        raise Unavailable("too many requests are being computed; try again") from None
+    except GivenUpError:
+        raise Unavailable("the service is closing; try again") from None
+    except TooSlowError:
+        raise TooMuchWork(
+            f"takes longer than the {limit:g} s a request may; ask for fewer vehicles or samples"
+        ) from None
+    except ChildGoneError as error:
+        _logger.error("the process computing %s ended, twice: %s", task, error)
+        raise TooMuchWork(
+            "can't be computed: the process at it ended, most likely for want of memory; ask for "
+            "fewer vehicles or samples"
+        ) from None

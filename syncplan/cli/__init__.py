@@ -1,0 +1,12 @@
+"""The command line.
+
+console             standard output and standard error
+terminal_tables     tables for people
+arguments           arguments that commands share
+plan_commands       plan, refine, place, landmarks
+run_commands        validate, sweep, replay
+plot_commands       plot
+export_commands     export
+service_commands    serve, worker
+command_line        all commands, and exit statuses
+"""

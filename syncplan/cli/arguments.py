@@ -1,0 +1,75 @@
+"""Arguments that several commands share, and how comma-separated ones are read."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from syncplan.cli.console import Format, say
+from syncplan.errors import InputError
+
+__all__ = [
+    "Duration",
+    "MaxVehicles",
+    "Output",
+    "RequireObservable",
+    "ScenarioFile",
+    "Seed",
+    "Shown",
+    "SubjectFile",
+    "Threads",
+    "Trials",
+    "numbers",
+    "verdict_status",
+]
+
+NOT_OBSERVABLE = 3
+
+ScenarioFile = Annotated[
+    str, typer.Argument(metavar="SCENARIO", help="Scenario file, YAML or JSON; - is standard input")
+]
+SubjectFile = Annotated[
+    str, typer.Argument(metavar="PLAN|SCENARIO", help="Plan or scenario file; - is standard input")
+]
+Output = Annotated[
+    Path | None,
+    typer.Option("-o", "--output", help="File to write the JSON to", show_default=False),
+]
+Shown = Annotated[
+    Format,
+    typer.Option("--format", help="Standard output: auto is a table at a terminal, JSON elsewhere"),
+]
+Trials = Annotated[int, typer.Option(help="Number of Monte Carlo trials")]
+Seed = Annotated[int, typer.Option(help="Seed of all random numbers")]
+Duration = Annotated[
+    float | None,
+    typer.Option(help="Length of each run in s; the scenario's if not given", show_default=False),
+]
+Threads = Annotated[
+    int | None, typer.Option(help="Threads; all cores if not given", show_default=False)
+]
+MaxVehicles = Annotated[
+    int | None,
+    typer.Option(min=1, help="Accept teams up to this size (default 2000)", show_default=False),
+]
+RequireObservable = Annotated[
+    bool, typer.Option("--require-observable", help="Exit with 3 if the plan is not observable")
+]
+
+
+def verdict_status(observable: bool, required: bool) -> int:
+    """Return the exit status of a plan: 3 if it is to be observable and is not."""
+    if required and not observable:
+        say("the plan is not observable (--require-observable)")
+        return NOT_OBSERVABLE
+    return 0
+
+
+def numbers(text: str, option: str) -> list[float]:
+    """Return the numbers of a comma-separated option; raises InputError naming it."""
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise InputError(
+            f"{text!r}: must be numbers with commas between, such as 0.2,0.4", key=option
+        ) from None

@@ -1,0 +1,183 @@
+"""The command line: its commands, and what each error means for the exit status."""
+
+import os
+import sys
+from enum import StrEnum
+from importlib import import_module
+from typing import Annotated, NoReturn
+
+import typer
+from typer.exceptions import TyperException
+
+from syncplan import __version__
+from syncplan.cli.arguments import Output
+from syncplan.cli.console import Format, deliver, open_closed_streams, say
+from syncplan.cli.export_commands import exporters
+from syncplan.cli.plan_commands import plans
+from syncplan.cli.plot_commands import plots
+from syncplan.cli.run_commands import runs
+from syncplan.cli.service_commands import services
+from syncplan.errors import InputError, SyncplanError
+
+__all__ = ["main"]
+
+INTERNAL_FAULT = 1
+INTERRUPTED = 130
+
+OPTIONS = {
+    "trials": "--trials",
+    "seed": "--seed",
+    "duration": "--duration",
+    "substeps": "--substeps",
+    "threads": "--threads",
+    "gate_probability": "--gate",
+    "vary": "--vary",
+    "center_box_m": "--center-box-m",
+    "radius_m": "--radius-m",
+    "objective": "--objective",
+    "margin_m": "--margin-m",
+    "margin": "--margin-m",
+    "time_limit_s": "--time-limit-s",
+    "starts": "--starts",
+    "choose": "--choose",
+    "figure": "--figure",
+    "compare": "--compare",
+    "output": "--output",
+    "format": "--format",
+    "altitude_m": "--altitude-m",
+    "turns": "--turns",
+    "sample_time_s": "--sample-time-s",
+    "sample_time": "--sample-time-s",
+    "landmarks": "--landmarks",
+    "bearing_sigma": "--bearing-sigma-rad",
+    "speed_sigma": "--speed-sigma-mps",
+    "turn_rate_sigma": "--turn-rate-sigma-rad-s",
+    "sagitta_m": "--sagitta-m",
+    "autopilot": "--autopilot",
+    "vehicle": "--vehicle",
+}
+"""Options by the name of the library's argument that they set."""
+
+JSON_SCHEMA = "https://json-schema.org/draft/2020-12/schema"
+
+app = typer.Typer(
+    name="syncplan",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    help="Synchronised circular orbits that let a team of robots localise itself.",
+    epilog="Example: syncplan plan examples/scenarios/paper-grid-same.yaml -o plan.json",
+)
+
+
+schemas = typer.Typer()
+
+
+class Contract(StrEnum):
+    """Documents that have a schema."""
+
+    scenario = "scenario"
+    plan = "plan"
+    sites = "sites"
+    validation = "validation"
+    replay = "replay"
+    sync = "sync"
+
+
+DOCUMENTS = {
+    Contract.scenario: ("syncplan.scenario.specification", "Scenario", "validation"),
+    Contract.plan: ("syncplan.reports.schemas", "PlanDocument", "serialization"),
+    Contract.sites: ("syncplan.reports.sites_report", "SitesDocument", "serialization"),
+    Contract.validation: ("syncplan.reports.schemas", "ValidationDocument", "serialization"),
+    Contract.replay: ("syncplan.reports.schemas", "ReplayDocument", "serialization"),
+    Contract.sync: ("syncplan.exporting.sync_document", "SyncDocument", "serialization"),
+}
+"""Module, model and Pydantic's mode of each; loaded where asked for."""
+
+
+@schemas.command(name="schema", epilog="Example: syncplan schema scenario")
+def _schema(
+    contract: Annotated[Contract, typer.Argument(help="Which document")] = Contract.scenario,
+    output: Output = None,
+) -> int:
+    """Print the JSON Schema of a document."""
+    module, name, mode = DOCUMENTS[contract]
+    model = getattr(import_module(module), name)
+    schema = model.model_json_schema(mode=mode)
+    deliver({"$schema": JSON_SCHEMA, **schema}, output, Format.json, None)
+    return 0
+
+
+app.add_typer(plans)
+app.add_typer(runs)
+app.add_typer(plots)
+app.add_typer(exporters)
+app.add_typer(services)
+app.add_typer(schemas)
+
+
+@app.callback(invoke_without_command=True)
+def _version(
+    version: Annotated[bool, typer.Option("--version", help="Print the version")] = False,
+) -> None:
+    if version:
+        sys.stdout.write(f"syncplan {__version__}\n")
+        raise typer.Exit
+
+
+def main(arguments: list[str] | None = None) -> NoReturn:
+    """Run the command line and exit: 0 done, 1 internal fault, 2 bad input, 3, 4 as documented."""
+    try:
+        open_closed_streams()
+        status = app(arguments, standalone_mode=False)
+        sys.stdout.flush()
+    except InputError as error:
+        option = OPTIONS.get(error.key.partition("[")[0])
+        say(f"{option}: {error.problem}" if option else str(error))
+        status = error.exit_code
+    except SyncplanError as error:
+        say(str(error))
+        status = error.exit_code
+    except TyperException as error:
+        if error.format_message():
+            say(_usage_fault(error, sys.argv[1:] if arguments is None else arguments))
+        status = error.exit_code
+    except (KeyboardInterrupt, typer.Abort):
+        status = INTERRUPTED
+    except BrokenPipeError:
+        # the reader has gone: point standard output elsewhere so that the exit stays silent
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        status = 0
+    except MemoryError:
+        say("out of memory: the team or the window is too large for this machine")
+        status = INTERNAL_FAULT
+    except OSError as error:
+        # all files are read and written elsewhere: this is standard output
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        say(f"standard output: can't be written: {error.strerror}")
+        status = InputError.exit_code
+    except Exception as error:
+        if os.environ.get("SYNCPLAN_DEBUG"):
+            raise
+        where = f"{type(error).__name__}: {error}"
+        say(f"internal fault, {where} (SYNCPLAN_DEBUG=1 shows where; please report it)")
+        status = INTERNAL_FAULT
+    if status == INTERRUPTED:
+        say("interrupted; nothing was written")
+    sys.exit(status if isinstance(status, int) else 0)
+
+
+def _usage_fault(error: TyperException, arguments: list[str]) -> str:
+    """One line for a wrong argument, with its value where the parser does not repeat it."""
+    message = " ".join(error.format_message().split())
+    for name in getattr(getattr(error, "param", None), "opts", []):
+        for k, given in enumerate(arguments):
+            value = None
+            if given == name and k + 1 < len(arguments):
+                value = arguments[k + 1]
+            elif given.startswith(f"{name}="):
+                value = given.partition("=")[2]
+            if value is not None and repr(value) not in message:
+                return f"{name}: {value!r}: {message}"
+    return message

@@ -1,0 +1,147 @@
+"""Standard output and standard error: results to one, words and progress to the other."""
+
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from syncplan.errors import InputError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+__all__ = [
+    "Format",
+    "deliver",
+    "open_closed_streams",
+    "progress_bar",
+    "refuse_overwriting",
+    "say",
+    "say_notes",
+    "search_progress",
+]
+
+
+class Format(StrEnum):
+    """What goes to standard output."""
+
+    auto = "auto"
+    table = "table"
+    json = "json"
+
+
+def deliver(
+    values: dict[str, Any],
+    output: Path | None,
+    format_: Format,
+    show: Callable[["Console"], None] | None,
+) -> Format:
+    """Write the JSON to the file or standard output, or show the table; return which was shown.
+
+    With a file, nothing but a table ever goes to standard output.
+    """
+    from syncplan.runtime.files import as_text, write_text
+
+    if str(output) == "-":
+        output, format_ = None, Format.json
+    shown = format_
+    if shown is Format.auto:
+        shown = Format.table if sys.stdout.isatty() else Format.json
+    if output is not None:
+        write_text(output, as_text(values))
+        say(f"wrote {output}")
+    elif shown is Format.json:
+        sys.stdout.write(as_text(values))
+    if shown is Format.table and show is not None:
+        from rich.console import Console
+
+        show(Console(highlight=False))
+    return shown
+
+
+def refuse_overwriting(source: str, output: Path | None) -> None:
+    """Raise InputError if the result would be written over what it is made from."""
+    try:
+        same = output is not None and source != "-" and output.samefile(source)
+    except OSError:
+        return
+    if same:
+        raise InputError("is the file that is read; give another one to write", source=str(output))
+
+
+def open_closed_streams() -> None:
+    """Give a process that was started without standard streams something to write to."""
+    if sys.stdout is None:
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+
+
+def say_notes(notes: list[str]) -> None:
+    """Write what the reader must not miss to standard error."""
+    for note in notes:
+        say(note)
+
+
+@contextmanager
+def progress_bar(unit: str, total: int) -> Iterator[Callable[[int], None] | None]:
+    """A progress bar on standard error, at a terminal only."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    bar = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    )
+    with bar:
+        task = bar.add_task(unit, total=total)
+        yield lambda done: bar.update(task, completed=done)
+
+
+@contextmanager
+def search_progress() -> Iterator[Callable[[int, int, float], None] | None]:
+    """A line for each start of a search, with its objective at every iteration, at a terminal."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
+
+    lines: dict[int, TaskID] = {}
+    shown = Progress(
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        TimeElapsedColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    )
+
+    def tell(start: int, iteration: int, objective: float) -> None:
+        text = f"start {start + 1}, iteration {iteration}: objective {objective:.6g}"
+        if start not in lines:
+            lines[start] = shown.add_task(text, total=None)
+        shown.update(lines[start], description=text)
+
+    with shown:
+        yield tell
+
+
+def say(message: str) -> None:
+    """Write one line to standard error."""
+    sys.stderr.write(f"syncplan: {message}\n")

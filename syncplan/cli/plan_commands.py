@@ -1,0 +1,268 @@
+"""The commands that make plans: plan, refine, place, landmarks."""
+
+import sys
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from syncplan.cli.arguments import (
+    MaxVehicles,
+    Output,
+    RequireObservable,
+    ScenarioFile,
+    Shown,
+    SubjectFile,
+    numbers,
+    verdict_status,
+)
+from syncplan.cli.console import (
+    Format,
+    deliver,
+    refuse_overwriting,
+    say,
+    say_notes,
+    search_progress,
+)
+from syncplan.errors import NoSolutionError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from rich.console import Console
+
+    from syncplan.planning.planner import Plan
+    from syncplan.reports.schemas import PlanDocument
+
+__all__ = ["plans"]
+
+LARGE_TEAM = 500
+"""Teams above this size take several seconds to judge: people are told."""
+
+plans = typer.Typer()
+
+
+class Bound(StrEnum):
+    """When the posterior bound is computed."""
+
+    auto = "auto"
+    always = "always"
+    never = "never"
+
+
+@plans.command(
+    name="plan", epilog="Example: syncplan plan scenario.yaml -o plan.json --require-observable"
+)
+def _plan(
+    scenario: ScenarioFile,
+    output: Output = None,
+    format_: Shown = Format.auto,
+    refine_: Annotated[
+        bool, typer.Option("--refine", help="Refine the plan as the scenario's refine section says")
+    ] = False,
+    bound: Annotated[
+        Bound, typer.Option(help="Compute the posterior bound: auto leaves very large teams out")
+    ] = Bound.auto,
+    steady: Annotated[
+        bool, typer.Option("--steady", help="Add the error once it has become periodic")
+    ] = False,
+    require_observable: RequireObservable = False,
+    max_vehicles: MaxVehicles = None,
+) -> int:
+    """Find phases for a scenario and judge the plan: meetings, observability, predicted error."""
+    from syncplan.planning.planner import plan
+    from syncplan.reports.plan_report import plan_document
+    from syncplan.scenario.loading import load_scenario
+    from syncplan.scenario.models import MAX_VEHICLES
+
+    refuse_overwriting(scenario, output)
+    loaded = load_scenario(scenario, max_vehicles=max_vehicles or MAX_VEHICLES)
+    if not loaded.formation.placed and sys.stderr.isatty():
+        say("looking for centres ...")
+    if loaded.size > LARGE_TEAM and sys.stderr.isatty():
+        say(f"judging the rank of {3 * loaded.size} states takes some time ...")
+    made = plan(loaded, bound=bound.value, steady=steady)
+    if refine_:
+        return _refined(made, {}, None, output, format_, require_observable, bound)
+    _deliver_plan(plan_document(made), output, format_)
+    return verdict_status(made.observable, require_observable)
+
+
+@plans.command(
+    name="refine",
+    epilog="Example: syncplan refine plan.json -o better.json --objective logdet --center-box-m 5",
+)
+def _refine(
+    subject: SubjectFile,
+    output: Output = None,
+    format_: Shown = Format.auto,
+    vary: Annotated[
+        str | None,
+        typer.Option(help="What may change: phases,centers,radii", show_default=False),
+    ] = None,
+    center_box_m: Annotated[
+        float | None,
+        typer.Option(help="How far a centre may move each way (default 5)", show_default=False),
+    ] = None,
+    radius_m: Annotated[
+        str | None,
+        typer.Option(help="Least and largest radius, such as 15,25", show_default=False),
+    ] = None,
+    objective: Annotated[
+        str | None,
+        typer.Option(
+            help="predicted_rms, worst_predicted_rms, logdet, min_eigenvalue or trace",
+            show_default=False,
+        ),
+    ] = None,
+    margin_m: Annotated[
+        float | None,
+        typer.Option(
+            help="By how much meetings stay within range (default 2 % of it)", show_default=False
+        ),
+    ] = None,
+    time_limit_s: Annotated[
+        float | None, typer.Option(help="Wall time (default 60)", show_default=False)
+    ] = None,
+    starts: Annotated[
+        int | None, typer.Option(help="Starting points (default 4)", show_default=False)
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Seed of the starting points", show_default=False)
+    ] = None,
+    processes: Annotated[
+        int | None,
+        typer.Option(min=1, help="Processes; all cores if not given", show_default=False),
+    ] = None,
+    require_observable: RequireObservable = False,
+    max_vehicles: MaxVehicles = None,
+) -> int:
+    """Move phases, centres and radii to the best plan near the one given; options override the
+    scenario's refine section. Exit with 4, nothing written, if nothing better is found."""
+    from syncplan.planning.plan_files import load, plan_of
+    from syncplan.refinement.refiner import options_for
+    from syncplan.scenario.models import MAX_VEHICLES
+
+    refuse_overwriting(subject, output)
+    loaded = load(subject, max_vehicles=max_vehicles or MAX_VEHICLES)
+    changes: dict[str, Any] = {
+        "vary": None if vary is None else [one.strip() for one in vary.split(",")],
+        "center_box_m": center_box_m,
+        "radius_m": None if radius_m is None else numbers(radius_m, "--radius-m"),
+        "objective": objective,
+        "margin_m": margin_m,
+        "time_limit_s": time_limit_s,
+        "starts": starts,
+        "seed": seed,
+    }
+    options_for(loaded.scenario, None, changes)
+    return _refined(plan_of(loaded), changes, processes, output, format_, require_observable)
+
+
+@plans.command(name="place", epilog="Example: syncplan place links.yaml -o placed.json")
+def _place(
+    scenario: ScenarioFile,
+    output: Output = None,
+    format_: Shown = Format.auto,
+    margin_m: Annotated[
+        float | None,
+        typer.Option(
+            help="By how much links stay within range (default 2 % of it)", show_default=False
+        ),
+    ] = None,
+    starts: Annotated[int, typer.Option(help="Layouts to start from")] = 8,
+    seed: Annotated[int, typer.Option(help="Seed of the layouts")] = 0,
+    max_vehicles: MaxVehicles = None,
+) -> int:
+    """Find centres for a formation given by links alone, or by a shape and a gap.
+
+    The result is the scenario with its centres, ready for plan and refine.
+    """
+    from syncplan.placement.centers import place
+    from syncplan.scenario.loading import load_scenario
+    from syncplan.scenario.models import MAX_VEHICLES
+
+    refuse_overwriting(scenario, output)
+    loaded = load_scenario(scenario, max_vehicles=max_vehicles or MAX_VEHICLES)
+    placed = place(loaded, margin=margin_m, starts=starts, seed=seed)
+
+    def show(console: "Console") -> None:
+        from syncplan.cli.terminal_tables import show_placement
+
+        show_placement(placed, console)
+
+    values = placed.scenario.model_dump(mode="json", exclude_none=True)
+    deliver(values, output, format_, show)
+    return 0
+
+
+@plans.command(
+    name="landmarks",
+    epilog="Example: syncplan landmarks scenario.yaml --candidates sites.yaml --choose 3",
+)
+def _landmarks(
+    subject: SubjectFile,
+    candidates: Annotated[
+        str, typer.Option(help="File of candidate sites: a list of \\[x, y] or a mapping of names")
+    ],
+    choose: Annotated[int, typer.Option(help="How many sites to choose")],
+    output: Output = None,
+    format_: Shown = Format.auto,
+    seed: Annotated[int, typer.Option(help="Seed of the search")] = 0,
+    max_vehicles: MaxVehicles = None,
+) -> int:
+    """Choose landmark sites among candidates so that the worst vehicle's bound is least."""
+    from syncplan.landmarks.candidates import load_candidates, new_sites
+    from syncplan.landmarks.site_choice import choose_sites
+    from syncplan.planning.plan_files import load, plan_of
+    from syncplan.reports.sites_report import show_sites, sites_document
+    from syncplan.scenario.models import MAX_VEHICLES
+
+    refuse_overwriting(subject, output)
+    refuse_overwriting(candidates, output)
+    loaded = load(subject, max_vehicles=max_vehicles or MAX_VEHICLES)
+    sites = load_candidates(candidates)
+    new_sites(loaded.scenario, sites, source=candidates)
+    document = sites_document(choose_sites(plan_of(loaded), sites, choose, seed=seed))
+
+    def show(console: "Console") -> None:
+        show_sites(document, console)
+
+    if deliver(document.as_json(), output, format_, show) is Format.json:
+        say_notes(document.notes)
+    return 0
+
+
+def _refined(
+    given: "Plan",
+    changes: dict[str, Any],
+    processes: int | None,
+    output: "Path | None",
+    format_: Format,
+    require_observable: bool,
+    bound: Bound = Bound.auto,
+) -> int:
+    """Refine and deliver; a plan that could not be bettered is shown, but never written."""
+    from syncplan.refinement.refiner import refine
+    from syncplan.reports.plan_report import plan_document
+
+    with search_progress() as progress:
+        better = refine(given, workers=processes, bound=bound.value, progress=progress, **changes)
+    record = better.refinement
+    if record is None or record.improved:
+        _deliver_plan(plan_document(better), output, format_)
+        return verdict_status(better.observable, require_observable)
+    if output is None or str(output) == "-":
+        _deliver_plan(plan_document(better), output, format_)
+        return NoSolutionError.exit_code
+    raise NoSolutionError(f"not refined: {record.reason}; {output} was not written")
+
+
+def _deliver_plan(document: "PlanDocument", output: "Path | None", format_: Format) -> None:
+    def show(console: "Console") -> None:
+        from syncplan.cli.terminal_tables import show_plan
+
+        show_plan(document, console)
+
+    if deliver(document.as_json(), output, format_, show) is Format.json:
+        say_notes(document.notes)

@@ -1,0 +1,179 @@
+"""The command that draws: plot."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from syncplan.cli.arguments import MaxVehicles
+from syncplan.cli.console import refuse_overwriting, say
+from syncplan.errors import InputError
+
+if TYPE_CHECKING:
+    from syncplan.planning.planner import Plan
+    from syncplan.plotting.canvas import Spec
+    from syncplan.plotting.catalogue import Subject
+    from syncplan.reports.schemas import RefinementResult
+
+__all__ = ["plots"]
+
+ENDINGS = (".html", ".png", ".svg", ".pdf")
+
+plots = typer.Typer()
+
+
+@plots.command(
+    name="plot",
+    epilog="Example: syncplan plot plan.json -o plan.html\n\n"
+    "Example: syncplan plot report.json --figure errors -o errors.svg",
+)
+def _plot(
+    file: Annotated[
+        str,
+        typer.Argument(
+            metavar="FILE",
+            help="Plan, scenario, or report of validate, sweep or replay; - is standard input",
+        ),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            help="File to write: .html holds all figures and works offline, .png, .svg and .pdf "
+            "hold one",
+            show_default=False,
+        ),
+    ] = None,
+    figure: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Figure to draw, may be repeated: formation, animation, timeline, spectrum, "
+            "prediction, refinement, comparison of a plan; accuracy, errors, consistency of a "
+            "validation or replay; sweep. All if not given; the first in an image",
+            show_default=False,
+        ),
+    ] = None,
+    compare: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PLAN|SCENARIO",
+            help="A second plan: FILE is before, this is after",
+            show_default=False,
+        ),
+    ] = None,
+    max_vehicles: MaxVehicles = None,
+) -> int:
+    """Draw a plan or a report: a page that works offline, or an image."""
+    ending = _ending(output)
+    names = list(dict.fromkeys(figure or []))
+    if ending != ".html" and len(names) > 1:
+        raise InputError(
+            f"{', '.join(names)}: an image holds one; give one, or write a .html page",
+            key="figure",
+        )
+    for given in (file, compare):
+        if given is not None:
+            refuse_overwriting(given, output)
+    specs, title = _drawn(file, names, compare, max_vehicles, only_first=ending != ".html")
+    _write(specs, title, output, ending)
+    return 0
+
+
+def _ending(output: Path | None) -> str:
+    """What kind of file is wanted; raises InputError where nothing says so."""
+    if output is None and sys.stdout.isatty():
+        raise InputError("give the file to write, such as -o figures.html", key="output")
+    if output is None or str(output) == "-":
+        return ".html"
+    ending = output.suffix.lower()
+    if ending not in ENDINGS:
+        raise InputError(
+            f"{str(output)!r}: its name must end in {', '.join(ENDINGS[:-1])} or {ENDINGS[-1]}",
+            key="output",
+        )
+    return ending
+
+
+def _drawn(
+    file: str,
+    names: list[str],
+    compare: str | None,
+    max_vehicles: int | None,
+    *,
+    only_first: bool,
+) -> "tuple[dict[str, Spec], str]":
+    from syncplan.planning.plan_files import load, plan_of
+    from syncplan.plotting.catalogue import makers, specs_of
+    from syncplan.scenario.models import MAX_VEHICLES
+
+    most = max_vehicles or MAX_VEHICLES
+    subject, refined, title = _read(file, most)
+    after = None
+    if compare is not None:
+        if file == "-" == compare:
+            raise InputError("standard input can't be both plans; give a file", key="compare")
+        after = plan_of(load(compare, max_vehicles=most))
+    if only_first and not names:
+        known = makers(subject, refined=refined, after=after)
+        names = ["comparison"] if after is not None else list(known)[:1]
+    return specs_of(subject, names, refined=refined, after=after), title
+
+
+def _read(file: str, most: int) -> "tuple[Subject, RefinementResult | None, str]":
+    """What a file holds, the record of its refinement, and its title."""
+    from syncplan.planning.plan_files import loaded_from, plan_of
+    from syncplan.reports.schemas import (
+        RefinementResult,
+        ReplayDocument,
+        SweepReport,
+        ValidationDocument,
+    )
+    from syncplan.scenario.loading import is_plan, parse_document, read_text
+
+    source, text = read_text(file)
+    values = parse_document(text, source)
+    if "anees" in values and "readings" in values:
+        replayed = _model(ReplayDocument, values, source)
+        return replayed, None, replayed.name
+    if "anees" in values:
+        report = _model(ValidationDocument, values, source)
+        return report, None, report.name or "Validation"
+    if "swept" in values:
+        swept = _model(SweepReport, values, source)
+        return swept, None, swept.rows[0].validation.name or "Sweep"
+    plan: Plan = plan_of(loaded_from(values, source=source, max_vehicles=most))
+    refined = None
+    if is_plan(values) and values.get("refinement") is not None:
+        refined = _model(RefinementResult, values["refinement"], f"{source}: refinement")
+    return plan, refined, plan.scenario.name or "Plan"
+
+
+def _model(model: Any, values: Any, source: str) -> Any:
+    from pydantic import ValidationError
+
+    from syncplan.scenario.loading import validation_fault
+
+    try:
+        return model.model_validate(values)
+    except ValidationError as error:
+        validation_fault(error, model, source)
+
+
+def _write(specs: "dict[str, Spec]", title: str, output: Path | None, ending: str) -> None:
+    from syncplan.runtime.files import write_bytes
+
+    if ending == ".html":
+        from syncplan.plotting.html_page import figure_page
+
+        content = figure_page(title, specs).encode("utf-8")
+    else:
+        from syncplan.plotting.images import figure_image
+
+        content = figure_image(next(iter(specs.values())), ending.removeprefix("."))
+    if output is None or str(output) == "-":
+        sys.stdout.write(content.decode("utf-8"))
+        return
+    write_bytes(output, content)
+    say(f"wrote {output}")

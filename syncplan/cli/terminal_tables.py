@@ -1,0 +1,298 @@
+"""Tables for people at a terminal."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from syncplan.placement.centers import Placement
+from syncplan.reports.schemas import (
+    ErrorFigures,
+    LandmarkLink,
+    Link,
+    PlanDocument,
+    RefinementResult,
+    ReplayDocument,
+    Spread,
+    ValidationDocument,
+)
+
+__all__ = ["show_placement", "show_plan", "show_replay", "show_sweep", "show_validation"]
+
+MOST_ROWS = 40
+MOST_NAMED = 12
+
+
+def show_plan(document: PlanDocument, console: Console) -> None:
+    """Print a plan: verdict, poses, meetings."""
+    verdict = document.observability
+    state = "[green]observable[/]" if verdict.observable else "[red]NOT observable[/]"
+    console.print(
+        f"[bold]{escape(document.scenario.name or 'plan')}[/]: {state}, rank {verdict.rank} of "
+        f"{verdict.state_dim}; period {document.period_s:.4g} s"
+    )
+    holds = "holds" if verdict.certificate.holds else "does not hold"
+    console.print(f"certificate {holds}: {escape(verdict.certificate.reason)}")
+    if document.connectivity_period_s is not None:
+        console.print(
+            f"any {document.connectivity_period_s:.4g} s of sightings certify the team "
+            "(connectivity period)"
+        )
+    nearest = document.separation
+    if nearest.min_m is not None and nearest.between is not None:
+        console.print(
+            f"least separation {nearest.min_m:.4g} m, {escape('-'.join(nearest.between))}"
+        )
+    console.print(_synchronisation(document))
+    console.print(_vehicle_table(document))
+    _print_links(document, console)
+    if document.refinement is not None:
+        console.print(_refinement_table(document.refinement))
+        held = document.refinement.active_constraints
+        if held:
+            console.print(f"held by: {escape(', '.join(held[:MOST_NAMED]))}")
+    for motion in verdict.unobservable:
+        console.print(
+            f"[red]unobservable[/]: {escape(motion.description)}\n   cure: {escape(motion.cure)}"
+        )
+    for note in document.notes:
+        console.print(f"[yellow]note[/]: {escape(note)}")
+
+
+def show_validation(report: ValidationDocument, console: Console) -> None:
+    """Print a Monte Carlo report."""
+    console.print(
+        f"[bold]{escape(report.name or 'plan')}[/]: {report.run}, {report.filter.model} filter"
+    )
+    table = _table(
+        "RMS error in m over the run, and over its second half",
+        ("vehicle", "x", "y", "position", "2nd half", "bound", "ratio", "3 sigma"),
+    )
+    for vehicle in report.vehicles[:MOST_ROWS]:
+        table.add_row(escape(vehicle.name), *_figures(vehicle))
+    table.add_section()
+    table.add_row("overall", *_figures(report.overall))
+    console.print(table)
+    console.print(f"ANEES {_spread(report.anees)}")
+    console.print(f"NIS   {_spread(report.nis)}")
+    for note in report.notes:
+        console.print(f"[yellow]note[/]: {escape(note)}")
+
+
+def show_replay(report: ReplayDocument, console: Console) -> None:
+    """Print the report of a replay."""
+    counts = report.readings
+    console.print(
+        f"[bold]{escape(report.name)}[/]: {report.run}; position {report.position_rmse_m:.3f} m, "
+        f"heading {report.heading_rmse_rad:.3f} rad RMS over all robots"
+    )
+    console.print(
+        f"bearings: {counts.used} used, {counts.rejected} rejected by the gate, "
+        f"{counts.unknown} of unknown barcodes, {counts.not_asked_for} not asked for, "
+        f"{counts.outside} outside the run"
+    )
+    table = _table(
+        "RMS error in m over the run, and over its second half",
+        ("robot", "x", "y", "position", "2nd half", "heading rad", "3 sigma"),
+    )
+    for robot in report.robots[:MOST_ROWS]:
+        values = (robot.rms_x_m, robot.rms_y_m, robot.rms_m, robot.rms_second_half_m)
+        table.add_row(
+            escape(robot.name),
+            *(f"{value:.3f}" for value in values),
+            f"{robot.rms_heading_rad:.3f}",
+            f"{robot.coverage_3sigma:.4f}",
+        )
+    _count_rest(table, len(report.robots))
+    console.print(table)
+    console.print(f"ANEES {_spread(report.anees)}")
+    console.print(f"NIS   {_spread(report.nis)}")
+    for note in report.notes:
+        console.print(f"[yellow]note[/]: {escape(note)}")
+
+
+def show_placement(placed: Placement, console: Console) -> None:
+    """Print a placement: centres and what they attain."""
+    names = placed.scenario.vehicle_names
+    table = _table("centres found", ("vehicle", "centre m"))
+    for name, center in list(zip(names, placed.centers.tolist(), strict=True))[:MOST_ROWS]:
+        table.add_row(escape(name), _point((center[0], center[1])))
+    _count_rest(table, len(names))
+    console.print(table)
+    if len(placed.gaps):
+        console.print(
+            f"linked circles are {placed.gaps.min():.4g} to {placed.gaps.max():.4g} m apart"
+        )
+    if np.isfinite(placed.smallest_gap):
+        console.print(f"no two circles are nearer than {placed.smallest_gap:.4g} m")
+
+
+def show_sweep(
+    name: str, labels: Sequence[str], reports: Sequence[ValidationDocument], console: Console
+) -> None:
+    """Print a sweep: errors in x (p_e) and y (p_n) of each vehicle, then means over vehicles."""
+    each = _table(
+        f"RMS error over the run, p_n/p_e in m, by {name}",
+        ("vehicle", *(label.partition(",")[0] for label in labels)),
+    )
+    for k, vehicle in enumerate(reports[0].vehicles[:MOST_ROWS]):
+        figures = [report.vehicles[k] for report in reports]
+        each.add_row(escape(vehicle.name), *(f"{f.rms_y_m:.2f}/{f.rms_x_m:.2f}" for f in figures))
+    console.print(each)
+    means = _table(
+        "means over the vehicles, m", (name, "p_n", "p_e", "2nd half", "bound", "ANEES", "rank")
+    )
+    for label, report in zip(labels, reports, strict=True):
+        bound = report.overall.predicted_rms_m
+        means.add_row(
+            label,
+            f"{np.mean([v.rms_y_m for v in report.vehicles]):.2f}",
+            f"{np.mean([v.rms_x_m for v in report.vehicles]):.2f}",
+            f"{report.overall.rms_second_half_m:.2f}",
+            "-" if bound is None else f"{bound:.2f}",
+            "-" if report.anees.value is None else f"{report.anees.value:.2f}",
+            "full" if report.observable else "short",
+        )
+    console.print(means)
+
+
+def _synchronisation(document: PlanDocument) -> str:
+    record = document.synchronisation
+    if record.smallest_margin_m is None:
+        return f"phases: {record.method}"
+    bound = "" if record.bound_m is None else f", bound {record.bound_m:.4g} m"
+    return f"phases: {record.method}; smallest margin {record.smallest_margin_m:.4g} m{bound}"
+
+
+def _vehicle_table(document: PlanDocument) -> Table:
+    table = _table(
+        "vehicles at time 0, with the predicted RMS error",
+        ("vehicle", "centre m", "R m", "turns", "phase", "position m", "heading", "error m"),
+    )
+    errors = document.predicted_rms_m.vehicles
+    for vehicle in document.vehicles[:MOST_ROWS]:
+        error = errors[vehicle.name]
+        table.add_row(
+            escape(vehicle.name),
+            _point(vehicle.center_m),
+            f"{vehicle.radius_m:g}",
+            vehicle.direction,
+            f"{vehicle.phase_rad:.4f}",
+            _point(vehicle.position_m),
+            f"{vehicle.heading_rad:.4f}",
+            "-" if error is None else f"{error:.3g}",
+        )
+    _count_rest(table, len(document.vehicles))
+    return table
+
+
+def _print_links(document: PlanDocument, console: Console) -> None:
+    table = _table(
+        "meetings, once a period",
+        ("link", "rule", "least m", "contact s", "from s", "may slip rad", "rank"),
+    )
+    short: dict[str, list[str]] = {}
+    rows: list[tuple[Link, str]] = [(link, link.rule) for link in document.links]
+    rows += [(link, f"{link.rule}, unlisted") for link in document.incidental_links]
+    for link, rule in rows[:MOST_ROWS]:
+        name = escape(f"{link.a}-{link.b}")
+        _add_meeting(table, name, rule, link, f"{link.phase_tolerance_rad:.3f}")
+        short.setdefault(link.reason, []).append(name)
+    for seen in document.landmark_links[:MOST_ROWS]:
+        name = escape(f"{seen.vehicle}-{seen.landmark}")
+        _add_meeting(table, name, "landmark", seen, "-")
+        short.setdefault(seen.reason, []).append(name)
+    _count_rest(table, len(rows))
+    if table.row_count:
+        console.print(table)
+    for reason, names in short.items():
+        if reason:
+            console.print(f"[yellow]not certified[/]: {', '.join(names)}: {reason}")
+
+
+def _refinement_table(result: RefinementResult) -> Table:
+    before, after = result.before, result.after
+    table = _table(
+        f"refined for {result.objective}, {len(result.starts)} starts", ("", "before", "after")
+    )
+    for label, name in (
+        ("rank", "rank"),
+        ("certificate", "certified"),
+        ("predicted error, all, m", "predicted_rms_m"),
+        ("predicted error, worst, m", "worst_predicted_rms_m"),
+        ("window bound, worst, m", "window_bound_m"),
+        ("log determinant", "logdet"),
+        ("smallest eigenvalue", "min_eigenvalue"),
+        ("trace", "trace"),
+        ("least distance, m", "least_distance_m"),
+        ("contact margin, m", "contact_margin_m"),
+    ):
+        table.add_row(label, *(_figure(getattr(one, name)) for one in (before, after)))
+    return table
+
+
+def _figure(value: float | None) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, bool):
+        return "holds" if value else "does not hold"
+    return f"{value:.4g}"
+
+
+def _add_meeting(
+    table: Table, name: str, rule: str, meeting: Link | LandmarkLink, slip: str
+) -> None:
+    table.add_row(
+        name,
+        rule,
+        f"{meeting.min_distance_m:.2f}",
+        f"{meeting.contact_s:.2f}",
+        f"{meeting.windows_s[0][0]:.2f}" if meeting.windows_s else "-",
+        slip,
+        str(meeting.rank),
+    )
+
+
+def _table(title: str, columns: Sequence[str]) -> Table:
+    """A table whose first column is text and whose others are numbers."""
+    table = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False)
+    for k, column in enumerate(columns):
+        table.add_column(column, justify="left" if k == 0 or column == "rule" else "right")
+    return table
+
+
+def _count_rest(table: Table, rows: int) -> None:
+    if rows > MOST_ROWS:
+        table.add_row(f"... and {rows - MOST_ROWS} more (see the JSON)")
+
+
+def _figures(figures: ErrorFigures) -> list[str]:
+    predicted, ratio = figures.predicted_rms_m, figures.rms_over_predicted
+    return [
+        f"{figures.rms_x_m:.3g}",
+        f"{figures.rms_y_m:.3g}",
+        f"{figures.rms_m:.3g}",
+        f"{figures.rms_second_half_m:.3g}",
+        "-" if predicted is None else f"{predicted:.3g}",
+        "-" if ratio is None else f"{ratio:.2f}",
+        f"{100.0 * figures.coverage_3sigma:.1f} %",
+    ]
+
+
+def _spread(spread: Spread) -> str:
+    if spread.value is None or spread.band is None:
+        return "not judged: no samples"
+    colour = "green" if spread.verdict == "consistent" else "red"
+    return (
+        f"{spread.value:.3f}, 95 % band {spread.band[0]:.3f} to {spread.band[1]:.3f}: "
+        f"[{colour}]{spread.verdict}[/]"
+    )
+
+
+def _point(point: tuple[float, float]) -> str:
+    # zero where rounding errors are all there is, and never "-0"
+    x, y = (round(value, 9) + 0.0 for value in point)
+    return f"{x:.5g}, {y:.5g}"

@@ -1,0 +1,5 @@
+"""The library computed by a service: requests, repeated while it is away, and its answers as types.
+
+connection       requests and the errors they mean
+service_client   plans and jobs of a service
+"""

@@ -1,0 +1,162 @@
+"""Requests to a service: sent again while it is away or busy, problems raised as errors."""
+
+import importlib.util
+import json
+import random
+import time
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+from uuid import uuid4
+
+from syncplan.errors import Fault, InputError, NoSolutionError, SyncplanError
+
+if TYPE_CHECKING:
+    from httpx2 import Response
+
+__all__ = ["Remote", "RemoteError", "error_of", "values_of"]
+
+_AGAIN = {429, 502, 503, 504}
+_NOT_FOUND = 404
+_LONGEST_WAIT_S = 5.0
+_CONNECT_S = 10.0
+
+
+class RemoteError(SyncplanError):
+    """The service can't be reached, or refused for a reason that is not the request's.
+
+    `status` is the HTTP status; None where there was no answer.
+    """
+
+    def __init__(self, message: str, status: int | None = None) -> None:
+        super().__init__(message)
+        self.status = status
+
+
+class Remote:
+    """A connection to a service; arguments as syncplan.client.service_client.Client takes them."""
+
+    def __init__(self, url: str, api_key: str | None, timeout_s: float, patience_s: float) -> None:
+        if importlib.util.find_spec("httpx2") is None:
+            raise InputError(
+                "needs httpx2; install the extra: pip install 'syncplan[client]'",
+                source="the client",
+            )
+        import httpx2
+
+        headers = {"accept": "application/json"}
+        if api_key is not None:
+            if not (api_key.isascii() and api_key.isprintable()):
+                raise InputError("must be printable ASCII characters", key="api_key")
+            headers["authorization"] = f"Bearer {api_key}"
+        timeout = httpx2.Timeout(timeout_s, connect=min(timeout_s, _CONNECT_S))
+        try:
+            self._http = httpx2.Client(base_url=url, headers=headers, timeout=timeout)
+            address = self._http.base_url
+        except (httpx2.InvalidURL, TypeError, ValueError) as error:
+            raise InputError(f"{url!r}: {error}", key="url") from None
+        if address.scheme not in ("http", "https") or not address.host:
+            raise InputError(
+                f"{url!r}: must begin with http:// or https:// and name a host", key="url"
+            )
+        # without the name and password it may hold
+        self._shown = f"{address.scheme}://{address.netloc.decode()}"
+        self._patience_s = patience_s
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._http.close()
+
+    def send(
+        self,
+        method: str,
+        path: str,
+        body: Mapping[str, Any] | None = None,
+        parameters: dict[str, str] | None = None,
+        accept: str | None = None,
+    ) -> "Response":
+        """Return the answer to a request, repeated while the service is away or busy.
+
+        Raises what a problem means: InputError, NoSolutionError or RemoteError.
+        """
+        import httpx2
+
+        headers = {} if accept is None else {"accept": accept}
+        if method == "POST":
+            headers["idempotency-key"] = str(uuid4())
+        content = None
+        if body is not None:
+            headers["content-type"] = "application/json"
+            try:
+                content = json.dumps(body, allow_nan=False).encode()
+            except (TypeError, ValueError) as error:
+                raise InputError(f"can't be sent as JSON: {error}", key="options") from None
+        began, pause, repeated = time.monotonic(), 0.2, False
+        while True:
+            answer, fault, asked = None, "", 0.0
+            try:
+                answer = self._http.request(
+                    method, path, content=content, params=parameters, headers=headers
+                )
+            except httpx2.RequestError as error:
+                fault = f"{self._shown}: {error or type(error).__name__}"
+            if answer is not None and answer.status_code not in _AGAIN:
+                # gone already: the answer to the first request was lost
+                done = repeated and method == "DELETE" and answer.status_code == _NOT_FOUND
+                return answer if done else _checked(answer)
+            if answer is not None:
+                asked = _seconds(answer.headers.get("retry-after"))
+            wait = max(pause * (0.5 + random.random()), asked)
+            if time.monotonic() - began + wait > self._patience_s:
+                if answer is not None:
+                    return _checked(answer)
+                raise RemoteError(f"can't be reached: {fault}")
+            time.sleep(wait)
+            repeated = True
+            pause = min(2.0 * pause, _LONGEST_WAIT_S)
+
+
+def values_of(answer: "Response", key: str = "id") -> dict[str, Any]:
+    """Return the JSON object of an answer; raises RemoteError where there is none with that key."""
+    try:
+        values = answer.json()
+    except ValueError:
+        values = None
+    if not isinstance(values, dict) or key not in values:
+        raise RemoteError(f"{answer.url.path}: answers, but not as syncplan's service does")
+    return values
+
+
+def _checked(answer: "Response") -> "Response":
+    """The answer, if it is not a problem; raises what the problem means."""
+    if answer.is_success:
+        return answer
+    try:
+        problem = answer.json()
+        detail = str(problem["detail"])
+    except (ValueError, KeyError, TypeError):
+        problem, detail = {}, answer.text[:200]
+    raise error_of(problem, f"{answer.status_code}: {detail}", answer.status_code)
+
+
+def error_of(problem: Mapping[str, Any], message: str, status: int | None) -> SyncplanError:
+    """Return the error that a problem, or the failure of a job, means to the caller."""
+    errors = problem.get("errors") or []
+    if errors:
+        faults = tuple(
+            Fault(one["path"], one["message"], str(one.get("value", ""))) for one in errors
+        )
+        first, more = faults[0], len(faults) - 1
+        told = first.problem if more == 0 else f"{first.problem} (and {more} more)"
+        return InputError(
+            f"{first.value}: {told}" if first.value else told, key=first.key, faults=faults
+        )
+    if problem.get("title") == "No solution":
+        return NoSolutionError(message)
+    return RemoteError(message, status)
+
+
+def _seconds(text: str | None) -> float:
+    try:
+        return float(text or 0.0)
+    except ValueError:
+        return 0.0

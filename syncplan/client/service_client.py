@@ -1,0 +1,289 @@
+"""A client of the service: the library's job in the same few lines, computed elsewhere.
+
+    client = syncplan.Client("http://127.0.0.1:8000")
+    plan = client.plan(syncplan.load_scenario("scenario.yaml"))
+    better = client.wait(client.refine(plan))
+    report = client.wait(client.validate(better, trials=500, seed=1))
+
+Every POST carries an Idempotency-Key, so that a request whose answer was lost is repeated without
+doing anything twice.
+"""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields, replace
+from types import TracebackType
+from typing import Any, Literal, Self
+from urllib.parse import quote
+
+from syncplan.client.connection import Remote, RemoteError, error_of, values_of
+from syncplan.errors import InputError
+from syncplan.estimation.trial_archive import unpack
+from syncplan.planning.plan_files import loaded_from, plan_of, stated
+from syncplan.planning.planner import Plan
+from syncplan.planning.validation import Validation, conclude, trial_run
+from syncplan.scenario.loading import scenario_from
+from syncplan.scenario.specification import Scenario
+
+__all__ = ["Client", "Job", "StoredPlan"]
+
+_LOOK_AT_FIRST_S, _LOOK_AT_LAST_S = 0.1, 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoredPlan(Plan):
+    """A plan that the service keeps, judged by this library from the orbits it states.
+
+    Attributes
+    ----------
+    id, parent_id : of the plan, and of the one it was refined from
+    created_at : RFC 3339, UTC
+    document : all that the service says of it, see syncplan.reports.schemas.PlanDocument
+    """
+
+    id: str
+    parent_id: str | None
+    created_at: str
+    document: Mapping[str, Any] = field(repr=False, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A job of the service as it was when last looked at.
+
+    Attributes
+    ----------
+    done, total : how far it is, in trials; a refinement in starts
+    document : all that the service says of it
+    plan : what it is about, where the client was given that
+    """
+
+    id: str
+    kind: Literal["refinement", "validation", "sweep"]
+    state: Literal["queued", "running", "succeeded", "failed", "cancelled"]
+    done: int
+    total: int
+    document: Mapping[str, Any] = field(repr=False, compare=False)
+    plan: StoredPlan | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def ended(self) -> bool:
+        """Whether the job changes no more."""
+        return self.state not in ("queued", "running")
+
+
+class Client:
+    """A connection to a service.
+
+    Parameters
+    ----------
+    url : where it is, such as http://127.0.0.1:8000
+    api_key : if it asks for one
+    timeout_s : for one request
+    patience_s : how long a service that is away, or busy, is asked again
+    """
+
+    def __init__(
+        self,
+        url: str,
+        api_key: str | None = None,
+        *,
+        timeout_s: float = 60.0,
+        patience_s: float = 60.0,
+    ) -> None:
+        self._remote = Remote(url, api_key, timeout_s, patience_s)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._remote.close()
+
+    # --- plans ---
+
+    def plan(
+        self, subject: Scenario | Plan | Mapping[str, Any], *, steady: bool = False
+    ) -> StoredPlan:
+        """Return the plan of a scenario, kept by the service; see syncplan.plan.
+
+        Of a plan, or the mapping that a file of one holds, the orbits stay as they are and are
+        judged afresh. Raises InputError.
+        """
+        body = _as_planned(subject)
+        parameters = {"steady": "true"} if steady else None
+        return _stored_plan(values_of(self._remote.send("POST", "/v1/plans", body, parameters)))
+
+    def stored(self, plan_id: str) -> StoredPlan:
+        """Return a plan that the service keeps."""
+        return _stored_plan(values_of(self._remote.send("GET", f"/v1/plans/{_id(plan_id)}")))
+
+    def delete(self, plan: StoredPlan | str) -> None:
+        """Delete a plan that the service keeps."""
+        self._remote.send("DELETE", f"/v1/plans/{_id(plan)}")
+
+    # --- jobs ---
+
+    def refine(self, plan: StoredPlan | str, **options: Any) -> Job:
+        """Begin to refine a plan; options as syncplan.refine takes them. See wait."""
+        return _job(
+            values_of(self._remote.send("POST", f"/v1/plans/{_id(plan)}/refinements", options))
+        )
+
+    def validate(
+        self,
+        plan: StoredPlan | str,
+        *,
+        trials: int = 200,
+        seed: int = 0,
+        duration: float | None = None,
+        model: Literal["arc", "euler"] = "arc",
+        substeps: int = 10,
+        gate_probability: float | None = None,
+        with_series: bool = False,
+    ) -> Job:
+        """Begin to validate a plan; options as syncplan.validate takes them. See wait."""
+        options = {
+            "trials": trials,
+            "seed": seed,
+            "duration_s": duration,
+            "model": model,
+            "substeps": substeps,
+            "gate_probability": gate_probability,
+            "series": with_series,
+        }
+        given = {key: value for key, value in options.items() if value is not None}
+        answer = self._remote.send("POST", f"/v1/plans/{_id(plan)}/validations", given)
+        job = _job(values_of(answer))
+        return replace(job, plan=plan) if isinstance(plan, StoredPlan) else job
+
+    def sweep(self, scenario: Scenario | Mapping[str, Any], **options: Any) -> Job:
+        """Begin a sweep; options are the keys of the service's request, such as range_m."""
+        body = {"scenario": _as_document(scenario), **options}
+        return _job(values_of(self._remote.send("POST", "/v1/sweeps", body)))
+
+    def job(self, job_id: str) -> Job:
+        """Return a job as it is now."""
+        return _job(values_of(self._remote.send("GET", f"/v1/jobs/{_id(job_id)}")))
+
+    def cancel(self, job: Job | str) -> Job:
+        """Stop a job; raises RemoteError where it has ended in another way."""
+        return _job(values_of(self._remote.send("POST", f"/v1/jobs/{_id(job)}/cancel", None)))
+
+    def wait(
+        self,
+        job: Job | str,
+        progress: Callable[[Job], None] | None = None,
+        *,
+        timeout_s: float | None = None,
+    ) -> Any:
+        """Return what a job comes to, once it does.
+
+        A StoredPlan for a refinement, a Validation for a validation, the JSON values of a sweep's
+        report. `progress` is called with the job whenever it has changed. Raises InputError or
+        NoSolutionError where the job failed for such a reason, RemoteError where it was cancelled,
+        failed otherwise or is not done in time.
+        """
+        began, pause, told = time.monotonic(), _LOOK_AT_FIRST_S, None
+        while True:
+            now = self.job(_id(job))
+            if progress is not None and now != told:
+                progress(now)
+                told = now
+            if now.ended:
+                return self._result(now, job.plan if isinstance(job, Job) else None)
+            if timeout_s is not None and time.monotonic() - began + pause > timeout_s:
+                raise RemoteError(f"job {now.id} is {now.state} after {timeout_s:g} s; it goes on")
+            time.sleep(pause)
+            pause = min(1.5 * pause, _LOOK_AT_LAST_S)
+
+    def _result(self, job: Job, plan: StoredPlan | None) -> Any:
+        if job.state == "failed":
+            failure = job.document["error"]
+            raise error_of(failure, f"job {job.id} failed: {failure['detail']}", None)
+        if job.state == "cancelled":
+            raise RemoteError(f"job {job.id} was cancelled")
+        if job.kind == "validation":
+            return self._validation(job, plan)
+        answer = self._remote.send("GET", f"/v1/jobs/{job.id}/result")
+        if job.kind == "sweep":
+            return values_of(answer, "rows")
+        return _stored_plan(values_of(answer))
+
+    def _validation(self, job: Job, plan: StoredPlan | None) -> Validation:
+        asked = job.document["request"]
+        run = trial_run(
+            self.stored(job.document["plan_id"]) if plan is None else plan,
+            trials=asked["trials"],
+            seed=asked["seed"],
+            duration=asked.get("duration_s"),
+            model=asked["model"],
+            substeps=asked["substeps"],
+            gate_probability=asked.get("gate_probability"),
+            with_series=asked["series"],
+        )
+        trials = self._remote.send(
+            "GET", f"/v1/jobs/{job.id}/trials", accept="application/octet-stream"
+        )
+        return conclude(run, [unpack(trials.content)])
+
+
+def _as_planned(subject: Scenario | Plan | Mapping[str, Any]) -> dict[str, Any]:
+    """What plans are asked for with: the document of a scenario, or of a plan."""
+    if isinstance(subject, Plan):
+        return stated(subject.scenario, subject.orbits)
+    if isinstance(subject, Scenario):
+        return _as_document(subject)
+    loaded = loaded_from(subject)
+    return (
+        stated(loaded.scenario, loaded.orbits) if loaded.orbits else _as_document(loaded.scenario)
+    )
+
+
+def _as_document(scenario: Scenario | Mapping[str, Any]) -> dict[str, Any]:
+    checked = scenario if isinstance(scenario, Scenario) else scenario_from(scenario)
+    return checked.model_dump(mode="json", exclude_none=True)
+
+
+def _id(item: StoredPlan | Job | str) -> str:
+    if isinstance(item, str):
+        return quote(item, safe="")
+    if not isinstance(item, StoredPlan | Job):
+        raise InputError(
+            f"a {type(item).__name__} is not known to the service; give what its plan(), refine() "
+            "or validate() returned, or an identifier",
+            key="plan",
+        )
+    return item.id
+
+
+def _stored_plan(document: Mapping[str, Any]) -> StoredPlan:
+    made = plan_of(loaded_from(document))
+    values = {one.name: getattr(made, one.name) for one in fields(made)}
+    return StoredPlan(
+        **values,
+        id=document["id"],
+        parent_id=document["parent_id"],
+        created_at=document["created_at"],
+        document=document,
+    )
+
+
+def _job(document: Mapping[str, Any]) -> Job:
+    progress = document["progress"]
+    return Job(
+        id=document["id"],
+        kind=document["kind"],
+        state=document["state"],
+        done=progress["done"],
+        total=progress["total"],
+        document=document,
+    )

@@ -1,0 +1,270 @@
+"""Cramer-Rao bounds: the least error any unbiased filter can have along the nominal circles.
+
+The posterior bound with motion noise is the covariance recursion along the nominal path. Errors
+are referred to time 0 by the closed-form transition, so that prediction only adds noise:
+
+    P <- P + Phi(0, k) G Q G^T Phi(0, k)^T      block diagonal, one 3 x 3 block a vehicle
+    P <- P - P H^T (H P H^T + 1)^-1 H P         H: the rows of the windowed matrix, sigma = 1
+
+Positions are in mean radii until the end. How rows are brought in: syncplan.estimation.covariances.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.errors import NoSolutionError
+from syncplan.estimation.covariances import Run, variances_along
+from syncplan.observability.rank import Observability, bearing_rows
+from syncplan.orbits.circles import Orbits, perpendicular, phase, unit
+from syncplan.orbits.contacts import Sensors, Windows
+from syncplan.orbits.noise import Noise
+from syncplan.orbits.sightings import sample_sightings, steps_within
+
+__all__ = [
+    "PosteriorBound",
+    "arc_noise_gain",
+    "posterior_bound",
+    "steady_bound",
+    "window_bound",
+]
+
+Array = NDArray[np.float64]
+
+_DOUBLINGS = 60
+_SETTLED, _SETTLED_BY_ROUNDING = 1e-12, 1e-8
+_INDEFINITE = (
+    "no posterior bound: the sigmas span too many orders of magnitude for its covariance to stay "
+    "positive definite"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class PosteriorBound:
+    """The bound along a run from the initial sigmas.
+
+    Attributes
+    ----------
+    position_variance : (steps + 1, n) m^2, trace of each vehicle's position block at k Ts
+    heading_variance : (steps + 1, n) rad^2
+    """
+
+    position_variance: Array
+    heading_variance: Array
+
+    def rms_second_half(self) -> Array:
+        """Return (n,) RMS position bound in m over the samples k with 2 k > steps."""
+        steps = len(self.position_variance) - 1
+        return np.asarray(np.sqrt(self.position_variance[steps // 2 + 1 :].mean(axis=0)))
+
+
+def arc_noise_gain(orbits: Orbits, sample_time: float) -> Array:
+    """Return (n, 3, 2) derivatives of a step's (x, y, heading) by speed and turn rate.
+
+    In the frame of the heading at the step's start. With h half the angle turned in a step, the
+    chord is v Ts sinc(h) e(h).
+    """
+    half = 0.5 * orbits.turn_rates * sample_time
+    sinc = np.sinc(half / np.pi)
+    slope = np.where(np.abs(half) < 1e-4, -half / 3.0, (np.cos(half) - sinc) / _nonzero(half))
+    along = unit(half)
+    across = perpendicular(along)
+    gain = np.zeros((orbits.count, 3, 2))
+    gain[:, :2, 0] = sample_time * sinc[:, None] * along
+    swing = 0.5 * sample_time**2 * orbits.speeds
+    gain[:, :2, 1] = swing[:, None] * (slope[:, None] * along + sinc[:, None] * across)
+    gain[:, 2, 1] = sample_time
+    return gain
+
+
+def window_bound(result: Observability) -> Array:
+    """Return (n,) m: the bound on each initial position from one window, without motion noise.
+
+    NaN for a vehicle whose position is not determined.
+    """
+    variance = result.variances.reshape(-1, 3)[:, :2].sum(axis=1)
+    lost = np.sum(result.null_space**2, axis=0).reshape(-1, 3)[:, :2].sum(axis=1)
+    return np.where(lost > 1e-9, np.nan, result.scale * np.sqrt(variance))
+
+
+def posterior_bound(
+    orbits: Orbits,
+    landmarks: Array,
+    sensors: Sensors,
+    windows: Windows,
+    noise: Noise,
+    duration: float,
+) -> PosteriorBound:
+    """Return the posterior bound over `duration` s, sightings at k Ts with k >= 1.
+
+    Raises NoSolutionError where the covariance stops being positive definite in floating point:
+    sigmas that span too many orders of magnitude.
+    """
+    steps = steps_within(duration, sensors.sample_time)
+    system = _ReferredSystem.along(orbits, landmarks, sensors, windows, noise, steps)
+    sigma = np.array([noise.position_sigma, noise.position_sigma, noise.heading_sigma])
+    sigma[:2] /= system.scale
+    covariance = np.diag(np.tile(sigma**2, orbits.count))
+    try:
+        bound = system.bound(covariance)
+    except np.linalg.LinAlgError:
+        raise NoSolutionError(_INDEFINITE) from None
+    if np.any(bound.position_variance < 0.0):
+        raise NoSolutionError(_INDEFINITE)
+    return bound
+
+
+def steady_bound(
+    orbits: Orbits,
+    landmarks: Array,
+    sensors: Sensors,
+    windows: Windows,
+    noise: Noise,
+) -> Array:
+    """Return (n,) m: RMS position bound over a period once it has become periodic.
+
+    The fixed point of one period's Riccati map, found by doubling it. The period is taken as a
+    whole number of samples, at least one, and the sample time changed to fit. Infinite where the
+    bound never settles: unobservable teams.
+    """
+    samples = max(round(orbits.period / sensors.sample_time), 1)
+    even = Sensors(
+        sensors.ranges,
+        sensors.fields_of_view,
+        sensors.boresights,
+        sensors.bearing_sigmas,
+        orbits.period / samples,
+    )
+    system = _ReferredSystem.along(orbits, landmarks, even, windows, noise, samples)
+    try:
+        covariance = _periodic_covariance(system)
+        if covariance is None:
+            return np.full(orbits.count, np.inf)
+        bound = system.bound(covariance)
+    except np.linalg.LinAlgError:
+        return np.full(orbits.count, np.inf)
+    variance = bound.position_variance[1:].mean(axis=0)
+    with np.errstate(invalid="ignore"):
+        return np.where(variance >= 0.0, np.sqrt(variance), np.inf)
+
+
+@dataclass(frozen=True, slots=True)
+class _ReferredSystem:
+    """A run with all errors referred to time 0: noise added per step, whitened bearing rows."""
+
+    run: Run
+    moved: Array  # (2, n, steps + 1) way gone, in mean radii
+    scale: float
+
+    @classmethod
+    def along(
+        cls,
+        orbits: Orbits,
+        landmarks: Array,
+        sensors: Sensors,
+        windows: Windows,
+        noise: Noise,
+        steps: int,
+    ) -> "_ReferredSystem":
+        sample_time = sensors.sample_time
+        sightings = sample_sightings(windows, orbits.period, sample_time, 1, steps)
+        targets = sightings.targets
+        scale = float(orbits.radii.mean())
+        angle = phase(orbits, np.arange(steps + 1) * sample_time).T
+        arm = np.stack([np.cos(angle), np.sin(angle)])
+        moved = (orbits.radii / scale)[:, None] * (arm - arm[..., :1])
+        run = Run(
+            noise=_referred_noise(orbits, noise, sample_time, arm, moved, scale),
+            rows=bearing_rows(orbits, landmarks, sensors, sightings),
+            observers=sightings.observers,
+            targets=np.where(targets < orbits.count, targets, 0),
+            first=sightings.first_of_steps(steps),
+        )
+        return cls(run, moved, scale)
+
+    def bound(self, covariance: Array) -> PosteriorBound:
+        """Return the bound along the run: each vehicle's block carried to its own time."""
+        position_, x_turn, y_turn, turn = variances_along(self.run, covariance)
+        east, north = self.moved
+        spread = position_ + 2.0 * (east * y_turn - north * x_turn) + (east**2 + north**2) * turn
+        return PosteriorBound(self.scale**2 * spread.T, turn.T)
+
+
+def _referred_noise(
+    orbits: Orbits, noise: Noise, sample_time: float, arm: Array, moved: Array, scale: float
+) -> Array:
+    """(6, n, steps + 1) motion noise of the step that ends at k, referred to time 0, as in Run.
+
+    `arm` and `moved`, (2, n, steps + 1), are the directions from the centres and the ways gone.
+    """
+    gain = arc_noise_gain(orbits, sample_time) * np.array(
+        [noise.speed_sigma, noise.turn_rate_sigma]
+    )
+    gain[:, :2] /= scale
+    # the heading where a step starts, a quarter turn from the arm
+    sense = orbits.senses[:, None]
+    ahead = -sense * np.roll(arm[1], 1, axis=-1)
+    left = sense * np.roll(arm[0], 1, axis=-1)
+    total = np.zeros((6, *ahead.shape))
+    for along, across, turn in np.moveaxis(gain, (2, 1), (0, 1))[..., None]:
+        # the turn moves the place at time 0 backwards about the vehicle
+        x = ahead * along - left * across + moved[1] * turn
+        y = left * along + ahead * across - moved[0] * turn
+        for place, product in enumerate((x * x, x * y, x * turn, y * y, y * turn, turn * turn)):
+            total[place] += product
+    total[..., 0] = 0.0
+    return total
+
+
+def _periodic_covariance(system: _ReferredSystem) -> Array | None:
+    """Fixed point of one period's map P -> A P (I + C P)^-1 A^T + B, by structured doubling."""
+    size = 3 * system.run.count
+    a, b, c = _period_map(system, size)
+    last = np.inf
+    for _ in range(_DOUBLINGS):
+        grown = _composed((a, b, c), (a, b, c))
+        change = np.max(np.abs(grown[1] - b))
+        a, b, c = grown
+        if not np.isfinite(change) or np.max(np.abs(b)) > 1e12:
+            return None
+        settled = change / max(float(np.max(np.abs(b))), 1e-300)
+        if settled <= _SETTLED or (settled <= _SETTLED_BY_ROUNDING and change >= last):
+            return 0.5 * (b + b.T)
+        last = change
+    return None
+
+
+def _period_map(system: _ReferredSystem, size: int) -> tuple[Array, Array, Array]:
+    run = system.run
+    vehicles = np.arange(run.count)
+    noise, columns = run.noise_blocks, run.columns
+    identity, zero = np.eye(size), np.zeros((size, size))
+    total = (identity, zero, zero)
+    for k in range(1, len(noise)):
+        added = np.zeros((size, size))
+        added.reshape(run.count, 3, run.count, 3)[vehicles, :, vehicles, :] = noise[k]
+        total = _composed(total, (identity, added, zero))
+        begin, end = run.first[k], run.first[k + 1]
+        if begin < end:
+            dense = np.zeros((end - begin, size))
+            np.add.at(
+                dense, (np.arange(end - begin)[:, None], columns[begin:end]), run.rows[begin:end]
+            )
+            total = _composed(total, (identity, zero, dense.T @ dense))
+    return total
+
+
+def _composed(
+    first: tuple[Array, Array, Array], then: tuple[Array, Array, Array]
+) -> tuple[Array, Array, Array]:
+    """The map that does `first`, then `then`; each is P -> A P (I + C P)^-1 A^T + B."""
+    a1, b1, c1 = first
+    a2, b2, c2 = then
+    inner = np.linalg.inv(np.eye(len(a1)) + b1 @ c2)
+    middle = a2 @ inner
+    return middle @ a1, b2 + middle @ b1 @ a2.T, c1 + a1.T @ c2 @ inner @ a1
+
+
+def _nonzero(value: Array) -> Array:
+    return np.where(value == 0.0, 1.0, value)

@@ -1,0 +1,319 @@
+"""The filter run on a recording of real robots, and its errors against where they truly were.
+
+Readings are brought onto the filter's own samples k Ts, which begin where the truth of all robots
+does:
+
+    odometry    held from one reading to the next, and averaged over each sample; still before the
+                first and after the last
+    bearings    at the sample nearest to their time, in the order they were taken
+    truth       straight lines between its entries; headings unwrapped
+
+What follows is what a Monte Carlo does with one trial (`batched_filter.filter_lanes`), so the
+figures mean the same. The filter starts at the truth. Ranges are not used: it is a filter of
+bearings.
+"""
+
+from collections.abc import Iterable
+from concurrent.futures import Future
+from dataclasses import dataclass
+from threading import Thread
+
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.errors import InputError, NoSolutionError
+from syncplan.estimation import batched_filter
+from syncplan.estimation.consistency import Consistency, anees, coverage, gate_threshold, nis
+from syncplan.estimation.mrclam import NOBODY, Log
+from syncplan.estimation.trials import Accuracy, MonteCarloResult, accuracy, tallied
+from syncplan.orbits.noise import Noise
+from syncplan.scenario.rules import excess
+
+__all__ = ["GROUND_ROBOTS", "Replay", "longest_gap", "replay"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+GROUND_ROBOTS = Noise(
+    speed_sigma=0.15, turn_rate_sigma=0.5, position_sigma=0.01, heading_sigma=0.01
+)
+"""Wide sigmas for the robots of the MRCLAM data sets, at samples of 0.05 s from the truth on."""
+
+BEARING_SIGMA = 0.08
+SAMPLE_TIME = 0.05
+GATE_PROBABILITY = 0.999
+
+LEAST_SIGMA, LARGEST_SIGMA = 1e-6, 1e6
+"""What any sigma may be; those of motion and of the start may be 0 as well."""
+
+
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """What the filter made of a recording.
+
+    Attributes
+    ----------
+    log : the recording
+    landmarks : (l,) numbers of the landmarks whose bearings were used
+    meetings : whether the bearings that robots took of each other were used
+    sample_time, duration, begin : s; when the run begins by the recording's clock
+    bearing_sigma, noise : what the filter was told, rad and as Noise
+    gate_probability : of the innovation gate; 1 accepts all
+    result : one trial's errors
+    accuracy : RMS errors by robot
+    coverage : (n,) share of coordinates within the filter's own three sigma
+    anees, nis : consistency figures
+    unknown, not_asked_for, outside : readings of a barcode that nobody carries; of landmarks or
+        robots not asked for; asked for, but nearest to no sample k = 1, 2 .. of the run
+    """
+
+    log: Log
+    landmarks: tuple[int, ...]
+    meetings: bool
+    sample_time: float
+    duration: float
+    begin: float
+    bearing_sigma: float
+    noise: Noise
+    gate_probability: float
+    result: MonteCarloResult
+    accuracy: Accuracy
+    coverage: Array
+    anees: Consistency
+    nis: Consistency
+    unknown: int
+    not_asked_for: int
+    outside: int
+
+
+def replay(
+    log: Log,
+    *,
+    landmarks: Iterable[int] | None = None,
+    meetings: bool = True,
+    bearing_sigma: float = BEARING_SIGMA,
+    noise: Noise = GROUND_ROBOTS,
+    sample_time: float = SAMPLE_TIME,
+    gate_probability: float = GATE_PROBABILITY,
+    with_series: bool = False,
+) -> Replay:
+    """Return the errors of the filter on a recording's odometry and bearings.
+
+    `landmarks` are the numbers of those whose bearings count, all if None; `meetings` says whether
+    bearings that robots took of each other do. `bearing_sigma` is in rad, `sample_time` in s; the
+    sigmas of `noise`, a syncplan.orbits.noise.Noise, are per sample. A bearing counts while it is
+    within the gate of `gate_probability`; 1 accepts all. `with_series` keeps errors and sigmas over
+    time. Raises InputError naming the argument or the robot at fault, and NoSolutionError where the
+    filter diverges.
+    """
+    _check(bearing_sigma, noise, sample_time, gate_probability)
+    used = _chosen(log, landmarks)
+    clock = _clock(log, sample_time)
+    bearings = _bearings(log, clock, used, meetings=meetings)
+    n, steps = len(log.robots), clock.steps
+    deviations = [noise.position_sigma, noise.position_sigma, noise.heading_sigma]
+    course = batched_filter.Course(
+        truth=_truth(log, clock),
+        landmarks=log.landmarks[used],
+        first=bearings.first,
+        observers=bearings.observers,
+        targets=bearings.targets,
+        initial_variances=np.tile(np.square(deviations), (n, 1)),
+        bearing_variances=np.full(n, bearing_sigma**2),
+        drive=batched_filter.Drive(
+            time=float(sample_time),
+            substeps=0,
+            speed_variance=float(noise.speed_sigma) ** 2,
+            turn_rate_variance=float(noise.turn_rate_sigma) ** 2,
+        ),
+        gate=gate_threshold(gate_probability),
+    )
+    readings = batched_filter.Readings(
+        initial=course.truth[0, :, :, None].copy(),
+        speeds=_odometry(log, clock, 1)[..., None],
+        turn_rates=_odometry(log, clock, 2)[..., None],
+        bearings=bearings.angles[:, None],
+    )
+    tally = batched_filter.empty_tally(
+        n, 1, np.zeros((steps + 1 if with_series else 0, n, len(batched_filter.SERIES)))
+    )
+    _run_aside(course, readings, tally)
+    result = tallied([tally], steps=steps)
+    if not np.isfinite(result.mean_squares).all():
+        raise NoSolutionError(
+            "the filter diverged: its errors are no longer finite; larger sigmas may help"
+        )
+    return Replay(
+        log=log,
+        landmarks=tuple(log.landmark_subjects[used].tolist()),
+        meetings=meetings,
+        sample_time=sample_time,
+        duration=steps * sample_time,
+        begin=clock.begin,
+        bearing_sigma=bearing_sigma,
+        noise=noise,
+        gate_probability=gate_probability,
+        result=result,
+        accuracy=accuracy(result),
+        coverage=coverage(result.covered[0], result.coverage_samples),
+        anees=anees(result.nees, 3 * n),
+        nis=nis(float(result.nis_sums[0]), int(result.accepted[0]), gate_probability),
+        unknown=bearings.unknown,
+        not_asked_for=bearings.not_asked_for,
+        outside=bearings.outside,
+    )
+
+
+def longest_gap(recorded: Array, begin: float, duration: float) -> float:
+    """Return the longest time in s between recorded times (k,), while a run lasts."""
+    first, last = np.searchsorted(recorded, (begin, begin + duration))
+    return float(np.diff(recorded[max(first - 1, 0) : last + 1]).max(initial=0.0))
+
+
+@dataclass(frozen=True, slots=True)
+class _Clock:
+    """The filter's samples: k = 0..steps at begin + k sample_time, s by the recording's clock."""
+
+    begin: float
+    sample_time: float
+    steps: int
+
+    @property
+    def times(self) -> Array:
+        """(steps + 1,) s since the beginning."""
+        return np.asarray(self.sample_time * np.arange(self.steps + 1))
+
+    def since_begin(self, recorded: Array) -> Array:
+        """The recording's times since the beginning, in s."""
+        return recorded - self.begin
+
+
+@dataclass(frozen=True, slots=True)
+class _Bearings:
+    """Bearings as the filter takes them: (s,) each; those of sample k are first[k] to first[k + 1].
+
+    Targets from n on are landmarks, in the order they were chosen.
+    """
+
+    first: Index
+    observers: Index
+    targets: Index
+    angles: Array
+    unknown: int
+    not_asked_for: int
+    outside: int
+
+
+def _run_aside(
+    course: batched_filter.Course, readings: batched_filter.Readings, tally: batched_filter.Tally
+) -> None:
+    """Filter in another thread: compiled code would keep an interrupt waiting, and lose it."""
+    done: Future[None] = Future()
+
+    def run() -> None:
+        try:
+            batched_filter.filter_lanes(course, readings, tally)
+            done.set_result(None)
+        except BaseException as error:
+            done.set_exception(error)
+
+    Thread(target=run, daemon=True).start()
+    done.result()
+
+
+def _check(bearing_sigma: float, noise: Noise, sample_time: float, gate_probability: float) -> None:
+    allowed = f"allowed is {LEAST_SIGMA:g} to {LARGEST_SIGMA:g}"
+    for key, value in (("bearing_sigma", bearing_sigma), ("sample_time", sample_time)):
+        if not LEAST_SIGMA <= value <= LARGEST_SIGMA:
+            raise InputError(f"{value:g} given; {allowed}", key=key)
+    for key in ("speed_sigma", "turn_rate_sigma", "position_sigma", "heading_sigma"):
+        value = getattr(noise, key)
+        if value != 0.0 and not LEAST_SIGMA <= value <= LARGEST_SIGMA:
+            raise InputError(f"{value:g} given; {allowed}, or 0", key=key)
+    if not 0.0 < gate_probability <= 1.0:
+        problem = f"{gate_probability:g} given; allowed is more than 0, up to 1, which accepts all"
+        raise InputError(problem, key="gate_probability")
+
+
+def _chosen(log: Log, landmarks: Iterable[int] | None) -> Index:
+    """Places of the chosen landmarks among the recording's, in its order."""
+    known = log.landmark_subjects.tolist()
+    wanted = known if landmarks is None else list(landmarks)
+    for number in wanted:
+        if number not in known:
+            there = ", ".join(str(one) for one in known) or "none"
+            raise InputError(f"no landmark {number!r}; there are {there}", key="landmarks")
+    return np.flatnonzero(np.isin(log.landmark_subjects, np.array(wanted, dtype=np.int64)))
+
+
+def _clock(log: Log, sample_time: float) -> _Clock:
+    """Samples while the truth of all robots is known."""
+    begin = max(float(robot.truth[0, 0]) for robot in log.robots)
+    end = min(float(robot.truth[-1, 0]) for robot in log.robots)
+    duration = end - begin
+    if duration < sample_time:
+        raise InputError(
+            f"the truth of all robots is known together for {max(duration, 0.0):g} s; at least "
+            f"one sample time, {sample_time:g} s, is needed",
+            source=log.name,
+        )
+    problem = excess(duration, sample_time, duration, len(log.robots))
+    if problem:
+        raise InputError(problem, key="sample_time")
+    for robot in log.robots:
+        read = robot.odometry[:, 0]
+        if read[-1] <= begin or read[0] >= end:
+            raise InputError(
+                f"the odometry of {robot.name} is from {read[0] - begin:.6g} to "
+                f"{read[-1] - begin:.6g} s after the beginning of the run, which lasts "
+                f"{duration:.6g} s: by another clock?",
+                source=log.name,
+            )
+    # a whole number of samples is not to be lost to rounding
+    return _Clock(begin, sample_time, int(duration / sample_time + 1e-4))
+
+
+def _truth(log: Log, clock: _Clock) -> Array:
+    """(steps + 1, n, 3) m, m, rad."""
+    poses = np.empty((clock.steps + 1, len(log.robots), 3))
+    for k, robot in enumerate(log.robots):
+        known = clock.since_begin(robot.truth[:, 0])
+        poses[:, k, 0] = np.interp(clock.times, known, robot.truth[:, 1])
+        poses[:, k, 1] = np.interp(clock.times, known, robot.truth[:, 2])
+        poses[:, k, 2] = np.interp(clock.times, known, np.unwrap(robot.truth[:, 3]))
+    return poses
+
+
+def _odometry(log: Log, clock: _Clock, column: int) -> Array:
+    """(steps, n) means over each sample of readings that are held until the next."""
+    means = np.empty((clock.steps, len(log.robots)))
+    for k, robot in enumerate(log.robots):
+        known, values = clock.since_begin(robot.odometry[:, 0]), robot.odometry[:, column]
+        integral = np.concatenate([[0.0], np.cumsum(values[:-1] * np.diff(known))])
+        means[:, k] = np.diff(np.interp(clock.times, known, integral)) / clock.sample_time
+    return means
+
+
+def _bearings(log: Log, clock: _Clock, used: Index, *, meetings: bool) -> _Bearings:
+    robots = {robot.subject: k for k, robot in enumerate(log.robots)}
+    targets_by_subject = dict(robots) if meetings else {}
+    for place, subject in enumerate(log.landmark_subjects[used].tolist()):
+        targets_by_subject[subject] = len(robots) + place
+    observers = np.repeat(np.arange(len(robots)), [len(robot.times) for robot in log.robots])
+    taken = clock.since_begin(np.concatenate([robot.times for robot in log.robots]))
+    subjects = np.concatenate([robot.subjects for robot in log.robots])
+    angles = np.concatenate([robot.bearings for robot in log.robots])
+    targets = np.array([targets_by_subject.get(one, -1) for one in subjects.tolist()], np.int64)
+    samples = np.rint(taken / clock.sample_time)
+    order = np.flatnonzero((targets >= 0) & (samples >= 1) & (samples <= clock.steps))
+    order = order[np.argsort(taken[order], kind="stable")]
+    unknown, asked_for = int(np.sum(subjects == NOBODY)), int(np.sum(targets >= 0))
+    return _Bearings(
+        first=np.searchsorted(samples[order], np.arange(clock.steps + 2)).astype(np.int64),
+        observers=observers[order],
+        targets=targets[order],
+        angles=angles[order],
+        unknown=unknown,
+        not_asked_for=len(taken) - unknown - asked_for,
+        outside=asked_for - len(order),
+    )

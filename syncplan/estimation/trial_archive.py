@@ -1,0 +1,55 @@
+"""Parts of a Monte Carlo run as bytes, to be kept or sent; an .npz archive of plain arrays."""
+
+import io
+from dataclasses import fields
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+
+from syncplan.errors import InputError
+from syncplan.estimation.trials import Branch, MonteCarloResult
+
+__all__ = ["pack", "unpack"]
+
+_BRANCHES = "branches"
+
+
+def pack(part: MonteCarloResult) -> bytes:
+    """Return a part as bytes, every bit of it kept."""
+    arrays: dict[str, Any] = {
+        field.name: np.asarray(getattr(part, field.name))
+        for field in fields(part)
+        if field.name != _BRANCHES
+    }
+    arrays["places"] = np.array(
+        [(branch.level, branch.index) for branch in part.branches], dtype=np.int64
+    ).reshape(-1, 2)
+    for k, branch in enumerate(part.branches):
+        arrays[f"sums_{k}"] = branch.sums
+    buffer = io.BytesIO()
+    np.savez(buffer, **arrays)
+    return buffer.getvalue()
+
+
+def unpack(data: bytes) -> MonteCarloResult:
+    """Return the part that `pack` made bytes of; raises InputError if they are something else."""
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as stored:
+            places = stored["places"].tolist()
+            branches = tuple(
+                Branch(level, index, stored[f"sums_{k}"]) for k, (level, index) in enumerate(places)
+            )
+            values = {
+                field.name: _value(stored[field.name])
+                for field in fields(MonteCarloResult)
+                if field.name != _BRANCHES
+            }
+    except (OSError, EOFError, BadZipFile, ValueError, KeyError) as error:
+        raise InputError(f"not a part of a run: {error}", key="parts") from None
+    return MonteCarloResult(branches=branches, **values)
+
+
+def _value(stored: Any) -> Any:
+    """A scalar as Python's own number, an array as it is."""
+    return stored.item() if stored.ndim == 0 else stored

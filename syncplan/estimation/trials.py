@@ -1,0 +1,264 @@
+"""What trials leave behind: errors and consistency figures, kept so that parts join exactly.
+
+What is kept per trial is concatenated. What is summed over trials is summed along a binary tree
+over chunks of CHUNK_TRIALS trials, whose shape the trial numbers alone decide:
+
+    chunk          0   1   2   3   4   5
+    level 1        01      23      45         a part of a run keeps the sums of its largest whole
+    level 2        0123                       branches; `merge` joins branches that meet
+
+so parts of a run computed elsewhere and merged give the bytes of the whole.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.errors import InputError
+from syncplan.estimation import batched_filter
+
+__all__ = [
+    "CHUNK_TRIALS",
+    "Accuracy",
+    "Branch",
+    "MonteCarloResult",
+    "Series",
+    "accuracy",
+    "joined",
+    "merge",
+    "series",
+    "tallied",
+]
+
+Array = NDArray[np.float64]
+
+CHUNK_TRIALS = 16
+"""A run may be cut into parts at multiples of this many trials."""
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """Sums over the chunks from index * 2^level on, 2^level of them.
+
+    Attributes
+    ----------
+    level, index : place in the binary tree over the chunks
+    sums : (steps + 1, n, 11) as batched_filter.SERIES
+    """
+
+    level: int
+    index: int
+    sums: Array
+
+
+@dataclass(frozen=True, slots=True)
+class MonteCarloResult:
+    """What a run of trials leaves behind. Errors are (x, y, heading) in m, m, rad, heading wrapped.
+
+    Attributes
+    ----------
+    seed, first_trial, steps : which trials these are, and how long
+    mean_squares : (trials, n, 3) squared error, mean over steps k = 1..steps
+    late_mean_squares : (trials, n, 3) the same over the second half, steps k with 2k > steps
+    final_errors : (trials, n, 3) at the last step
+    covered : (trials, n) coordinates within three sigma, out of `coverage_samples`
+    coverage_samples : 3 for every tenth step and the last
+    nees : (trials,) e' P^-1 e over all 3n states, mean over every tenth step and the last;
+        NaN where the covariance was not positive definite at any of them
+    nees_samples : (trials,) how many of them counted
+    nis_sums, accepted, gated : (trials,) sum of innovation^2 / variance over accepted bearings,
+        number of these, and number the gate left out
+    branches : sums over trials of the series, empty unless asked for
+    """
+
+    seed: int
+    first_trial: int
+    steps: int
+    mean_squares: Array
+    late_mean_squares: Array
+    final_errors: Array
+    covered: Array
+    coverage_samples: int
+    nees: Array
+    nees_samples: Array
+    nis_sums: Array
+    accepted: Array
+    gated: Array
+    branches: tuple[Branch, ...]
+
+    @property
+    def trials(self) -> int:
+        """Number of trials."""
+        return len(self.nees)
+
+
+@dataclass(frozen=True, slots=True)
+class Accuracy:
+    """Root mean squares over trials (and samples): arrays (n,) by vehicle.
+
+    Attributes
+    ----------
+    x, y, position : m, over the run; position is sqrt(x^2 + y^2)
+    heading : rad, over the run
+    late_position, late_heading : m, rad, over the second half
+    final_position : m, at the last step
+    """
+
+    x: Array
+    y: Array
+    position: Array
+    heading: Array
+    late_position: Array
+    late_heading: Array
+    final_position: Array
+
+    def overall(self) -> "Accuracy":
+        """Return the root mean squares over vehicles, as 0-d arrays."""
+        values = (getattr(self, field.name) for field in fields(self))
+        return Accuracy(*(np.asarray(np.sqrt(np.mean(value**2))) for value in values))
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """Errors and the filter's own sigmas over time, steps k = 0..steps, across trials.
+
+    Attributes
+    ----------
+    mean_errors : (steps + 1, n, 3) signed, m, m, rad
+    position_rms, heading_rms : (steps + 1, n) m, rad
+    position_sigma, heading_sigma : (steps + 1, n) root of the mean of Pxx + Pyy in m, of Phh in rad
+    axis_rms, axis_sigma : (steps + 1, n, 2) m, of x and y alone
+    """
+
+    mean_errors: Array
+    position_rms: Array
+    heading_rms: Array
+    position_sigma: Array
+    heading_sigma: Array
+    axis_rms: Array
+    axis_sigma: Array
+
+
+def tallied(
+    tallies: Sequence[batched_filter.Tally], *, steps: int, seed: int = 0, first_trial: int = 0
+) -> MonteCarloResult:
+    """Return what trials of `steps` samples left behind, from `first_trial` on.
+
+    The tallies share one series; `first_trial` is a multiple of CHUNK_TRIALS, and the trials are at
+    most as many.
+    """
+    sampled = -(-steps // batched_filter.SAMPLE_EVERY)
+
+    def per_trial(name: str) -> Array:
+        lanes_last = np.concatenate([getattr(tally, name) for tally in tallies], axis=-1)
+        return np.ascontiguousarray(np.moveaxis(lanes_last, -1, 0))
+
+    samples = per_trial("nees_samples")
+    with np.errstate(invalid="ignore"):
+        nees = per_trial("nees") / samples
+    sums = tallies[0].series
+    return MonteCarloResult(
+        seed=seed,
+        first_trial=first_trial,
+        steps=steps,
+        mean_squares=per_trial("squares") / steps,
+        late_mean_squares=per_trial("late_squares") / (steps - steps // 2),
+        final_errors=per_trial("final"),
+        covered=per_trial("covered"),
+        coverage_samples=3 * sampled,
+        nees=nees,
+        nees_samples=samples,
+        nis_sums=per_trial("nis"),
+        accepted=per_trial("accepted"),
+        gated=per_trial("gated"),
+        branches=(Branch(0, first_trial // CHUNK_TRIALS, sums),) if len(sums) else (),
+    )
+
+
+def merge(parts: Sequence[MonteCarloResult]) -> MonteCarloResult:
+    """Return one result from parts of a run that follow each other, bytes as if run in one.
+
+    Raises InputError where parts differ in seed or length, leave a gap, or where a part that
+    others follow does not end at a multiple of CHUNK_TRIALS.
+    """
+    head = parts[0]
+    following = head.first_trial
+    for part in parts:
+        if (part.seed, part.steps) != (head.seed, head.steps):
+            raise InputError("parts of different seed or length can't be merged", key="seed")
+        if part.first_trial != following:
+            raise InputError(f"{part.first_trial}, expected {following}", key="first_trial")
+        following = part.first_trial + part.trials
+    for part in parts[1:]:
+        if part.first_trial % CHUNK_TRIALS:
+            problem = f"{part.first_trial} is not a multiple of {CHUNK_TRIALS}"
+            raise InputError(problem, key="first_trial")
+    return MonteCarloResult(
+        seed=head.seed,
+        first_trial=head.first_trial,
+        steps=head.steps,
+        mean_squares=np.concatenate([part.mean_squares for part in parts]),
+        late_mean_squares=np.concatenate([part.late_mean_squares for part in parts]),
+        final_errors=np.concatenate([part.final_errors for part in parts]),
+        covered=np.concatenate([part.covered for part in parts]),
+        coverage_samples=head.coverage_samples,
+        nees=np.concatenate([part.nees for part in parts]),
+        nees_samples=np.concatenate([part.nees_samples for part in parts]),
+        nis_sums=np.concatenate([part.nis_sums for part in parts]),
+        accepted=np.concatenate([part.accepted for part in parts]),
+        gated=np.concatenate([part.gated for part in parts]),
+        branches=joined([branch for part in parts for branch in part.branches]),
+    )
+
+
+def accuracy(result: MonteCarloResult) -> Accuracy:
+    """Return the root-mean-square errors by vehicle, over trials and samples."""
+    whole = result.mean_squares.mean(axis=0)
+    late = result.late_mean_squares.mean(axis=0)
+    final = (result.final_errors**2).mean(axis=0)
+    return Accuracy(
+        x=np.sqrt(whole[:, 0]),
+        y=np.sqrt(whole[:, 1]),
+        position=np.sqrt(whole[:, 0] + whole[:, 1]),
+        heading=np.sqrt(whole[:, 2]),
+        late_position=np.sqrt(late[:, 0] + late[:, 1]),
+        late_heading=np.sqrt(late[:, 2]),
+        final_position=np.sqrt(final[:, 0] + final[:, 1]),
+    )
+
+
+def series(result: MonteCarloResult) -> Series:
+    """Return errors and sigmas over time; raises InputError for a run without series."""
+    if not result.branches:
+        raise InputError("the run kept no series; run it with_series=True", key="with_series")
+    total = result.branches[0].sums
+    for branch in result.branches[1:]:
+        total = total + branch.sums
+    mean = total / result.trials
+    return Series(
+        mean_errors=mean[..., :3],
+        position_rms=np.sqrt(mean[..., 3]),
+        heading_rms=np.sqrt(mean[..., 4]),
+        position_sigma=np.sqrt(mean[..., 5]),
+        heading_sigma=np.sqrt(mean[..., 6]),
+        axis_rms=np.sqrt(mean[..., 7:9]),
+        axis_sigma=np.sqrt(mean[..., 9:11]),
+    )
+
+
+def joined(branches: Sequence[Branch]) -> tuple[Branch, ...]:
+    """Branches in order, siblings joined to their parent for as long as there are any."""
+    stack: list[Branch] = []
+    for branch in branches:
+        stack.append(branch)
+        while len(stack) > 1 and _are_siblings(stack[-2], stack[-1]):
+            right, left = stack.pop(), stack.pop()
+            stack.append(Branch(left.level + 1, left.index // 2, left.sums + right.sums))
+    return tuple(stack)
+
+
+def _are_siblings(left: Branch, right: Branch) -> bool:
+    same = left.level == right.level and left.index + 1 == right.index
+    return same and left.index % 2 == 0

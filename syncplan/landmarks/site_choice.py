@@ -1,0 +1,147 @@
+"""Landmark sites: which k of given candidates leave the worst vehicle the smallest window bound.
+
+relax     shares and a bound that no choice can beat         syncplan.landmarks.site_relaxation
+search    round the shares, swap sites, prove if possible    syncplan.landmarks.site_search
+judge     the chosen sites by the exact code that judges every plan
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.errors import InputError, NoSolutionError
+from syncplan.landmarks.candidates import new_sites
+from syncplan.landmarks.site_information import candidate_information, evaluate
+from syncplan.landmarks.site_relaxation import relax
+from syncplan.landmarks.site_search import best_sites
+from syncplan.planning.planner import BoundChoice, Plan, judge, plan
+from syncplan.runtime.blas import single_threaded_blas
+from syncplan.scenario.loading import scenario_from
+from syncplan.scenario.quantities import Point
+from syncplan.scenario.specification import Scenario
+
+__all__ = ["SiteChoice", "choose_sites"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class SiteChoice:
+    """The chosen sites, what they reach, and what no choice can.
+
+    Attributes
+    ----------
+    chosen : indices into the candidates, ascending
+    value : m, window bound of the worst vehicle with the chosen sites, by the exact code
+    bound : m, no choice of as many sites has a smaller value; from the convex relaxation
+    gap : value / bound - 1
+    proven : whether every other choice was tried or ruled out: none is better
+    shares : (S,) the relaxation's, in [0, 1]
+    seen_by : (S,) how many vehicles see each candidate
+    names, candidates : of all S candidates; (S, 2) m
+    before : (n,) m, window bound of each vehicle without the sites; NaN where not determined
+    plan : judged with the scenario's landmarks and the chosen sites
+    """
+
+    chosen: tuple[int, ...]
+    value: float
+    bound: float
+    gap: float
+    proven: bool
+    shares: Array
+    seen_by: Index
+    names: tuple[str, ...]
+    candidates: Array
+    before: Array
+    plan: Plan
+
+
+@single_threaded_blas
+def choose_sites(
+    subject: Plan | Scenario,
+    candidates: Array | Mapping[str, Point],
+    choose: int,
+    *,
+    seed: int = 0,
+    exhaustive: bool = True,
+    bound: BoundChoice = "auto",
+) -> SiteChoice:
+    """Return the `choose` candidates (S, 2) m that minimise the worst vehicle's window bound.
+
+    Phases do not depend on landmarks: a plan keeps its own. `exhaustive` allows the proof by trying
+    all choices that are not ruled out, where they are few. `bound` is the plan's posterior bound,
+    see syncplan.planning.planner.plan. Raises InputError for unusable candidates, NoSolutionError
+    where no choice found determines every vehicle.
+    """
+    before = subject if isinstance(subject, Plan) else plan(subject, bound="never")
+    sites = new_sites(before.scenario, candidates)
+    if not 1 <= choose <= len(sites):
+        raise InputError(
+            f"{choose}: must be from 1 to the number of candidates, {len(sites)}", key="choose"
+        )
+    if seed < 0:
+        raise InputError(f"{seed}: must not be negative", key="seed")
+    places = np.array(list(sites.values()), dtype=float)
+    information = candidate_information(before, places)
+    whole = evaluate(information, np.ones(len(sites)))
+    if not whole.least > 0.0:
+        everything = _judged(before, sites, range(len(sites)), "never")
+        raise NoSolutionError(_lacking(everything, f"even all {len(sites)} candidates leave"))
+    relaxation = relax(information, choose)
+    generator = np.random.default_rng(seed)
+    found, proven = best_sites(information, relaxation, choose, generator, exhaustive=exhaustive)
+    chosen = tuple(found.tolist())
+    made = _judged(before, sites, chosen, bound)
+    value = float(np.max(made.prediction.window))
+    if not np.isfinite(value):
+        which = "any" if proven else "the best found"
+        raise NoSolutionError(_lacking(made, f"{which} {choose} of {len(sites)} candidates leave"))
+    floor = min(information.scale / float(np.sqrt(relaxation.ceiling)), value)
+    return SiteChoice(
+        chosen=chosen,
+        value=value,
+        bound=floor,
+        gap=value / floor - 1.0,
+        proven=proven,
+        shares=relaxation.shares,
+        seen_by=information.seen_by,
+        names=tuple(sites),
+        candidates=places,
+        before=before.prediction.window,
+        plan=made,
+    )
+
+
+# --- judgement --------------------------------------------------------------------------------
+
+
+def _judged(
+    before: Plan, sites: dict[str, Point], chosen: Sequence[int], bound: BoundChoice
+) -> Plan:
+    """The plan with the chosen sites as further landmarks, on the same orbits."""
+    names = list(sites)
+    given = dict(zip(before.scenario.landmark_names, before.scenario.landmarks, strict=True))
+    added = {names[k]: sites[names[k]] for k in chosen}
+    document = before.scenario.model_dump(mode="json", exclude_none=True)
+    scenario = scenario_from(
+        {**document, "landmarks_m": {**given, **added}}, max_vehicles=before.scenario.size
+    )
+    judged = judge(scenario, before.orbits, bound=bound, found=before.synchronisation)
+    return replace(
+        judged,
+        synchronisation=before.synchronisation,
+        alternating_proven=before.alternating_proven,
+    )
+
+
+def _lacking(judged: Plan, which: str) -> str:
+    """What stays undetermined, in words, and a remedy."""
+    motion = judged.unobservable[0]
+    rank, size = judged.observability.rank, judged.observability.state_dim
+    return (
+        f"no choice of sites determines every vehicle: {which} rank {rank} of {size}: "
+        f"{motion.description}; cure: {motion.cure}"
+    )

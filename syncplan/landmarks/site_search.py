@@ -1,0 +1,181 @@
+"""The search for the best choice of sites: rounding, swaps, and proof.
+
+    round     the largest shares, seeded draws, and dropping sites one by one
+    swap      one site, then two, for others, while any swap helps
+    prove     try all choices that are not ruled out, where they are few enough
+
+Every evaluation yields cuts: lines above the precision of any choice. A choice whose cuts lie
+below the best known can't be better and is passed over, so searches lose nothing by being quick.
+"""
+
+from itertools import combinations
+from math import comb
+
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.landmarks.site_information import Cuts, SiteInformation, evaluate
+from syncplan.landmarks.site_relaxation import Relaxation
+
+__all__ = ["best_sites"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+MOST_LISTED = 50_000
+"""Choices are tried exhaustively, less those ruled out, up to this many."""
+
+CUT_VEHICLES = 2
+"""Each evaluation of a choice adds cuts of this many vehicles, the worst."""
+
+MOST_EVALUATIONS = 1500
+"""A proof or a round of swaps is given up after this many exact evaluations."""
+
+DRAWS = 20
+"""Seeded choices drawn in proportion to the shares."""
+
+CLIMBS = 6
+"""Swaps begin from this many of the best starts."""
+
+_SPARE = 12
+_BETTER = 1.0 + 1e-9
+
+
+def best_sites(
+    information: SiteInformation,
+    relaxation: Relaxation,
+    choose: int,
+    generator: np.random.Generator,
+    *,
+    exhaustive: bool = True,
+) -> tuple[Index, bool]:
+    """Return the best choice found, (choose,) ascending, and whether none better is left.
+
+    `exhaustive` allows the proof, which may improve the choice too.
+    """
+    search = _Search(information, choose, relaxation.cuts)
+    _improve(search, relaxation, generator)
+    proven = exhaustive and _prove(search, relaxation)
+    return search.best, proven
+
+
+class _Search:
+    """The best choice known, and the cuts that rule others out.
+
+    Choices that leave a vehicle undetermined all have precision 0; their rank tells them apart.
+    """
+
+    def __init__(self, information: SiteInformation, choose: int, cuts: Cuts) -> None:
+        self.information = information
+        self.choose = choose
+        self.cuts = cuts
+        self.best: Index = np.arange(choose)
+        self.key = (-1.0, 0)
+
+    def offer(self, subsets: Index, most: int = MOST_EVALUATIONS) -> bool:
+        """Try (b, k) choices, most promising first; return whether all were tried or ruled out."""
+        ceilings = self.cuts.ceilings(subsets)
+        for _ in range(most):
+            first = int(np.argmax(ceilings)) if len(ceilings) else -1
+            if first < 0 or ceilings[first] <= self.key[0] * _BETTER:
+                return True
+            at = self.reached(subsets[first])
+            ceilings[first] = -np.inf
+            np.minimum(ceilings, at.ceilings(subsets), out=ceilings)
+        return bool(np.all(ceilings <= self.key[0] * _BETTER))
+
+    def reached(self, subset: Index) -> Cuts:
+        """Evaluate one choice, keep it if it is the best, and return its cuts."""
+        shares = np.zeros(self.information.site_count)
+        shares[subset] = 1.0
+        at = evaluate(self.information, shares, CUT_VEHICLES)
+        self.cuts = self.cuts.joined(at.cuts)
+        self.keep(np.sort(subset), (at.least, at.rank))
+        return at.cuts
+
+    def keep(self, subset: Index, key: tuple[float, int]) -> None:
+        """Take a choice for the best if it is."""
+        level = key[0] == self.key[0] and key[1] > self.key[1]
+        if key[0] > self.key[0] * _BETTER or level:
+            self.best, self.key = subset, key
+
+    def swap(self, relaxation: Relaxation, count: int, passed: set[tuple[int, ...]]) -> bool:
+        """Exchange `count` of the best choice's sites while that helps; return whether it did.
+
+        Ends at a choice already `passed`: what follows it is known.
+        """
+        begun, known = self.key, None
+        while self.key != known and tuple(self.best.tolist()) not in passed:
+            passed.add(tuple(self.best.tolist()))
+            known = self.key
+            self.offer(_swaps(self.best, self.useful(relaxation), count))
+        return self.key != begun
+
+    def useful(self, relaxation: Relaxation) -> Index:
+        """Sites that a better choice than the best known may hold."""
+        ceilings = relaxation.ceilings_with(self.choose)
+        return np.flatnonzero(ceilings > self.key[0] * _BETTER).astype(np.int64)
+
+
+def _improve(search: _Search, relaxation: Relaxation, generator: np.random.Generator) -> None:
+    """Swap single sites from the best starts, then pairs of the best, while any swap helps."""
+    rounded = _rounded(relaxation.shares, search.choose, generator)
+    dropped = _dropped_one_by_one(search.information, relaxation.shares, search.choose)
+    climbs = []
+    for start in np.unique(np.concatenate([dropped[None], rounded]), axis=0):
+        climbs.append(_Search(search.information, search.choose, relaxation.cuts))
+        climbs[-1].reached(start)
+    climbs.sort(key=lambda climb: climb.key, reverse=True)
+    passed: set[tuple[int, ...]] = set()
+    for climb in climbs[:CLIMBS]:
+        climb.swap(relaxation, 1, passed)
+        search.keep(climb.best, climb.key)
+    while search.swap(relaxation, 2, set()):
+        search.swap(relaxation, 1, set())
+
+
+def _prove(search: _Search, relaxation: Relaxation) -> bool:
+    """Try all choices of sites that may be useful; return whether none better is left."""
+    useful = search.useful(relaxation)
+    if comb(len(useful), search.choose) > MOST_LISTED:
+        return False
+    return search.offer(_listed(useful, search.choose))
+
+
+def _rounded(shares: Array, choose: int, generator: np.random.Generator) -> Index:
+    """(1 + DRAWS, k) choices: the largest shares, then draws in proportion to the shares."""
+    with np.errstate(divide="ignore"):
+        weight = np.log(np.maximum(shares, 1e-12))
+    noise = generator.gumbel(size=(DRAWS, len(shares)))
+    scores = np.concatenate([weight[None], weight + noise])
+    return np.sort(np.argsort(-scores, axis=1, kind="stable")[:, :choose], axis=1)
+
+
+def _dropped_one_by_one(information: SiteInformation, shares: Array, choose: int) -> Index:
+    """The choice left when, of the largest shares, the site missed least is dropped in turn."""
+    left = np.argsort(-shares, kind="stable")[: choose + _SPARE]
+    left = np.sort(left)
+    while len(left) > choose:
+        keys = []
+        for k in range(len(left)):
+            trial = np.zeros(len(shares))
+            trial[np.delete(left, k)] = 1.0
+            at = evaluate(information, trial)
+            keys.append((at.least, at.rank))
+        left = np.delete(left, max(range(len(left)), key=keys.__getitem__))
+    return left
+
+
+def _swaps(chosen: Index, useful: Index, count: int) -> Index:
+    """(b, k) choices that exchange `count` of the chosen for useful ones; none if too many."""
+    others = np.setdiff1d(useful, chosen)
+    if not 0 < comb(len(chosen), count) * comb(len(others), count) <= MOST_LISTED:
+        return np.zeros((0, len(chosen)), dtype=np.int64)
+    kept, into = _listed(chosen, len(chosen) - count), _listed(others, count)
+    return np.hstack([np.repeat(kept, len(into), axis=0), np.tile(into, (len(kept), 1))])
+
+
+def _listed(sites: Index, choose: int) -> Index:
+    """(b, choose) all choices of some of the sites."""
+    listed = np.array(list(combinations(sites.tolist(), choose)), dtype=np.int64)
+    return listed.reshape(comb(len(sites), choose), choose)

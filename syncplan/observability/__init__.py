@@ -1,0 +1,8 @@
+"""Whether the sightings determine every position and heading, why, and what is lost if not.
+
+rank                 singular values of the windowed matrix
+certificate          the corrected theorem, with its witness
+unobservable_modes   null vectors named, with a cure
+connectivity         the shortest window that certifies the team
+link_verdicts        each link: when it meets, its rank, why it falls short
+"""

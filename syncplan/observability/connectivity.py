@@ -1,0 +1,198 @@
+"""Connectivity period: the shortest window whose union certifies the team, wherever it starts."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.observability.certificate import DISTINCT_LANDMARKS
+from syncplan.observability.rank import LINK_TOLERANCE, pair_rows
+from syncplan.orbits.circles import Orbits
+from syncplan.orbits.contacts import Sensors, Windows
+from syncplan.orbits.graphs import disjoint_sets
+from syncplan.orbits.sightings import sample_sightings, steps_within
+
+__all__ = ["connectivity_period"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+SEARCHED_PERIODS = 2
+
+_NEVER = np.iinfo(np.int64).max // 4
+_BATCH = 20_000
+
+
+def connectivity_period(
+    orbits: Orbits, landmarks: Array, sensors: Sensors, windows: Windows, largest: float
+) -> float | None:
+    """Return the connectivity period in s, or None if no window of two periods certifies.
+
+    `largest` is the largest singular value of the team's matrix over the scenario's window, what
+    a link must not drown beside to count for the certificate.
+
+    For every start just after a sample, each pair's earliest sample is found by which its
+    sightings since the start have the rank that the certificate asks for; the certificate then
+    holds as soon as those pairs hold together and to two distinct landmarks. The worst start is
+    the answer. Between two starts where no pair's earliest sample jumps, the window only shrinks,
+    so the graph is looked at where one jumps.
+    """
+    samples = steps_within(orbits.period, sensors.sample_time) + 1
+    ready = _ready_steps(orbits, landmarks, sensors, windows, samples, largest)
+    if not ready:
+        return None
+    table = np.array(list(ready.values()))
+    jumps = np.flatnonzero(np.r_[True, (np.diff(table, axis=1) >= 2).any(axis=0)])
+    distinct = _distinct_landmarks(landmarks, DISTINCT_LANDMARKS * float(orbits.radii.mean()))
+    worst = 0
+    for start in jumps:
+        end = _first_certified(list(ready), table[:, start], orbits.count, distinct)
+        if end is None or end - start + 1 > SEARCHED_PERIODS * samples:
+            return None
+        worst = max(worst, end - int(start) + 1)
+    return round(worst * sensors.sample_time, 9)
+
+
+def _ready_steps(
+    orbits: Orbits,
+    landmarks: Array,
+    sensors: Sensors,
+    windows: Windows,
+    samples: int,
+    largest: float,
+) -> dict[tuple[int, int], Index]:
+    """For each pair (a, b): the step by which it certifies when watched from step k on, (k,)."""
+    last = (1 + SEARCHED_PERIODS) * samples
+    sightings = sample_sightings(windows, orbits.period, sensors.sample_time, 0, last)
+    pairs = list(pair_rows(orbits, landmarks, sensors, sightings))
+    starts = [np.searchsorted(pair.steps, np.arange(samples)) for pair in pairs]
+    used = [np.unique(of[of < len(pair.steps)]) for pair, of in zip(pairs, starts, strict=True)]
+    needed = [2 if pair.b >= orbits.count else 3 for pair in pairs]
+    lengths = _shortest_certified([pair.rows for pair in pairs], used, needed, largest)
+    ready = {}
+    for pair, of, row, length in zip(pairs, starts, used, lengths, strict=True):
+        end = pair.steps[np.minimum(row + length - 1, len(pair.steps) - 1)]
+        table = np.full(len(pair.steps) + 1, _NEVER, dtype=np.int64)
+        table[row] = np.where(length > 0, end, _NEVER)
+        ready[pair.a, pair.b] = table[of]
+    return ready
+
+
+@dataclass(frozen=True, slots=True)
+class _Starts:
+    """The rows of all pairs, one pair after another, and where windows of them may start."""
+
+    rows: Array  # (k, 6)
+    pair: Index  # (s,) ascending
+    row: Index  # (s,) the first of the window
+    room: Index  # (s,) rows from there to the pair's last
+    needed: Index  # (s,) rank asked for
+
+    def only(self, chosen: NDArray[np.bool_] | Index) -> "_Starts":
+        """Return the chosen starts."""
+        return _Starts(
+            self.rows, self.pair[chosen], self.row[chosen], self.room[chosen], self.needed[chosen]
+        )
+
+
+def _shortest_certified(
+    rows: list[Array], starts: list[Index], needed: list[int], largest: float
+) -> list[Index]:
+    """For each pair, the fewest consecutive rows from each start whose rank is `needed`.
+
+    0 where none suffice. All pairs are searched at once: lengths are doubled until the rank is
+    there, then bisected. A pair whose first window falls short, as do all its rows together beside
+    `largest`, is given up: fewer rows have no larger singular value.
+    """
+    if not rows:
+        return []
+    number = [len(of) for of in starts]
+    begin = np.cumsum([0] + [len(of) for of in rows])
+    pair = np.repeat(np.arange(len(rows)), number)
+    row = np.concatenate(starts) + begin[pair]
+    all_ = _Starts(np.concatenate(rows), pair, row, begin[pair + 1] - row, np.array(needed)[pair])
+    high = np.where(all_.room >= all_.needed, all_.needed, 0)
+    lead = np.cumsum([0, *number[:-1]])
+    lead = lead[high[lead] > 0]
+    for k in pair[lead[~_certified(all_.only(lead), high[lead], largest)]].tolist():
+        value = np.linalg.svd(rows[k], compute_uv=False)[needed[k] - 1]
+        if value <= LINK_TOLERANCE * largest:
+            high[pair == k] = 0
+    short = high > 0
+    short[short] = ~_certified(all_.only(short), high[short], largest)
+    high[short] = _searched(all_.only(short), largest)
+    return np.split(high, np.cumsum(number)[:-1])
+
+
+def _searched(starts: _Starts, largest: float) -> Index:
+    """Fewest rows, more than `needed`, from each start; 0 where none suffice."""
+    low, high = starts.needed, np.minimum(2 * starts.needed, starts.room)
+    high = np.where(high > low, high, 0)
+    open_ = high > 0
+    while open_.any():
+        fails = open_.copy()
+        fails[open_] = ~_certified(starts.only(open_), high[open_], largest)
+        low = np.where(fails, high, low)
+        open_ = fails & (high < starts.room)
+        high = np.where(fails, 0, high)
+        high[open_] = np.minimum(2 * low[open_], starts.room[open_])
+    while True:
+        wide = (high > 0) & (high - low > 1)
+        if not wide.any():
+            return high
+        middle = (low + high) // 2
+        full = np.zeros(len(high), dtype=bool)
+        full[wide] = _certified(starts.only(wide), middle[wide], largest)
+        high = np.where(full, middle, high)
+        low = np.where(wide & ~full, middle, low)
+
+
+def _certified(starts: _Starts, lengths: Index, largest: float) -> NDArray[np.bool_]:
+    """Whether the windows of these lengths have the rank, many at once by length."""
+    result = np.zeros(len(lengths), dtype=bool)
+    for length in np.unique(lengths):
+        same = np.flatnonzero(lengths == length)
+        for part in np.array_split(same, 1 + len(same) * int(length) // _BATCH):
+            blocks = starts.rows[starts.row[part, None] + np.arange(length)]
+            values = np.linalg.svd(blocks, compute_uv=False)
+            counted = values[np.arange(len(part)), starts.needed[part] - 1]
+            result[part] = counted > LINK_TOLERANCE * np.maximum(values[:, 0], largest)
+    return result
+
+
+def _distinct_landmarks(landmarks: Array, distance: float) -> NDArray[np.bool_]:
+    """(m, m) whether two landmarks count as distinct."""
+    apart = landmarks[:, None] - landmarks[None]
+    return np.asarray(np.hypot(apart[..., 0], apart[..., 1]) > distance)
+
+
+def _first_certified(
+    pairs: list[tuple[int, int]], ready: Index, count: int, distinct: NDArray[np.bool_]
+) -> int | None:
+    """The step by which the certificate holds when each pair counts from its own step on."""
+    merged = disjoint_sets(count)
+    anchors: dict[int, set[int]] = {k: set() for k in range(count)}
+    unheld = count
+    for k in np.argsort(ready, kind="stable"):
+        if ready[k] >= _NEVER:
+            return None
+        a, b = pairs[k]
+        if b >= count:
+            root = merged[a]
+            grown = anchors[root] | {b - count}
+            unheld -= _holds(grown, distinct) - _holds(anchors[root], distinct)
+            anchors[root] = grown
+        elif merged[a] != merged[b]:
+            parts = anchors[merged[a]], anchors[merged[b]]
+            merged.union(a, b)
+            anchors[merged[a]] = parts[0] | parts[1]
+            lost = 2 - sum(_holds(part, distinct) for part in parts)
+            unheld += (1 - _holds(anchors[merged[a]], distinct)) - lost
+        if unheld == 0:
+            return int(ready[k])
+    return None
+
+
+def _holds(anchors: set[int], distinct: NDArray[np.bool_]) -> int:
+    numbers = list(anchors)
+    return int(distinct[np.ix_(numbers, numbers)].any()) if len(numbers) > 1 else 0

@@ -1,0 +1,178 @@
+"""Meetings: for each pair, when and how near it meets, how far it may slip, and its own rank."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.observability.certificate import counts
+from syncplan.observability.rank import LinkInformation
+from syncplan.observability.unobservable_modes import lost_bearing
+from syncplan.orbits.circles import Orbits, wrap
+from syncplan.orbits.contacts import Sensors, Windows, merge_windows, relative_motion
+from syncplan.orbits.separation import least_distances
+from syncplan.synchronisation.phase_tolerance import phase_tolerances, rule_residuals
+
+__all__ = ["Meeting", "landmark_meetings", "vehicle_meetings"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+_TOO_WEAK = "of full rank by itself, but too weak beside the team's other sightings"
+
+
+@dataclass(frozen=True, slots=True)
+class Meeting:
+    """How a pair meets over one period.
+
+    Attributes
+    ----------
+    a, b : indices, a < b; b is a landmark from the number of vehicles on
+    min_distance : m, least distance over the period
+    windows : (k, 2) s in contact, the union of both ways
+    forward, backward : (k, 2) s in which a sees b, and b sees a
+    rank : of the pair's own rows; 0 without sightings
+    certified : whether it counts for the certificate: rank 3, or 2 to a landmark
+    reason : why the rank falls short, empty where it does not
+    residual : rad, of the pair's rule; 0 for landmarks
+    tolerance : rad, how far either phase may slip before contact is lost; pi if it never is
+    """
+
+    a: int
+    b: int
+    min_distance: float
+    windows: Array
+    forward: Array
+    backward: Array
+    rank: int
+    certified: bool
+    reason: str
+    residual: float
+    tolerance: float
+
+    @property
+    def contact(self) -> float:
+        """Time in contact per period in s."""
+        return float(np.sum(self.windows[:, 1] - self.windows[:, 0]))
+
+
+def vehicle_meetings(
+    orbits: Orbits,
+    sensors: Sensors,
+    windows: Windows,
+    information: list[LinkInformation],
+    largest: float,
+    pairs: Index,
+) -> list[Meeting]:
+    """Return the meetings of the (e, 2) vehicle pairs, each a < b, in the order given.
+
+    `largest` is the largest singular value of the whole team's matrix.
+    """
+    nothing = np.zeros((0, 2))
+    told = {(link.a, link.b): link for link in information}
+    way = {
+        key: k
+        for k, key in enumerate(
+            zip(windows.observers.tolist(), windows.targets.tolist(), strict=True)
+        )
+    }
+    least, _ = least_distances(relative_motion(orbits, nothing, pairs[:, 0], pairs[:, 1]))
+    residual = rule_residuals(orbits, pairs)
+    tolerance = phase_tolerances(orbits, sensors, pairs)
+    found = []
+    for k, (a, b) in enumerate(pairs.tolist()):
+        forward = windows.of(way[a, b]) if (a, b) in way else nothing
+        backward = windows.of(way[b, a]) if (b, a) in way else nothing
+        link = told.get((a, b))
+        met = merge_windows(np.concatenate([forward, backward]), orbits.period)
+        found.append(
+            Meeting(
+                a=a,
+                b=b,
+                min_distance=float(least[k]),
+                windows=met,
+                forward=forward,
+                backward=backward,
+                rank=min(link.rank, 3) if link else 0,
+                certified=link is not None and counts(link, 3, largest),
+                reason=_why_short_of_three(orbits, link, len(met), largest),
+                residual=float(residual[k]),
+                tolerance=float(tolerance[k]),
+            )
+        )
+    return found
+
+
+def landmark_meetings(
+    orbits: Orbits,
+    landmarks: Array,
+    windows: Windows,
+    information: list[LinkInformation],
+    largest: float,
+) -> list[Meeting]:
+    """Return the meetings of vehicles with the landmarks they see, ordered by (a, b)."""
+    told = {(link.a, link.b): link for link in information}
+    to_landmark = windows.targets >= orbits.count
+    seen = np.flatnonzero(to_landmark & (np.diff(windows.first) > 0))
+    a, b = windows.observers[seen], windows.targets[seen]
+    least, _ = least_distances(relative_motion(orbits, landmarks, a, b))
+    found = []
+    for row, pair in enumerate(seen):
+        link = told.get((int(a[row]), int(b[row])))
+        met = windows.of(int(pair))
+        found.append(
+            Meeting(
+                a=int(a[row]),
+                b=int(b[row]),
+                min_distance=float(least[row]),
+                windows=met,
+                forward=met,
+                backward=np.zeros((0, 2)),
+                rank=min(link.rank, 2) if link else 0,
+                certified=link is not None and counts(link, 2, largest),
+                reason=_why_short_of_two(link, largest),
+                residual=0.0,
+                tolerance=np.pi,
+            )
+        )
+    return sorted(found, key=lambda meeting: (meeting.a, meeting.b))
+
+
+def _why_short_of_three(
+    orbits: Orbits, link: LinkInformation | None, windows: int, largest: float
+) -> str:
+    if link is None:
+        return "in contact only between samples" if windows else "never in contact"
+    if link.rank >= 3:
+        return "" if counts(link, 3, largest) else _TOO_WEAK
+    if link.sightings < 3:
+        return f"fewer than three sightings ({link.sightings})"
+    if link.singular_values[0] == 0.0:
+        return "always at the same place: there is no bearing"
+    if lost_bearing(orbits, link) is not None:
+        a, b = link.a, link.b
+        together = (
+            orbits.senses[a] == orbits.senses[b]
+            and np.isclose(orbits.radii[a], orbits.radii[b], rtol=1e-6)
+            and abs(wrap(orbits.phases[a] - orbits.phases[b])) < 1e-6
+        )
+        if together:
+            return "parallel motion at equal speed: the distance is lost"
+        return "the line of sight never turns: the distance along it is lost"
+    if link.one_way:
+        return (
+            "one-way sighting with a degenerate ratio of radii, "
+            "R_seen = R_seeing cos(phase difference): a turn is lost"
+        )
+    ratio = link.singular_values[min(2, len(link.singular_values) - 1)] / link.singular_values[0]
+    return f"nearly degenerate: third singular value is {ratio:.1e} of the first"
+
+
+def _why_short_of_two(link: LinkInformation | None, largest: float) -> str:
+    if link is None:
+        return "in contact only between samples"
+    if link.rank >= 2:
+        return "" if counts(link, 2, largest) else _TOO_WEAK
+    if link.sightings < 2:
+        return "fewer than two sightings (1)"
+    return "the bearing never changes: only one direction is held"

@@ -1,0 +1,298 @@
+"""Windowed observability: the matrix of equations (5)-(9) in closed form, its rank and its gap.
+
+Every bearing row is referred to the initial state by the closed-form transition, so that it has
+six non-zeros (three for a landmark) and no matrix product is formed. With q the target's position
+relative to the observer, rho its length and p(t) - p(0) the way each has gone:
+
+    d bearing / d p_target     =  (-q_y, q_x) / rho^2        and minus that for the observer
+    d bearing / d psi_target   =  q . (p_t(t) - p_t(0)) / rho^2
+    d bearing / d psi_observer = -q . (p_o(t) - p_o(0)) / rho^2 - 1
+
+Rows are divided by their sigma; positions are in mean radii, so all columns are pure numbers.
+Each link's rows are first reduced to at most six by its own singular value decomposition. That is
+an orthogonal change of the rows: the singular values of the whole matrix stay what they are, and
+nothing is ever squared.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.orbits.circles import Orbits
+from syncplan.orbits.contacts import Sensors, body_paths
+from syncplan.orbits.sightings import Sightings
+
+__all__ = [
+    "LINK_TOLERANCE",
+    "NEAREST",
+    "RANK_TOLERANCE",
+    "LinkInformation",
+    "Observability",
+    "PairRows",
+    "assess",
+    "bearing_rows",
+    "link_information",
+    "pair_rows",
+    "stacked_rows",
+]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+RANK_TOLERANCE = 1e-8
+"""A singular value of the whole matrix counts above this share of the largest."""
+
+NEAREST = 1e-3
+"""Sightings from nearer than this share of the mean radius are weighted down."""
+
+VECTORS_LIMIT = 900
+"""State dimension above which singular vectors are computed only where rank is lacking."""
+
+NEGLIGIBLE = 1e-15
+"""Rows smaller than this share of the largest singular value of any link are left out."""
+
+LINK_TOLERANCE = 1e-6
+"""A singular value of one link's matrix counts above this share of its largest."""
+
+
+@dataclass(frozen=True, slots=True)
+class PairRows:
+    """The bearing rows of one pair, both ways together, in order of time.
+
+    Attributes
+    ----------
+    a, b : indices, a < b; b is a landmark from n on
+    rows : (k, 6) columns of a, then of b
+    steps : (k,) sample numbers
+    one_way : whether only one of the two sees the other
+    """
+
+    a: int
+    b: int
+    rows: Array
+    steps: Index
+    one_way: bool
+
+
+@dataclass(frozen=True, slots=True)
+class LinkInformation:
+    """What the sightings of one pair, both ways together, tell of its two poses.
+
+    Attributes
+    ----------
+    a, b : indices, a < b; b is a landmark from n on
+    sightings : number of bearings
+    one_way : whether only one of the two sees the other
+    singular_values : (k,) of the scaled rows, descending
+    directions : (k, 6) right singular vectors over (x_a, y_a, psi_a, x_b, y_b, psi_b), positions
+        in mean radii; landmarks have zeros in the last three
+    """
+
+    a: int
+    b: int
+    sightings: int
+    one_way: bool
+    singular_values: Array
+    directions: Array
+
+    @property
+    def rank(self) -> int:
+        """Number of singular values above LINK_TOLERANCE times the largest."""
+        return _rank(self.singular_values, LINK_TOLERANCE)
+
+
+@dataclass(frozen=True, slots=True)
+class Observability:
+    """Rank and conditioning of the windowed matrix of the whole team.
+
+    Attributes
+    ----------
+    rank, state_dim : of the matrix; state_dim is three times the number of vehicles
+    singular_values : (state_dim,) descending, scaled columns
+    gap : ratio of the last singular value that counts to the first that does not; infinite
+        where all count or the rest is exactly zero
+    null_space : (state_dim - rank, state_dim) orthonormal unobservable directions, scaled columns
+    variances : (state_dim,) diagonal of the information's pseudo-inverse, scaled columns: what one
+        window leaves of uncertainty in each coordinate at time 0, where it is determined
+    scale : m, the mean radius that positions are measured in
+    """
+
+    rank: int
+    state_dim: int
+    singular_values: Array
+    gap: float
+    null_space: Array
+    variances: Array
+    scale: float
+
+    @property
+    def observable(self) -> bool:
+        """Whether every position and heading is determined."""
+        return self.rank == self.state_dim
+
+    @property
+    def condition_number(self) -> float:
+        """Largest over smallest singular value; infinite where unobservable."""
+        if not self.observable:
+            return float("inf")
+        return float(self.singular_values[0] / self.singular_values[-1])
+
+    @property
+    def min_eigenvalue(self) -> float:
+        """Smallest eigenvalue of the windowed information, scaled columns; 0 if unobservable."""
+        return float(self.singular_values[-1] ** 2) if self.observable else 0.0
+
+
+def bearing_rows(
+    orbits: Orbits,
+    landmarks: Array,
+    sensors: Sensors,
+    sightings: Sightings,
+    scale: float | None = None,
+) -> Array:
+    """Return (s, 6) bearing rows referred to time 0, over sigma: observer's three, target's three.
+
+    Positions in mean radii, or in `scale` m; a landmark's three are zero. A sighting from nearer
+    than NEAREST mean radii is weighted down in proportion: its bearing turns faster than any
+    estimate can follow, and one such row would drown all others in rounding. At distance zero
+    there is no bearing.
+    """
+    observers, targets = sightings.observers, sightings.targets
+    # of all samples in turn: sightings share them
+    first = int(sightings.steps.min(initial=0))
+    samples = np.arange(first, int(sightings.steps.max(initial=0)) + 1)
+    tau = samples * (orbits.rate * sensors.sample_time)
+    cos, sin = np.stack([np.cos(tau), np.sin(tau)]).take(sightings.steps - first, axis=1)
+    ways = [np.ascontiguousarray(part.T) for part in body_paths(orbits, landmarks)]
+    here, here_cos, here_sin = (part.take(observers, axis=1) for part in ways)
+    there, there_cos, there_sin = (part.take(targets, axis=1) for part in ways)
+    q = (there - here) + (there_cos - here_cos) * cos + (there_sin - here_sin) * sin
+    squared = q[0] * q[0] + q[1] * q[1]
+    mean_radius = float(orbits.radii.mean())
+    weight = np.minimum(1.0, np.sqrt(squared) / (NEAREST * mean_radius))
+    weight /= sensors.bearing_sigmas[observers]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        toward = q * (weight / squared)
+    toward[:, squared == 0.0] = 0.0
+    own = here_cos * (cos - 1.0) + here_sin * sin
+    other = there_cos * (cos - 1.0) + there_sin * sin
+    unit = mean_radius if scale is None else scale
+    rows = np.empty((len(cos), 6))
+    rows[:, 0] = toward[1] * unit
+    rows[:, 1] = toward[0] * -unit
+    rows[:, 2] = -(toward[0] * own[0] + toward[1] * own[1]) - weight
+    rows[:, 3:5] = -rows[:, :2]
+    rows[:, 5] = toward[0] * other[0] + toward[1] * other[1]
+    rows[targets >= orbits.count, 3:] = 0.0
+    return rows
+
+
+def pair_rows(
+    orbits: Orbits,
+    landmarks: Array,
+    sensors: Sensors,
+    sightings: Sightings,
+    scale: float | None = None,
+) -> Iterator[PairRows]:
+    """Yield the rows of each pair that is sighted at least once, ordered by (a, b)."""
+    rows = bearing_rows(orbits, landmarks, sensors, sightings, scale)
+    swapped = (sightings.targets < orbits.count) & (sightings.targets < sightings.observers)
+    rows = np.where(swapped[:, None], rows[:, [3, 4, 5, 0, 1, 2]], rows)
+    a = np.where(swapped, sightings.targets, sightings.observers)
+    b = np.where(swapped, sightings.observers, sightings.targets)
+    order = np.lexsort((sightings.steps, b, a))
+    a, b, rows, swapped = a[order], b[order], rows[order], swapped[order]
+    steps = sightings.steps[order]
+    first = np.flatnonzero((np.diff(a, prepend=-1) != 0) | (np.diff(b, prepend=-1) != 0))
+    for begin, end in pairwise([*first.tolist(), len(a)]):
+        ways = swapped[begin:end]
+        yield PairRows(
+            a=int(a[begin]),
+            b=int(b[begin]),
+            rows=rows[begin:end],
+            steps=steps[begin:end],
+            one_way=bool(ways.all() or not ways.any()),
+        )
+
+
+def link_information(
+    orbits: Orbits,
+    landmarks: Array,
+    sensors: Sensors,
+    sightings: Sightings,
+    scale: float | None = None,
+) -> list[LinkInformation]:
+    """Return what each pair that is sighted at least once tells, ordered by (a, b).
+
+    Positions in mean radii, or in `scale` m, which `assess` is then to be told too.
+    """
+    links = []
+    for pair in pair_rows(orbits, landmarks, sensors, sightings, scale):
+        _, values, directions = np.linalg.svd(pair.rows, full_matrices=False)
+        links.append(
+            LinkInformation(pair.a, pair.b, len(pair.rows), pair.one_way, values, directions)
+        )
+    return links
+
+
+def assess(
+    orbits: Orbits, links: list[LinkInformation], scale: float | None = None
+) -> Observability:
+    """Return rank, gap and unobservable directions of the windowed matrix."""
+    size = 3 * orbits.count
+    matrix = stacked_rows(links, orbits.count)
+    if len(matrix) > size:
+        matrix = np.asarray(np.linalg.qr(matrix, mode="r"))
+    values, null_space, variances = _decomposed(matrix, size)
+    rank = _rank(values, RANK_TOLERANCE)
+    below = values[rank] if rank < size else 0.0
+    return Observability(
+        rank=rank,
+        state_dim=size,
+        singular_values=values,
+        gap=float(values[rank - 1] / below) if rank and below > 0.0 else float("inf"),
+        null_space=null_space,
+        variances=variances,
+        scale=float(orbits.radii.mean()) if scale is None else scale,
+    )
+
+
+def _decomposed(matrix: Array, size: int) -> tuple[Array, Array, Array]:
+    """Singular values (size,), null space, and the diagonal of the information's pseudo-inverse.
+
+    Large matrices of full rank get by without singular vectors, at half the time.
+    """
+    if size > VECTORS_LIMIT and len(matrix) == size:
+        values = np.asarray(np.linalg.svd(matrix, compute_uv=False), dtype=float)
+        if _rank(values, RANK_TOLERANCE) == size:
+            return values, np.zeros((0, size)), np.sum(np.linalg.inv(matrix) ** 2, axis=1)
+    _, found, vectors = np.linalg.svd(matrix, full_matrices=True)
+    right = np.asarray(vectors, dtype=float)
+    values = np.concatenate([found, np.zeros(size - len(found))]).astype(float)
+    rank = _rank(values, RANK_TOLERANCE)
+    variances = np.sum((right[:rank] / values[:rank, None]) ** 2, axis=0)
+    return values, right[rank:], variances
+
+
+def stacked_rows(links: list[LinkInformation], count: int) -> Array:
+    """Return the (r, 3 n) reduced rows of all links in the team's columns, about three a link."""
+    largest = max((float(link.singular_values[0]) for link in links), default=0.0)
+    blocks = []
+    for link in links:
+        kept = link.singular_values > NEGLIGIBLE * largest
+        rows = np.zeros((int(kept.sum()), 3 * count))
+        reduced = link.singular_values[kept, None] * link.directions[kept]
+        rows[:, 3 * link.a : 3 * link.a + 3] = reduced[:, :3]
+        if link.b < count:
+            rows[:, 3 * link.b : 3 * link.b + 3] = reduced[:, 3:]
+        blocks.append(rows)
+    return np.concatenate(blocks) if blocks else np.zeros((0, 3 * count))
+
+
+def _rank(values: Array, tolerance: float) -> int:
+    if len(values) == 0 or values[0] == 0.0:
+        return 0
+    return int(np.sum(values > tolerance * values[0]))

@@ -1,0 +1,326 @@
+"""Names for unobservable directions: which vehicles can move which way unseen, and what cures it.
+
+The null space of the windowed matrix is matched against motions that have a name, simplest first:
+a shift or turn of vehicles that nothing ties to the ground, a turn about the only landmark seen,
+a stretch along lines of sight that never turn. What is left over is told by its largest parts.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.observability.rank import LinkInformation, Observability
+from syncplan.orbits.circles import Orbits, perpendicular, position, unit
+from syncplan.orbits.graphs import components
+
+__all__ = ["UnobservableMotion", "lost_bearing", "name_motions"]
+
+Array = NDArray[np.float64]
+
+MATCH_TOLERANCE = 1e-3
+"""Share of a named motion that may lie outside the null space."""
+
+_SAME_DIRECTION_RAD = 1e-4
+_MOVES = 1e-3
+_MOST_NAMED = 6
+
+
+@dataclass(frozen=True, slots=True)
+class UnobservableMotion:
+    """One direction in which the team's state can't be told apart.
+
+    Attributes
+    ----------
+    description : in words
+    vehicles : indices of those that move
+    motion : (n, 3) m, m, rad of each vehicle's (x, y, heading) at time 0, the largest
+        displacement being 1 m (or the largest turn 1 rad where none is displaced)
+    cure : what would make it observable
+    """
+
+    description: str
+    vehicles: tuple[int, ...]
+    motion: Array
+    cure: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Team:
+    """What naming needs to know of the team."""
+
+    orbits: Orbits
+    places: Array  # (n, 2) m, at time 0
+    landmarks: Array
+    reach: Array
+    names: list[str]
+    landmark_names: list[str]
+    links: list[LinkInformation]
+    scale: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Candidate:
+    description: str
+    vector: Array  # (3 n,) scaled columns
+    cure: str
+
+
+def name_motions(
+    result: Observability,
+    orbits: Orbits,
+    landmarks: Array,
+    reach: Array,
+    links: list[LinkInformation],
+    names: list[str],
+    landmark_names: list[str],
+) -> list[UnobservableMotion]:
+    """Return a named motion for each dimension of the null space; `reach` is (n,) m of range."""
+    missing = len(result.null_space)
+    if missing == 0:
+        return []
+    places = position(orbits, 0.0)
+    team = _Team(orbits, places, landmarks, reach, names, landmark_names, links, result.scale)
+    chosen: list[_Candidate] = []
+    basis = np.zeros((0, result.state_dim))
+    for candidate in _candidates(team):
+        if len(chosen) == missing:
+            break
+        vector = candidate.vector / np.linalg.norm(candidate.vector)
+        inside = result.null_space.T @ (result.null_space @ vector)
+        if np.linalg.norm(vector - inside) > MATCH_TOLERANCE:
+            continue
+        new = inside - basis.T @ (basis @ inside)
+        if np.linalg.norm(new) > 10.0 * MATCH_TOLERANCE:
+            chosen.append(candidate)
+            basis = np.vstack([basis, new / np.linalg.norm(new)])
+    for vector in _left_over(result.null_space, basis):
+        chosen.append(_joint_motion(team, vector))
+    return [_motion(team, candidate) for candidate in chosen]
+
+
+def lost_bearing(orbits: Orbits, link: LinkInformation) -> float | None:
+    """Return the direction in [0, pi) rad along which a vehicle link's distance is lost.
+
+    That is the relative translation among the link's null vectors; None if there is none.
+    """
+    scale = float(orbits.radii.mean())
+    null = _null_of(link)
+    ends = [link.a, link.b]
+    pair = (orbits.centers[ends] + orbits.radii[ends, None] * unit(orbits.phases[ends])) / scale
+    shift, turn = np.eye(2), perpendicular(pair)
+    gauge = np.zeros((3, 6))
+    gauge[:2, :2] = gauge[:2, 3:5] = shift
+    gauge[2] = np.r_[turn[0], 1.0, turn[1], 1.0]
+    gauge = np.linalg.qr(gauge.T)[0].T
+    own = null - (null @ gauge.T) @ gauge
+    _, values, vectors = np.linalg.svd(own)
+    if np.sum(values > 1e-3) != 1:
+        return None
+    relative = vectors[0, 3:] - vectors[0, :3]
+    relative[:2] -= perpendicular(pair[1] - pair[0]) * vectors[0, 2]
+    if abs(relative[2]) > 1e-4 * np.hypot(*relative[:2]):
+        return None
+    return float(np.arctan2(relative[1], relative[0]) % np.pi)
+
+
+def _null_of(link: LinkInformation) -> Array:
+    """(k, 6) orthonormal null vectors of a link's rows, judged by the link's own rank."""
+    kept = link.directions[: link.rank]
+    _, _, vectors = np.linalg.svd(kept)
+    return vectors[link.rank :]
+
+
+def _candidates(team: _Team) -> list[_Candidate]:
+    """Motions with a name, simplest first."""
+    count = team.orbits.count
+    seen = [(link.a, link.b) for link in team.links if link.b < count]
+    rigid = [(link.a, link.b) for link in team.links if link.b < count and link.rank >= 3]
+    held: dict[int, set[int]] = {k: set() for k in range(count)}
+    for link in team.links:
+        if link.b >= count:
+            held[link.a].add(link.b - count)
+    whole = components(count, seen)
+    parts = [part for part in components(count, rigid) if part not in whole]
+    parts += [[k] for k in range(count) if [k] not in whole + parts]
+    return (
+        [motion for part in whole for motion in _rigid_motions(team, part, held)]
+        + _stretches(team, held)
+        + [motion for part in parts for motion in _rigid_motions(team, part, held)]
+    )
+
+
+def _rigid_motions(team: _Team, part: list[int], held: dict[int, set[int]]) -> list[_Candidate]:
+    anchors = sorted(set().union(*(held[k] for k in part)))
+    turns = [_turn_about(team, part, landmark) for landmark in anchors]
+    return turns if anchors else _free_motions(team, part)
+
+
+def _free_motions(team: _Team, part: list[int]) -> list[_Candidate]:
+    who = _who(team, part)
+    cure = _grounding(team, part, "sightings of two landmarks")
+    shifts = [
+        _Candidate(f"shift of {who} along {axis}", _shift(team, part, angle), cure)
+        for axis, angle in (("x", 0.0), ("y", np.pi / 2.0))
+    ]
+    middle = team.places[part].mean(axis=0)
+    about = "itself" if len(part) == 1 else "their middle"
+    return [*shifts, _Candidate(f"turn of {who} about {about}", _turn(team, part, middle), cure)]
+
+
+def _turn_about(team: _Team, part: list[int], landmark: int) -> _Candidate:
+    name = team.landmark_names[landmark]
+    return _Candidate(
+        f"turn of {_who(team, part)} about {name}",
+        _turn(team, part, team.landmarks[landmark]),
+        _grounding(team, part, f"a sighting of a landmark other than {name}", landmark),
+    )
+
+
+def _stretches(team: _Team, held: dict[int, set[int]]) -> list[_Candidate]:
+    """Shifts along lines of sight that never turn: one direction after the other."""
+    count = team.orbits.count
+    lost = []
+    for link in team.links:
+        if link.b < count and link.rank == 2:
+            bearing = lost_bearing(team.orbits, link)
+            if bearing is not None:
+                lost.append((bearing, link))
+    found = []
+    while lost:
+        bearing = lost[0][0]
+        along = [item for item in lost if _parallel(item[0], bearing)]
+        lost = [item for item in lost if not _parallel(item[0], bearing)]
+        stretched = {(link.a, link.b) for _, link in along}
+        kept = [
+            (link.a, link.b)
+            for link in team.links
+            if link.b < count and (link.a, link.b) not in stretched
+        ]
+        for part in components(count, kept):
+            if not any(held[k] for k in part):
+                found.append(_stretch(team, part, bearing, [link for _, link in along]))
+    return sorted(found, key=lambda item: int(np.count_nonzero(item.vector)))
+
+
+def _stretch(
+    team: _Team, part: list[int], bearing: float, links: list[LinkInformation]
+) -> _Candidate:
+    inside = set(part)
+    cut = [link for link in links if (link.a in inside) != (link.b in inside)]
+    pairs = ", ".join(f"{team.names[link.a]}-{team.names[link.b]}" for link in cut[:_MOST_NAMED])
+    degrees = np.degrees(bearing)
+    return _Candidate(
+        f"stretch of {pairs or 'links'} along {degrees:.1f} deg: "
+        f"{_who(team, part)} shift{'s' if len(part) == 1 else ''}",
+        _shift(team, part, bearing),
+        f"let the line of sight of {pairs or 'these links'} turn: a small desynchronisation "
+        "by orbit.desync_rad, unequal radii, or refinement",
+    )
+
+
+def _grounding(team: _Team, part: list[int], wanted: str, besides: int | None = None) -> str:
+    """What would tie these vehicles down: the nearest landmark and the nearest other vehicle."""
+    choices = []
+    for number, place in enumerate(team.landmarks):
+        if number != besides:
+            gap, k = min((_gap_to_point(team, k, place), k) for k in part)
+            choices.append(
+                f"{team.landmark_names[number]} from {team.names[k]} {_beyond(team, gap, k)}"
+            )
+    others = [k for k in range(team.orbits.count) if k not in set(part)]
+    links = sorted((_gap(team, a, b), a, b) for a in part for b in others)[:1]
+    text = wanted + (f" ({'; '.join(choices[:2])})" if choices else "")
+    for gap, a, b in links:
+        text += (
+            f", or a rank-3 link to a located vehicle "
+            f"({team.names[a]}-{team.names[b]} {_beyond(team, gap, a)})"
+        )
+    return text
+
+
+def _gap(team: _Team, a: int, b: int) -> float:
+    centers, radii = team.orbits.centers, team.orbits.radii
+    distance = float(np.hypot(*(centers[a] - centers[b])))
+    return float(max(distance - radii[a] - radii[b], abs(radii[a] - radii[b]) - distance, 0.0))
+
+
+def _gap_to_point(team: _Team, vehicle: int, place: Array) -> float:
+    distance = float(np.hypot(*(team.orbits.centers[vehicle] - place)))
+    return float(abs(distance - team.orbits.radii[vehicle]))
+
+
+def _beyond(team: _Team, gap: float, vehicle: int) -> str:
+    excess = gap - float(team.reach[vehicle])
+    near = f"comes to {gap:.3g} m"
+    return f"{near}, {excess:.3g} m out of range" if excess > 0.0 else f"{near}, within range"
+
+
+def _left_over(null_space: Array, basis: Array) -> Array:
+    """Orthonormal null vectors that the named motions do not span."""
+    rest = null_space - (null_space @ basis.T) @ basis
+    _, _, vectors = np.linalg.svd(rest, full_matrices=False)
+    return np.asarray(vectors[: len(null_space) - len(basis)])
+
+
+def _joint_motion(team: _Team, vector: Array) -> _Candidate:
+    motion = _scaled(team, vector)
+    size = np.hypot(motion[:, 0], motion[:, 1])
+    order = [k for k in np.argsort(-size, kind="stable") if size[k] > _MOVES][:3]
+    parts = [
+        f"{team.names[k]} {size[k]:.2f} m toward "
+        f"{np.degrees(np.arctan2(motion[k, 1], motion[k, 0])):.0f} deg"
+        for k in order
+    ]
+    turns = [k for k in range(len(motion)) if k not in order and abs(motion[k, 2]) > _MOVES][:3]
+    parts += [f"{team.names[k]} turning {np.degrees(motion[k, 2]):.1f} deg" for k in turns]
+    return _Candidate(
+        f"joint motion: {', '.join(parts)}",
+        vector,
+        "more sightings between these vehicles and others: a longer range or window, another "
+        "link, or refinement",
+    )
+
+
+def _motion(team: _Team, candidate: _Candidate) -> UnobservableMotion:
+    motion = _scaled(team, candidate.vector)
+    moving = np.flatnonzero(np.max(np.abs(motion), axis=1) > _MOVES)
+    return UnobservableMotion(
+        candidate.description, tuple(int(k) for k in moving), motion, candidate.cure
+    )
+
+
+def _scaled(team: _Team, vector: Array) -> Array:
+    """(n, 3) in m and rad with the largest displacement 1 m, or the largest turn 1 rad."""
+    motion = vector.reshape(-1, 3) * np.array([team.scale, team.scale, 1.0])
+    largest = np.max(np.hypot(motion[:, 0], motion[:, 1]))
+    if largest < 1e-9 * team.scale:
+        largest = np.max(np.abs(motion[:, 2]))
+    return np.asarray(motion / largest)
+
+
+def _shift(team: _Team, part: list[int], angle: float) -> Array:
+    vector = np.zeros((team.orbits.count, 3))
+    vector[part, :2] = unit(angle)
+    return vector.ravel()
+
+
+def _turn(team: _Team, part: list[int], pivot: Array) -> Array:
+    vector = np.zeros((team.orbits.count, 3))
+    vector[part, :2] = perpendicular(team.places[part] - pivot) / team.scale
+    vector[part, 2] = 1.0
+    return vector.ravel()
+
+
+def _who(team: _Team, part: list[int]) -> str:
+    if len(part) == team.orbits.count and len(part) > 1:
+        return "everything"
+    named = [team.names[k] for k in part]
+    if len(named) > _MOST_NAMED:
+        return f"{', '.join(named[:_MOST_NAMED])} and {len(named) - _MOST_NAMED} more"
+    return ", ".join(named[:-1]) + (" and " if len(named) > 1 else "") + named[-1]
+
+
+def _parallel(a: float, b: float) -> bool:
+    turn = abs(a - b) % np.pi
+    return min(turn, np.pi - turn) < _SAME_DIRECTION_RAD

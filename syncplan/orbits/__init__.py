@@ -1,0 +1,10 @@
+"""Circles, and what follows from them exactly: contact windows, least distances, sightings.
+
+circles                     positions, headings, transition of errors
+noise                       sigmas of motion and of the start
+trigonometric_polynomials   their real roots, many at once
+contacts                    when who sees whom
+separation                  how near vehicles come
+sightings                   contact sampled at k Ts
+graphs                      components, trees and cycles of a team
+"""

@@ -1,0 +1,358 @@
+"""Contact windows: exactly when each vehicle sees which vehicle or landmark, over one period.
+
+The position of a target relative to its observer is D + a cos tau + b sin tau with tau = omega t,
+so "within range" and "inside the field of view" change sign only at roots of trigonometric
+polynomials of degree two. Between two neighbouring roots nothing changes, so one look at the
+midpoint classifies each interval: that settles fields of view over 180 degrees, contact that
+never ends, and polynomials that vanish identically.
+
+    range                 |q|^2 - r^2 = 0
+    edge of the view      q x e(heading + boresight +- fov / 2) = 0
+
+For two vehicles of one sense, and for landmarks, second harmonics vanish identically.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.orbits.circles import Orbits, perpendicular, unit
+from syncplan.orbits.trigonometric_polynomials import real_roots
+
+__all__ = [
+    "RelativeMotion",
+    "Sensors",
+    "Windows",
+    "body_paths",
+    "find_windows",
+    "in_contact",
+    "merge_windows",
+    "range_polynomial",
+    "reachable_pairs",
+    "relative_motion",
+]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+SMALLEST_STEP_RAD = 1e-11
+"""Roots nearer than this count as one."""
+
+BOUNDARY_SLACK = 1e-12
+"""Relative slack of range and field of view, so that a contact exactly at its limit counts."""
+
+DENSE_LIMIT = 500
+"""Up to this many bodies all pairs are tried; above, a k-d tree proposes them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sensors:
+    """What each of n vehicles can see, and how well.
+
+    Attributes
+    ----------
+    ranges : (n,) m
+    fields_of_view : (n,) rad, full angle; 2 pi or more sees all round
+    boresights : (n,) rad, from the heading, counter-clockwise
+    bearing_sigmas : (n,) rad
+    sample_time : s, common to all
+    """
+
+    ranges: Array
+    fields_of_view: Array
+    boresights: Array
+    bearing_sigmas: Array
+    sample_time: float
+
+
+@dataclass(frozen=True, slots=True)
+class RelativeMotion:
+    """Position of targets relative to observers, offset + cosine cos(tau) + sine sin(tau), in m.
+
+    Attributes
+    ----------
+    offset, cosine, sine : (p, 2) m
+    circular : (p,) whether cosine and sine are equally long and square to each other, exactly:
+        vehicles of one sense, and landmarks
+    """
+
+    offset: Array
+    cosine: Array
+    sine: Array
+    circular: NDArray[np.bool_]
+
+    def at(self, tau: Array) -> Array:
+        """Return the relative positions (p, k, 2) at tau (p, k) or (k,) rad."""
+        cos, sin = np.cos(tau)[..., None], np.sin(tau)[..., None]
+        return np.asarray(
+            self.offset[:, None] + self.cosine[:, None] * cos + self.sine[:, None] * sin
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Windows:
+    """When each of p directed pairs is in contact, over one period T.
+
+    Attributes
+    ----------
+    observers : (p,) index of the vehicle that sees
+    targets : (p,) index of what it sees; n and above are landmarks
+    first : (p + 1,) windows of pair k are first[k] to first[k + 1]
+    starts, ends : (w,) s; starts in [0, T), ends may pass T, permanent contact is [0, T]
+    """
+
+    observers: Index
+    targets: Index
+    first: Index
+    starts: Array
+    ends: Array
+
+    def of(self, pair: int) -> Array:
+        """Return the (k, 2) windows in s of one pair."""
+        chosen = slice(self.first[pair], self.first[pair + 1])
+        return np.column_stack([self.starts[chosen], self.ends[chosen]])
+
+
+def body_paths(orbits: Orbits, landmarks: Array) -> tuple[Array, Array, Array]:
+    """Return (center, cosine, sine), each (n + m, 2) in m: vehicles, then landmarks.
+
+    A body's position is center + cosine cos(tau) + sine sin(tau), with tau = omega t.
+    """
+    still = np.zeros((len(landmarks), 2))
+    arm = orbits.radii[:, None] * unit(orbits.phases)
+    return (
+        np.concatenate([orbits.centers, landmarks.reshape(-1, 2)]),
+        np.concatenate([arm, still]),
+        np.concatenate([orbits.senses[:, None] * perpendicular(arm), still]),
+    )
+
+
+def relative_motion(orbits: Orbits, landmarks: Array, a: Index, b: Index) -> RelativeMotion:
+    """Return the motion of bodies `b` relative to vehicles `a`; bodies from n on are landmarks."""
+    center, cosine, sine = body_paths(orbits, landmarks)
+    senses = np.concatenate([orbits.senses, np.zeros(len(landmarks))])
+    return RelativeMotion(
+        offset=center[b] - center[a],
+        cosine=cosine[b] - cosine[a],
+        sine=sine[b] - sine[a],
+        circular=(b >= orbits.count) | (senses[a] == senses[b]),
+    )
+
+
+def range_polynomial(motion: RelativeMotion, ranges: Array | float = 0.0) -> Array:
+    """Return the (p, 5) coefficients of |q|^2 - range^2 in m^2."""
+    offset, cosine, sine = motion.offset, motion.cosine, motion.sine
+    cosine2, sine2 = _dot(cosine, cosine), _dot(sine, sine)
+    harmonic = ~motion.circular
+    return np.column_stack(
+        [
+            _dot(offset, offset) + 0.5 * (cosine2 + sine2) - np.square(ranges),
+            2.0 * _dot(offset, cosine),
+            2.0 * _dot(offset, sine),
+            0.5 * (cosine2 - sine2) * harmonic,
+            _dot(cosine, sine) * harmonic,
+        ]
+    )
+
+
+def _edge_polynomial(motion: RelativeMotion, edge: Array, sense: Array) -> Array:
+    """(p, 5) coefficients of q x e(edge + sense tau): zero where the target is on that line."""
+    ray = unit(edge)
+    turned = sense[:, None] * perpendicular(ray)
+    cosine_ray, sine_turned = _cross(motion.cosine, ray), _cross(motion.sine, turned)
+    harmonic = ~motion.circular
+    return np.column_stack(
+        [
+            0.5 * (cosine_ray + sine_turned),
+            _cross(motion.offset, ray),
+            _cross(motion.offset, turned),
+            0.5 * (cosine_ray - sine_turned) * harmonic,
+            0.5 * (_cross(motion.cosine, turned) + _cross(motion.sine, ray)) * harmonic,
+        ]
+    )
+
+
+def reachable_pairs(orbits: Orbits, landmarks: Array, reach: Array) -> tuple[Index, Index]:
+    """Return directed pairs (observer, target) whose circles come within the observer's reach.
+
+    `reach` is (n,) in m. The circles' least distance is D - R_i - R_j outside each other and
+    |R_i - R_j| - D where one holds the other; landmarks are circles of radius zero.
+    """
+    n = orbits.count
+    centers = np.concatenate([orbits.centers, landmarks.reshape(-1, 2)])
+    radii = np.concatenate([orbits.radii, np.zeros(len(landmarks))])
+    if len(centers) <= DENSE_LIMIT:
+        a, b = (index.ravel() for index in np.indices((n, len(centers))))
+    else:
+        furthest = float(np.max(reach + radii[:n]) + radii.max())
+        a, b = _neighbours(orbits, centers, furthest * (1.0 + BOUNDARY_SLACK))
+    distance = np.hypot(*(centers[b] - centers[a]).T)
+    gap = np.maximum(distance - radii[a] - radii[b], np.abs(radii[a] - radii[b]) - distance)
+    near = (a != b) & (gap <= reach[a] * (1.0 + BOUNDARY_SLACK))
+    return a[near], b[near]
+
+
+def _neighbours(orbits: Orbits, centers: Array, radius: float) -> tuple[Index, Index]:
+    from scipy.spatial import cKDTree
+
+    tree = cKDTree(centers)
+    pairs = tree.query_pairs(radius, output_type="ndarray").astype(np.int64)
+    both = np.concatenate([pairs, pairs[:, ::-1]])
+    both = both[both[:, 0] < orbits.count]
+    order = np.lexsort((both[:, 1], both[:, 0]))
+    return both[order, 0], both[order, 1]
+
+
+def in_contact(
+    orbits: Orbits, motion: RelativeMotion, sensors: Sensors, observers: Index, tau: Array
+) -> NDArray[np.bool_]:
+    """Return (p, k) whether each observer sees its target at tau (p, k) or (k,) rad."""
+    q = motion.at(tau)
+    distance = np.hypot(q[..., 0], q[..., 1])
+    seen = distance <= sensors.ranges[observers, None] * (1.0 + BOUNDARY_SLACK)
+    half = 0.5 * sensors.fields_of_view[observers]
+    limited = half < np.pi
+    if limited.any():
+        sense = orbits.senses[observers]
+        axis = orbits.phases[observers] + sense * np.pi / 2.0 + sensors.boresights[observers]
+        view = unit(axis[:, None] + sense[:, None] * np.broadcast_to(tau, distance.shape))
+        ahead = _dot(q, view)
+        seen &= ~limited[:, None] | (ahead >= (np.cos(half)[:, None] - BOUNDARY_SLACK) * distance)
+    return np.asarray(seen)
+
+
+def find_windows(
+    orbits: Orbits,
+    landmarks: Array,
+    sensors: Sensors,
+    pairs: tuple[Index, Index] | None = None,
+) -> Windows:
+    """Return the exact contact windows of all directed pairs that can come within range.
+
+    `pairs` restricts the search to given (observers, targets). Boundaries are good to about
+    1e-15 times the polynomial's size over its slope there: below 1e-9 s unless the crossing is
+    nearly tangent. A window shorter than about 1e-7 of a period, opened by such a near-tangency,
+    may be absent.
+    """
+    a, b = reachable_pairs(orbits, landmarks, sensors.ranges) if pairs is None else pairs
+    motion = relative_motion(orbits, landmarks, a, b)
+    splits = _splits(orbits, motion, sensors, a, b)
+    return _classified(orbits, motion, sensors, a, b, splits)
+
+
+def _splits(orbits: Orbits, motion: RelativeMotion, sensors: Sensors, a: Index, b: Index) -> Array:
+    """(p, k) sorted angles where a contact may begin or end; infinite where there are fewer."""
+    columns = [_range_roots(motion, sensors.ranges, a, b)]
+    half = 0.5 * sensors.fields_of_view[a]
+    start = motion.offset + motion.cosine
+    reached = np.isfinite(columns[0]).any(axis=1)
+    reached |= np.hypot(start[:, 0], start[:, 1]) <= sensors.ranges[a] * (1.0 + BOUNDARY_SLACK)
+    limited = np.flatnonzero((half < np.pi) & reached)
+    if len(limited):
+        part = RelativeMotion(
+            motion.offset[limited],
+            motion.cosine[limited],
+            motion.sine[limited],
+            motion.circular[limited],
+        )
+        sense = orbits.senses[a[limited]]
+        axis = (orbits.phases + orbits.senses * np.pi / 2.0 + sensors.boresights)[a[limited]]
+        for side in (-1.0, 1.0):
+            edges = np.full((len(a), 4), np.nan)
+            polynomial = _edge_polynomial(part, axis + side * half[limited], sense)
+            edges[limited] = real_roots(polynomial)
+            columns.append(edges)
+    splits = np.concatenate(columns, axis=1)
+    splits[np.isnan(splits)] = np.inf
+    splits.sort(axis=1)
+    with np.errstate(invalid="ignore"):
+        repeated = np.diff(splits, axis=1, prepend=-1.0) < SMALLEST_STEP_RAD
+    repeated |= np.isfinite(splits) & (splits > splits[:, :1] + 2.0 * np.pi - SMALLEST_STEP_RAD)
+    splits[repeated] = np.inf
+    splits.sort(axis=1)
+    return splits
+
+
+def _range_roots(motion: RelativeMotion, ranges: Array, a: Index, b: Index) -> Array:
+    """(p, 4) roots of the range polynomials, once for both ways of a pair of equal ranges."""
+    count = len(ranges)
+    vehicle = b < count
+    shared = vehicle & (ranges[a] == ranges[np.where(vehicle, b, a)])
+    both_ways = np.minimum(a, b) * count + np.maximum(a, b)
+    key = np.where(shared, both_ways, -1 - np.arange(len(a)))
+    _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
+    polynomials = range_polynomial(motion, ranges[a])[first]
+    return real_roots(polynomials)[inverse]
+
+
+def _classified(
+    orbits: Orbits, motion: RelativeMotion, sensors: Sensors, a: Index, b: Index, splits: Array
+) -> Windows:
+    """Windows from the class of each interval between neighbouring splits (cyclic)."""
+    rows, columns = splits.shape
+    real = np.isfinite(splits)
+    count = real.sum(axis=1)
+    following = np.column_stack([splits[:, 1:], np.full(rows, np.inf)])
+    last = np.arange(columns) == count[:, None] - 1
+    following = np.where(last, splits[:, :1] + 2.0 * np.pi, following)
+    middle = np.where(real, 0.5 * (np.where(real, splits, 0.0) + following), 0.0)
+    middle[~np.isfinite(middle)] = 0.0
+    seen = in_contact(orbits, motion, sensors, a, middle)
+    always = (seen | ~real).all(axis=1) & np.where(count == 0, seen[:, 0], True)
+    seen &= real
+    before = np.column_stack([np.zeros(rows, dtype=bool), seen[:, :-1]])
+    wrap_index = np.maximum(count - 1, 0)
+    before[:, 0] = seen[np.arange(rows), wrap_index]
+    opens = seen & ~before & ~always[:, None]
+    closes = real & ~seen & before & ~always[:, None]
+    number = opens.sum(axis=1)
+    starts, ends = splits[opens], splits[closes]
+    ends = _paired_ends(starts, ends, number)
+    first = np.concatenate([[0], np.cumsum(number + always)])
+    row = np.concatenate([np.repeat(np.arange(rows), number), np.flatnonzero(always)])
+    order = np.argsort(row, kind="stable")
+    starts = np.concatenate([starts, np.zeros(always.sum())])[order] / orbits.rate
+    ends = np.concatenate([ends, np.full(always.sum(), 2.0 * np.pi)])[order] / orbits.rate
+    return Windows(a, b, first, starts, ends)
+
+
+def _paired_ends(starts: Array, ends: Array, number: Index) -> Array:
+    """The end that follows each start: a pair's first end may belong to its last start."""
+    first = np.concatenate([[0], np.cumsum(number)])[:-1]
+    pair = np.repeat(np.arange(len(number)), number)
+    occupied = number > 0
+    rolls = np.zeros(len(number), dtype=bool)
+    rolls[occupied] = ends[first[occupied]] < starts[first[occupied]]
+    position = np.arange(len(starts)) - first[pair]
+    shifted = position + rolls[pair]
+    wraps = shifted >= number[pair]
+    source = first[pair] + np.where(wraps, 0, shifted)
+    return np.asarray(ends[source] + np.where(wraps, 2.0 * np.pi, 0.0))
+
+
+def merge_windows(windows: Array, period: float) -> Array:
+    """Return the union of (k, 2) cyclic windows as disjoint ones, starts in [0, period)."""
+    if len(windows) == 0:
+        return windows.reshape(0, 2)
+    ordered = windows[np.argsort(windows[:, 0], kind="stable")]
+    merged = [list(ordered[0])]
+    for start, end in ordered[1:]:
+        if start <= merged[-1][1]:
+            merged[-1][1] = max(merged[-1][1], end)
+        else:
+            merged.append([start, end])
+    while len(merged) > 1 and merged[-1][1] >= merged[0][0] + period:
+        merged[-1][1] = max(merged[-1][1], merged[0][1] + period)
+        del merged[0]
+    if len(merged) == 1 and merged[0][1] - merged[0][0] >= period:
+        return np.array([[0.0, period]])
+    return np.array(merged)
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.asarray(a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1])
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])

@@ -1,0 +1,181 @@
+"""Graphs of the team: who sees whom (the RPMG), its union, colourings, cycles and trees."""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any
+
+import networkx as nx
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.orbits.contacts import Windows
+
+__all__ = [
+    "bottleneck",
+    "components",
+    "contraction",
+    "disjoint_sets",
+    "drawings",
+    "odd_cycle",
+    "rpmg_at",
+    "spanning_forest",
+    "traversal",
+    "two_colouring",
+    "union_over",
+]
+
+Edge = tuple[int, int]
+
+_LARGEST_ENERGY_DRAWING = 120
+"""Most vertices that Kamada-Kawai, cubic in their number, is asked to draw."""
+
+
+def rpmg_at(windows: Windows, period: float, time: float) -> Any:
+    """Return the relative position measurement graph at `time` s as a directed networkx graph.
+
+    An edge i -> j says that i sees j; nodes from the number of vehicles on are landmarks.
+    """
+    return union_over(windows, period, time, 0.0)
+
+
+def union_over(windows: Windows, period: float, start: float, length: float) -> Any:
+    """Return the union of the RPMG over [start, start + length] s."""
+    pair = np.repeat(np.arange(len(windows.observers)), np.diff(windows.first))
+    span = windows.ends - windows.starts
+    since = (start - windows.starts) % period
+    met = (since <= span) | (since + length >= period) | (span >= period)
+    graph = nx.DiGraph()
+    graph.add_nodes_from(int(k) for k in np.union1d(windows.observers, windows.targets))
+    chosen = pair[met]
+    graph.add_edges_from(
+        zip(windows.observers[chosen].tolist(), windows.targets[chosen].tolist(), strict=True)
+    )
+    return graph
+
+
+def two_colouring(count: int, edges: Iterable[Edge]) -> list[int] | None:
+    """Return a colour 0 or 1 per vertex with no edge inside a colour, or None if there is none.
+
+    The first vertex of every component has colour 0.
+    """
+    graph = _graph(count, edges)
+    if not nx.is_bipartite(graph):
+        return None
+    colour = [0] * count
+    for component in nx.connected_components(graph):
+        root = min(component)
+        for vertex, depth in nx.single_source_shortest_path_length(graph, root).items():
+            colour[vertex] = depth % 2
+    return colour
+
+
+def odd_cycle(count: int, edges: Iterable[Edge]) -> list[int]:
+    """Return the vertices of an odd cycle in order, or an empty list if the graph is bipartite."""
+    graph = _graph(count, edges)
+    for component in nx.connected_components(graph):
+        root = min(component)
+        tree = nx.bfs_tree(graph, root)
+        depth = nx.single_source_shortest_path_length(graph, root)
+        for a, b in graph.subgraph(component).edges:
+            if (depth[a] - depth[b]) % 2 == 0:
+                to_a = nx.shortest_path(tree, root, a)
+                to_b = nx.shortest_path(tree, root, b)
+                shared = sum(1 for x, y in zip(to_a, to_b, strict=False) if x == y)
+                return [*to_a[shared - 1 :], *reversed(to_b[shared:])]
+    return []
+
+
+def components(count: int, edges: Iterable[Edge]) -> list[list[int]]:
+    """Return the connected components as sorted lists, ordered by their first vertex."""
+    return sorted(sorted(part) for part in nx.connected_components(_graph(count, edges)))
+
+
+def spanning_forest(count: int, edges: Sequence[Edge], weights: Sequence[float]) -> list[int]:
+    """Return the positions in `edges` of a spanning forest of least total weight."""
+    graph = nx.Graph()
+    graph.add_nodes_from(range(count))
+    for k, (a, b) in enumerate(edges):
+        if not graph.has_edge(a, b) or weights[k] < graph[a][b]["weight"]:
+            graph.add_edge(a, b, weight=weights[k], position=k)
+    return sorted(data["position"] for _, _, data in nx.minimum_spanning_edges(graph, data=True))
+
+
+def traversal(count: int, edges: Sequence[Edge]) -> list[tuple[int, int, int]]:
+    """Return (parent, child, position in `edges`) breadth first, each component from its first."""
+    graph = nx.Graph()
+    graph.add_nodes_from(range(count))
+    for k, (a, b) in enumerate(edges):
+        graph.add_edge(a, b, position=k)
+    return [
+        (parent, child, graph[parent][child]["position"])
+        for part in components(count, edges)
+        for parent, child in nx.bfs_edges(graph, part[0])
+    ]
+
+
+def bottleneck(lengths: NDArray[np.float64]) -> float:
+    """Return the longest edge of a shortest spanning tree, from (n, n) lengths.
+
+    The range at which all vertices are connected; 0 for a single vertex. Infinite lengths are no
+    edges.
+    """
+    a, b = np.triu_indices(len(lengths), 1)
+    usable = np.isfinite(lengths[a, b])
+    graph = nx.Graph()
+    graph.add_nodes_from(range(len(lengths)))
+    graph.add_weighted_edges_from(
+        zip(a[usable].tolist(), b[usable].tolist(), lengths[a, b][usable].tolist(), strict=True)
+    )
+    tree = nx.minimum_spanning_edges(graph, data=True)
+    return max((float(data["weight"]) for *_, data in tree), default=0.0)
+
+
+def disjoint_sets(count: int) -> Any:
+    """Return a union-find structure over `count` vertices: `sets[a]`, `sets.union(a, b)`."""
+    return nx.utils.UnionFind(range(count))
+
+
+def contraction(count: int, same: Iterable[Edge]) -> list[int]:
+    """Return for each vertex the number of its class when the pairs in `same` are merged."""
+    label = [0] * count
+    for number, part in enumerate(components(count, same)):
+        for vertex in part:
+            label[vertex] = number
+    return label
+
+
+def drawings(
+    count: int, edges: Iterable[Edge], amount: int, seed: int
+) -> Iterator[NDArray[np.float64]]:
+    """Yield `amount` drawings (count, 2) of a connected graph, in no unit; the likeliest first.
+
+    Kamada-Kawai, the same begun at a planar drawing where there is one, spectral, then springs
+    from random places. All are shaken a little, so that no two vertices fall on one point.
+    """
+    generator = np.random.default_rng(seed)
+    if count <= 2:
+        yield from [np.arange(count)[:, None] * np.array([[1.0, 0.0]])] * amount
+        return
+    graph = _graph(count, edges)
+    makers: list[Callable[[], Any]] = [lambda: nx.spectral_layout(graph)]
+    if count <= _LARGEST_ENERGY_DRAWING:
+        makers.insert(0, lambda: nx.kamada_kawai_layout(graph))
+        planar, embedding = nx.check_planarity(graph)
+        if planar:
+            flat = nx.combinatorial_embedding_to_pos(embedding)
+            makers.insert(1, lambda: nx.kamada_kawai_layout(graph, pos=flat))
+    for number in range(amount):
+        drawn = (
+            makers[number]()
+            if number < len(makers)
+            else nx.spring_layout(graph, seed=int(generator.integers(2**31)))
+        )
+        places = np.array([drawn[k] for k in range(count)], dtype=float)
+        places /= max(float(np.ptp(places, axis=0).max()), 1e-12)
+        yield places + 0.01 / np.sqrt(count) * generator.standard_normal((count, 2))
+
+
+def _graph(count: int, edges: Iterable[Edge]) -> Any:
+    graph = nx.Graph()
+    graph.add_nodes_from(range(count))
+    graph.add_edges_from(edges)
+    return graph

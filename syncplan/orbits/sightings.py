@@ -1,0 +1,74 @@
+"""Sightings: the samples k Ts at which each contact is measured, from the exact windows."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.orbits.contacts import Windows
+
+__all__ = ["Sightings", "sample_sightings", "samples_before", "steps_within"]
+
+Index = NDArray[np.int64]
+
+_ROUNDING = 1e-9
+"""Share of a sample time by which an edge or a duration may miss a sample and still meet it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sightings:
+    """Every bearing measured, ordered by step, then observer, then target.
+
+    Attributes
+    ----------
+    steps : (s,) sample number k, taken at k Ts
+    observers : (s,) index of the vehicle that measures
+    targets : (s,) index of what it measures; n and above are landmarks
+    """
+
+    steps: Index
+    observers: Index
+    targets: Index
+
+    def first_of_steps(self, last_step: int) -> Index:
+        """Return (last_step + 2,) offsets: step k's sightings are first[k] to first[k + 1]."""
+        return np.searchsorted(self.steps, np.arange(last_step + 2)).astype(np.int64)
+
+
+def steps_within(duration: float, sample_time: float) -> int:
+    """Return how many whole samples fit into `duration` s."""
+    return int(np.floor(duration / sample_time + _ROUNDING))
+
+
+def samples_before(duration: float, sample_time: float) -> int:
+    """Return how many samples k Ts with k >= 0 fall into [0, duration) s."""
+    return int(np.ceil(duration / sample_time - _ROUNDING))
+
+
+def sample_sightings(
+    windows: Windows, period: float, sample_time: float, first_step: int, last_step: int
+) -> Sightings:
+    """Return the sightings at k Ts for k from `first_step` to `last_step`, both included.
+
+    Windows repeat with the period; a sample exactly at a window's edge belongs to it.
+    """
+    pair = np.repeat(np.arange(len(windows.observers)), np.diff(windows.first))
+    permanent = windows.ends - windows.starts >= period
+    turns = np.arange(
+        np.floor(first_step * sample_time / period) - 1.0,
+        np.floor(last_step * sample_time / period) + 2.0,
+    )
+    start = (windows.starts[:, None] + period * turns) / sample_time
+    end = (windows.ends[:, None] + period * turns) / sample_time
+    low = np.maximum(np.ceil(start - _ROUNDING), first_step)
+    high = np.minimum(np.floor(end + _ROUNDING), last_step)
+    low[permanent], high[permanent] = first_step, first_step - 1
+    low[permanent, 0], high[permanent, 0] = first_step, last_step
+    count = np.maximum(high - low + 1.0, 0.0).astype(np.int64).ravel()
+    begin = np.repeat(low.ravel().astype(np.int64), count)
+    within = np.arange(len(begin)) - np.repeat(np.cumsum(count) - count, count)
+    pair_of = np.repeat(np.repeat(pair, len(turns)), count)
+    steps = begin + within
+    observers, targets = windows.observers[pair_of], windows.targets[pair_of]
+    order = np.lexsort((targets, observers, steps))
+    return Sightings(steps[order], observers[order], targets[order])

@@ -1,1 +1,0 @@
-"""Placement of centres: what a drawing must meet, convex steps towards it, why none exists."""

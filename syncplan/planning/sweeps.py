@@ -1,0 +1,146 @@
+"""Sweeps: one key of a scenario varied, each value planned and validated by the same trials."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from syncplan.errors import InputError
+from syncplan.orbits.circles import position
+from syncplan.orbits.graphs import bottleneck
+from syncplan.planning.planner import Plan, plan
+from syncplan.planning.validation import Validation, validate
+from syncplan.scenario.loading import scenario_from
+from syncplan.scenario.specification import Scenario
+
+__all__ = ["SWEEPABLE", "PlannedRow", "SweepRow", "connected_range", "planned_rows", "sweep"]
+
+SWEEPABLE = {
+    "angular_rate": "orbit.angular_rate_rad_s",
+    "range": "sensor.range_m",
+    "radius": "orbit.radius_m",
+    "spacing": "formation.spacing_m",
+}
+"""Names of what can be swept, with the scenario's key."""
+
+_INSTANTS = 720
+_RANGE_MARGIN = 1.01
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedRow:
+    """One value of a sweep, planned and not yet validated."""
+
+    label: str
+    value: float
+    plan: Plan
+
+
+@dataclass(frozen=True, slots=True)
+class SweepRow:
+    """One value of a sweep: its label, plan and validation."""
+
+    label: str
+    value: float
+    validation: Validation
+
+
+def sweep(
+    scenario: Scenario,
+    name: str,
+    values: Sequence[float],
+    *,
+    trials: int = 200,
+    seed: int = 0,
+    duration: float | None = None,
+    connected: bool = False,
+    threads: int | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> list[SweepRow]:
+    """Return a row for each value of `name` (see SWEEPABLE).
+
+    `connected` adds a last row: the last value again, with the sensor's range raised until the
+    team is connected at every instant. All values are planned before the first is validated, so
+    that a bad value costs nothing. `progress` is called with the number of trials done in all.
+    """
+    rows: list[SweepRow] = []
+    for one in planned_rows(scenario, name, values, connected=connected):
+        validation = validate(
+            one.plan,
+            trials=trials,
+            seed=seed,
+            duration=duration,
+            threads=threads,
+            progress=_shifted(progress, len(rows) * trials),
+        )
+        rows.append(SweepRow(one.label, one.value, validation))
+    return rows
+
+
+def planned_rows(
+    scenario: Scenario, name: str, values: Sequence[float], *, connected: bool = False
+) -> list[PlannedRow]:
+    """Return the plans of a sweep, none of them validated; see sweep."""
+    if name not in SWEEPABLE:
+        raise InputError(f"{name!r} can't be swept; choose from {', '.join(SWEEPABLE)}", key="name")
+    if not values:
+        raise InputError("no values given; give a list such as 0.2,0.4", key=name)
+    rows = [
+        PlannedRow(f"{value:g}", value, plan(varied(scenario, name, value))) for value in values
+    ]
+    if connected:
+        last = rows[-1]
+        reach = connected_range(last.plan)
+        wider = plan(varied(last.plan.scenario, "range", reach))
+        label = f"connected, {last.label} at range {reach:.4g} m"
+        rows.append(PlannedRow(label, last.value, wider))
+    return rows
+
+
+def varied(scenario: Scenario, name: str, value: float) -> Scenario:
+    """Return the scenario with one key changed, checked anew."""
+    document: dict[str, Any] = scenario.model_dump(exclude_none=True)
+    if name == "angular_rate":
+        document["orbit"].pop("speed_mps", None)
+        document["orbit"]["angular_rate_rad_s"] = value
+        if scenario.window_s is not None and np.isclose(scenario.window_s, scenario.period):
+            document.pop("window_s")
+    elif name == "radius":
+        document["orbit"]["radius_m"] = value
+    elif name == "range":
+        sensors = document["sensor"]
+        for sensor in sensors if isinstance(sensors, list) else [sensors]:
+            sensor["range_m"] = value
+    else:
+        if scenario.formation.shape is None:
+            raise InputError(
+                "the formation lists its centres; only a shape has a spacing to sweep",
+                key="formation.spacing_m",
+            )
+        document["formation"]["spacing_m"] = value
+    return scenario_from(document, max_vehicles=scenario.size)
+
+
+def connected_range(subject: Plan) -> float:
+    """Return a range in m at which all vehicles and landmarks are connected at every instant.
+
+    The longest edge of the shortest spanning tree, the largest over a period, one per cent added
+    for what lies between the instants looked at. Fields of view are not considered.
+    """
+    times = np.arange(_INSTANTS) * subject.orbits.period / _INSTANTS
+    longest = 0.0
+    for places in position(subject.orbits, times):
+        everything = np.concatenate([places, subject.landmarks])
+        apart = np.hypot(*(everything[:, None] - everything[None]).T)
+        # landmarks see nothing: each needs a vehicle in range, not another landmark
+        apart[subject.orbits.count :, subject.orbits.count :] = np.inf
+        longest = max(longest, bottleneck(apart))
+    return float(_RANGE_MARGIN * longest)
+
+
+def _shifted(progress: Callable[[int], None] | None, done: int) -> Callable[[int], None] | None:
+    if progress is None:
+        return None
+    report = progress
+    return lambda trials: report(done + trials)

@@ -1,0 +1,136 @@
+"""Errors vehicle by vehicle: predicted by the bound, and found by the Monte Carlo."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from syncplan.planning.planner import Plan
+from syncplan.plotting.canvas import Spec, axis, escaped, layout, message, numbers
+from syncplan.plotting.palette import BLUE, GREEN, INK, ORANGE, SKY
+from syncplan.reports.schemas import ReplayDocument, ValidationDocument
+
+__all__ = ["accuracy_spec", "bars", "prediction_spec", "replay_spec"]
+
+_MOST_LABELS = 40
+
+
+def prediction_spec(plan: Plan) -> Spec:
+    """Return the figure of the predicted RMS position error of each vehicle."""
+    found = plan.prediction
+    title = f"{escaped(plan.scenario.name or 'Plan')}: predicted error"
+    names = [escaped(name) for name in plan.scenario.vehicle_names]
+    traces = []
+    if found.rms is not None:
+        name = "posterior bound, second half of the run"
+        traces.append(bars("predicted", name, names, found.rms, BLUE, ""))
+    if found.steady is not None and np.isfinite(found.steady).any():
+        traces.append(_marks("steady", "bound once periodic", names, found.steady, "diamond"))
+    if np.isfinite(found.window).any():
+        name = "bound from one window, without motion noise"
+        traces.append(_marks("window", name, names, found.window, "line-ew-open"))
+    if not traces:
+        return message(title, found.note or "no vehicle's position is determined by one window")
+    note = "RMS position error that no unbiased filter can be below"
+    if found.rms is not None:
+        overall = float(np.sqrt(np.mean(found.rms**2)))
+        run = f"{plan.scenario.duration_s:g} s from the initial sigmas"
+        note = f"posterior Cramer-Rao bound over {run}; {overall:.3g} m over all vehicles"
+    undetermined = int(np.sum(~np.isfinite(found.window)))
+    if undetermined:
+        note += f"; one window leaves {undetermined} of {len(names)} positions undetermined"
+    return {"data": traces, "layout": _layout(title, note, len(names))}
+
+
+def accuracy_spec(report: ValidationDocument) -> Spec:
+    """Return the figure of RMS position errors over the trials beside the predicted ones."""
+    names = [escaped(vehicle.name) for vehicle in report.vehicles]
+    found = report.vehicles
+    traces = _found_traces("Monte Carlo", report)
+    predicted = [vehicle.predicted_rms_m for vehicle in found]
+    if all(value is not None for value in predicted):
+        name = "predicted: posterior bound, second half"
+        traces.insert(0, bars("predicted", name, names, predicted, BLUE, "x"))
+    note = report.run
+    ratio = report.overall.rms_over_predicted
+    if ratio is not None:
+        note += f"; second half over predicted: {ratio:.3g}"
+    if not report.observable:
+        note += "; the plan is NOT observable"
+    title = f"{escaped(report.name or 'Plan')}: error found and predicted"
+    return {"data": traces, "layout": _layout(title, note, len(names))}
+
+
+def replay_spec(report: ReplayDocument) -> Spec:
+    """Return the figure of RMS position errors of the robots of a recording."""
+    title = f"{escaped(report.name)}: error found"
+    note = f"{report.run}; {report.position_rmse_m:.3g} m over all robots"
+    traces = _found_traces("filter", report)
+    return {"data": traces, "layout": _layout(title, note, len(report.robots))}
+
+
+def _found_traces(who: str, report: ValidationDocument | ReplayDocument) -> list[Spec]:
+    names = [escaped(vehicle.name) for vehicle in report.vehicles]
+    late = [vehicle.rms_second_half_m for vehicle in report.vehicles]
+    whole = [vehicle.rms_m for vehicle in report.vehicles]
+    return [
+        bars("late", f"{who}, second half of the run", names, late, ORANGE, ""),
+        bars("whole", f"{who}, whole run", names, whole, SKY, "/"),
+    ]
+
+
+def bars(
+    uid: str,
+    name: str,
+    vehicles: list[str],
+    values: Sequence[float | None] | np.ndarray,
+    color: str,
+    pattern: str,
+) -> Spec:
+    """Return bars over vehicles (escaped names), told apart by pattern as well as colour."""
+    marker: Spec = {"color": color, "line": {"color": INK, "width": 0.8}}
+    if pattern:
+        marker["pattern"] = {"shape": pattern, "fillmode": "replace", "size": 6}
+    return {
+        "type": "bar",
+        "uid": uid,
+        "name": name,
+        "x": vehicles,
+        "y": numbers(np.array(values, dtype=float), 6),
+        "marker": marker,
+        "hovertemplate": "%{x}: %{y:.3g} m<extra></extra>",
+    }
+
+
+def _marks(uid: str, name: str, vehicles: list[str], values: np.ndarray, symbol: str) -> Spec:
+    return {
+        "type": "scatter",
+        "uid": uid,
+        "name": name,
+        "mode": "markers",
+        "x": vehicles,
+        "y": numbers(values, 6),
+        "marker": {
+            "symbol": symbol,
+            "size": 12 if symbol == "diamond" else 22,
+            "color": GREEN if symbol == "diamond" else INK,
+            "line": {"width": 2.5, "color": INK},
+        },
+        "hovertemplate": "%{x}: %{y:.3g} m<extra></extra>",
+    }
+
+
+def _layout(title: str, note: str, count: int) -> Spec:
+    # names may look like numbers or dates: they stay names
+    across = axis("vehicle", type="category")
+    if count > _MOST_LABELS:
+        across["tickfont"] = {"size": 9}
+    drawn = layout(
+        title,
+        note=note,
+        height=460,
+        barmode="group",
+        xaxis=across,
+        yaxis=axis("RMS position error, m", rangemode="tozero"),
+    )
+    drawn["margin"]["b"] = 120
+    return drawn

@@ -1,0 +1,157 @@
+"""Separation and areas as smooth constraints, over the whole turn and not only at samples.
+
+Two vehicles of one sense move relative to each other on a circle of radius
+m = |R_b e(phi_b) - R_a e(phi_a)| about the offset D of their centres, so they come as near as
+|D - m|: closed form. For opposite senses the relative path is an ellipse; the least of |q|^2 at
+many samples, as a soft minimum (never above the true one), less what |q|^2 can fall between two
+samples, is below the true least distance everywhere.
+"""
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.orbits.contacts import relative_motion
+from syncplan.refinement.constraint_blocks import Blocks, pair_blocks, single_blocks, stacked_blocks
+from syncplan.refinement.problem import RefineProblem
+
+__all__ = ["area_clearances", "separations"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+_SAMPLES = 120
+_SHARPNESS = 200.0
+"""Of the soft minimum, relative to the square of the separation."""
+
+_TINY = 1e-12
+
+
+def separations(problem: RefineProblem, circles: ca.MX) -> Blocks:
+    """Return the least distance of guarded pairs over the least separation; 1 is met.
+
+    `circles` are (4, n), scaled. Pairs of one sense keep the side of crossing they are on.
+    """
+    pairs = problem.guarded_pairs()
+    floor = problem.min_separation / problem.scale
+    senses = problem.orbits.senses
+    alike = senses[pairs[:, 0]] == senses[pairs[:, 1]]
+    blocks = []
+    if alike.any():
+        chosen = pairs[alike]
+        side = ca.DM(_sides(problem, chosen)).T
+        blocks.append(_apart(problem, _same_sense(floor), circles, chosen, side))
+    if (~alike).any():
+        chosen = pairs[~alike]
+        turns = ca.DM(senses[chosen].T)
+        blocks.append(_apart(problem, _opposite_sense(floor), circles, chosen, turns))
+    return stacked_blocks(blocks, problem.orbits.count)
+
+
+def area_clearances(problem: RefineProblem, circles: ca.MX) -> Blocks:
+    """Return how far each circle clears each edge of the polygons, scaled; 0 is met."""
+    area, scale = problem.area, problem.scale
+    blocks = []
+    for name, corners, outer in area.polygons():
+        if outer and _is_convex(corners):
+            function, edges = _half_plane(), _half_planes(corners / scale)
+        else:
+            function, edges = _segment(), _segments(corners / scale)
+        blocks += [_clear(problem, function, circles, edge, name) for edge in edges]
+    return stacked_blocks(blocks, problem.orbits.count)
+
+
+def _apart(
+    problem: RefineProblem, function: ca.Function, circles: ca.MX, pairs: Index, parameter: ca.DM
+) -> Blocks:
+    labels = [
+        f"separation of {problem.names[a]} and {problem.names[b]} ({problem.min_separation:g} m)"
+        for a, b in pairs.tolist()
+    ]
+    return pair_blocks(function, circles, pairs, [parameter], np.ones(len(pairs)), labels)
+
+
+def _clear(
+    problem: RefineProblem, function: ca.Function, circles: ca.MX, edge: Array, name: str
+) -> Blocks:
+    count = problem.orbits.count
+    labels = [f"{problem.names[k]} clear of {name}" for k in range(count)]
+    edges = ca.repmat(ca.DM(edge), 1, count)
+    return single_blocks(function, circles, np.arange(count), [edges], np.zeros(count), labels)
+
+
+def _sides(problem: RefineProblem, pairs: Index) -> Array:
+    """+1 where the relative circle leaves the origin outside, -1 where it goes round it."""
+    motion = relative_motion(problem.orbits, np.zeros((0, 2)), pairs[:, 0], pairs[:, 1])
+    return np.where(np.hypot(*motion.offset.T) >= np.hypot(*motion.cosine.T), 1.0, -1.0)
+
+
+def _arms(a: ca.SX, b: ca.SX) -> tuple[ca.SX, ca.SX]:
+    return tuple(one[2] * ca.vertcat(ca.cos(one[3]), ca.sin(one[3])) for one in (a, b))  # type: ignore[return-value]
+
+
+def _same_sense(floor: float) -> ca.Function:
+    a, b, side = ca.SX.sym("a", 4), ca.SX.sym("b", 4), ca.SX.sym("side")
+    arm_a, arm_b = _arms(a, b)
+    offset = ca.sqrt(ca.sumsqr(b[:2] - a[:2]) + _TINY)
+    radius = ca.sqrt(ca.sumsqr(arm_b - arm_a) + _TINY)
+    return ca.Function("same_sense", [a, b, side], [side * (offset - radius) / floor])
+
+
+def _opposite_sense(floor: float) -> ca.Function:
+    a, b, senses = ca.SX.sym("a", 4), ca.SX.sym("b", 4), ca.SX.sym("senses", 2)
+    arms = _arms(a, b)
+    swings = [
+        sense * ca.vertcat(-arm[1], arm[0])
+        for arm, sense in zip(arms, ca.vertsplit(senses), strict=True)
+    ]
+    tau = 2.0 * np.pi * np.arange(_SAMPLES) / _SAMPLES
+    q = (
+        ca.repmat(b[:2] - a[:2], 1, _SAMPLES)
+        + (arms[1] - arms[0]) @ ca.DM(np.cos(tau)).T
+        + (swings[1] - swings[0]) @ ca.DM(np.sin(tau)).T
+    )
+    ratio = ca.sum1(q * q) / floor**2
+    least = -ca.logsumexp(-_SHARPNESS * ratio.T) / _SHARPNESS
+    # near the floor, (|q|^2)'' is at most 2 (|q'|^2 + |q| |q''|), with |q'|, |q''| <= R_a + R_b
+    swing = (a[2] + b[2]) / floor
+    fall = (swing**2 + swing) * (np.pi / _SAMPLES) ** 2
+    return ca.Function("opposite_sense", [a, b, senses], [least - fall])
+
+
+def _half_plane() -> ca.Function:
+    a, edge = ca.SX.sym("a", 4), ca.SX.sym("edge", 3)
+    return ca.Function("half_plane", [a, edge], [edge[2] - edge[0] * a[0] - edge[1] * a[1] - a[2]])
+
+
+def _segment() -> ca.Function:
+    a, edge = ca.SX.sym("a", 4), ca.SX.sym("edge", 4)
+    along = edge[2:] - edge[:2]
+    share = ca.dot(a[:2] - edge[:2], along) / ca.sumsqr(along)
+    nearest = edge[:2] + ca.fmin(ca.fmax(share, 0.0), 1.0) * along
+    return ca.Function("segment", [a, edge], [ca.sqrt(ca.sumsqr(a[:2] - nearest) + _TINY) - a[2]])
+
+
+def _half_planes(corners: Array) -> list[Array]:
+    """Outward unit normal and offset of each edge of a convex polygon."""
+    along = np.roll(corners, -1, axis=0) - corners
+    along = along / np.hypot(*along.T)[:, None]
+    normals = np.column_stack([along[:, 1], -along[:, 0]]) * np.sign(_doubled_area(corners))
+    return [np.append(one, one @ corner) for one, corner in zip(normals, corners, strict=True)]
+
+
+def _segments(corners: Array) -> list[Array]:
+    """Start and end of each edge."""
+    return list(np.concatenate([corners, np.roll(corners, -1, axis=0)], axis=1))
+
+
+def _is_convex(corners: Array) -> bool:
+    along = np.roll(corners, -1, axis=0) - corners
+    following = np.roll(along, -1, axis=0)
+    turn = along[:, 0] * following[:, 1] - along[:, 1] * following[:, 0]
+    return bool(np.all(turn >= 0.0) or np.all(turn <= 0.0))
+
+
+def _doubled_area(corners: Array) -> float:
+    following = np.roll(corners, -1, axis=0)
+    return float(np.sum(corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]))

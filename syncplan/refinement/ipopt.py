@@ -1,0 +1,224 @@
+"""One start of a refinement: a nonlinear program solved by IPOPT in stages of sharper sight.
+
+Variables, objective, constraints, guess, solve: in that order. Each stage narrows the step between
+seen and unseen, the last one on as many of the sensor's own samples as can be afforded. First
+derivatives are CasADi's; second ones IPOPT's limited-memory approximation.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.refinement.nlp import Program, Stage, program_of, stages_of
+from syncplan.refinement.problem import RefineProblem
+
+__all__ = ["SolverProgress", "SolverRun", "StagedSolver", "Steering"]
+
+Array = NDArray[np.float64]
+
+_FEASIBLE = 1e-6
+_NAMED = 4
+
+
+@dataclass(frozen=True, slots=True)
+class SolverProgress:
+    """Where a solver is: stage (from 0), iteration in all, objective and largest violation."""
+
+    stage: int
+    iteration: int
+    objective: float
+    violation: float
+
+
+@dataclass(frozen=True, slots=True)
+class Steering:
+    """How a run is watched and stopped.
+
+    Attributes
+    ----------
+    deadline : time.monotonic() after which it stops
+    stopped : asked at every iteration
+    report : told of every iteration
+    """
+
+    deadline: float = float("inf")
+    stopped: Callable[[], bool] = lambda: False
+    report: Callable[[SolverProgress], None] = lambda _: None
+
+    @property
+    def over(self) -> bool:
+        """Whether to stop now."""
+        return self.stopped() or time.monotonic() >= self.deadline
+
+
+@dataclass(frozen=True, slots=True)
+class SolverRun:
+    """What one start came to.
+
+    Attributes
+    ----------
+    candidates : (4, n) circles in m and rad: the result of each stage, the last one last, and the
+        best feasible iterate of a stage that was stopped
+    status : IPOPT's, of the last stage
+    stopped : whether time or the user ended it
+    iterations : in all stages
+    violation, dual_residual : IPOPT's own at the end, scaled
+    unmet : names of the constraints most violated at the end, worst first; empty where all are met
+    """
+
+    candidates: tuple[Array, ...]
+    status: str
+    stopped: bool
+    iterations: int
+    violation: float
+    dual_residual: float
+    unmet: tuple[str, ...]
+
+
+class StagedSolver:
+    """IPOPT on the stages of one problem; programs are compiled once and serve every start."""
+
+    def __init__(self, problem: RefineProblem) -> None:
+        self.problem = problem
+        self.stages = stages_of(problem)
+        self._compiled: dict[int, tuple[Program, _Watcher, ca.Function]] = {}
+
+    def program(self, number: int) -> Program:
+        """Return the program of a stage."""
+        return self._compile(number)[0]
+
+    def solve(self, start: Array, steering: Steering | None = None) -> SolverRun:
+        """Return what IPOPT makes of the circles `start` (4, n) in m and rad."""
+        watch = steering or Steering()
+        candidates: list[Array] = []
+        guess, iterations = start, 0
+        status = "not started"
+        statistics: dict[str, Any] = {}
+        unmet: tuple[str, ...] = ()
+        for number in range(len(self.stages)):
+            if watch.over:
+                break
+            program, watcher, solver = self._compile(number)
+            watcher.begin(watch, iterations)
+            found = solver(
+                x0=program.variables_of(guess),
+                lbx=program.lower,
+                ubx=program.upper,
+                lbg=program.constraint_lower,
+                ubg=program.constraint_upper,
+            )
+            statistics = solver.stats()
+            iterations += int(statistics["iter_count"])
+            status = str(statistics["return_status"])
+            variables = np.array(found["x"]).ravel()
+            if watch.over and watcher.best is not None:
+                variables = watcher.best
+            if not np.all(np.isfinite(variables)):
+                break
+            guess = program.circles_of(variables)
+            candidates.append(guess)
+            unmet = _unmet(program, variables)
+        residuals = statistics.get("iterations", {})
+        return SolverRun(
+            candidates=tuple(candidates),
+            status=status,
+            stopped=watch.over,
+            iterations=iterations,
+            violation=_last(residuals, "inf_pr"),
+            dual_residual=_last(residuals, "inf_du"),
+            unmet=unmet,
+        )
+
+    def _compile(self, number: int) -> "tuple[Program, _Watcher, ca.Function]":
+        if number not in self._compiled:
+            program = program_of(self.problem, self.stages[number])
+            watcher = _Watcher(program, number)
+            solver = _ipopt(program, self.stages[number], watcher)
+            self._compiled[number] = program, watcher, solver
+        return self._compiled[number]
+
+
+def _ipopt(program: Program, stage: Stage, watcher: "_Watcher") -> ca.Function:
+    options: dict[str, Any] = {
+        "print_time": False,
+        "show_eval_warnings": False,
+        "jac_g": program.jacobian,
+        "iteration_callback": watcher,
+        "ipopt": {
+            "sb": "yes",
+            "print_level": 0,
+            "hessian_approximation": "limited-memory",
+            "limited_memory_max_history": int(np.clip(program.size // 3, 6, 50)),
+            "honor_original_bounds": "yes",
+            "linear_solver": "mumps",
+            "max_iter": stage.iterations,
+            "tol": stage.tolerance,
+            "acceptable_tol": 10.0 * stage.tolerance,
+            "acceptable_iter": 8,
+            "mu_init": 1e-2,
+            "bound_push": 1e-3,
+            "bound_frac": 1e-3,
+        },
+    }
+    return ca.nlpsol("refine", "ipopt", program.as_dictionary(), options)
+
+
+def _unmet(program: Program, variables: Array) -> tuple[str, ...]:
+    excess = program.violations(variables)
+    worst = np.argsort(-excess)[:_NAMED]
+    return tuple(program.labels[k] for k in worst if excess[k] > 100.0 * _FEASIBLE)
+
+
+def _last(iterations: dict[str, Any], name: str) -> float:
+    values = iterations.get(name) or [float("nan")]
+    return float(values[-1])
+
+
+class _Watcher(ca.Callback):
+    """Called by IPOPT at every iteration: reports, keeps the best feasible iterate, may stop."""
+
+    def __init__(self, program: Program, stage: int) -> None:
+        super().__init__()
+        self.program, self.stage = program, stage
+        self.begin(Steering(), 0)
+        self.construct("watcher", {})
+
+    def begin(self, watch: Steering, before: int) -> None:
+        """Forget the last run; `before` iterations were made in earlier stages."""
+        self.watch, self.iteration = watch, before
+        self.best: Array | None = None
+        self.best_objective = float("inf")
+
+    def get_n_in(self) -> int:
+        return int(ca.nlpsol_n_out())
+
+    def get_n_out(self) -> int:
+        return 1
+
+    def get_sparsity_in(self, index: int) -> ca.Sparsity:
+        name = ca.nlpsol_out(index)
+        if name == "f":
+            return ca.Sparsity.scalar()
+        size = {"x": self.program.size, "lam_x": self.program.size}.get(name)
+        if name in ("g", "lam_g"):
+            size = len(self.program.labels)
+        return ca.Sparsity.dense(size) if size else ca.Sparsity(0, 0)
+
+    def eval(self, arguments: Sequence[ca.DM]) -> list[ca.DM]:
+        """Take note of an iterate; return 1 to stop."""
+        values = dict(
+            zip((ca.nlpsol_out(k) for k in range(len(arguments))), arguments, strict=True)
+        )
+        objective = float(values["f"])
+        excess = self.program.excess(np.array(values["g"]).ravel())
+        violation = float(excess.max(initial=0.0))
+        if violation <= _FEASIBLE and objective < self.best_objective:
+            self.best, self.best_objective = np.array(values["x"]).ravel(), objective
+        self.iteration += 1
+        self.watch.report(SolverProgress(self.stage, self.iteration, objective, violation))
+        return [ca.DM(int(self.watch.over))]

@@ -1,0 +1,293 @@
+"""The starts of a refinement, each solved and measured: here, or in child processes.
+
+A child (see syncplan.runtime.child_processes) ignores Ctrl-C: the parent tells it to stop, and it
+hands over the best it has.
+"""
+
+import contextlib
+import os
+import queue
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from multiprocessing.connection import Connection
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.errors import SyncplanError
+from syncplan.refinement.exact_search import improved_nearby
+from syncplan.refinement.ipopt import SolverProgress, SolverRun, StagedSolver, Steering
+from syncplan.refinement.measures import Measurement, measure
+from syncplan.refinement.problem import RefineProblem, circles_of, orbits_of
+from syncplan.refinement.starting_points import starting_circles
+from syncplan.runtime.child_processes import ChildProcess, connect_to_parent
+
+__all__ = ["Attempt", "RefineTask", "rank_of", "run_starts", "searched_nearby"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class RefineTask:
+    """What all starts share.
+
+    Attributes
+    ----------
+    rule_phases : (n,) rad that meet the rules
+    nudged : whether the plan itself is moved a little before it is a start
+    before : the plan's own measurement, that a result is compared with
+    seed : of all starts
+    predict : whether the posterior bound is worth its time
+    """
+
+    problem: RefineProblem
+    rule_phases: Array
+    nudged: bool
+    before: Measurement
+    seed: int
+    predict: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """What one start came to: IPOPT's account, and the best candidate by the exact measure.
+
+    Attributes
+    ----------
+    circles, after : (4, n) and its measurement; None where the solver had no result
+    violations : constraints that the plan met and this candidate does not
+    """
+
+    start: int
+    run: SolverRun
+    circles: Array | None
+    after: Measurement | None
+    violations: tuple[str, ...]
+
+
+Report = Callable[[int, SolverProgress], None]
+
+
+def attempt(task: RefineTask, solver: StagedSolver, start: int, steering: Steering) -> Attempt:
+    """Return what start number `start` comes to."""
+    problem = task.problem
+    first = starting_circles(
+        problem, task.rule_phases, task.nudged, start, task.seed, lambda: solver.program(0)
+    )
+    run = solver.solve(first, steering)
+    best: Attempt | None = None
+    for circles in reversed(run.candidates):
+        after = measure(problem, orbits_of(circles, problem.orbits), predict=task.predict)
+        violations = tuple(after.violations(task.before))
+        found = Attempt(start, run, circles, after, violations)
+        best = found if best is None else _better(problem, best, found)
+    return best or Attempt(start, run, None, None, ())
+
+
+def _better(problem: RefineProblem, one: Attempt, other: Attempt) -> Attempt:
+    """The attempt that violates nothing, then the one of lower cost; the first of equals."""
+    return min(one, other, key=lambda item: rank_of(problem, item))
+
+
+def rank_of(problem: RefineProblem, item: Attempt) -> tuple[bool, float]:
+    """Return what attempts are ordered by: violations first, then the exact objective."""
+    if item.after is None:
+        return True, float("inf")
+    return bool(item.violations), item.after.figures.cost(problem.objective)
+
+
+def run_starts(
+    task: RefineTask,
+    starts: int,
+    *,
+    workers: int,
+    time_limit: float,
+    report: Report | None = None,
+) -> tuple[list[Attempt], bool]:
+    """Return the attempts of all starts, by number, and whether Ctrl-C cut them short.
+
+    After `time_limit` s, and on Ctrl-C, solvers stop and hand over the best they have; starts that
+    had not begun are left out.
+    """
+    deadline = time.monotonic() + time_limit
+    if min(workers, starts) <= 1:
+        return _run_here(task, starts, deadline, report)
+    return _run_in_children(task, starts, min(workers, starts), deadline, report)
+
+
+def _run_here(
+    task: RefineTask, starts: int, deadline: float, report: Report | None
+) -> tuple[list[Attempt], bool]:
+    done: list[Attempt] = []
+    solver = StagedSolver(task.problem)
+    with _interruption() as interrupted:
+        for start in range(starts):
+            if interrupted.is_set() or (done and time.monotonic() >= deadline):
+                break
+
+            def told(progress: SolverProgress, number: int = start) -> None:
+                if report is not None:
+                    report(number, progress)
+
+            steering = Steering(deadline, interrupted.is_set, told)
+            done.append(attempt(task, solver, start, steering))
+        return done, interrupted.is_set()
+
+
+@contextlib.contextmanager
+def _interruption() -> Iterator[threading.Event]:
+    """An event that Ctrl-C sets, where this thread may catch it."""
+    event = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield event
+        return
+    before = signal.signal(signal.SIGINT, lambda *_: event.set())
+    try:
+        yield event
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def searched_nearby(
+    task: RefineTask, attempts: list[Attempt], deadline: float
+) -> tuple[list[Attempt], bool]:
+    """Return the attempts, the best improved by an exact search, and whether Ctrl-C cut it short.
+
+    Where the plan itself is better than all of them, the search begins with the plan, and what it
+    finds takes the place of the best attempt's candidate.
+    """
+    if not attempts:
+        return attempts, False
+    problem, before = task.problem, task.before
+    number = min(range(len(attempts)), key=lambda k: rank_of(problem, attempts[k]))
+    best = attempts[number]
+    circles, own = best.circles, (False, before.figures.cost(problem.objective))
+    if circles is None or rank_of(problem, best) >= own:
+        circles = circles_of(problem.orbits)
+    generator = np.random.default_rng(task.seed)
+    with _interruption() as interrupted:
+
+        def over() -> bool:
+            return interrupted.is_set() or time.monotonic() >= deadline
+
+        found = improved_nearby(
+            problem, before, circles, generator, predict=task.predict, over=over
+        )
+        if found is None:
+            return attempts, interrupted.is_set()
+        improved = replace(best, circles=found[0], after=found[1], violations=())
+        return [*attempts[:number], improved, *attempts[number + 1 :]], interrupted.is_set()
+
+
+# --- child processes ----------------------------------------------------------------------------
+
+
+class _Child:
+    """A process that works off starts, one after the other."""
+
+    def __init__(self, number: int, task: RefineTask, messages: "queue.Queue[Any]") -> None:
+        self.number, self.messages = number, messages
+        self.process = ChildProcess("syncplan.refinement.parallel_starts", "serve_tasks")
+        self.tell(task)
+        threading.Thread(target=self._listen, daemon=True).start()
+
+    def tell(self, message: Any) -> None:
+        """Send a task, (start, seconds left), or "stop"."""
+        with contextlib.suppress(OSError):
+            self.process.connection.send(message)
+
+    def _listen(self) -> None:
+        with contextlib.suppress(EOFError, OSError, TypeError):
+            while True:
+                self.messages.put((self.number, *self.process.connection.recv()))
+        self.messages.put((self.number, "gone", None))
+
+
+def _run_in_children(
+    task: RefineTask, starts: int, workers: int, deadline: float, report: Report | None
+) -> tuple[list[Attempt], bool]:
+    messages: queue.Queue[Any] = queue.Queue()
+    waiting = list(range(starts))
+    done: dict[int, Attempt] = {}
+    children: list[_Child] = []
+    busy: set[int] = set()
+
+    def give(child: _Child) -> None:
+        left = deadline - time.monotonic()
+        if waiting and (left > 0.0 or not (done or busy)):
+            child.tell((waiting.pop(0), left))
+            busy.add(child.number)
+
+    with _interruption() as interrupted:
+        try:
+            for number in range(workers):
+                children.append(_Child(number, task, messages))
+                give(children[-1])
+            told = False
+            while busy:
+                if interrupted.is_set() and not told:
+                    told = True
+                    waiting.clear()
+                    for child in children:
+                        child.tell("stop")
+                try:
+                    number, kind, value = messages.get(timeout=0.05)
+                except queue.Empty:
+                    continue
+                if kind == "progress" and report is not None:
+                    report(*value)
+                elif kind == "done":
+                    done[value.start] = value
+                    busy.discard(number)
+                    give(children[number])
+                elif kind == "gone" and number in busy:
+                    raise SyncplanError(
+                        f"a process of the refinement ended: {children[number].process.complaint()}"
+                    )
+        finally:
+            for child in children:
+                child.process.end()
+        return [done[start] for start in sorted(done)], interrupted.is_set()
+
+
+def serve_tasks(descriptor: int) -> None:
+    """Work off tasks until the parent goes: what a child process runs."""
+    connection = connect_to_parent(descriptor)
+    task: RefineTask = connection.recv()
+    solver = StagedSolver(task.problem)
+    orders: queue.Queue[tuple[int, float]] = queue.Queue()
+    stop = threading.Event()
+    threading.Thread(target=_take_orders, args=(connection, orders, stop), daemon=True).start()
+    while True:
+        start, left = orders.get()
+
+        def told(progress: SolverProgress, number: int = start) -> None:
+            _answer(connection, ("progress", (number, progress)))
+
+        steering = Steering(time.monotonic() + left, stop.is_set, told)
+        _answer(connection, ("done", attempt(task, solver, start, steering)))
+
+
+def _take_orders(
+    connection: Connection, orders: "queue.Queue[tuple[int, float]]", stop: threading.Event
+) -> None:
+    """Pass orders on; the end of the stream means that nobody waits for an answer."""
+    with contextlib.suppress(EOFError, OSError):
+        while True:
+            order = connection.recv()
+            if order == "stop":
+                stop.set()
+            else:
+                orders.put(order)
+    os._exit(0)
+
+
+def _answer(connection: Connection, message: Any) -> None:
+    try:
+        connection.send(message)
+    except BrokenPipeError:
+        os._exit(0)

@@ -1,0 +1,128 @@
+"""The refinement problem as arrays: what may move and how far, what must be kept, towards what.
+
+Circles are written as columns (x, y, R, phi): lengths in the mean radius of the plan that is
+refined (`scale`), which stays fixed while radii change, so that figures can be compared.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.orbits.circles import Orbits
+from syncplan.orbits.contacts import Sensors
+from syncplan.orbits.noise import Noise
+from syncplan.scenario.areas import Area
+from syncplan.scenario.refine_options import Objective
+
+__all__ = ["Freedom", "RefineProblem", "circles_of", "orbits_of"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Freedom:
+    """Bounds of every vehicle's circle; equal bounds hold a value fast.
+
+    Attributes
+    ----------
+    lower, upper : (4, n) of x, y, R in m and the phase in rad
+    """
+
+    lower: Array
+    upper: Array
+
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """(4, n) whether a value may change."""
+        return np.asarray(self.lower < self.upper)
+
+    def distances(self, a: Index, b: Index) -> tuple[Array, Array]:
+        """Return the least and largest distance (p,) in m that the centres of a and b can have."""
+        low = self.lower[:2, b] - self.upper[:2, a]
+        high = self.upper[:2, b] - self.lower[:2, a]
+        nearest = np.maximum(np.maximum(low, -high), 0.0)
+        furthest = np.maximum(np.abs(low), np.abs(high))
+        return np.hypot(*nearest), np.hypot(*furthest)
+
+
+@dataclass(frozen=True, slots=True)
+class RefineProblem:
+    """All that the solver needs of a plan to refine.
+
+    Attributes
+    ----------
+    names : of the vehicles, then of the landmarks
+    orbits : the plan's; its senses and rate are kept
+    landmarks : (m, 2) m
+    window, duration : s
+    pairs : (e, 2) vehicles a < b whose contact is kept
+    anchors : (k, 2) vehicle, landmark (from n on) whose contact is kept
+    pair_samples, anchor_samples : (e,), (k,) samples in contact that are kept at least
+    pair_margins, anchor_margins : (e,), (k,) m that contact stays within range by
+    margins_required : whether the margins were asked for, or only are what the plan has
+    min_separation : m
+    separation_required : the same of the separation
+    area : polygons that limit the circles
+    objective : see RefineOptions
+    window_limit : m, that no vehicle's window bound may exceed; infinite for no limit
+    """
+
+    names: tuple[str, ...]
+    orbits: Orbits
+    landmarks: Array
+    sensors: Sensors
+    noise: Noise
+    window: float
+    duration: float
+    freedom: Freedom
+    pairs: Index
+    anchors: Index
+    pair_samples: Array
+    anchor_samples: Array
+    pair_margins: Array
+    anchor_margins: Array
+    margins_required: bool
+    min_separation: float
+    separation_required: bool
+    area: Area
+    objective: Objective
+    window_limit: float
+
+    @property
+    def contact_span(self) -> float:
+        """Seconds over which contact is counted: the window, or at least a period."""
+        return max(self.window, self.orbits.period)
+
+    @property
+    def scale(self) -> float:
+        """Mean radius in m of the plan that is refined."""
+        return float(self.orbits.radii.mean())
+
+    def guarded_pairs(self) -> Index:
+        """Return the (g, 2) pairs of vehicles, a < b, that could come below the separation."""
+        if self.min_separation <= 0.0:
+            return np.zeros((0, 2), dtype=np.int64)
+        a, b = np.triu_indices(self.orbits.count, 1)
+        low, high = self.freedom.distances(a, b)
+        least, most = self.freedom.lower[2], self.freedom.upper[2]
+        inside = np.maximum(least[a] - most[b], least[b] - most[a]) - high
+        near = np.maximum(low - most[a] - most[b], inside) < self.min_separation
+        return np.column_stack([a[near], b[near]])
+
+
+def circles_of(orbits: Orbits) -> Array:
+    """Return (4, n): x, y and R in m, and the phase in rad."""
+    return np.concatenate([orbits.centers.T, orbits.radii[None], orbits.phases[None]])
+
+
+def orbits_of(circles: Array, like: Orbits) -> Orbits:
+    """Return the orbits of (4, n) circles in m and rad, senses and rate as in `like`."""
+    return Orbits(
+        centers=np.ascontiguousarray(circles[:2].T),
+        radii=circles[2].copy(),
+        senses=like.senses,
+        phases=circles[3] % (2.0 * np.pi),
+        rate=like.rate,
+    )

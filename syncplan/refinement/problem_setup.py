@@ -1,0 +1,235 @@
+"""Posing the refinement of a plan: bounds, margins, separation, and conflicts named.
+
+What was asked for is taken from the scenario and the options; what was not is taken from the plan,
+so that a refinement never gives up what the plan has.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.errors import NoSolutionError
+from syncplan.orbits.sightings import sample_sightings, samples_before
+from syncplan.planning.planner import Plan
+from syncplan.refinement.measures import Measurement, measure
+from syncplan.refinement.problem import Freedom, RefineProblem, circles_of
+from syncplan.scenario.areas import Area
+from syncplan.scenario.refine_options import DEFAULT_BOX_M, Objective, RefineOptions
+
+__all__ = ["problem_of", "refuse_conflicts"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+PAIR_SAMPLES, ANCHOR_SAMPLES = 3, 2
+"""Samples in contact that rank 3 of a vehicle link, rank 2 of a landmark link need."""
+
+DEFAULT_MARGIN = 0.02
+"""Share of the range by which contact stays within it."""
+
+SAFE_SHARE = 0.5
+"""Of the mean radius: the separation kept where none is asked for, if the plan has as much."""
+
+PREDICTED_UP_TO = 24
+"""Largest team whose predicted error is the objective unless another is asked for."""
+
+
+def problem_of(given: Plan, options: RefineOptions) -> RefineProblem:
+    """Return what `options` ask of a plan as arrays; margins no larger than it has them."""
+    problem = _problem_as_asked(given, options)
+    return _with_limits(problem, measure(problem, given.orbits, predict=False), options)
+
+
+def _problem_as_asked(given: Plan, options: RefineOptions) -> RefineProblem:
+    scenario, sensors = given.scenario, given.sensors
+    area = Area.of(scenario.area_m, scenario.keep_out_m)
+    samples = _samples_in_contact(given)
+    listed = [(link.a, link.b) for link in given.links]
+    pairs = _as_pairs([pair for pair in listed if pair in samples])
+    held = [(link.a, link.b) for link in given.landmark_links]
+    anchors = _as_pairs([pair for pair in held if pair in samples])
+    reach = sensors.ranges[pairs].max(axis=1) if len(pairs) else np.zeros(0)
+    return RefineProblem(
+        names=(*scenario.vehicle_names, *scenario.landmark_names),
+        orbits=given.orbits,
+        landmarks=given.landmarks,
+        sensors=sensors,
+        noise=given.noise,
+        window=scenario.window,
+        duration=scenario.duration_s,
+        freedom=_freedom(given, options, area),
+        pairs=pairs,
+        anchors=anchors,
+        pair_samples=_needed(samples, pairs, PAIR_SAMPLES),
+        anchor_samples=_needed(samples, anchors, ANCHOR_SAMPLES),
+        pair_margins=_margins(options, reach),
+        anchor_margins=DEFAULT_MARGIN * sensors.ranges[anchors[:, 0]],
+        margins_required=options.margin_m is not None,
+        min_separation=_separation(given),
+        separation_required=scenario.min_separation_m > 0.0,
+        area=area,
+        objective=_objective(options, given.orbits.count),
+        window_limit=math.inf,
+    )
+
+
+def _objective(options: RefineOptions, count: int) -> Objective:
+    if options.objective is not None:
+        return options.objective
+    return "predicted_rms" if count <= PREDICTED_UP_TO else "logdet"
+
+
+def _samples_in_contact(given: Plan) -> dict[tuple[int, int], int]:
+    """Moments at which each pair (a < b) is in contact, over the window or at least a period."""
+    time = given.sensors.sample_time
+    span = max(given.scenario.window, given.orbits.period)
+    last = samples_before(span, time) - 1
+    seen = sample_sightings(given.windows, given.orbits.period, time, 0, last)
+    a, b = np.minimum(seen.observers, seen.targets), np.maximum(seen.observers, seen.targets)
+    moments = np.unique(np.column_stack([a, b, seen.steps]), axis=0)
+    pairs, counts = np.unique(moments[:, :2], axis=0, return_counts=True)
+    return {(int(i), int(j)): int(k) for (i, j), k in zip(pairs, counts, strict=True)}
+
+
+def _as_pairs(pairs: list[tuple[int, int]]) -> Index:
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+
+
+def _needed(samples: dict[tuple[int, int], int], pairs: Index, wanted: int) -> Array:
+    """What the rank needs, or as many as the plan has."""
+    return np.array([min(wanted, samples[a, b]) for a, b in pairs.tolist()], dtype=float)
+
+
+def _separation(given: Plan) -> float:
+    """What was asked for, in m; else what the plan has, up to half its mean radius.
+
+    Bearings tell most from nearby: without a floor, refinement would fly vehicles into each other.
+    """
+    asked = given.scenario.min_separation_m
+    if asked > 0.0 or given.approach is None:
+        return asked
+    return min(given.approach.distance, SAFE_SHARE * float(given.orbits.radii.mean()))
+
+
+def _margins(options: RefineOptions, reach: Array) -> Array:
+    if options.margin_m is not None:
+        return np.full(len(reach), options.margin_m)
+    return DEFAULT_MARGIN * reach
+
+
+def _freedom(given: Plan, options: RefineOptions, area: Area) -> Freedom:
+    """Bounds of what varies; everything else, and the first vehicle's phase, stays as it is."""
+    lower, upper = circles_of(given.orbits), circles_of(given.orbits)
+    if "centers" in options.vary:
+        box = options.center_box_m
+        if box is None and area.inside is None:
+            box = DEFAULT_BOX_M
+        if box is not None:
+            lower[:2] -= box
+            upper[:2] += box
+        else:
+            assert area.inside is not None
+            lower[:2] = area.inside.min(axis=0)[:, None]
+            upper[:2] = area.inside.max(axis=0)[:, None]
+    if options.radius_m is not None:
+        lower[2], upper[2] = _radius_limits(given, options.radius_m)
+    if "phases" in options.vary:
+        # the first phase only turns the clock
+        lower[3, 1:] -= np.pi
+        upper[3, 1:] += np.pi
+    return Freedom(lower, upper)
+
+
+def _radius_limits(given: Plan, radii: tuple[float, float]) -> tuple[float, float]:
+    """Radii within their own limits and those of speed."""
+    limits, (least, most) = given.scenario.limits, radii
+    if limits is not None and limits.speed_mps is not None:
+        least = max(least, limits.speed_mps[0] / given.orbits.rate)
+        most = min(most, limits.speed_mps[1] / given.orbits.rate)
+    return least, most
+
+
+def refuse_conflicts(given: Plan, problem: RefineProblem, options: RefineOptions) -> None:
+    """Raise NoSolutionError if constraints rule each other out, whatever the circles."""
+    conflicts = [*_speed_conflicts(given, options), *_link_conflicts(given, problem, options)]
+    if problem.area.limited:
+        conflicts += _area_conflicts(problem)
+    if conflicts:
+        rest = f" (and {len(conflicts) - 3} more)" if len(conflicts) > 3 else ""
+        raise NoSolutionError(f"constraints conflict: {'; '.join(conflicts[:3])}{rest}")
+
+
+def _speed_conflicts(given: Plan, options: RefineOptions) -> list[str]:
+    """Radii that are allowed, but at speeds that are not."""
+    limits, rate = given.scenario.limits, given.orbits.rate
+    if options.radius_m is None or limits is None or limits.speed_mps is None:
+        return []
+    slowest, fastest = (rate * radius for radius in options.radius_m)
+    if slowest <= limits.speed_mps[1] and fastest >= limits.speed_mps[0]:
+        return []
+    return [
+        f"radii of {options.radius_m[0]:g} to {options.radius_m[1]:g} m at {rate:g} rad/s mean "
+        f"{slowest:g} to {fastest:g} m/s against limits.speed_mps {limits.speed_mps[0]:g} to "
+        f"{limits.speed_mps[1]:g}"
+    ]
+
+
+def _link_conflicts(given: Plan, problem: RefineProblem, options: RefineOptions) -> list[str]:
+    """Links, kept or dropped, that range, margin and separation leave no distance for."""
+    names, ranges = problem.names, problem.sensors.ranges
+    wanted = [(one.a, one.b) for one in given.links]
+    wanted += [(one.a, one.b) for one in given.dropped_links]
+    conflicts = []
+    for a, b in sorted(wanted):
+        reach = float(ranges[[a, b]].max())
+        margin = options.margin_m or 0.0
+        less = f" less margin {margin:g} m" if margin else ""
+        if margin >= reach:
+            conflicts.append(
+                f"link {names[a]}-{names[b]}: margin {margin:g} m leaves nothing of "
+                f"range {reach:g} m"
+            )
+        elif given.scenario.min_separation_m > reach - margin:
+            conflicts.append(
+                f"link {names[a]}-{names[b]}: separation {problem.min_separation:g} m against "
+                f"range {reach:g} m{less}"
+            )
+    return conflicts
+
+
+def _area_conflicts(problem: RefineProblem) -> list[str]:
+    names, freedom = problem.names, problem.freedom
+    conflicts = []
+    for k in range(problem.orbits.count):
+        low, high = freedom.lower[:, k], freedom.upper[:, k]
+        if not problem.area.has_room(float(low[2]), low[:2], high[:2]):
+            where = f"x {low[0]:.4g} to {high[0]:.4g}, y {low[1]:.4g} to {high[1]:.4g} m"
+            conflicts.append(
+                f"{names[k]}: a circle of {low[2]:g} m finds no place inside area_m and clear of "
+                f"keep_out_m with its centre in {where}"
+            )
+    return conflicts
+
+
+def _with_limits(
+    problem: RefineProblem, before: Measurement, options: RefineOptions
+) -> RefineProblem:
+    """The problem with margins no larger than the plan has, unless they were asked for.
+
+    Landmarks are only to be kept: their margins are never more than the plan has. The window bound
+    of the worst vehicle becomes a limit for objectives that may neglect it.
+    """
+    neglecting = problem.objective in ("trace", "min_eigenvalue")
+    contacts = len(problem.pairs) + len(problem.anchors)
+    rooms = np.array([one.room for one in before.slacks[:contacts]])
+    asked = np.concatenate([problem.pair_margins, problem.anchor_margins])
+    held = np.clip(asked + np.minimum(rooms, 0.0), 0.0, None)
+    pairs, anchors = np.split(held, [len(problem.pairs)])
+    return replace(
+        problem,
+        window_limit=before.figures.window_bound if neglecting else math.inf,
+        pair_margins=pairs if options.margin_m is None else problem.pair_margins,
+        anchor_margins=anchors,
+    )

@@ -1,0 +1,292 @@
+"""Refinement: from a plan to the best plan the team can fly, judged by the exact code.
+
+Variables are phases, centres and radii within their bounds; IPOPT improves a smooth form of the
+objective from several starts; every candidate is then measured exactly, and the best that violates
+nothing the input met comes back, judged afresh like any plan.
+"""
+
+import math
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from syncplan.errors import InputError
+from syncplan.orbits.circles import Orbits
+from syncplan.orbits.contacts import reachable_pairs
+from syncplan.planning.planner import BoundChoice, Plan, bound_is_affordable, judge, plan
+from syncplan.planning.refinement_record import RefinementRecord, StartRecord
+from syncplan.refinement.measures import WINDOW_BOUND, Measurement, measure
+from syncplan.refinement.problem import RefineProblem, orbits_of
+from syncplan.refinement.problem_setup import problem_of, refuse_conflicts
+from syncplan.runtime.blas import single_threaded_blas
+from syncplan.runtime.cores import usable_cores
+from syncplan.scenario.loading import scenario_from, validation_fault
+from syncplan.scenario.refine_options import Objective, RefineOptions
+from syncplan.scenario.specification import Scenario
+from syncplan.synchronisation.phases import synchronise
+
+if TYPE_CHECKING:
+    from syncplan.refinement.ipopt import SolverProgress
+    from syncplan.refinement.parallel_starts import Attempt
+
+__all__ = ["RefineProgress", "options_for", "refine"]
+
+Array = NDArray[np.float64]
+RefineProgress = Callable[[int, int, float], None]
+"""Told of (start, iteration, the objective as the solver sees it)."""
+
+_IMPROVED = 1e-9
+_ACTIVE = 0.01
+
+
+@single_threaded_blas
+def refine(
+    subject: Plan | Scenario,
+    options: RefineOptions | None = None,
+    *,
+    workers: int | None = None,
+    bound: BoundChoice = "auto",
+    progress: RefineProgress | None = None,
+    **changes: Any,
+) -> Plan:
+    """Return the best plan found near `subject`, never worse and never violating what it met.
+
+    `options` default to the scenario's `refine` section; `changes` replace some of its keys
+    (objective="logdet", starts=1, ...; see RefineOptions). `workers` is the number of processes,
+    all cores if not given; it changes no result. `bound` is that of `plan`. The record of the
+    search is the plan's `refinement`; where nothing better was found, it says why and the plan is
+    the input's.
+
+    Raises InputError for options that can't be used, NoSolutionError where constraints conflict,
+    naming them.
+    """
+    if workers is not None and workers < 1:
+        raise InputError(f"{workers} given, at least 1 is needed", key="workers")
+    if options is not None and not isinstance(options, RefineOptions):
+        raise InputError("must be RefineOptions; give single keys by name", key="options")
+    given = subject if isinstance(subject, Plan) else plan(subject, bound=bound)
+    chosen = options_for(given.scenario, options, changes)
+    problem = problem_of(given, chosen)
+    refuse_conflicts(given, problem, chosen)
+    predict = "rms" in problem.objective or bound_is_affordable(
+        given.orbits.count, problem.duration, problem.sensors.sample_time
+    )
+    before = measure(problem, given.orbits, predict=predict)
+    attempts, cut_short = _search(given, chosen, problem, before, predict, workers, progress)
+    return _best(given, chosen, problem, before, attempts, cut_short, bound)
+
+
+def options_for(
+    scenario: Scenario, options: RefineOptions | None, changes: dict[str, Any]
+) -> RefineOptions:
+    """Return the options to use, checked: those given or the scenario's, with some replaced.
+
+    Raises InputError naming the option at fault.
+    """
+    base = options or scenario.refine or RefineOptions()
+    values = base.model_dump(exclude_none=True, exclude_defaults=True)
+    changed = {key: value for key, value in changes.items() if value is not None}
+    if "vary" in changed:
+        # limits of what no longer varies go with it, unless they are given with it
+        for variable, limit in (("centers", "center_box_m"), ("radii", "radius_m")):
+            if variable not in changed["vary"]:
+                values.pop(limit, None)
+    values.update(changed)
+    try:
+        return RefineOptions.model_validate(values)
+    except ValidationError as error:
+        validation_fault(error, RefineOptions, "")
+
+
+# --- search ---------------------------------------------------------------------------------------
+
+
+def _search(
+    given: Plan,
+    options: RefineOptions,
+    problem: RefineProblem,
+    before: Measurement,
+    predict: bool,
+    workers: int | None,
+    progress: RefineProgress | None,
+) -> tuple[list["Attempt"], bool]:
+    """Attempts from all starts; once more with the window bound as a limit if it got in the way."""
+    from syncplan.refinement.parallel_starts import RefineTask, run_starts, searched_nearby
+
+    began = time.monotonic()
+    task = RefineTask(
+        problem=problem,
+        rule_phases=_rule_phases(given),
+        nudged=not given.observable,
+        before=before,
+        seed=options.seed,
+        predict=predict,
+    )
+
+    def report(start: int, at: "SolverProgress") -> None:
+        if progress is not None:
+            progress(start, at.iteration, _natural(problem, at.objective))
+
+    def run(one: RefineTask) -> tuple[list["Attempt"], bool]:
+        left = max(options.time_limit_s - (time.monotonic() - began), 0.0)
+        return run_starts(
+            one, options.starts, workers=workers or usable_cores(), time_limit=left, report=report
+        )
+
+    attempts, interrupted = run(task)
+    over = interrupted or time.monotonic() - began >= options.time_limit_s
+    if not over and _stopped_by_window_bound(attempts, before):
+        limited = replace(problem, window_limit=before.figures.window_bound)
+        again, interrupted = run(replace(task, problem=limited))
+        attempts += [replace(one, start=one.start + options.starts) for one in again]
+    if not interrupted:
+        attempts, interrupted = searched_nearby(task, attempts, began + options.time_limit_s)
+    return attempts, interrupted or time.monotonic() - began >= options.time_limit_s
+
+
+def _natural(problem: RefineProblem, objective: float) -> float:
+    """The solver's objective (see syncplan.refinement.smooth_objectives) in the figure's units."""
+    if problem.objective == "logdet":
+        return -objective * 3 * problem.orbits.count
+    if problem.objective == "trace":
+        return math.exp(min(-objective, 700.0))
+    if problem.objective == "min_eigenvalue":
+        spread = float(np.mean(1.0 / problem.sensors.bearing_sigmas**2))
+        return math.exp(min(-objective, 700.0)) * spread
+    return math.exp(min(objective, 700.0)) * problem.scale
+
+
+def _stopped_by_window_bound(attempts: list["Attempt"], before: Measurement) -> bool:
+    """Whether no attempt passes, and some do but for the window bound."""
+    if not math.isfinite(before.figures.window_bound):
+        return False
+    ended = [one.violations for one in attempts if one.after is not None]
+    return all(ended) and any(one == (WINDOW_BOUND,) for one in ended)
+
+
+def _rule_phases(given: Plan) -> Array:
+    """Phases on the rules, whatever those of the plan are."""
+    pairs = np.array([(link.a, link.b) for link in given.links], dtype=np.int64).reshape(-1, 2)
+    orbits, scenario = given.orbits, given.scenario
+    return synchronise(
+        orbits.centers,
+        orbits.radii,
+        orbits.senses,
+        given.sensors.ranges,
+        pairs,
+        float(orbits.phases[0]),
+        scenario.min_separation_m,
+    ).phases
+
+
+# --- result ---------------------------------------------------------------------------------------
+
+
+def _best(
+    given: Plan,
+    options: RefineOptions,
+    problem: RefineProblem,
+    before: Measurement,
+    attempts: list["Attempt"],
+    cut_short: bool,
+    bound: BoundChoice,
+) -> Plan:
+    from syncplan.refinement.parallel_starts import rank_of
+
+    objective = problem.objective
+    passed = [one for one in attempts if one.after is not None and not one.violations]
+    best = min(passed, key=lambda one: rank_of(problem, one), default=None)
+    cost = before.figures.cost(objective)
+    allowed = cost - _IMPROVED * abs(cost) if math.isfinite(cost) else cost
+    better = (
+        best is not None and best.after is not None and best.after.figures.cost(objective) < allowed
+    )
+    record = RefinementRecord(
+        options=options,
+        objective=objective,
+        improved=better,
+        reason="" if better else _why_not(attempts, objective, cut_short),
+        cut_short=cut_short,
+        before=before.figures,
+        after=before.figures,
+        active=(),
+        starts=tuple(_record(one, objective) for one in attempts),
+    )
+    if not better or best is None or best.after is None or best.circles is None:
+        return replace(given, refinement=record)
+    record = replace(record, after=best.after.figures, active=_active(best.after))
+    orbits = orbits_of(best.circles, given.orbits)
+    steady = given.prediction.steady is not None
+    judged = judge(_moved(given, options, orbits), orbits, bound=bound, steady=steady)
+    return replace(judged, refinement=record, placement=given.placement)
+
+
+def _record(attempt: "Attempt", objective: Objective) -> StartRecord:
+    run, after = attempt.run, attempt.after
+    return StartRecord(
+        start=attempt.start,
+        status=run.status,
+        iterations=run.iterations,
+        violation=run.violation,
+        dual_residual=run.dual_residual,
+        value=None if after is None else float(getattr(after.figures, objective)),
+        violations=attempt.violations,
+        unmet=run.unmet,
+    )
+
+
+def _why_not(attempts: list["Attempt"], objective: Objective, cut_short: bool) -> str:
+    if not attempts or all(one.after is None for one in attempts):
+        return "time ran out before any start had a result" if cut_short else "no start converged"
+    lost = [one.after.figures.rank for one in attempts if one.after is not None]
+    if objective in ("logdet", "min_eigenvalue") and all(
+        not math.isfinite(one.after.figures.logdet) for one in attempts if one.after is not None
+    ):
+        return (
+            f"no result is observable (rank {max(lost)}), so {objective} can't tell them apart; "
+            "give landmarks, or the objective predicted_rms"
+        )
+    if any(not one.violations for one in attempts if one.after is not None):
+        within = " in the time there was" if cut_short else ""
+        return f"no start found a better plan than the one given{within}"
+    named = Counter(label for one in attempts for label in (*one.run.unmet, *one.violations))
+    worst = ", ".join(label for label, _ in named.most_common(3))
+    return f"every result violates what the plan met or can't be had: {worst}"
+
+
+def _active(after: Measurement) -> tuple[str, ...]:
+    return tuple(one.label for one in after.slacks if one.room <= _ACTIVE * one.size)
+
+
+def _still_reachable(given: Plan, orbits: Orbits) -> list[tuple[int, int]]:
+    """Links, kept and dropped, whose circles still come within range."""
+    a, b = reachable_pairs(orbits, np.zeros((0, 2)), given.sensors.ranges)
+    near = {(min(i, j), max(i, j)) for i, j in zip(a.tolist(), b.tolist(), strict=True)}
+    listed = [(one.a, one.b) for one in given.links]
+    listed += [(one.a, one.b) for one in given.dropped_links]
+    return [pair for pair in listed if pair in near]
+
+
+def _moved(given: Plan, options: RefineOptions, orbits: Orbits) -> Scenario:
+    """The scenario with the circles of the result; its links are written out, so that they stay."""
+    scenario = given.scenario
+    document = scenario.model_dump(exclude_none=True)
+    names = scenario.vehicle_names
+    centers = [(float(x), float(y)) for x, y in orbits.centers]
+    formation = document["formation"]
+    named = isinstance(scenario.formation.centers_m, dict)
+    formation["centers_m"] = dict(zip(names, centers, strict=True)) if named else centers
+    listed = sorted(_still_reachable(given, orbits))
+    formation["links"] = [(names[a], names[b]) for a, b in listed]
+    if "radii" in options.vary:
+        document["orbit"].pop("speed_mps", None)
+        document["orbit"]["angular_rate_rad_s"] = float(orbits.rate)
+        document["orbit"]["radius_m"] = [float(radius) for radius in orbits.radii]
+    document["refine"] = options.model_dump(exclude_none=True)
+    return scenario_from(document, max_vehicles=scenario.size)

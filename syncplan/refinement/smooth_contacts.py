@@ -1,0 +1,93 @@
+"""How many samples a pair is in contact for, as a smooth function of its two circles.
+
+Its logarithm, because its slope stays large far from contact, where that of the number itself
+vanishes: each sample's weight is a logistic step in the distance and, for limited views, in the
+angle off boresight; the logarithms are added as exponentials, shifted by the largest.
+"""
+
+import casadi as ca
+import numpy as np
+
+from syncplan.refinement.sample_times import SampleTimes
+
+__all__ = ["anchor_contact", "pair_contact"]
+
+_ROUNDED_ANGLE = 1e-6
+
+
+def pair_contact(times: SampleTimes, views: bool) -> ca.Function:
+    """Return the function (a, b, parameters, step) -> log samples in contact.
+
+    `a`, `b` are circles (x, y, R, phi), scaled. Parameters are the senses of a and b, their ranges,
+    the shares that either way of seeing has in the contact, and with `views` the half views and
+    boresights in rad of both. `step` holds its width, as a share of the range, and how much of the
+    range contact is to leave.
+    """
+    a, b = ca.SX.sym("a", 4), ca.SX.sym("b", 4)
+    parameters = ca.SX.sym("parameters", 10 if views else 6)
+    step = ca.SX.sym("step", 2)
+    sense_a, sense_b, range_a, range_b, share_a, share_b = ca.vertsplit(parameters[:6])
+    arm_a, arm_b = _arms(a, sense_a, times), _arms(b, sense_b, times)
+    q = ca.repmat(b[:2] - a[:2], 1, len(times.angles)) + arm_b - arm_a
+    squared = ca.sum1(q * q)
+    view_a = view_b = None
+    if views:
+        view_a = _view(arm_a, sense_a, q, parameters[6], parameters[8])
+        view_b = _view(arm_b, sense_b, -q, parameters[7], parameters[9])
+    one = _log_count(squared, range_a - step[1], view_a, step[0], times)
+    other = _log_count(squared, range_b - step[1], view_b, step[0], times)
+    contact = ca.logsumexp(ca.vertcat(one + ca.log(share_a), other + ca.log(share_b)))
+    return ca.Function("pair_contact", [a, b, parameters, step], [contact])
+
+
+def anchor_contact(times: SampleTimes, views: bool) -> ca.Function:
+    """Return the function (a, place, parameters, step) -> log samples in contact.
+
+    As `pair_contact` for a landmark at `place` (2,); parameters are a's sense and range, and with
+    `views` its half view and boresight.
+    """
+    a, place = ca.SX.sym("a", 4), ca.SX.sym("place", 2)
+    parameters = ca.SX.sym("parameters", 4 if views else 2)
+    step = ca.SX.sym("step", 2)
+    sense, reach = parameters[0], parameters[1]
+    arm = _arms(a, sense, times)
+    q = ca.repmat(place - a[:2], 1, len(times.angles)) - arm
+    view = _view(arm, sense, q, parameters[2], parameters[3]) if views else None
+    contact = _log_count(ca.sum1(q * q), reach - step[1], view, step[0], times)
+    return ca.Function("anchor_contact", [a, place, parameters, step], [contact])
+
+
+def _arms(circle: ca.SX, sense: ca.SX, times: SampleTimes) -> ca.SX:
+    """(2, k) from the centre to the vehicle at each sample."""
+    arm = circle[2] * ca.vertcat(ca.cos(circle[3]), ca.sin(circle[3]))
+    swing = sense * ca.vertcat(-arm[1], arm[0])
+    return arm @ ca.DM(np.cos(times.angles)).T + swing @ ca.DM(np.sin(times.angles)).T
+
+
+def _view(arms: ca.SX, sense: ca.SX, q: ca.SX, half: ca.SX, boresight: ca.SX) -> ca.SX:
+    """(1, k) rad left between the sight of q and the edge of the view; negative outside it."""
+    ahead = sense * ca.vertcat(-arms[1, :], arms[0, :])
+    cos, sin = ca.cos(boresight), ca.sin(boresight)
+    axis = ca.vertcat(cos * ahead[0, :] - sin * ahead[1, :], sin * ahead[0, :] + cos * ahead[1, :])
+    off = ca.atan2(
+        axis[0, :] * q[1, :] - axis[1, :] * q[0, :], axis[0, :] * q[0, :] + axis[1, :] * q[1, :]
+    )
+    return half - ca.sqrt(off**2 + _ROUNDED_ANGLE)
+
+
+def _log_weight(squared: ca.SX, reach: ca.SX, view: ca.SX | None, width: ca.SX) -> ca.SX:
+    """Logarithm of the weight of a sighting; the view's step is as wide as the range's share."""
+    log = _log_logistic((reach**2 - squared) / (2.0 * width * reach**2))
+    return log if view is None else log + _log_logistic(view / width)
+
+
+def _log_count(
+    squared: ca.SX, reach: ca.SX, view: ca.SX | None, width: ca.SX, times: SampleTimes
+) -> ca.SX:
+    """Logarithm of the number of samples in contact: steep even far from contact."""
+    log = _log_weight(squared, reach, view, width) + ca.DM(np.log(times.counts)).T
+    return ca.logsumexp(log.T)
+
+
+def _log_logistic(x: ca.SX) -> ca.SX:
+    return ca.fmin(x, 0.0) - ca.log1p(ca.exp(-ca.fabs(x)))

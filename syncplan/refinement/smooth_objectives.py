@@ -1,0 +1,54 @@
+"""What refinement improves, as CasADi expressions: measures of the windowed information.
+
+All are minimised and free of scale, so that one solver tolerance serves all:
+
+    logdet            -(log det W) / 3n
+    trace             -log tr W
+    min_eigenvalue    -log t - mu (log det (W - t I)) / 3n, with log t a variable: as mu falls, t
+                      approaches the smallest eigenvalue from below (Nesterov and Nemirovskii's
+                      barrier of the linear matrix inequality W >= t I)
+    predicted_rms     log of the posterior bound's RMS, see syncplan.refinement.smooth_bound
+
+The window bound of each vehicle is the trace of its position block of W^-1. A sparse LDL
+factorisation yields log det W, and its derivative by W is the inverse on W's own sparsity, which
+holds those blocks.
+"""
+
+import casadi as ca
+
+from syncplan.refinement.problem import RefineProblem
+
+__all__ = ["log_determinant", "window_excess"]
+
+_WORST_POWER = 20.0
+"""Exponent of the norm over vehicles' variances that stands for the largest."""
+
+
+def log_determinant(sparsity: ca.Sparsity) -> ca.Function:
+    """Return the function (non-zeros of W, shift) -> log det (W + shift I)."""
+    entries, shift = ca.SX.sym("W", sparsity.nnz()), ca.SX.sym("shift")
+    matrix = ca.SX(sparsity, entries)
+    pivots, _, _ = ca.ldl(matrix + shift * ca.SX.eye(sparsity.size1()), True)
+    return ca.Function("log_determinant", [entries, shift], [ca.sum1(ca.log(pivots))])
+
+
+def window_excess(
+    sparsity: ca.Sparsity, information: ca.MX, shift: float, problem: RefineProblem
+) -> ca.MX:
+    """Return the logarithm of the worst vehicle's window bound over its limit; at most 0 is met.
+
+    The worst is a norm over the vehicles, so never less than the true worst.
+    """
+    entries = ca.SX.sym("W", sparsity.nnz())
+    matrix = ca.SX(sparsity, entries)
+    pivots, _, _ = ca.ldl(matrix + shift * ca.SX.eye(sparsity.size1()), True)
+    slope = ca.gradient(ca.sum1(ca.log(pivots)), entries)
+    place = {one: k for k, one in enumerate(zip(*sparsity.get_triplet(), strict=True))}
+    variances = [
+        slope[place[3 * k, 3 * k]] + slope[place[3 * k + 1, 3 * k + 1]]
+        for k in range(sparsity.size1() // 3)
+    ]
+    limit = (problem.window_limit / problem.scale) ** 2
+    ratio = ca.log(ca.vertcat(*variances) / limit)
+    excess = ca.logsumexp(_WORST_POWER * ratio) / (2.0 * _WORST_POWER)
+    return ca.Function("window_excess", [entries], [excess])(information)

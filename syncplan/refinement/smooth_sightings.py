@@ -1,0 +1,195 @@
+"""The information of all sightings as a smooth function of the circles, for derivatives.
+
+A sighting is counted with a weight between 0 and 1 instead of yes or no: a logistic step in the
+distance (and, for limited views, in the angle off boresight) of stated width, which the solver
+narrows from stage to stage. All pairs and samples are worked on at once, as matrices with a row for
+each sample and a column for each pair.
+
+With t = q / |q|^2 and each vehicle's way gone since time 0, g, the two rows of a mutual sighting
+differ in the headings alone (see syncplan.observability.rank), so a pair's information comes to ten
+sums over its samples:
+
+    c = (t_y, -t_x)       row of a seeing b:   ( c, -t.g_a - 1,   -c, t.g_b     )
+                          row of b seeing a:   ( c, -t.g_a,       -c, t.g_b - 1 )
+    sums: c c^T (3), c h_a (2), c h_b (2), h_a h_a, h_b h_b, h_a h_b
+"""
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.orbits.contacts import Sensors
+from syncplan.refinement.sample_times import SampleTimes
+
+__all__ = ["ANCHOR_SUMS", "PAIR_SUMS", "Paths", "anchor_information", "pair_information"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+PAIR_SUMS = 10
+ANCHOR_SUMS = 6
+"""A landmark has no heading: c c^T (3), c h (2), h h."""
+
+_NEAREST_SQUARED = 1e-6
+"""NEAREST of syncplan.observability.rank, squared: keeps bearings from turning infinitely fast."""
+
+_ROUNDED_ANGLE = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Paths:
+    """Where n vehicles are at k samples, as (k, n) expressions, scaled.
+
+    Attributes
+    ----------
+    times : the samples
+    sensors : of the vehicles, with ranges in the scale
+    x, y : positions
+    arm_x, arm_y : from the centre
+    gone_x, gone_y : way since time 0
+    senses : (n,)
+    """
+
+    times: SampleTimes
+    sensors: Sensors
+    x: ca.MX
+    y: ca.MX
+    arm_x: ca.MX
+    arm_y: ca.MX
+    gone_x: ca.MX
+    gone_y: ca.MX
+    senses: Array
+
+    @classmethod
+    def of(cls, circles: ca.MX, senses: Array, sensors: Sensors, times: SampleTimes) -> "Paths":
+        """Return the paths of circles (x, y, R, phi), (4, n), scaled."""
+        arm_x = circles[2, :] * ca.cos(circles[3, :])
+        arm_y = circles[2, :] * ca.sin(circles[3, :])
+        turn = ca.DM(senses).T
+        cos, sin = ca.DM(np.cos(times.angles)), ca.DM(np.sin(times.angles))
+        ones = ca.DM.ones(len(times.angles), 1)
+        arms_x = cos @ arm_x - sin @ (turn * arm_y)
+        arms_y = cos @ arm_y + sin @ (turn * arm_x)
+        return cls(
+            times,
+            sensors,
+            arms_x + ones @ circles[0, :],
+            arms_y + ones @ circles[1, :],
+            arms_x,
+            arms_y,
+            arms_x - ones @ arm_x,
+            arms_y - ones @ arm_y,
+            senses,
+        )
+
+
+def pair_information(paths: Paths, pairs: Index, width: float, each: bool) -> ca.MX:
+    """Return the ten sums of (e, 2) pairs, (10 e, 1), or (10 e, k) sample by sample with `each`.
+
+    Sum s of pair p stands at s e + p. `width` is that of the step, as a share of the range.
+    """
+    a, b = pairs[:, 0].tolist(), pairs[:, 1].tolist()
+    qx, qy = paths.x[:, b] - paths.x[:, a], paths.y[:, b] - paths.y[:, a]
+    squared = qx * qx + qy * qy
+    seen_a = _weight(paths, pairs[:, 0], squared, qx, qy, width)
+    if _alike(paths.sensors):
+        seen_b = seen_a
+    else:
+        seen_b = _weight(paths, pairs[:, 1], squared, -qx, -qy, width)
+    weight_a = seen_a * _certainty(paths, pairs[:, 0])
+    weight_b = seen_b * _certainty(paths, pairs[:, 1])
+    share = 1.0 / (squared + _NEAREST_SQUARED)
+    tx, ty = qx * share, qy * share
+    along_a = tx * paths.gone_x[:, a] + ty * paths.gone_y[:, a]
+    along_b = tx * paths.gone_x[:, b] + ty * paths.gone_y[:, b]
+    both = weight_a + weight_b
+    both_x, both_y = both * ty, -both * tx
+    left, right = both * along_a + weight_a, both * along_b - weight_b
+    sums = [
+        both_x * ty,
+        -both_x * tx,
+        -both_y * tx,
+        -ty * left,
+        tx * left,
+        ty * right,
+        -tx * right,
+        left * (along_a + 1.0) - weight_b * along_a,
+        right * (along_b - 1.0) + weight_a * along_b,
+        -left * along_b + weight_b * along_a,
+    ]
+    return _stacked(sums, each)
+
+
+def anchor_information(
+    paths: Paths, anchors: Index, places: Array, width: float, each: bool
+) -> ca.MX:
+    """Return the six sums of vehicles `anchors` (k,) that see landmarks at `places` (k, 2), scaled.
+
+    As `pair_information` does.
+    """
+    a = anchors.tolist()
+    ones = ca.DM.ones(len(paths.times.angles), 1)
+    qx = ones @ ca.DM(places[:, 0]).T - paths.x[:, a]
+    qy = ones @ ca.DM(places[:, 1]).T - paths.y[:, a]
+    squared = qx * qx + qy * qy
+    weight = _weight(paths, anchors, squared, qx, qy, width) * _certainty(paths, anchors)
+    share = 1.0 / (squared + _NEAREST_SQUARED)
+    tx, ty = qx * share, qy * share
+    turned = -(tx * paths.gone_x[:, a] + ty * paths.gone_y[:, a]) - 1.0
+    weight_x, weight_y, weight_turned = weight * ty, -weight * tx, weight * turned
+    sums = [
+        weight_x * ty,
+        -weight_x * tx,
+        -weight_y * tx,
+        ty * weight_turned,
+        -tx * weight_turned,
+        weight_turned * turned,
+    ]
+    return _stacked(sums, each)
+
+
+def _alike(sensors: Sensors) -> bool:
+    """Whether two vehicles always see each other at the same time."""
+    ranges, views = sensors.ranges, sensors.fields_of_view
+    return bool(np.all(ranges == ranges[0]) and np.all(views >= 2.0 * np.pi))
+
+
+def _certainty(paths: Paths, observers: Index) -> ca.DM:
+    """(k, e) samples that each stands for, over the variance of the observer's bearing."""
+    inverse = 1.0 / paths.sensors.bearing_sigmas[observers] ** 2
+    return ca.DM(np.outer(paths.times.counts, inverse))
+
+
+def _weight(
+    paths: Paths, observers: Index, squared: ca.MX, qx: ca.MX, qy: ca.MX, width: float
+) -> ca.MX:
+    """(k, e) of sightings at q; the step in the view is as wide in rad as that in the range."""
+    reach = paths.sensors.ranges[observers] ** 2
+    slope = np.tile(1.0 / (4.0 * width * reach), (len(paths.times.angles), 1))
+    weight = 0.5 + 0.5 * ca.tanh(0.25 / width - squared * ca.DM(slope))
+    views = paths.sensors.fields_of_view[observers]
+    limited = np.flatnonzero(views < 2.0 * np.pi)
+    if len(limited) == 0:
+        return weight
+    turned = paths.sensors.boresights[observers] + 0.5 * np.pi * paths.senses[observers]
+    shape = (len(paths.times.angles), 1)
+    cos, sin = ca.DM(np.tile(np.cos(turned), shape)), ca.DM(np.tile(np.sin(turned), shape))
+    chosen = observers.tolist()
+    ax, ay = paths.arm_x[:, chosen], paths.arm_y[:, chosen]
+    axis_x, axis_y = cos * ax - sin * ay, sin * ax + cos * ay
+    off = ca.atan2(axis_x * qy - axis_y * qx, axis_x * qx + axis_y * qy)
+    half = np.where(views < 2.0 * np.pi, 0.5 * views, _ALL_ROUND)
+    left = ca.DM(np.tile(half, shape)) - ca.sqrt(off * off + _ROUNDED_ANGLE)
+    return weight * (0.5 + 0.5 * ca.tanh(left * (0.5 / width)))
+
+
+_ALL_ROUND = 1e3
+"""Half a view in rad that no bearing comes near the edge of."""
+
+
+def _stacked(sums: list[ca.MX], each: bool) -> ca.MX:
+    if each:
+        return ca.vertcat(*(one.T for one in sums))
+    return ca.vertcat(*(ca.sum1(one).T for one in sums))

@@ -1,0 +1,242 @@
+"""The whole team's windowed information as a smooth function of its circles: sparse, by pairs.
+
+Only pairs whose circles can come near each other's range, however far they are allowed to move,
+enter. Each pair's ten sums land in fixed places of the sparse information matrix, whose LDL
+factorisation CasADi carries out symbolically once; its derivative is the selected inverse.
+"""
+
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.refinement.constraint_blocks import Blocks, pair_blocks, single_blocks, stacked_blocks
+from syncplan.refinement.problem import RefineProblem
+from syncplan.refinement.sample_times import SampleTimes
+from syncplan.refinement.smooth_contacts import anchor_contact, pair_contact
+from syncplan.refinement.smooth_sightings import (
+    ANCHOR_SUMS,
+    PAIR_SUMS,
+    Paths,
+    anchor_information,
+    pair_information,
+)
+
+__all__ = ["Sighted", "SmoothTeam", "sighted_pairs"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+_ALL_ROUND = 1e3
+"""Half a view in rad that no bearing comes near the edge of."""
+
+_FAR = 0.25
+"""Share of the range by which pairs may stay out of range and still enter."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sighted:
+    """Pairs that may come into contact while circles move.
+
+    Attributes
+    ----------
+    pairs : (e, 2) vehicles a < b; those to be kept first
+    anchors : (k, 2) vehicle, landmark (from n on); those to be kept first
+    """
+
+    pairs: Index
+    anchors: Index
+
+
+@dataclass(frozen=True, slots=True)
+class SmoothTeam:
+    """A team's information and contacts for its circles X (4, n), scaled.
+
+    Attributes
+    ----------
+    problem, sighted : what may be seen
+    times : samples that information is summed over
+    sparsity : of the (3 n, 3 n) information matrix, all of it
+    place : (nnz, sums) where each pair's sums go
+    """
+
+    problem: RefineProblem
+    sighted: Sighted
+    times: SampleTimes
+    sparsity: ca.Sparsity
+    place: ca.DM
+
+    @classmethod
+    def of(cls, problem: RefineProblem, times: SampleTimes) -> "SmoothTeam":
+        """Return the team of a problem, seen at `times`."""
+        sighted = sighted_pairs(problem)
+        sparsity, place = _places(sighted, problem.orbits.count)
+        return cls(problem, sighted, times, sparsity, place)
+
+    def information(self, circles: ca.MX, width: float, *, each: bool = False) -> ca.MX:
+        """Return the non-zeros of the information, (nnz, 1), or (nnz, k) for each sample."""
+        problem = self.problem
+        sensors = replace(problem.sensors, ranges=problem.sensors.ranges / problem.scale)
+        paths = Paths.of(circles, problem.orbits.senses, sensors, self.times)
+        pairs, anchors = self.sighted.pairs, self.sighted.anchors
+        parts = []
+        if len(pairs):
+            parts.append(pair_information(paths, pairs, width, each))
+        if len(anchors):
+            places = self._places_of(anchors[:, 1])
+            parts.append(anchor_information(paths, anchors[:, 0], places, width, each))
+        if not parts:
+            return ca.MX.zeros(self.sparsity.nnz(), len(self.times.angles) if each else 1)
+        return self.place @ ca.vertcat(*parts)
+
+    def contacts(self, circles: ca.MX, times: SampleTimes, width: float, safety: float) -> Blocks:
+        """Return the logarithm of the samples in contact, of `times`, of what is to be kept.
+
+        `width` is that of the step; `safety` in m is added to the margins.
+        """
+        problem = self.problem
+        kept, held = problem.pairs, problem.anchors
+        views = bool(np.any(problem.sensors.fields_of_view < 2.0 * np.pi))
+        blocks = []
+        if len(kept):
+            inputs = [
+                ca.DM(_pair_parameters(problem, kept, views)),
+                self._steps(width, problem.pair_margins + safety),
+            ]
+            lower, labels = np.log(problem.pair_samples), self._labels(kept, problem.pair_margins)
+            function = pair_contact(times, views)
+            blocks.append(pair_blocks(function, circles, kept, inputs, lower, labels))
+        if len(held):
+            inputs = [
+                ca.DM(self._places_of(held[:, 1]).T),
+                ca.DM(_anchor_parameters(problem, held[:, 0], views)),
+                self._steps(width, problem.anchor_margins + safety),
+            ]
+            lower = np.log(problem.anchor_samples)
+            labels = self._labels(held, problem.anchor_margins)
+            function = anchor_contact(times, views)
+            blocks.append(single_blocks(function, circles, held[:, 0], inputs, lower, labels))
+        return stacked_blocks(blocks, problem.orbits.count)
+
+    def _steps(self, width: float, margins: Array) -> ca.DM:
+        return ca.DM(np.stack([np.full(len(margins), width), margins / self.problem.scale]))
+
+    def _labels(self, pairs: Index, margins: Array) -> list[str]:
+        names = self.problem.names
+        return [
+            f"contact of {names[a]}-{names[b]} (margin {margin:.3g} m)"
+            for (a, b), margin in zip(pairs.tolist(), margins, strict=True)
+        ]
+
+    def _places_of(self, landmarks: Index) -> Array:
+        """(k, 2) scaled."""
+        return self.problem.landmarks[landmarks - self.problem.orbits.count] / self.problem.scale
+
+
+def sighted_pairs(problem: RefineProblem) -> Sighted:
+    """Return the pairs and landmarks that may come near enough to be seen."""
+    orbits, freedom = problem.orbits, problem.freedom
+    n = orbits.count
+    lower, upper = (
+        np.nan_to_num(freedom.lower, neginf=-1e7),
+        np.nan_to_num(freedom.upper, posinf=1e7),
+    )
+    slack = np.hypot(*(0.5 * (upper[:2] - lower[:2])))
+    middle = 0.5 * (upper[:2] + lower[:2]).T
+    reach = problem.sensors.ranges * (1.0 + _FAR)
+    a, b = np.triu_indices(n, 1)
+    away = np.hypot(*(middle[a] - middle[b]).T) - slack[a] - slack[b]
+    near = away - upper[2, a] - upper[2, b] <= np.maximum(reach[a], reach[b])
+    kept = {(int(i), int(j)) for i, j in problem.pairs}
+    others = [(int(i), int(j)) for i, j in zip(a[near], b[near], strict=True)]
+    pairs = [*map(tuple, problem.pairs.tolist()), *(one for one in others if one not in kept)]
+    vehicle, place = (index.ravel() for index in np.indices((n, len(problem.landmarks))))
+    away = np.hypot(*(middle[vehicle] - problem.landmarks[place]).T) - slack[vehicle]
+    near = away - upper[2, vehicle] <= reach[vehicle]
+    held = {(int(i), int(j)) for i, j in problem.anchors}
+    seen = [(int(i), int(j) + n) for i, j in zip(vehicle[near], place[near], strict=True)]
+    anchors = [*map(tuple, problem.anchors.tolist()), *(one for one in seen if one not in held)]
+    return Sighted(_as_pairs(pairs), _as_pairs(anchors))
+
+
+def _as_pairs(pairs: list[tuple[int, ...]]) -> Index:
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+
+
+def _pair_parameters(problem: RefineProblem, pairs: Index, views: bool) -> Array:
+    """(6 or 10, e) as `pair_contact` wants them."""
+    sensors, senses = problem.sensors, problem.orbits.senses
+    a, b = pairs[:, 0], pairs[:, 1]
+    ranges = sensors.ranges / problem.scale
+    rows = [senses[a], senses[b], ranges[a], ranges[b], *_shares(problem, pairs)]
+    if views:
+        half, boresights = 0.5 * sensors.fields_of_view, sensors.boresights
+        half = np.where(half >= np.pi, _ALL_ROUND, half)
+        rows += [half[a], half[b], boresights[a], boresights[b]]
+    return np.array(rows, dtype=float).reshape(len(rows), len(pairs))
+
+
+def _shares(problem: RefineProblem, pairs: Index) -> tuple[Array, Array]:
+    """What either way of seeing counts for contact: half each, all of it where ranges differ."""
+    ranges = problem.sensors.ranges
+    a, b = ranges[pairs[:, 0]], ranges[pairs[:, 1]]
+    alike = np.isclose(a, b)
+    return np.where(alike, 0.5, a > b).astype(float), np.where(alike, 0.5, b > a).astype(float)
+
+
+def _anchor_parameters(problem: RefineProblem, vehicles: Index, views: bool) -> Array:
+    """(2 or 4, k) as `anchor_contact` wants them."""
+    sensors = problem.sensors
+    rows = [problem.orbits.senses[vehicles], sensors.ranges[vehicles] / problem.scale]
+    if views:
+        half = 0.5 * sensors.fields_of_view[vehicles]
+        rows += [np.where(half >= np.pi, _ALL_ROUND, half), sensors.boresights[vehicles]]
+    return np.array(rows, dtype=float).reshape(len(rows), len(vehicles))
+
+
+def _places(sighted: Sighted, count: int) -> tuple[ca.Sparsity, ca.DM]:
+    """Sparsity of the information, and the matrix that adds each pair's sums into its non-zeros."""
+    pairs, anchors = len(sighted.pairs), len(sighted.anchors)
+    entries: list[tuple[int, int, int, float]] = []
+    for k, (a, b) in enumerate((3 * sighted.pairs).tolist()):
+        entries += [
+            (row, column, pairs * one + k, sign) for row, column, one, sign in _pair_entries(a, b)
+        ]
+    offset = PAIR_SUMS * pairs
+    for k, a in enumerate((3 * sighted.anchors[:, 0]).tolist()):
+        for one, (i, j) in enumerate(((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))):
+            entries.append((a + i, a + j, offset + anchors * one + k, 1.0))
+    mirrored = [(column, row, one, sign) for row, column, one, sign in entries if row != column]
+    entries += mirrored
+    size = 3 * count
+    rows, columns = [one[0] for one in entries], [one[1] for one in entries]
+    sparsity = ca.Sparsity.triplet(size, size, rows, columns) + ca.Sparsity.diag(size)
+    position = {place: k for k, place in enumerate(zip(*sparsity.get_triplet(), strict=True))}
+    place = ca.DM.triplet(
+        [position[row, column] for row, column in zip(rows, columns, strict=True)],
+        [one[2] for one in entries],
+        ca.DM([one[3] for one in entries]),
+        sparsity.nnz(),
+        offset + ANCHOR_SUMS * anchors,
+    )
+    return sparsity, place
+
+
+def _pair_entries(a: int, b: int) -> list[tuple[int, int, int, float]]:
+    """(row, column, sum, sign) of a pair's entries, one of each symmetric two."""
+    entries = []
+    for start in (a, b):
+        entries += [
+            (start, start, 0, 1.0),
+            (start, start + 1, 1, 1.0),
+            (start + 1, start + 1, 2, 1.0),
+        ]
+    entries += [(a, b, 0, -1.0), (a, b + 1, 1, -1.0), (a + 1, b, 1, -1.0), (a + 1, b + 1, 2, -1.0)]
+    for heading, first in ((a + 2, 3), (b + 2, 5)):
+        for axis in (0, 1):
+            entries += [
+                (a + axis, heading, first + axis, 1.0),
+                (b + axis, heading, first + axis, -1.0),
+            ]
+    return [*entries, (a + 2, a + 2, 7, 1.0), (b + 2, b + 2, 8, 1.0), (a + 2, b + 2, 9, 1.0)]

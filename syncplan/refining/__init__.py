@@ -1,1 +1,0 @@
-"""Refinement of one plan: the problem, its smooth copy for IPOPT, starts, exact measures."""

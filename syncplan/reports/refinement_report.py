@@ -1,0 +1,49 @@
+"""Refinements as documents: before and after, what holds the result where it is, every start."""
+
+from syncplan.planning.figures_of_merit import Figures
+from syncplan.planning.refinement_record import RefinementRecord, StartRecord
+from syncplan.reports.schemas import FiguresOfMerit, RefinementResult, StartResult, finite_or_none
+
+__all__ = ["refinement_result"]
+
+
+def refinement_result(record: RefinementRecord) -> RefinementResult:
+    """Return the document of a refinement; infinities and what was not computed as null."""
+    return RefinementResult(
+        objective=record.objective,
+        improved=record.improved,
+        reason=record.reason,
+        cut_short=record.cut_short,
+        before=_figures(record.before),
+        after=_figures(record.after),
+        active_constraints=list(record.active),
+        starts=[_start(item) for item in record.starts],
+    )
+
+
+def _figures(figures: Figures) -> FiguresOfMerit:
+    return FiguresOfMerit(
+        rank=figures.rank,
+        certified=figures.certified,
+        logdet=finite_or_none(figures.logdet),
+        min_eigenvalue=figures.min_eigenvalue,
+        trace=figures.trace,
+        window_bound_m=finite_or_none(figures.window_bound),
+        predicted_rms_m=finite_or_none(figures.predicted_rms),
+        worst_predicted_rms_m=finite_or_none(figures.worst_predicted_rms),
+        least_distance_m=finite_or_none(figures.least_distance),
+        contact_margin_m=finite_or_none(figures.contact_margin),
+    )
+
+
+def _start(item: StartRecord) -> StartResult:
+    return StartResult(
+        start=item.start,
+        status=item.status,
+        iterations=item.iterations,
+        constraint_violation=finite_or_none(item.violation),
+        dual_infeasibility=finite_or_none(item.dual_residual),
+        value=None if item.value is None else finite_or_none(item.value),
+        violations=list(item.violations),
+        unmet=list(item.unmet),
+    )

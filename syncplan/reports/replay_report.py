@@ -1,0 +1,198 @@
+"""A replay as a document, with what its figures mean in words."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.estimation.replays import Replay, longest_gap
+from syncplan.estimation.trials import Accuracy
+from syncplan.reports.schemas import ReadingCounts, ReplayDocument, ReplayFilter, RobotFigures
+from syncplan.reports.validation_report import series_of, spread_of
+
+__all__ = ["replay_document"]
+
+Array = NDArray[np.float64]
+
+LONG_GAP_S = 0.5
+"""A gap of the truth worth telling."""
+
+LONG_PAUSE_S = 2.0
+"""A time without odometry worth telling."""
+
+SHARE_WORTH_TELLING = 0.01
+"""Of a recording, where it can't be used."""
+
+WORTH_TELLING = 0.1
+"""Distance of NIS from 1: the band of so many innovations is narrower than what matters."""
+
+MOST_BEARING_RAD = 6.5
+"""Beyond a turn, with a little to spare."""
+
+OTHER_CAUSES = "clocks, units or places do not fit"
+
+
+def replay_document(replayed: Replay) -> ReplayDocument:
+    """Return the report of the filter on a recording."""
+    from syncplan import __version__
+
+    names = [robot.name for robot in replayed.log.robots]
+    result, overall = replayed.result, replayed.accuracy.overall()
+    return ReplayDocument(
+        version=__version__,
+        name=replayed.log.name,
+        begin_s=replayed.begin,
+        duration_s=replayed.duration,
+        landmarks=list(replayed.landmarks),
+        meetings=replayed.meetings,
+        filter=ReplayFilter(
+            bearing_sigma_rad=replayed.bearing_sigma,
+            speed_sigma_mps=replayed.noise.speed_sigma,
+            turn_rate_sigma_rad_s=replayed.noise.turn_rate_sigma,
+            position_sigma_m=replayed.noise.position_sigma,
+            heading_sigma_rad=replayed.noise.heading_sigma,
+            sample_time_s=replayed.sample_time,
+            gate_probability=replayed.gate_probability,
+        ),
+        position_rmse_m=float(overall.position),
+        heading_rmse_rad=float(overall.heading),
+        robots=[
+            RobotFigures(
+                name=name,
+                coverage_3sigma=float(replayed.coverage[k]),
+                **_figures(replayed.accuracy, k),
+            )
+            for k, name in enumerate(names)
+        ],
+        coverage_3sigma=float(replayed.coverage.mean()),
+        anees=spread_of(replayed.anees),
+        nis=spread_of(replayed.nis),
+        readings=ReadingCounts(
+            used=int(result.accepted.sum()),
+            rejected=int(result.gated.sum()),
+            unknown=replayed.unknown,
+            not_asked_for=replayed.not_asked_for,
+            outside=replayed.outside,
+        ),
+        series=series_of(result, names, replayed.sample_time) if result.branches else None,
+        notes=_notes(replayed),
+    )
+
+
+def _figures(accuracy: Accuracy, robot: int) -> dict[str, Any]:
+    return {
+        "rms_m": float(accuracy.position[robot]),
+        "rms_second_half_m": float(accuracy.late_position[robot]),
+        "rms_x_m": float(accuracy.x[robot]),
+        "rms_y_m": float(accuracy.y[robot]),
+        "rms_heading_rad": float(accuracy.heading[robot]),
+        "final_error_m": float(accuracy.final_position[robot]),
+    }
+
+
+def _notes(replayed: Replay) -> list[str]:
+    """What the figures mean for the reader, and what of the recording is amiss, in plain words."""
+    return [
+        *_readings_notes(replayed),
+        *_consistency_notes(replayed),
+        *_span_notes(replayed),
+        *_odometry_notes(replayed),
+        *(
+            f"the truth of {name} has a gap of {gap:.2f} s: its errors there are from a straight "
+            "line"
+            for name, gap in _gaps(replayed, [robot.truth for robot in replayed.log.robots])
+            if gap > LONG_GAP_S
+        ),
+    ]
+
+
+def _readings_notes(replayed: Replay) -> list[str]:
+    used, rejected = int(replayed.result.accepted.sum()), int(replayed.result.gated.sum())
+    notes = []
+    if used + rejected + replayed.outside == 0:
+        notes.append("no bearing was used: this is odometry alone")
+    elif used + rejected == 0:
+        notes.append(
+            f"all {replayed.outside} bearings that were asked for are from before or after the "
+            "run: by another clock? This is odometry alone"
+        )
+    if rejected > used:
+        notes.append(
+            f"the gate rejected {rejected} of {used + rejected} bearings: the filter has lost its "
+            f"way, its sigmas are too small, or {OTHER_CAUSES}"
+        )
+    largest = max(np.abs(robot.bearings).max(initial=0.0) for robot in replayed.log.robots)
+    if largest > MOST_BEARING_RAD:
+        notes.append(f"bearings of up to {largest:.4g} rad: are they in degrees?")
+    return notes
+
+
+def _consistency_notes(replayed: Replay) -> list[str]:
+    notes = []
+    figure, told = replayed.anees, replayed.bearing_sigma
+    if figure.verdict == "optimistic":
+        notes.append(
+            f"the filter makes larger errors than its sigmas say (ANEES {figure.value:.2f} above "
+            f"{figure.band[1]:.2f}): they are too small for these robots, or {OTHER_CAUSES}"
+        )
+    elif figure.verdict == "conservative":
+        notes.append(
+            f"the filter makes smaller errors than its sigmas say (ANEES {figure.value:.2f} below "
+            f"{figure.band[0]:.2f}): they may be smaller"
+        )
+    figure = replayed.nis
+    if figure.verdict == "optimistic" and figure.value > 1.0 + WORTH_TELLING:
+        notes.append(
+            f"bearings scatter more than the filter expects (NIS {figure.value:.3g}): their sigma "
+            f"may be more than {told:g} rad"
+        )
+    elif figure.verdict == "conservative" and figure.value < 1.0 - WORTH_TELLING:
+        notes.append(
+            f"bearings scatter less than the filter expects (NIS {figure.value:.3g}): their sigma "
+            f"may be less than {told:g} rad"
+        )
+    return notes
+
+
+def _span_notes(replayed: Replay) -> list[str]:
+    """Where the truth of some robots is known for much longer than that of all."""
+    robots = replayed.log.robots
+    begins = {robot.name: float(robot.truth[0, 0]) for robot in robots}
+    ends = {robot.name: float(robot.truth[-1, 0]) for robot in robots}
+    late, early = max(begins, key=lambda name: begins[name]), min(ends, key=lambda name: ends[name])
+    lost = {
+        f"the truth of {late} begins": begins[late] - min(begins.values()),
+        f"the truth of {early} ends": max(ends.values()) - ends[early],
+    }
+    whole = max(ends.values()) - min(begins.values())
+    return [
+        f"{what} {time:.1f} s {way}: that part of the recording is not used"
+        for (what, time), way in zip(lost.items(), ("late", "early"), strict=True)
+        if time > max(LONG_PAUSE_S, SHARE_WORTH_TELLING * whole)
+    ]
+
+
+def _odometry_notes(replayed: Replay) -> list[str]:
+    begin, end = replayed.begin, replayed.begin + replayed.duration
+    read = {robot.name: robot.odometry[:, 0] for robot in replayed.log.robots}
+    late = {name: float(times[0]) - begin for name, times in read.items()}
+    early = {name: end - float(times[-1]) for name, times in read.items()}
+    missing = (("begins late; till then they", late), ("ends early; from then on they", early))
+    notes = []
+    for what, times in missing:
+        long = [f"{name} {time:.1f} s" for name, time in times.items() if time > LONG_PAUSE_S]
+        if long:
+            notes.append(f"odometry {what} count as standing still: {', '.join(long)}")
+    return notes + [
+        f"the odometry of {name} has a gap of {gap:.2f} s: its last reading counts meanwhile"
+        for name, gap in _gaps(replayed, [robot.odometry for robot in replayed.log.robots])
+        if gap > LONG_PAUSE_S
+    ]
+
+
+def _gaps(replayed: Replay, tables: list[Array]) -> list[tuple[str, float]]:
+    """The longest gap in s of each robot's table of times."""
+    return [
+        (robot.name, longest_gap(table[:, 0], replayed.begin, replayed.duration))
+        for robot, table in zip(replayed.log.robots, tables, strict=True)
+    ]

@@ -1,0 +1,7 @@
+"""What the machine gives: cores and threads, child processes, files written whole.
+
+blas              one thread for linear algebra
+cores             how many cores there are
+child_processes   processes that end with their parent
+files             files written whole or not at all
+"""

@@ -1,0 +1,97 @@
+"""Child processes that work off tasks: plain Python, messages over a pipe, gone with their parent.
+
+A child needs nothing of the program that started it: it looks for modules where its parent does,
+and not where it happens to stand. On Linux the kernel ends it with the thread that started it, from
+its first moments on, before it imports what it runs; elsewhere it ends when it next looks at the
+pipe.
+"""
+
+import contextlib
+import ctypes
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+from multiprocessing.connection import Connection, Pipe
+
+__all__ = ["ChildProcess", "connect_to_parent", "end_with"]
+
+_CODE = (
+    "import sys; sys.path[:] = {path!r}; from syncplan.runtime.child_processes import end_with; "
+    "end_with({parent}); from {module} import {function} as serve; serve({descriptor})"
+)
+_PR_SET_PDEATHSIG = 1
+_GRACE_S = 10.0
+
+
+class ChildProcess:
+    """A running child: `connection` carries messages both ways, any that can be pickled.
+
+    Parameters
+    ----------
+    module, function : what the child runs, called with the number that connect_to_parent takes
+    """
+
+    def __init__(self, module: str, function: str) -> None:
+        self.connection, theirs = Pipe()
+        self._descriptor = self.connection.fileno()
+        self._errors = tempfile.TemporaryFile()  # noqa: SIM115
+        code = _CODE.format(
+            path=sys.path,
+            module=module,
+            function=function,
+            descriptor=theirs.fileno(),
+            parent=os.getpid(),
+        )
+        with theirs:
+            self.process = subprocess.Popen(
+                [sys.executable, "-P", "-c", code],
+                stdin=subprocess.DEVNULL,
+                stdout=self._errors,
+                stderr=self._errors,
+                pass_fds=[theirs.fileno()],
+                env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+            )
+
+    def complaint(self) -> str:
+        """Return the last line the process wrote, or its exit status."""
+        self._errors.seek(0)
+        lines = self._errors.read().decode(errors="replace").strip().splitlines()
+        return lines[-1] if lines else f"exit status {self.process.poll()}"
+
+    def end(self) -> None:
+        """Close the connection, which ends the process, and wait for that."""
+        if self.connection.closed:
+            return
+        # closing alone does nothing while another thread waits for a message
+        with contextlib.suppress(OSError), socket.socket(fileno=os.dup(self._descriptor)) as both:
+            both.shutdown(socket.SHUT_RDWR)
+        self.connection.close()
+        try:
+            self.process.wait(timeout=_GRACE_S)
+        except subprocess.TimeoutExpired:
+            self.kill()
+        self._errors.close()
+
+    def kill(self) -> None:
+        """End the process at once, whatever it is at."""
+        with contextlib.suppress(ProcessLookupError):
+            self.process.kill()
+        self.process.wait()
+
+
+def connect_to_parent(descriptor: int) -> Connection:
+    """Return the child's end of the connection; Ctrl-C is the parent's to handle."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    return Connection(descriptor)
+
+
+def end_with(parent: int) -> None:
+    """Ask the kernel to end this process with the thread that started it, where it can."""
+    if not sys.platform.startswith("linux"):
+        return
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:
+        os._exit(1)

@@ -1,0 +1,14 @@
+"""What the user says, read and checked: vehicles, sensors, formation, areas, options.
+
+chunked_validation   long lists checked in chunks
+quantities           numbers with units and limits
+georeference         where [0, 0] lies on Earth
+json_schema          conditions between keys, as JSON Schema states them
+refine_options       what a refinement may change, and to what end
+areas                polygons that circles stay within or clear of
+rules                conditions between keys that JSON Schema cannot state
+models               the sections of a scenario
+formations           centres of named shapes
+specification        the scenario as a whole
+loading              YAML and JSON to scenarios, each fault in one line
+"""

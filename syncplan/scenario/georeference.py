@@ -1,0 +1,25 @@
+"""Where on Earth the plane of a scenario lies."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from syncplan.scenario.quantities import Section
+
+__all__ = ["GeoOrigin"]
+
+Latitude = Annotated[float, Field(ge=-90, le=90)]
+Longitude = Annotated[float, Field(ge=-180, le=180)]
+Altitude = Annotated[float, Field(ge=-1000, le=100_000)]
+
+
+class GeoOrigin(Section):
+    """The point of the WGS 84 ellipsoid's surroundings that the plane touches at [0, 0]."""
+
+    lat_deg: Latitude = Field(description="Latitude, positive north", examples=[47.3977])
+    lon_deg: Longitude = Field(description="Longitude, positive east", examples=[8.5456])
+    alt_m: Altitude = Field(
+        default=0.0,
+        description="Altitude above mean sea level, which autopilots take for home's",
+        examples=[488.0],
+    )

@@ -1,0 +1,277 @@
+"""Reading scenarios: YAML 1.2 or JSON, from a file or standard input, every fault in one line."""
+
+import contextlib
+import difflib
+import io
+import json
+import math
+import sys
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal, NoReturn
+
+from pydantic import BaseModel, ValidationError
+
+from syncplan.errors import Fault, InputError
+from syncplan.scenario.models import MAX_VEHICLES
+from syncplan.scenario.specification import Scenario
+
+__all__ = [
+    "decoded",
+    "is_plan",
+    "load_scenario",
+    "parse_document",
+    "parse_values",
+    "read_text",
+    "scenario_from",
+    "validation_fault",
+]
+
+LARGEST_FILE_BYTES = 64 * 2**20
+FEWEST_VALUES = 10_000
+"""Values that a YAML document may hold however short it is; without aliases, none holds more
+values than it has characters."""
+
+LARGEST_LIST = 20
+"""Most faults that one error lists."""
+
+Syntax = Literal["json", "yaml"]
+
+_TAGS = {"one", "many", "listed", "named"}
+_VALUE_LENGTH = 60
+
+
+def load_scenario(path: str | Path, *, max_vehicles: int = MAX_VEHICLES) -> Scenario:
+    """Return the scenario of a YAML 1.2 or JSON file; "-" reads standard input.
+
+    Raises InputError naming the file, the key, its value and what is allowed.
+    """
+    name, text = read_text(path)
+    document = parse_document(text, name)
+    if is_plan(document):
+        raise InputError(
+            "is a plan already; validate it as it is, or plan its 'scenario' part anew", source=name
+        )
+    return scenario_from(document, source=name, max_vehicles=max_vehicles)
+
+
+def is_plan(document: Mapping[str, Any]) -> bool:
+    """Return whether a document is a plan rather than a scenario, by its keys."""
+    return "scenario" in document and "vehicles" in document
+
+
+def read_text(path: str | Path) -> tuple[str, str]:
+    """Return (name to show, text) of a file or, for "-", of standard input."""
+    name = "standard input" if str(path) == "-" else str(path)
+    try:
+        if str(path) == "-" and sys.stdin is None:
+            raise InputError("is closed", source=name)
+        if str(path) == "-":
+            data = sys.stdin.buffer.read(LARGEST_FILE_BYTES + 1)
+        else:
+            with Path(path).open("rb") as file:
+                data = file.read(LARGEST_FILE_BYTES + 1)
+    except FileNotFoundError:
+        raise InputError("no such file; check the path", source=name) from None
+    except IsADirectoryError:
+        raise InputError("is a directory; give a scenario or plan file", source=name) from None
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        raise InputError(f"can't be read: {reason}", source=name) from None
+    if len(data) > LARGEST_FILE_BYTES:
+        raise InputError(f"is larger than {LARGEST_FILE_BYTES // 2**20} MiB", source=name)
+    return name, decoded(data, name)
+
+
+def decoded(data: bytes, source: str) -> str:
+    """Return bytes as text; raises InputError if they are empty or not UTF-8."""
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"is not text: byte {error.start} is not UTF-8; give YAML or JSON", source=source
+        ) from None
+    if not text.strip():
+        raise InputError("is empty; see 'syncplan schema' for what a scenario holds", source=source)
+    return text
+
+
+def parse_document(text: str, source: str, syntax: Syntax | None = None) -> dict[str, Any]:
+    """Return the mapping a JSON or YAML 1.2 text holds; see parse_values."""
+    document = parse_values(text, source, syntax)
+    if not isinstance(document, dict):
+        raise InputError(
+            f"holds {_describe(document)} where a mapping of keys is expected; "
+            "see 'syncplan schema'",
+            source=source,
+        )
+    return document
+
+
+def parse_values(text: str, source: str, syntax: Syntax | None = None) -> Any:
+    """Return what a JSON or YAML 1.2 text holds, a mapping or not.
+
+    Which of the two is known from the source's name or the text, where it is not said.
+    """
+    document = None
+    if syntax == "json" or (syntax is None and source.endswith(".json")):
+        document = _parse_json(text, source)
+    elif text.lstrip().startswith("{"):
+        # flow-style YAML starts with a brace too
+        with contextlib.suppress(InputError):
+            document = _parse_json(text, source)
+    if document is None:
+        document = _parse_yaml(text, source)
+    return document
+
+
+def _parse_json(text: str, source: str) -> Any:
+    try:
+        return json.loads(text, object_pairs_hook=_without_repeats)
+    except RecursionError:
+        raise InputError("is nested too deeply", source=source) from None
+    except ValueError as error:
+        raise InputError(f"not valid JSON: {error}", source=source) from None
+
+
+def _without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    repeated = [key for key, times in Counter(key for key, _ in pairs).items() if times > 1]
+    if repeated:
+        raise ValueError(f"duplicate key {repeated[0]!r}")
+    return dict(pairs)
+
+
+def _parse_yaml(text: str, source: str) -> Any:
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import MarkedYAMLError
+
+    try:
+        values = YAML(typ="safe", pure=True).load(io.StringIO(text))
+        if _count(values, {}) > max(len(text), FEWEST_VALUES):
+            raise InputError("its aliases make too many values; write them out", source=source)
+        return values
+    except MarkedYAMLError as error:
+        mark = error.problem_mark
+        place = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
+        what = " ".join(str(error.problem or error.context or "unreadable").split())
+        raise InputError(f"{place}not valid YAML: {what}", source=source) from None
+    except RecursionError:
+        raise InputError("is nested too deeply", source=source) from None
+    except (InputError, MemoryError):
+        raise
+    except Exception as error:
+        # the parser lets its own slips out: an AssertionError for a key that stands twice in !!omap
+        what = " ".join(str(error).split())[:200] or "can't be read"
+        raise InputError(f"not valid YAML: {what}", source=source) from None
+
+
+def _count(value: Any, known: dict[int, float]) -> float:
+    """How many values a value holds, aliases as often as they stand; inf if it holds itself."""
+    if not isinstance(value, list | dict | set | tuple):
+        return 1.0
+    count = known.get(id(value))
+    if count is None:
+        known[id(value)] = math.inf
+        inner = [*value, *value.values()] if isinstance(value, dict) else value
+        count = known[id(value)] = 1.0 + sum(_count(one, known) for one in inner)
+    return count
+
+
+def scenario_from(
+    document: Mapping[str, Any], *, source: str = "", max_vehicles: int = MAX_VEHICLES
+) -> Scenario:
+    """Return the checked scenario of a mapping; `source` names it in messages."""
+    try:
+        return Scenario.model_validate(dict(document), context={"max_vehicles": max_vehicles})
+    except ValidationError as error:
+        validation_fault(error, Scenario, source)
+    except RecursionError:
+        raise InputError("is nested too deeply", source=source) from None
+
+
+def validation_fault(error: ValidationError, model: type[BaseModel], source: str) -> NoReturn:
+    """Raise the InputError for a model's faults, unknown keys before all others.
+
+    Its message is that of the first; `faults` holds all, up to LARGEST_LIST of them.
+    """
+    faults = error.errors(include_url=False)
+    faults.sort(key=lambda item: item["type"] != "extra_forbidden")
+    told = tuple(_fault(dict(item), model) for item in faults[:LARGEST_LIST])
+    first, more = told[0], len(faults) - 1
+    problem = first.problem if more == 0 else f"{first.problem} (and {more} more)"
+    message = f"{first.value}: {problem}" if first.value else problem
+    raise InputError(message, key=first.key, source=source, faults=told) from None
+
+
+def _fault(item: dict[str, Any], model: type[BaseModel]) -> Fault:
+    key = _dotted(item["loc"], item.get("ctx", {}).get("key", ""))
+    return Fault(key, *_remedy(item, model))
+
+
+def _dotted(location: tuple[int | str, ...], inner: str) -> str:
+    key = ""
+    for part in location:
+        if part in _TAGS or part == "[key]":
+            continue
+        if isinstance(part, int):
+            key += f"[{part}]"
+        else:
+            key += f".{part}" if key else str(part)
+    return f"{key}.{inner}" if key and inner else key or inner
+
+
+def _remedy(fault: dict[str, Any], model: type[BaseModel]) -> tuple[str, str]:
+    """What is wrong and what is allowed, and the value at fault where it is worth repeating."""
+    kind, message = fault["type"], fault["msg"]
+    if kind == "extra_forbidden":
+        allowed = list(_model_at(model, fault["loc"][:-1]).model_fields)
+        near = difflib.get_close_matches(str(fault["loc"][-1]), allowed, n=1)
+        hint = f"did you mean {near[0]}? " if near else ""
+        return f"unknown key; {hint}allowed: {', '.join(allowed)}", ""
+    if kind == "missing":
+        return "is missing", ""
+    if kind == "rule":
+        value = fault["ctx"].get("value")
+        return message, "" if value is None else _describe(value)
+    for old, new in (
+        ("Input should be", "must be"),
+        ("Input should have", "must have"),
+        ("String should", "must"),
+        ("List should", "must"),
+        ("Tuple should", "must"),
+    ):
+        message = message.replace(old, new)
+    return message, _describe(fault["input"])
+
+
+def _model_at(model: type[BaseModel], location: tuple[int | str, ...]) -> type[BaseModel]:
+    """The model a location lies in: the deepest one its field names lead to."""
+    for part in location:
+        field = model.model_fields.get(str(part))
+        inner = _model_in(field.annotation) if field is not None else None
+        if inner is not None:
+            model = inner
+    return model
+
+
+def _model_in(annotation: Any) -> type[BaseModel] | None:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    for argument in getattr(annotation, "__args__", ()):
+        found = _model_in(argument)
+        if found is not None:
+            return found
+    return None
+
+
+def _describe(value: Any) -> str:
+    if value is None:
+        return "nothing"
+    try:
+        text = repr(value) if isinstance(value, str) else json.dumps(value, default=str)
+    except (ValueError, RecursionError):
+        text = f"a {type(value).__name__} that holds itself"
+    except TypeError:
+        text = f"a {type(value).__name__} with keys that are no text"
+    return text if len(text) <= _VALUE_LENGTH else text[: _VALUE_LENGTH - 3] + "..."

@@ -1,0 +1,290 @@
+"""The sections of a scenario: circles, formation, sensor and noise, each checked by itself.
+
+Keys carry their unit in their name. Unknown keys are errors, numbers are finite, and every
+message names the key, its value and what is allowed.
+"""
+
+import math
+import re
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import ConfigDict, Field, ValidationInfo, field_validator, model_validator
+
+from syncplan.scenario.chunked_validation import Many
+from syncplan.scenario.json_schema import given
+from syncplan.scenario.quantities import (
+    Angle,
+    Length,
+    ListedOrNamed,
+    Name,
+    OneOrMany,
+    Pair,
+    Section,
+    fault,
+)
+
+__all__ = [
+    "MAX_VEHICLES",
+    "Formation",
+    "InitialSigma",
+    "Motion",
+    "Orbit",
+    "Sensor",
+]
+
+MAX_VEHICLES = 2000
+"""Largest team accepted unless the caller says otherwise."""
+
+SPEED_AGREEMENT = 1e-6
+"""Relative difference up to which speed and rate times radius agree."""
+
+Rate = Annotated[float, Field(ge=1e-6, le=1e4)]
+Speed = Annotated[float, Field(ge=1e-9, le=1e6)]
+Sigma = Annotated[float, Field(ge=0, le=1e3)]
+
+
+class Orbit(Section):
+    """The circles: radius, common angular rate, senses and phases."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"anyOf": [given("angular_rate_rad_s"), given("speed_mps")]}
+    )
+
+    radius_m: OneOrMany[Length] = Field(
+        description="Radius of the circles, one value or one per vehicle", examples=[20.0]
+    )
+    angular_rate_rad_s: Rate | None = Field(
+        default=None, description="Common angular rate of all vehicles", examples=[0.2]
+    )
+    speed_mps: OneOrMany[Speed] | None = Field(
+        default=None, description="Speed along the circle, instead of the rate", examples=[4.0]
+    )
+    direction: OneOrMany[Literal["ccw", "cw", "alternate"]] = Field(
+        default="ccw",
+        description="Sense of turning: ccw, cw, alternate, or a list with ccw or cw per vehicle",
+        examples=["ccw"],
+    )
+    first_phase_rad: Angle = Field(
+        default=0.0, description="Phase of the first vehicle at time 0", examples=[0.3]
+    )
+    desync_rad: OneOrMany[Angle] = Field(
+        default=0.0,
+        description="Offset of each vehicle's phase from the exact rule",
+        examples=[0.1],
+    )
+
+    @field_validator("direction")
+    @classmethod
+    def _list_has_no_alternate(cls, value: Any) -> Any:
+        if isinstance(value, list) and "alternate" in value:
+            raise fault("", "alternate stands alone; a list has ccw or cw for each vehicle")
+        return value
+
+    @model_validator(mode="after")
+    def _one_rate(self) -> Self:
+        radii = self.radius_m if isinstance(self.radius_m, list) else [self.radius_m]
+        if self.angular_rate_rad_s is None and self.speed_mps is None:
+            raise fault("angular_rate_rad_s", "is missing: give it, or speed_mps")
+        if self.speed_mps is None:
+            return self
+        speeds = self.speed_mps if isinstance(self.speed_mps, list) else [self.speed_mps]
+        count = max(len(speeds), len(radii))
+        if len(speeds) not in (1, count) or len(radii) not in (1, count):
+            raise fault(
+                "speed_mps", f"has {len(speeds)} values for {len(radii)} radii", self.speed_mps
+            )
+        speeds, radii = _spread(speeds, count), _spread(radii, count)
+        rate = self.angular_rate_rad_s or speeds[0] / radii[0]
+        for speed, radius in zip(speeds, radii, strict=True):
+            if abs(speed - rate * radius) > SPEED_AGREEMENT * speed:
+                raise fault("speed_mps", self._disagreement(speed, radius), self.speed_mps)
+        if not 1e-6 <= rate <= 1e4:
+            raise fault("speed_mps", f"gives {rate:g} rad/s; allowed are 1e-6 to 1e4")
+        return self
+
+    def _disagreement(self, speed: float, radius: float) -> str:
+        if self.angular_rate_rad_s is not None:
+            product = self.angular_rate_rad_s * radius
+            return (
+                f"disagrees with angular_rate_rad_s {self.angular_rate_rad_s:g} x radius_m "
+                f"{radius:g} = {product:g} m/s; give one of the two"
+            )
+        return (
+            f"{speed:g} m/s on a radius of {radius:g} m turns at another angular rate than the "
+            "first vehicle: meetings are periodic only with one common rate; give "
+            "angular_rate_rad_s instead"
+        )
+
+    @property
+    def rate(self) -> float:
+        """Common angular rate in rad/s."""
+        if self.angular_rate_rad_s is not None:
+            return self.angular_rate_rad_s
+        speed = self.speed_mps[0] if isinstance(self.speed_mps, list) else self.speed_mps
+        radius = self.radius_m[0] if isinstance(self.radius_m, list) else self.radius_m
+        return float(speed or 0.0) / radius
+
+
+class Formation(Section):
+    """Where the centres are: listed, a shape, or to be found; and which pairs to synchronise."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "anyOf": [
+                given("centers_m", absent=("shape", "count", "columns", "spacing_m", "gap_m")),
+                given("shape", "count", "spacing_m", absent=("centers_m", "gap_m")),
+                given("shape", "count", "gap_m", absent=("centers_m", "spacing_m")),
+                given("links", absent=("centers_m", "shape", "columns", "spacing_m", "gap_m")),
+            ]
+        }
+    )
+
+    centers_m: ListedOrNamed | None = Field(
+        default=None,
+        description="Centres [x, y]: a list (vehicles are v1, v2, ...) or a mapping of names",
+        examples=[[[0.0, 0.0], [70.0, 0.0]]],
+    )
+    shape: Literal["line", "grid", "hex", "ring"] | None = Field(
+        default=None, description="A shape instead of centers_m", examples=["ring"]
+    )
+    count: Annotated[int, Field(ge=1, le=10_000_000)] | None = Field(
+        default=None, description="Number of vehicles, where the centres are not listed"
+    )
+    spacing_m: Length | None = Field(
+        default=None, description="Distance of neighbouring centres of the shape", examples=[70.0]
+    )
+    gap_m: Length | None = Field(
+        default=None,
+        description="Gap between neighbouring circles of the shape, instead of its spacing",
+        examples=[30.0],
+    )
+    columns: Annotated[int, Field(ge=1, le=10_000_000)] | None = Field(
+        default=None,
+        description="Width of grid and hex rows; nearly square if not given",
+        examples=[3],
+    )
+    names: Many[Name] | None = Field(
+        default=None, description="Names of the vehicles, instead of v1, v2, ...", examples=[["a"]]
+    )
+    links: Many[Pair] | None = Field(
+        default=None,
+        description="Pairs to synchronise; every pair that can come within range if not given. "
+        "Without centers_m and shape, the pairs that centres are to be found for",
+        examples=[[["v1", "v2"]]],
+    )
+
+    @model_validator(mode="after")
+    def _one_way_to_place(self, info: ValidationInfo) -> Self:
+        lengths = {"spacing_m": self.spacing_m, "gap_m": self.gap_m}
+        shape_keys = {"columns": self.columns, **lengths}
+        if self.centers_m is not None:
+            others = {"shape": self.shape, "count": self.count, **shape_keys}
+            extra = [key for key, value in others.items() if value]
+            if extra:
+                raise fault(extra[0], "does not go with centers_m; give one of the two")
+            if not self.centers_m:
+                raise fault("centers_m", "is empty; a formation has at least one vehicle")
+            if isinstance(self.centers_m, dict) and self.names is not None:
+                raise fault("names", "does not go with centers_m that carries names already")
+        elif self.shape is not None:
+            if self.count is None:
+                raise fault("count", f"is missing: shape {self.shape} needs count and spacing_m")
+            if self.spacing_m is None and self.gap_m is None:
+                raise fault("spacing_m", f"is missing: shape {self.shape} needs spacing_m or gap_m")
+            if self.spacing_m is not None and self.gap_m is not None:
+                raise fault("gap_m", "does not go with spacing_m; give one of the two")
+        else:
+            extra = [key for key, value in shape_keys.items() if value]
+            if extra:
+                raise fault(extra[0], "goes with a shape; give shape too")
+            if not self.links:
+                raise fault(
+                    "centers_m",
+                    "is missing: list the centres, give shape, count, spacing_m, or give links "
+                    "that centres are to be found for",
+                )
+        _check_team_size(self, info)
+        return self
+
+    @property
+    def placed(self) -> bool:
+        """Whether the centres follow from the keys; if not, they are to be found."""
+        return self.centers_m is not None or self.spacing_m is not None
+
+    @property
+    def size(self) -> int:
+        """Number of vehicles."""
+        if self.centers_m is not None:
+            return len(self.centers_m)
+        return self.count or len(self.vehicle_names)
+
+    @property
+    def vehicle_names(self) -> list[str]:
+        """Names of the vehicles in order: as listed, v1, v2, ..., or as the links name them."""
+        if isinstance(self.centers_m, dict):
+            return list(self.centers_m)
+        if self.names is not None:
+            return self.names
+        count = self.count if self.centers_m is None else len(self.centers_m)
+        if count is not None:
+            return [f"v{k + 1}" for k in range(count)]
+        named = list(dict.fromkeys(name for pair in self.links or [] for name in pair))
+        if all(re.fullmatch(r"v[1-9]\d*", name) for name in named):
+            named.sort(key=lambda name: int(name[1:]))
+        return named
+
+
+def _check_team_size(formation: Formation, info: ValidationInfo) -> None:
+    limit = (info.context or {}).get("max_vehicles", MAX_VEHICLES)
+    if formation.size > limit:
+        raise fault(
+            "count" if formation.centers_m is None else "centers_m",
+            f"{formation.size} vehicles are more than the limit of {limit}; "
+            "raise it with --max-vehicles (library: max_vehicles=) if you mean it",
+        )
+
+
+class Sensor(Section):
+    """What a vehicle sees of others and of landmarks: bearings, within range and field of view."""
+
+    range_m: Length = Field(description="Largest distance seen", examples=[50.0])
+    fov_deg: Annotated[float, Field(gt=0, le=360)] = Field(
+        default=360.0, description="Full angle of the field of view", examples=[150.0]
+    )
+    boresight_deg: Annotated[float, Field(ge=-360, le=360)] = Field(
+        default=0.0,
+        description="Middle of the field of view from the heading, counter-clockwise",
+        examples=[90.0],
+    )
+    bearing_sigma_rad: Annotated[float, Field(ge=1e-6, le=math.pi)] = Field(
+        default=0.05, description="Standard deviation of a bearing", examples=[0.1]
+    )
+    sample_time_s: Annotated[float, Field(ge=1e-6, le=1e6)] = Field(
+        default=0.1, description="Time between samples, common to all vehicles", examples=[0.1]
+    )
+
+
+class Motion(Section):
+    """Noise of the motion readings, per sample."""
+
+    speed_sigma_mps: Sigma = Field(
+        default=0.1, description="Standard deviation of a speed reading", examples=[0.1]
+    )
+    turn_rate_sigma_rad_s: Sigma = Field(
+        default=0.01, description="Standard deviation of a turn-rate reading", examples=[0.01]
+    )
+
+
+class InitialSigma(Section):
+    """How well each vehicle knows its pose at time 0."""
+
+    position_m: Annotated[float, Field(ge=1e-6, le=1e6)] = Field(
+        default=5.0, description="Standard deviation of each coordinate", examples=[5.0]
+    )
+    heading_rad: Annotated[float, Field(ge=1e-6, le=100)] = Field(
+        default=0.1, description="Standard deviation of the heading", examples=[0.1]
+    )
+
+
+def _spread(values: list[float], count: int) -> list[float]:
+    return values * count if len(values) == 1 else values

@@ -1,0 +1,208 @@
+"""The scenario: what a user says of a formation, checked. One model for files and service."""
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, Self, TypeVar
+
+from pydantic import Field, model_validator
+
+from syncplan.scenario.chunked_validation import Many
+from syncplan.scenario.formations import SHAPES, shape_centers
+from syncplan.scenario.georeference import GeoOrigin
+from syncplan.scenario.models import Formation, InitialSigma, Motion, Orbit, Sensor
+from syncplan.scenario.quantities import (
+    ListedOrNamed,
+    OneOrMany,
+    Point,
+    Polygon,
+    Section,
+    StartTime,
+    Title,
+)
+from syncplan.scenario.refine_options import Limits, RefineOptions
+from syncplan.scenario.rules import (
+    check_extent,
+    check_landmarks,
+    check_lengths,
+    check_limits,
+    check_link_names,
+    check_links,
+    check_names,
+    check_polygons,
+    check_samples,
+    check_shared_circles,
+)
+
+__all__ = ["Scenario", "per_vehicle"]
+
+T = TypeVar("T")
+
+Duration = Annotated[float, Field(gt=0, le=1e9)]
+
+
+class Scenario(Section):
+    """A formation to plan: circles, sensors, landmarks and noise."""
+
+    name: Title = Field(default="", description="Title", examples=["survey"])
+    orbit: Orbit
+    formation: Formation
+    landmarks_m: ListedOrNamed = Field(
+        default_factory=list,
+        description="Known landmarks [x, y]: a list (L1, L2, ...) or a mapping of names",
+        examples=[[[190.0, 0.0], [190.0, 70.0]]],
+    )
+    sensor: OneOrMany[Sensor] = Field(description="One sensor for all, or one per vehicle")
+    motion: Motion = Field(default_factory=Motion)
+    initial_sigma: InitialSigma = Field(default_factory=InitialSigma)
+    duration_s: Duration = Field(
+        default=200.0, description="Length of the run that errors are predicted for", examples=[200]
+    )
+    window_s: Duration | None = Field(
+        default=None,
+        description="What observability is judged over; one period if not given",
+        examples=[60.0],
+    )
+    min_separation_m: Annotated[float, Field(ge=0, le=1e7)] = Field(
+        default=0.0, description="Least distance two vehicles may come to", examples=[10.0]
+    )
+    area_m: Polygon | None = Field(
+        default=None,
+        description="Corners [x, y] of the polygon that all circles are to lie within, in order",
+        examples=[[[-50.0, -50.0], [250.0, -50.0], [250.0, 150.0], [-50.0, 150.0]]],
+    )
+    keep_out_m: Many[Polygon] | None = Field(
+        default=None,
+        description="Polygons that all circles are to lie clear of",
+        examples=[[[[100.0, 20.0], [110.0, 20.0], [105.0, 30.0]]]],
+    )
+    limits: Limits | None = Field(default=None, description="What the vehicles can do")
+    refine: RefineOptions | None = Field(
+        default=None, description="How a plan is refined; defaults where not given"
+    )
+    start_time: StartTime | None = Field(
+        default=None, description="Moment of time 0, RFC 3339", examples=["2026-05-01T09:00:00Z"]
+    )
+    geo_origin: GeoOrigin | None = Field(
+        default=None,
+        description="Where on Earth [0, 0] lies; exports to maps and autopilots need it",
+    )
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        orbit, formation = self.orbit, self.formation
+        radii = per_vehicle(orbit.radius_m, self.size)
+        check_lengths(
+            {
+                "orbit.radius_m": orbit.radius_m,
+                "orbit.speed_mps": orbit.speed_mps,
+                "orbit.direction": orbit.direction,
+                "orbit.desync_rad": orbit.desync_rad,
+                "sensor": self.sensor,
+                "formation.names": formation.names,
+            },
+            self.size,
+        )
+        check_names(self.vehicle_names, self.landmark_names)
+        check_samples(
+            (sensor.sample_time_s for sensor in self.sensors),
+            {"duration_s": self.duration_s, "window_s": self.window},
+            self.period,
+            self.size,
+        )
+        check_landmarks(self.landmark_names, self.landmarks)
+        check_polygons(self._polygons)
+        if self.limits is not None:
+            check_limits(self.limits, self.refine, orbit.rate, radii, self.vehicle_names)
+        check_link_names(formation.links or [], self.vehicle_names)
+        if formation.placed:
+            check_extent("formation.spacing_m", self.centers)
+            ranges = [sensor.range_m for sensor in self.sensors]
+            check_links(formation.links or [], self.vehicle_names, self.centers, radii, ranges)
+        if formation.placed and isinstance(orbit.direction, list):
+            check_shared_circles(orbit.direction, self.vehicle_names, self.centers, radii)
+        return self
+
+    # --- what follows from the keys -----------------------------------------------------------
+
+    @property
+    def size(self) -> int:
+        """Number of vehicles."""
+        return self.formation.size
+
+    @property
+    def vehicle_names(self) -> list[str]:
+        """Names of the vehicles in order."""
+        return self.formation.vehicle_names
+
+    @property
+    def landmark_names(self) -> list[str]:
+        """Names of the landmarks in order."""
+        if isinstance(self.landmarks_m, dict):
+            return list(self.landmarks_m)
+        return [f"L{k + 1}" for k in range(len(self.landmarks_m))]
+
+    @property
+    def centers(self) -> list[Point]:
+        """Centre [x, y] of each circle in m; empty where the centres are to be found."""
+        formation = self.formation
+        if formation.centers_m is not None:
+            return _points(formation.centers_m)
+        shape, count, spacing = formation.shape, formation.count, formation.spacing_m
+        if shape not in SHAPES or count is None or spacing is None:
+            return []
+        return [
+            (float(x), float(y)) for x, y in shape_centers(shape, count, spacing, formation.columns)
+        ]
+
+    @property
+    def landmarks(self) -> list[Point]:
+        """Position [x, y] of each landmark in m."""
+        return _points(self.landmarks_m)
+
+    @property
+    def sensors(self) -> list[Sensor]:
+        """The sensor of each vehicle."""
+        return per_vehicle(self.sensor, self.size)
+
+    @property
+    def sample_time(self) -> float:
+        """Time between samples in s."""
+        return self.sensors[0].sample_time_s
+
+    @property
+    def period(self) -> float:
+        """Time of one turn in s."""
+        return 2.0 * math.pi / self.orbit.rate
+
+    @property
+    def window(self) -> float:
+        """What observability is judged over, in s."""
+        return self.window_s if self.window_s is not None else self.period
+
+    @property
+    def _polygons(self) -> dict[str, Polygon]:
+        """Every polygon by its key."""
+        area = {} if self.area_m is None else {"area_m": self.area_m}
+        kept_out = enumerate(self.keep_out_m or [])
+        return {**area, **{f"keep_out_m[{k}]": polygon for k, polygon in kept_out}}
+
+    def resolved(self) -> "Scenario":
+        """Return the scenario with defaults written out and its shape turned into centres.
+
+        Centres that are to be found stay so; see syncplan.placement.centers.
+        """
+        formation = self.formation
+        if formation.centers_m is None and formation.placed:
+            formation = Formation(
+                centers_m=self.centers, names=formation.names, links=formation.links
+            )
+        return self.model_copy(update={"formation": formation, "window_s": self.window})
+
+
+def per_vehicle(value: T | list[T], count: int) -> list[T]:
+    """Return one value for each of `count` vehicles, a single value repeated."""
+    return value if isinstance(value, list) else [value] * count
+
+
+def _points(value: Sequence[Point] | dict[str, Point]) -> list[Point]:
+    return list(value.values()) if isinstance(value, dict) else list(value)

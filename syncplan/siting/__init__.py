@@ -1,1 +1,0 @@
-"""Choice of landmark sites: what each would tell, the relaxation's bound, the search."""

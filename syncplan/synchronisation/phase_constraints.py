@@ -1,0 +1,233 @@
+"""Difference constraints on time-phases: how far each link may slip, and who can be served.
+
+A link's least distance, tabulated over the size of its residual, turns "within reach by a margin
+and no nearer than the floor" into an interval of residuals around the current one. A set of
+intervals on differences theta_a - theta_b is feasible exactly if the graph of their bounds has no
+negative cycle (Bellman-Ford); the midpoint of the two extreme solutions is a central feasible
+point.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.orbits.circles import wrap
+from syncplan.synchronisation.phase_rules import Rules, closest_distance, residuals
+
+__all__ = ["Servable", "Slack", "largest_margin", "servable"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+_LIMIT_SHARE = 0.5
+_SAMPLES = 513
+_SAMPLES_SEPARATED = 2049
+"""With a floor, feasible intervals may be narrow."""
+
+_BISECTIONS = 40
+_ROUNDING_RAD = 1e-12
+
+
+@dataclass(frozen=True, slots=True)
+class Slack:
+    """Links to serve and pairs to keep apart, tabulated over the size of the residual.
+
+    Attributes
+    ----------
+    rules : of the links, then of the guarded pairs
+    links : number of links; the rest are guards, bound from below only
+    floor : m, least separation
+    residual : (k,) rad from 0 to pi
+    table : (e, k) m least distances
+    cost : (links, k) m what is to be small: the least distance where the circles are apart.
+        Where they cross, nearest is not best: there the cost grows with the residual, from half
+        the reach to all of it, so that phases stay near the rule, and steeply towards
+        its limit, so that contact does not hang on that
+    """
+
+    rules: Rules
+    links: int
+    floor: float
+    residual: Array
+    table: Array
+    cost: Array
+
+    @classmethod
+    def of(cls, rules: Rules, guards: Rules, floor: float) -> "Slack":
+        """Return the tables of `rules` (to serve) and `guards` (to keep apart).
+
+        Guarded pairs that no phases keep apart bind nothing: they would make all else impossible.
+        """
+        samples = _SAMPLES if floor == 0.0 else _SAMPLES_SEPARATED
+        residual = np.linspace(0.0, np.pi, samples)
+        furthest = closest_distance(guards, np.broadcast_to(residual, (len(guards), samples)))
+        guards = guards.only(np.max(furthest, axis=1, initial=0.0) >= floor)
+        both = Rules(
+            *(
+                np.concatenate([getattr(rules, name), getattr(guards, name)])
+                for name in Rules.__slots__
+            )
+        )
+        table = closest_distance(both, np.broadcast_to(residual, (len(both), samples)))
+        links = len(rules)
+        return cls(both, links, floor, residual, table, _cost(rules, residual, table[:links]))
+
+    def only(self, links: list[int]) -> "Slack":
+        """Return the slack of the chosen links and all guards."""
+        rows = np.concatenate(
+            [np.array(links, dtype=np.int64), np.arange(self.links, len(self.rules))]
+        )
+        return Slack(
+            self.rules.only(rows),
+            len(links),
+            self.floor,
+            self.residual,
+            self.table[rows],
+            self.cost[links],
+        )
+
+    def intervals(self, margin: float, current: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Return (low, high, possible), each (e,): the allowed residuals nearest the current ones.
+
+        Allowed is a residual whose least distance respects the floor and, for a link, whose cost
+        leaves `margin` to the reach. Impossible rows have nowhere to be.
+        """
+        lack = self.floor - self.table
+        reach = self.rules.reach[: self.links, None]
+        lack[: self.links] = np.maximum(lack[: self.links], self.cost - (reach - margin))
+        allowed = lack <= 0.0
+        possible = allowed.any(axis=1)
+        away = np.abs(self.residual - np.abs(current)[:, None])
+        near = np.argmin(np.where(allowed, away, np.inf), axis=1)[:, None]
+        column = np.arange(len(self.residual))
+        left = np.where(~allowed & (column < near), column, -1).max(axis=1)
+        right = np.where(~allowed & (column > near), column, len(self.residual)).min(axis=1)
+        low = self._edge(lack, left, left + 1)
+        high = self._edge(lack, right, right - 1)
+        to_zero, to_pi, negative = left < 0, right >= len(self.residual), current < 0.0
+        turn = 2.0 * np.pi
+        signed_low = np.where(negative, np.where(to_pi, low - turn, -high), low)
+        signed_high = np.where(negative, -low, np.where(to_pi, turn - low, high))
+        return (
+            np.where(to_zero, -high, signed_low),
+            np.where(to_zero, high, signed_high),
+            np.asarray(possible),
+        )
+
+    def _edge(self, lack: Array, outside: Index, inside: Index) -> Array:
+        """Residual where the lack vanishes between an outside and an inside sample."""
+        rows = np.arange(len(lack))
+        last = len(self.residual) - 1
+        out, inn = np.clip(outside, 0, last), np.clip(inside, 0, last)
+        beyond, within = lack[rows, out], lack[rows, inn]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.where(beyond > 0.0, within / (within - beyond), 0.0)
+        step = self.residual[out] - self.residual[inn]
+        return np.asarray(self.residual[inn] + np.clip(np.nan_to_num(share), 0.0, 1.0) * step)
+
+
+def _cost(rules: Rules, residual: Array, table: Array) -> Array:
+    crossing = rules.distance < rules.radius_a + rules.radius_b
+    ra, rb = rules.radius_a[:, None], rules.radius_b[:, None]
+    spread = np.sqrt(np.maximum(ra**2 + rb**2 + 2.0 * ra * rb * np.cos(residual), 0.0))
+    share = (ra + rb - spread) / (ra + rb - np.abs(ra - rb))
+    grown = 0.5 * rules.reach[:, None] * (1.0 + share)
+    reach = rules.reach[:, None]
+    at_limit = reach - (reach - table) / _LIMIT_SHARE
+    return np.where(crossing[:, None], np.maximum(grown, at_limit), table)
+
+
+def largest_margin(
+    slack: Slack, start: Array, count: int, above: float = -np.inf
+) -> tuple[Array, float]:
+    """Return (theta, margin in m): the largest smallest reach less cost with the turns of `start`.
+
+    Below zero not every link is in contact. The margin is -inf if separation can't be had with
+    those turns, or if it can't be as large as `above`; for a team without links it is 0 otherwise.
+    """
+    if above > -np.inf and _feasible(slack, above, start, count) is None:
+        return start, -np.inf
+    reach = slack.rules.reach[: slack.links]
+    high = float(np.min(reach - slack.cost.min(axis=1), initial=np.inf)) if slack.links else 0.0
+    low = min(float(np.min(reach - slack.cost.max(axis=1), initial=0.0)), high)
+    theta = _feasible(slack, low, start, count)
+    if theta is None:
+        return start, -np.inf
+    top = _feasible(slack, high, start, count)
+    if top is not None:
+        return top, high
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        trial = _feasible(slack, middle, start, count)
+        if trial is None:
+            high = middle
+        else:
+            low, theta = middle, trial
+    return theta, low
+
+
+@dataclass(frozen=True, slots=True)
+class Servable:
+    """Links (positions, ascending) that one choice of phases serves, and those time-phases."""
+
+    links: Index
+    theta: Array
+
+
+def servable(slack: Slack, start: Array, count: int) -> Servable:
+    """Return a largest-first greedy choice of links that can be served at once.
+
+    Links that may slip furthest come first. Each is kept if, with all kept so far and all guards,
+    some phases bring it within range.
+    """
+    reach = slack.rules.reach[: slack.links]
+    room = np.sum(slack.table[: slack.links] <= reach[:, None], axis=1)
+    kept: list[int] = []
+    theta = start
+    for link in np.argsort(-room, kind="stable"):
+        trial = _feasible(slack.only([*kept, int(link)]), 0.0, theta, count)
+        if trial is not None:
+            theta = trial
+            kept.append(int(link))
+    return Servable(np.sort(np.array(kept, dtype=np.int64)), theta)
+
+
+def _feasible(slack: Slack, margin: float, start: Array, count: int) -> Array | None:
+    """Central time-phases with every margin at least `margin`, or None."""
+    rules = slack.rules
+    current = residuals(rules, start)
+    low, high, possible = slack.intervals(margin, current)
+    if not possible.all():
+        return None
+    # theta_a - theta_b = base + residual, with the turns of the start
+    base = start[rules.a] - start[rules.b] - current
+    low, high = low + base, high + base
+    return _midpoint(rules, low, high, start, count)
+
+
+def _midpoint(rules: Rules, low: Array, high: Array, start: Array, count: int) -> Array | None:
+    """Midpoint of the extreme solutions of low <= theta_a - theta_b <= high, or None."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import NegativeCycleError, bellman_ford, connected_components
+
+    if np.any(low > high + _ROUNDING_RAD):
+        return None
+    tail = np.concatenate([rules.b, rules.a])
+    head = np.concatenate([rules.a, rules.b])
+    length = np.concatenate([high, -low]) + _ROUNDING_RAD
+    # one edge for each ordered pair, the tightest
+    order = np.lexsort((length, head, tail))
+    tail, head, length = tail[order], head[order], length[order]
+    first = np.r_[True, (np.diff(tail) != 0) | (np.diff(head) != 0)][: len(tail)]
+    graph = csr_array((length[first], (tail[first], head[first])), shape=(count, count))
+    _, label = connected_components(graph, directed=False)
+    roots = np.array([int(np.argmax(label == k)) for k in range(label.max() + 1)])
+    try:
+        above = bellman_ford(graph, indices=roots)
+        below = bellman_ford(graph.T.tocsr(), indices=roots)
+    except NegativeCycleError:
+        return None
+    row = label
+    upper, lower = above[row, np.arange(count)], -below[row, np.arange(count)]
+    return wrap(start[roots][label] + 0.5 * (upper + lower))

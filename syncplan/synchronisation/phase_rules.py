@@ -1,0 +1,138 @@
+"""Synchronisation rules: the phase difference each link asks for, and what a residual costs.
+
+In the time-phase theta_i = d_i phi_i both rules of the paper fix a difference:
+
+    same sense (Theorem 4.1)      phi_b - phi_a = pi              theta_a - theta_b = pi
+    opposite sense (Theorem 4.2)  phi_a + phi_b = 2 beta + pi
+                                                  theta_a - theta_b = d_a (2 beta + pi)
+
+The residual is what is left of that difference. A link's least distance depends on the size of
+its residual alone.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.orbits.circles import perpendicular, unit, wrap
+from syncplan.orbits.contacts import RelativeMotion
+from syncplan.orbits.separation import least_distances
+
+__all__ = ["Rules", "closest_distance", "residuals", "rules_of"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """The rules of e links.
+
+    Attributes
+    ----------
+    a, b : (e,) vehicles, a < b
+    offset : (e,) rad, the theta_a - theta_b that the rule asks for
+    same : (e,) whether the two turn the same way
+    distance, radius_a, radius_b : (e,) m, of the centres and the circles
+    reach : (e,) m, the larger range of the two sensors
+    """
+
+    a: Index
+    b: Index
+    offset: Array
+    same: NDArray[np.bool_]
+    distance: Array
+    radius_a: Array
+    radius_b: Array
+    reach: Array
+
+    def __len__(self) -> int:
+        return len(self.a)
+
+    def only(self, chosen: NDArray[np.bool_] | Index) -> "Rules":
+        """Return the rules of the chosen links."""
+        return Rules(
+            self.a[chosen],
+            self.b[chosen],
+            self.offset[chosen],
+            self.same[chosen],
+            self.distance[chosen],
+            self.radius_a[chosen],
+            self.radius_b[chosen],
+            self.reach[chosen],
+        )
+
+    @property
+    def edges(self) -> list[tuple[int, int]]:
+        """The (a, b) pairs."""
+        return list(zip(self.a.tolist(), self.b.tolist(), strict=True))
+
+
+def rules_of(centers: Array, radii: Array, senses: Array, reach: Array, pairs: Index) -> Rules:
+    """Return the rules of the (e, 2) `pairs`; `reach` is (n,) m of sensor range."""
+    a, b = pairs.min(axis=1), pairs.max(axis=1)
+    between = centers[b] - centers[a]
+    bearing = np.arctan2(between[:, 1], between[:, 0])
+    same = senses[a] == senses[b]
+    return Rules(
+        a=a,
+        b=b,
+        offset=np.where(same, np.pi, senses[a] * (2.0 * bearing + np.pi)),
+        same=same,
+        distance=np.hypot(between[:, 0], between[:, 1]),
+        radius_a=radii[a],
+        radius_b=radii[b],
+        reach=np.maximum(reach[a], reach[b]),
+    )
+
+
+def residuals(rules: Rules, theta: Array) -> Array:
+    """Return (e,) residuals in [-pi, pi) rad of time-phases theta (n,)."""
+    return wrap(theta[rules.a] - theta[rules.b] - rules.offset)
+
+
+def closest_distance(rules: Rules, residual: Array) -> Array:
+    """Return the least distances in m for residuals (e,) or (e, k) rad.
+
+    Same sense: |D - m| with m = sqrt(Ra^2 + Rb^2 + 2 Ra Rb cos(residual)) (design of Theorem 4.1,
+    with the rule at residual zero). Opposite sense and equal radii: the relative path is a
+    segment through the centre, D |sin(residual / 2)| or the distance to its end. Otherwise it is
+    an ellipse, and the roots of d|q|^2/dt give the least distance.
+    """
+    shape = residual.shape
+    if len(rules) == 0:
+        return residual.copy()
+    table = residual.reshape(len(rules), -1)
+    column = (len(rules), 1)
+    distance = rules.distance.reshape(column)
+    ra, rb = rules.radius_a.reshape(column), rules.radius_b.reshape(column)
+    cos = np.cos(table)
+    result = np.abs(distance - np.sqrt(np.maximum(ra**2 + rb**2 + 2.0 * ra * rb * cos, 0.0)))
+    mirrored = ~rules.same & (rules.radius_a == rules.radius_b)
+    if mirrored.any():
+        result[mirrored] = _segment_distance(distance[mirrored], ra[mirrored], table[mirrored])
+    oval = ~rules.same & ~mirrored
+    if oval.any():
+        result[oval] = _ellipse_distance(rules.only(oval), table[oval])
+    return np.asarray(result.reshape(shape))
+
+
+def _segment_distance(distance: Array, radius: Array, residual: Array) -> Array:
+    cos, sin = np.abs(np.cos(residual / 2.0)), np.abs(np.sin(residual / 2.0))
+    end = np.sqrt(distance**2 + 4.0 * radius**2 - 4.0 * radius * distance * cos)
+    return np.where(distance * cos <= 2.0 * radius, distance * sin, end)
+
+
+def _ellipse_distance(rules: Rules, residual: Array) -> Array:
+    links, count = residual.shape
+    arm_b = np.repeat(rules.radius_b, count)[:, None] * unit(np.pi + residual.ravel())
+    arm_a = np.repeat(rules.radius_a, count)[:, None] * unit(np.zeros(links * count))
+    distance = np.repeat(rules.distance, count)
+    motion = RelativeMotion(
+        offset=np.column_stack([distance, np.zeros(links * count)]),
+        cosine=arm_b - arm_a,
+        sine=-perpendicular(arm_b) - perpendicular(arm_a),
+        circular=np.zeros(links * count, dtype=bool),
+    )
+    return least_distances(motion)[0].reshape(links, count)

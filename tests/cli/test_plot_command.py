@@ -1,0 +1,339 @@
+"""The command that draws, and the page and images it writes."""
+
+import importlib.util
+import io
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from syncplan import figures
+from syncplan.errors import InputError
+from syncplan.planning.planner import plan
+from syncplan.plotting.catalogue import specs_of
+from syncplan.plotting.html_page import figure_page
+from tests.tools.scenarios import FILES, document, small
+
+GRID = str(FILES / "paper-grid-alternate.yaml")
+
+Run = Callable[..., tuple[int, str, str]]
+
+BROWSER = os.environ.get("BROWSER_PATH") or next(
+    (found for name in ("chromium", "google-chrome", "chrome") if (found := shutil.which(name))),
+    None,
+)
+needs_browser = pytest.mark.skipif(BROWSER is None, reason="no Chrome or Chromium")
+
+
+class _Page(HTMLParser):
+    """Headings, values of figures, and everything that a browser would fetch."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.fetched: list[str] = []
+        self.values: dict[str, Any] = {}
+        self.policy = ""
+        self.links: list[str] = []
+        self._open = ""
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        given = {name: value or "" for name, value in attrs}
+        self.fetched += [given[name] for name in ("src", "srcset", "data") if name in given]
+        if tag == "link":
+            self.fetched.append(given.get("href", ""))
+        if tag == "a":
+            self.links.append(given["href"])
+        if given.get("http-equiv") == "Content-Security-Policy":
+            self.policy = given["content"]
+        self._open = given.get("id", "") if tag == "script" else ""
+
+    def handle_endtag(self, tag: str) -> None:
+        self._open = ""
+
+    def handle_data(self, data: str) -> None:
+        if self._open.startswith("values-"):
+            self.values[self._open.removeprefix("values-")] = json.loads(data)
+
+
+def _page(text: str) -> _Page:
+    page = _Page()
+    page.feed(text)
+    return page
+
+
+def test_a_page_holds_all_figures_and_fetches_nothing(run: Run, tmp_path: Path) -> None:
+    target = tmp_path / "plan.html"
+    status, out, err = run("plot", GRID, "-o", str(target))
+    assert (status, out) == (0, "")
+    assert f"wrote {target}" in err
+    text = target.read_text(encoding="utf-8")
+    page = _page(text)
+    assert list(page.values) == ["formation", "animation", "timeline", "spectrum", "prediction"]
+    assert page.fetched == []
+    assert page.links == [f"#{name}" for name in page.values]
+    assert page.policy.startswith("default-src 'none'")
+    assert "connect-src" not in page.policy
+    before, after = text[: text.index("<style>")], text[text.index("<style>") :]
+    style = after[: after.index("</style>")]
+    assert "http:" not in before + style
+    assert "https:" not in before + style
+    assert "url(" not in style
+    assert "@import" not in style
+    assert text.count("plotly.js v") == 1
+    # the toolbar offers no upload
+    assert '"showSendToCloud":false' in text
+    for values in page.values.values():
+        assert values["layout"]["modebar"]["remove"] == ["sendChartToCloud"]
+    assert [path.name for path in tmp_path.iterdir()] == ["plan.html"]
+
+
+def test_the_page_holds_what_the_library_draws(run: Run) -> None:
+    _, out, _ = run("plot", GRID, "--figure", "formation", "--figure", "spectrum")
+    page = _page(out)
+    from syncplan.scenario.loading import load_scenario
+
+    made = plan(load_scenario(GRID))
+    assert page.values == json.loads(json.dumps(specs_of(made, ["formation", "spectrum"])))
+
+
+def test_the_same_file_gives_the_same_page(run: Run) -> None:
+    one = run("plot", GRID)[1]
+    assert one == run("plot", GRID, "-o", "-")[1]
+    assert one.startswith("<!DOCTYPE html>")
+
+
+def test_names_in_a_page_can_break_out_of_nothing(run: Run, tmp_path: Path) -> None:
+    odd = "</script><script>alert(1)</script>"
+    values = document(name=odd, formation={"centers_m": {odd: [0, 0], "b": [70, 0]}})
+    source = tmp_path / "odd.json"
+    source.write_text(json.dumps(values))
+    _, out, _ = run("plot", str(source))
+    assert odd not in out
+    assert "<script>alert" not in out
+
+
+def test_values_in_a_page_end_no_script() -> None:
+    spec = specs_of(plan(small()), ["formation"])["formation"]
+    spec["layout"]["title"]["text"] = "</script><!--"
+    text = figure_page("<title>", {"formation": spec})
+    assert "</script><!--" not in text
+    assert _page(text).values["formation"] == json.loads(json.dumps(spec))
+    assert "<title>&lt;title&gt;</title>" in text
+
+
+def test_a_plan_file_and_its_scenario_give_the_same_page(run: Run, tmp_path: Path) -> None:
+    made = tmp_path / "plan.json"
+    assert run("plan", GRID, "-o", str(made))[0] == 0
+    assert run("plot", str(made))[1] == run("plot", GRID)[1]
+
+
+def test_standard_input_is_read_for_a_dash(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    given = io.TextIOWrapper(io.BytesIO(json.dumps(document()).encode()))
+    monkeypatch.setattr(sys, "stdin", given)
+    status, out, _ = run("plot", "-")
+    assert status == 0
+    assert "formation" in _page(out).values
+
+
+def test_reports_and_sweeps_are_known_by_what_they_hold(run: Run, tmp_path: Path) -> None:
+    report, swept = str(tmp_path / "report.json"), str(tmp_path / "sweep.json")
+    short = ("--trials", "3", "--duration", "3")
+    assert run("validate", GRID, *short, "--series", "-o", report)[0] == 0
+    assert run("sweep", GRID, "--angular-rate", "0.2,0.4", *short, "-o", swept)[0] == 0
+    assert list(_page(run("plot", report)[1]).values) == ["accuracy", "errors", "consistency"]
+    assert list(_page(run("plot", swept)[1]).values) == ["sweep"]
+    status, _, err = run("plot", report, "--figure", "formation")
+    assert status == 2
+    assert "--figure: 'formation': this file has no such figure; choose from accuracy" in err
+    assert run("plot", report, "--compare", GRID)[0] == 2
+
+
+def test_a_refined_plan_file_keeps_its_before_and_after(run: Run, tmp_path: Path) -> None:
+    better = tmp_path / "better.json"
+    scenario = tmp_path / "scenario.json"
+    changed = document(landmarks_m=[[30.0, 0.0], [40.0, 10.0]], duration_s=40.0)
+    changed["orbit"]["direction"] = "alternate"
+    scenario.write_text(json.dumps(changed))
+    refined = ("refine", str(scenario), "--objective", "logdet", "--starts", "1")
+    assert run(*refined, "--processes", "1", "-o", str(better))[0] == 0
+    page = _page(run("plot", str(better), "--compare", str(scenario))[1])
+    assert {"refinement", "comparison"} <= set(page.values)
+    stated = json.loads(better.read_text())["refinement"]["before"]["least_distance_m"]
+    before = next(t for t in page.values["refinement"]["data"] if t["uid"] == "before")
+    assert before["y"][3] == pytest.approx(stated, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (
+            ("-o", "plan.gif"),
+            "--output: 'plan.gif': its name must end in .html, .png, .svg or .pdf",
+        ),
+        (("--figure", "pie"), "--figure: 'pie': choose from formation, animation"),
+        (("--figure", "refinement"), "the plan was not refined"),
+        (("--figure", "comparison"), "there is no second plan (--compare)"),
+        (
+            ("--figure", "spectrum", "--figure", "timeline", "-o", "two.png"),
+            "--figure: spectrum, timeline: an image holds one",
+        ),
+        (("--compare", "none.json"), "none.json: no such file"),
+    ],
+)
+def test_what_can_not_be_drawn_is_said_in_one_line(
+    run: Run, arguments: tuple[str, ...], told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    status, out, err = run("plot", GRID, *arguments)
+    assert (status, out) == (2, "")
+    assert told in err
+    assert err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_at_a_terminal_a_file_is_asked_for(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
+    status, out, err = run("plot", GRID)
+    assert (status, out) == (2, "")
+    assert "--output: give the file to write, such as -o figures.html" in err
+
+
+def test_a_damaged_report_is_told_by_file_and_key(run: Run, tmp_path: Path) -> None:
+    report = tmp_path / "report.json"
+    assert run("validate", GRID, "--trials", "2", "--duration", "2", "-o", str(report))[0] == 0
+    values = json.loads(report.read_text())
+    values["vehicles"][1]["rms_m"] = "much"
+    report.write_text(json.dumps(values))
+    status, _, err = run("plot", str(report))
+    assert status == 2
+    assert f"{report}: vehicles[1].rms_m" in err
+    report.write_text(json.dumps({"swept": "orbit.radius_m", "rows": []}))
+    status, _, err = run("plot", str(report))
+    assert status == 2
+    assert f"{report}: rows" in err
+
+
+def test_a_plan_is_not_written_over(run: Run, tmp_path: Path) -> None:
+    source = tmp_path / "plan.html"
+    source.write_text(json.dumps(document()))
+    assert run("plot", str(source), "-o", str(source))[0] == 2
+    assert json.loads(source.read_text()) == document()
+
+
+@pytest.mark.parametrize("missing", ["plotly", "kaleido"])
+def test_a_missing_extra_is_named(
+    run: Run, missing: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = importlib.util.find_spec
+    monkeypatch.setattr(
+        importlib.util, "find_spec", lambda name, *rest: None if name == missing else real(name)
+    )
+    # None in sys.modules makes an import fail as if nothing were installed
+    for name in [n for n in sys.modules if n.split(".")[0] == missing]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, missing, None)
+    target = tmp_path / "plan.png"
+    status, _, err = run("plot", GRID, "-o", str(target))
+    assert status == 2
+    assert f"needs {missing}: pip install 'syncplan[plot]'" in err
+    assert not target.exists()
+    if missing == "plotly":
+        status, out, err = run("plot", GRID)
+        assert (status, out) == (2, "")
+        assert "needs plotly: pip install 'syncplan[plot]'" in err
+        with pytest.raises(InputError, match="needs plotly"):
+            figures.formation(plan(small()))
+
+
+def test_values_of_figures_need_no_plotly() -> None:
+    code = (
+        "import sys; sys.modules['plotly'] = None; import syncplan\n"
+        "from syncplan.plotting.catalogue import specs_of\n"
+        f"made = syncplan.plan(syncplan.load_scenario({GRID!r}))\n"
+        "print(len(specs_of(made)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert done.stdout == "5\n"
+
+
+def test_without_a_browser_the_remedy_is_named(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("BROWSER_PATH", str(tmp_path / "none"))
+    target = tmp_path / "plan.svg"
+    status, _, err = run("plot", GRID, "-o", str(target))
+    assert status == 2
+    assert "needs Chrome or Chromium" in err
+    assert err.count("\n") == 1
+    assert not target.exists()
+
+
+@needs_browser
+@pytest.mark.slow
+@pytest.mark.parametrize("ending", ["png", "svg", "pdf"])
+def test_images_are_what_their_names_say_and_the_same_each_time(
+    run: Run, ending: str, tmp_path: Path
+) -> None:
+    one, two = tmp_path / f"one.{ending}", tmp_path / f"two.{ending}"
+    for target in (one, two):
+        assert run("plot", GRID, "--figure", "formation", "-o", str(target))[0] == 0
+    content = one.read_bytes()
+    assert content == two.read_bytes()
+    starts = {"png": b"\x89PNG\r\n", "svg": b"<svg", "pdf": b"%PDF-"}
+    assert content.startswith(starts[ending])
+    if ending == "svg":
+        assert b"v1" in content
+        assert b"NOT observable" in content
+    if ending == "png":
+        width = int.from_bytes(content[16:20], "big")
+        assert width == 2000
+
+
+@needs_browser
+@pytest.mark.slow
+def test_a_browser_draws_the_page_and_plays_it_without_a_fault(run: Run, tmp_path: Path) -> None:
+    assert BROWSER is not None
+    target = tmp_path / "plan.html"
+    assert run("plot", GRID, "-o", str(target))[0] == 0
+    page = target.read_text(encoding="utf-8")
+    play = (
+        "let steps = 0; new MutationObserver(() => { document.body.dataset.steps = ++steps; })"
+        ".observe(document.querySelector('.player output'), { childList: true });"
+        "document.querySelector('.player button').click()"
+    )
+    page, _, end = page.rpartition("</body>")
+    target.write_text(f"{page}<script>{play}</script></body>{end}", encoding="utf-8")
+    done = subprocess.run(
+        [
+            BROWSER,
+            "--headless",
+            "--no-sandbox",
+            "--disable-gpu",
+            f"--user-data-dir={tmp_path / 'profile'}",
+            "--enable-logging=stderr",
+            "--virtual-time-budget=20000",
+            "--dump-dom",
+            target.as_uri(),
+        ],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
+    assert done.stdout.count('class="main-svg"') >= 5
+    assert done.stdout.count('class="player"') == 1
+    assert ">Pause</button>" in done.stdout
+    steps = re.search(r'data-steps="(\d+)"', done.stdout)
+    assert steps is not None
+    assert int(steps[1]) >= 3
+    assert "CONSOLE" not in done.stderr, done.stderr

@@ -1,0 +1,289 @@
+"""Refine, place and landmarks as a user meets them: streams, exit codes, files left behind."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from syncplan.cli import command_line
+from tests.tools.scenarios import FILES, document
+
+GRID = str(FILES / "paper-grid-same.yaml")
+ALTERNATE = str(FILES / "paper-grid-alternate.yaml")
+QUICK = ("--starts", "1", "--objective", "logdet")
+LANDMARKS = [[-40.0, 0.0], [-30.0, 20.0]]
+
+
+@pytest.fixture
+def written(tmp_path: Path) -> Any:
+    """Write a small scenario with changes to a file and return its name."""
+
+    def write(**changes: Any) -> str:
+        path = tmp_path / "scenario.json"
+        path.write_text(json.dumps(document(**changes)))
+        return str(path)
+
+    return write
+
+
+def test_refine_returns_a_better_plan_with_its_record(run: Any) -> None:
+    status, out, err = run("refine", ALTERNATE, *QUICK)
+    assert (status, err) == (0, "")
+    plan = json.loads(out)
+    record = plan["refinement"]
+    assert record["improved"]
+    assert (record["before"]["rank"], record["after"]["rank"]) == (16, 18)
+    assert plan["observability"]["certificate"]["holds"]
+    assert record["starts"][0]["status"] == "Solve_Succeeded"
+    assert record["starts"][0]["iterations"] > 3
+    assert any(label.startswith("box of") for label in record["active_constraints"])
+    assert plan["scenario"]["formation"]["links"][0] == ["v1", "v2"]
+
+
+def test_a_refined_plan_can_be_validated_and_refined_again(run: Any, tmp_path: Path) -> None:
+    better = tmp_path / "better.json"
+    assert run("refine", GRID, *QUICK, "-o", str(better))[0] == 0
+    status, out, _ = run("validate", str(better), "--trials", "5")
+    assert status == 0
+    assert json.loads(out)["observable"]
+    first = json.loads(better.read_text())["refinement"]["after"]
+    again = run("refine", str(better), *QUICK)[1]
+    assert json.loads(again)["refinement"]["before"]["logdet"] == pytest.approx(first["logdet"])
+
+
+def test_centres_stay_in_their_box_and_the_first_phase_stays(run: Any) -> None:
+    before = json.loads(run("plan", GRID)[1])["vehicles"]
+    after = json.loads(run("refine", GRID, *QUICK, "--center-box-m", "2")[1])["vehicles"]
+    for one, other in zip(before, after, strict=True):
+        for axis in (0, 1):
+            assert abs(one["center_m"][axis] - other["center_m"][axis]) <= 2.0 + 1e-9
+    assert after[0]["phase_rad"] == pytest.approx(before[0]["phase_rad"])
+
+
+def test_plan_with_refine_gives_what_refine_gives(run: Any, tmp_path: Path) -> None:
+    scenario = json.loads(run("plan", GRID)[1])["scenario"]
+    scenario["refine"] = {"starts": 1, "objective": "logdet"}
+    path = tmp_path / "s.json"
+    path.write_text(json.dumps(scenario))
+    assert run("plan", str(path), "--refine")[1] == run("refine", str(path))[1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("--objective", "best"), "--objective: 'best': must be 'predicted_rms'"),
+        (("--center-box-m", "0"), "--center-box-m: 0.0: must be greater than 0"),
+        (("--vary", "radii", "--radius-m", "25,15"), "--radius-m: [25.0, 15.0]: the least is"),
+        (("--vary", "radii"), "--radius-m: is missing"),
+        (("--radius-m", "15,25"), "--radius-m: does nothing unless vary names radii"),
+        (("--vary", "phases,speed"), "--vary: 'speed': must be 'phases'"),
+        (("--time-limit-s", "0"), "--time-limit-s: 0.0: must be greater than 0"),
+        (("--starts", "0"), "--starts: 0: must be greater than or equal to 1"),
+    ],
+)
+def test_bad_options_are_one_clear_line(
+    run: Any, tmp_path: Path, arguments: tuple[str, ...], told: str
+) -> None:
+    output = tmp_path / "kept.json"
+    output.write_text("kept")
+    status, out, err = run("refine", GRID, *arguments, "-o", str(output))
+    assert (status, out) == (2, "")
+    assert err.count("\n") == 1
+    assert told in err
+    assert output.read_text() == "kept"
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"refine": {"objective": "best"}}, "refine.objective: 'best': must be"),
+        ({"refine": {"center_box_m": 0}}, "refine.center_box_m: 0: must be greater than 0"),
+        ({"area_m": []}, "area_m: has 0 corners"),
+        ({"area_m": [[0, 0], [1, 1], [2, 2]]}, "area_m: encloses nothing"),
+        ({"keep_out_m": [[[0, 0], [9, 9], [9, 0], [1, 9]]]}, "keep_out_m[0]: is no simple polygon"),
+        ({"limits": {"speed_mps": [6, 5]}}, "limits.speed_mps: [6.0, 5.0]: the least is larger"),
+        ({"limits": {"speed_mps": [5, 6]}}, "limits.speed_mps: v1 flies 4 m/s"),
+        ({"limits": {"turn_rate_rad_s": 0.1}}, "limits.turn_rate_rad_s: 0.1: the orbits turn at"),
+    ],
+)
+def test_bad_sections_are_one_clear_line(
+    run: Any, written: Any, changes: dict[str, Any], told: str
+) -> None:
+    status, out, err = run("refine", written(**changes))
+    assert (status, out) == (2, "")
+    assert err.count("\n") == 1
+    assert told in err
+
+
+@pytest.mark.parametrize(
+    ("changes", "options", "told"),
+    [
+        (
+            {"min_separation_m": 40.0, "sensor": {"range_m": 30.0}},
+            (),
+            "link v1-v2: separation 40 m against range 30 m",
+        ),
+        ({}, ("--margin-m", "60"), "link v1-v2: margin 60 m leaves nothing of range 50 m"),
+        (
+            {"area_m": [[0, 0], [30, 0], [30, 30], [0, 30]]},
+            (),
+            "v1: a circle of 20 m finds no place inside area_m",
+        ),
+    ],
+)
+def test_constraints_that_conflict_are_named(
+    run: Any, written: Any, changes: dict[str, Any], options: tuple[str, ...], told: str
+) -> None:
+    status, out, err = run("refine", written(landmarks_m=LANDMARKS, **changes), *options)
+    assert (status, out) == (4, "")
+    assert told in err
+    assert err.count("\n") == 1
+
+
+def test_what_can_not_be_bettered_comes_back_with_the_reason_and_is_not_written(
+    run: Any, tmp_path: Path
+) -> None:
+    short = ("--time-limit-s", "0.001", "--starts", "1")
+    status, out, err = run("refine", GRID, *short)
+    assert status == 4
+    plan = json.loads(out)
+    assert not plan["refinement"]["improved"]
+    assert plan["refinement"]["reason"] in err
+    assert plan["vehicles"] == json.loads(run("plan", GRID)[1])["vehicles"]
+    output = tmp_path / "kept.json"
+    output.write_text("kept")
+    status, out, err = run("refine", GRID, *short, "-o", str(output))
+    assert (status, out) == (4, "")
+    assert "was not written" in err
+    assert output.read_text() == "kept"
+
+
+def test_interrupting_a_refinement_writes_the_best_so_far(tmp_path: Path) -> None:
+    output = tmp_path / "best.json"
+    starts = ("--starts", "200", "--time-limit-s", "500")
+    with subprocess.Popen(
+        [sys.executable, "-m", "syncplan", "refine", GRID, *starts, "-o", str(output)],
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as process:
+        time.sleep(8.0)
+        assert process.poll() is None
+        os.killpg(process.pid, signal.SIGINT)
+        told = process.communicate(timeout=30)[1]
+    assert process.returncode == 0, told
+    record = json.loads(output.read_text())["refinement"]
+    assert record["cut_short"]
+    assert record["improved"]
+    assert "cut short" in told
+    assert list(tmp_path.iterdir()) == [output]
+
+
+def test_place_gives_a_scenario_that_plan_takes(run: Any, written: Any, tmp_path: Path) -> None:
+    links = [["v1", "v2"], ["v2", "v3"], ["v3", "v1"]]
+    placed = tmp_path / "placed.json"
+    scenario = written(formation={"links": links}, landmarks_m=LANDMARKS)
+    assert run("place", scenario, "-o", str(placed))[0] == 0
+    formation = json.loads(placed.read_text())["formation"]
+    assert len(formation["centers_m"]) == 3
+    assert formation["links"] == links
+    first = json.loads(run("plan", str(placed))[1])
+    assert len(first["links"]) == 3
+    assert json.loads(run("plan", scenario)[1])["vehicles"] == first["vehicles"]
+
+
+def test_a_star_that_does_not_fit_is_refused_with_the_reason(run: Any, written: Any) -> None:
+    links = [["v1", f"v{k}"] for k in range(2, 9)]
+    scenario = written(
+        formation={"links": links},
+        orbit={"radius_m": 50.0, "angular_rate_rad_s": 0.2},
+        sensor={"range_m": 10.0},
+    )
+    status, out, err = run("place", scenario)
+    assert (status, out) == (4, "")
+    assert "at most 6 fit round it" in err
+
+
+def test_landmarks_chooses_among_the_candidates_of_a_file(run: Any, tmp_path: Path) -> None:
+    candidates = tmp_path / "sites.yaml"
+    candidates.write_text("[[0, -45], [35, 35], [105, 35], [900, 900]]")
+    status, out, _ = run("landmarks", GRID, "--candidates", str(candidates), "--choose", "2")
+    assert status == 0
+    chosen = json.loads(out)
+    assert len(chosen["chosen"]) == 2
+    assert "S4" not in chosen["chosen"]
+    assert chosen["bound_m"] <= chosen["value_m"] < chosen["before_m"]
+    status, _, err = run("landmarks", GRID, "--candidates", str(candidates), "--choose", "9")
+    assert status == 2
+    assert "--choose: 9" in err
+
+
+def test_children_take_modules_from_where_their_parent_does(tmp_path: Path) -> None:
+    """A file named like a standard module in the working directory is none of theirs."""
+    (tmp_path / "queue.py").write_text("raise RuntimeError('not this one')")
+    arguments = ["refine", GRID, "--starts", "2", "--processes", "2", "--objective", "logdet"]
+    program = f"import syncplan.cli.command_line; syncplan.cli.command_line.main({arguments!r})"
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", program],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(Path(command_line.__file__).parents[2])},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["refinement"]["improved"]
+
+
+def test_links_that_meet_outside_the_window_are_kept_too(run: Any, written: Any) -> None:
+    scenario = written(
+        formation={
+            "centers_m": [[0, 0], [80, 0], [40, -69]],
+            "links": [["v1", "v2"], ["v2", "v3"]],
+        },
+        landmarks_m=[[-40, 0], [-30, 40], [10, 40]],
+        duration_s=60,
+        window_s=2.0,
+        refine={"starts": 1, "center_box_m": 40.0},
+    )
+    status, out, _ = run("refine", scenario)
+    assert status in (0, 4)
+    assert [(link["a"], link["b"]) for link in json.loads(out)["links"]][:2] == [
+        ("v1", "v2"),
+        ("v2", "v3"),
+    ]
+
+
+def test_radii_that_no_allowed_speed_has_are_a_conflict(run: Any, written: Any) -> None:
+    scenario = written(limits={"speed_mps": [3.0, 5.0]}, landmarks_m=LANDMARKS)
+    status, out, err = run("refine", scenario, "--vary", "radii", "--radius-m", "30,40")
+    assert (status, out) == (4, "")
+    assert "radii of 30 to 40 m at 0.2 rad/s mean 6 to 8 m/s against limits.speed_mps 3 to 5" in err
+
+
+def test_an_option_overrides_what_the_scenario_says_of_what_no_longer_varies(
+    run: Any, written: Any
+) -> None:
+    scenario = written(refine={"center_box_m": 3.0}, landmarks_m=LANDMARKS)
+    before = json.loads(run("plan", scenario)[1])["vehicles"]
+    status, out, _ = run("refine", scenario, *QUICK, "--vary", "phases")
+    assert status in (0, 4)
+    after = json.loads(out)["vehicles"]
+    assert [one["center_m"] for one in after] == [one["center_m"] for one in before]
+
+
+def test_refining_keeps_what_was_asked_of_the_plan(run: Any, tmp_path: Path) -> None:
+    scenario = json.loads(run("plan", GRID)[1])["scenario"]
+    scenario["refine"] = {"starts": 1, "objective": "logdet"}
+    path = tmp_path / "s.json"
+    path.write_text(json.dumps(scenario))
+    plan = json.loads(run("plan", str(path), "--refine", "--steady", "--bound", "never")[1])
+    assert plan["refinement"]["improved"]
+    assert plan["steady_rms_m"]["overall"] > 0.5
+    assert plan["predicted_rms_m"]["overall"] is None

@@ -1,0 +1,533 @@
+"""The client: the library's results from a real service, its errors, and requests repeated."""
+
+import json
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from itertools import pairwise
+from typing import Any
+
+import httpx2
+import numpy as np
+import pytest
+
+import syncplan
+from syncplan.client.connection import RemoteError
+from syncplan.client.service_client import Client, Job, StoredPlan
+from syncplan.planning.sweeps import sweep
+from syncplan.reports.plan_report import plan_document
+from syncplan.reports.validation_report import sweep_document, validation_document
+from syncplan.runtime.files import as_text
+from tests.tools.scenarios import document, example, small
+from tests.tools.serving import Server, free_port, running, settings_of
+
+KEY = "ann-0123456789abcdef"
+LANDMARKS = [[190.0, 0.0], [190.0, 70.0]]
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """A service that asks for a key."""
+    folder = tmp_path_factory.mktemp("client")
+    settings = {"SYNCPLAN_API_KEYS": f"ann:{KEY}", **settings_of(folder / "data")}
+    one = Server(folder / "log", port=None, **settings)
+    with running(one):
+        yield one
+
+
+@pytest.fixture(scope="module")
+def client(server: Server) -> Iterator[Client]:
+    """A client with its key."""
+    with Client(server.url, KEY) as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def stored(client: Client) -> StoredPlan:
+    """The grid as the service planned it."""
+    return client.plan(example("paper-grid-alternate"))
+
+
+@pytest.fixture(scope="module")
+def made() -> syncplan.Plan:
+    """The grid as the library plans it."""
+    return syncplan.plan(example("paper-grid-alternate"))
+
+
+def http_of(server: Server) -> httpx2.Client:
+    """A connection without the client in between."""
+    return httpx2.Client(base_url=server.url, headers={"authorization": f"Bearer {KEY}"})
+
+
+# --- the library's results ----------------------------------------------------------------------
+
+
+def test_a_plan_is_the_librarys(stored: StoredPlan, made: syncplan.Plan) -> None:
+    assert isinstance(stored, syncplan.Plan)
+    assert stored.observability.rank == made.observability.rank == 16
+    assert np.array_equal(stored.orbits.phases, made.orbits.phases)
+    assert stored.prediction is not None
+    assert stored.prediction.rms is not None
+    assert made.prediction is not None
+    assert made.prediction.rms is not None
+    assert np.array_equal(stored.prediction.rms, made.prediction.rms)
+    own = {key: value for key, value in stored.document.items() if key not in ADDED}
+    assert own == plan_document(made).as_json()
+    assert (stored.parent_id, stored.created_at[-1]) == (None, "Z")
+
+
+ADDED = {"id", "created_at", "parent_id"}
+
+
+def test_a_mapping_is_planned_as_a_scenario_is(client: Client) -> None:
+    given = document(landmarks_m=LANDMARKS)
+    plan = client.plan(given, steady=True)
+    assert plan.document["steady_rms_m"] is not None
+    assert client.plan(small(landmarks_m=LANDMARKS)).document["steady_rms_m"] is None
+
+
+def test_a_stored_plan_is_read_and_deleted(client: Client) -> None:
+    plan = client.plan(small())
+    again = client.stored(plan.id)
+    assert again.document == plan.document
+    client.delete(again)
+    with pytest.raises(RemoteError, match=f"404: there is no plan {plan.id}") as caught:
+        client.stored(plan.id)
+    assert caught.value.status == 404
+
+
+def test_a_refinement_is_the_librarys_and_names_its_parent(
+    client: Client, stored: StoredPlan, made: syncplan.Plan
+) -> None:
+    options: dict[str, Any] = {"objective": "logdet", "starts": 2, "seed": 3, "center_box_m": 4.0}
+    better = client.wait(client.refine(stored, **options))
+    here = syncplan.refine(made, **options)
+    assert better.parent_id == stored.id
+    assert better.observability.rank == here.observability.rank == 18
+    assert np.array_equal(better.orbits.centers, here.orbits.centers)
+    assert np.array_equal(better.orbits.phases, here.orbits.phases)
+    assert here.refinement is not None
+    assert better.document["refinement"]["after"] == json.loads(
+        json.dumps(plan_document(here).as_json()["refinement"]["after"])
+    )
+    assert client.stored(better.id).document == better.document
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"trials": 50, "seed": 5},
+        {"trials": 20, "seed": 1, "duration": 50.0, "with_series": True},
+        {"trials": 20, "model": "euler", "substeps": 3, "gate_probability": 0.99},
+    ],
+)
+def test_a_validation_is_the_librarys_to_the_last_byte(
+    client: Client,
+    server: Server,
+    stored: StoredPlan,
+    made: syncplan.Plan,
+    options: dict[str, Any],
+) -> None:
+    job = client.validate(stored, **options)
+    report = client.wait(job)
+    assert isinstance(report, syncplan.Validation)
+    text = as_text(validation_document(report).as_json())
+    assert text == as_text(validation_document(syncplan.validate(made, **options)).as_json())
+    with http_of(server) as http:
+        assert http.get(f"/v1/jobs/{job.id}/result").text == text
+
+
+def test_a_sweep_is_the_librarys(client: Client) -> None:
+    given, values = small(landmarks_m=LANDMARKS), [0.2, 0.4]
+    report = client.wait(client.sweep(given, angular_rate_rad_s=values, trials=16, seed=2))
+    rows = sweep(given, "angular_rate", values, trials=16, seed=2)
+    reports = [validation_document(row.validation) for row in rows]
+    assert report == sweep_document("angular_rate", rows, reports)
+
+
+# --- jobs ---------------------------------------------------------------------------------------
+
+
+def test_progress_is_told_whenever_it_changes(client: Client, stored: StoredPlan) -> None:
+    told: list[Job] = []
+    job = client.validate(stored.id, trials=1500)
+    assert (job.kind, job.total, job.ended) == ("validation", 1500, False)
+    client.wait(job, progress=told.append)
+    assert all(one != other for one, other in pairwise(told))
+    assert [one.done for one in told] == sorted(one.done for one in told)
+    assert len({one.done for one in told}) > 2
+    assert {one.state for one in told[1:-1]} <= {"queued", "running"}
+    last = told[-1]
+    assert (last.state, last.done, last.ended) == ("succeeded", 1500, True)
+
+
+def test_waiting_ends_in_time_and_the_job_goes_on_until_it_is_cancelled(
+    client: Client, stored: StoredPlan
+) -> None:
+    job = client.validate(stored, trials=50_000)
+    began = time.monotonic()
+    with pytest.raises(RemoteError, match=r"after 0.5 s; it goes on"):
+        client.wait(job, timeout_s=0.5)
+    assert time.monotonic() - began < 20.0
+    assert not client.job(job.id).ended
+    assert client.cancel(job).state == "cancelled"
+    assert client.cancel(job.id).state == "cancelled"
+    with pytest.raises(RemoteError, match=f"job {job.id} was cancelled"):
+        client.wait(job)
+
+
+def test_a_job_that_has_succeeded_is_not_cancelled(client: Client, stored: StoredPlan) -> None:
+    job = client.validate(stored, trials=1, duration=1.0)
+    client.wait(job)
+    with pytest.raises(RemoteError, match="409: the job has ended already") as caught:
+        client.cancel(job)
+    assert caught.value.status == 409
+
+
+def test_a_job_without_solution_says_why(client: Client, stored: StoredPlan) -> None:
+    job = client.refine(stored, margin_m=80.0)
+    with pytest.raises(syncplan.NoSolutionError, match=rf"job {job.id} failed.*v1-v2.*range 50 m"):
+        client.wait(job)
+
+
+def test_a_job_whose_input_turns_out_bad_says_what(client: Client) -> None:
+    far = document(formation={"centers_m": [[-9e6, 0.0], [9e6, 0.0]]})
+    job = client.sweep(far, range_m=[50.0], connected=True, trials=1, duration_s=1.0)
+    with pytest.raises(syncplan.InputError, match=r"sensor.range_m") as caught:
+        client.wait(job)
+    assert caught.value.faults[0].key == "sensor.range_m"
+
+
+# --- errors -------------------------------------------------------------------------------------
+
+
+def test_a_bad_scenario_is_refused_before_it_is_sent() -> None:
+    given = document(sensor={"range_m": -5, "bearing_sigma_rad": 0.1, "sample_time_s": "x"})
+    with pytest.raises(syncplan.InputError) as caught, Client("http://127.0.0.1:9") as nobody:
+        nobody.plan(given)
+    assert {fault.key for fault in caught.value.faults} == {
+        "sensor.range_m",
+        "sensor.sample_time_s",
+    }
+
+
+def test_what_the_service_refuses_is_an_input_error_with_its_faults(
+    client: Client, stored: StoredPlan
+) -> None:
+    with pytest.raises(syncplan.InputError) as caught:
+        client.refine(stored, starts=0, seeds=1)
+    assert [fault.key for fault in caught.value.faults] == ["seeds", "starts"]
+    assert str(caught.value).startswith("seeds: unknown key; did you mean seed?")
+    assert str(caught.value).endswith("(and 1 more)")
+    assert caught.value.faults[1].value == "0"
+
+
+def test_a_scenario_without_solution_is_the_librarys_error(client: Client) -> None:
+    star = {"links": [["v1", f"v{k}"] for k in range(2, 9)]}
+    given = document(
+        formation=star, orbit={"radius_m": 50.0, "angular_rate_rad_s": 0.2}, sensor=SHORT
+    )
+    with pytest.raises(syncplan.NoSolutionError, match="at most 6 fit round it"):
+        client.plan(given)
+
+
+SHORT = {"range_m": 10.0, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1}
+
+
+@pytest.mark.parametrize("key", [None, "bob-0123456789abcdef"])
+def test_a_key_that_is_not_known_is_told_at_once(server: Server, key: str | None) -> None:
+    with (
+        Client(server.url, key) as stranger,
+        pytest.raises(RemoteError, match="401: send a known key") as caught,
+    ):
+        stranger.plan(small())
+    assert caught.value.status == 401
+
+
+def test_an_unknown_identifier_is_not_found_whatever_it_looks_like(client: Client) -> None:
+    with pytest.raises(RemoteError, match="404: there is no job") as caught:
+        client.job("01a1fd95-df6b-7a20-9383-c20e93a41e86")
+    assert caught.value.status == 404
+    for odd in ("../jobs", "a?b", "x" * 36, "ü"):
+        with pytest.raises(syncplan.SyncplanError) as refused:
+            client.delete(odd)
+        assert isinstance(refused.value, syncplan.InputError) or "404" in str(refused.value)
+
+
+def test_a_plan_of_the_librarys_is_not_known_to_the_service(
+    client: Client, made: syncplan.Plan
+) -> None:
+    with pytest.raises(syncplan.InputError, match="a Plan is not known to the service"):
+        client.validate(made)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("value", [float("nan"), object()])
+def test_what_is_no_json_is_an_input_error(
+    client: Client, stored: StoredPlan, value: object
+) -> None:
+    with pytest.raises(syncplan.InputError, match="can't be sent as JSON"):
+        client.refine(stored, center_box_m=value)
+
+
+@pytest.mark.parametrize(
+    "url", ["127.0.0.1:8000", "ftp://here", "", "http://", "http://[::1", None]
+)
+def test_an_address_that_is_none_is_an_input_error(url: Any) -> None:
+    with pytest.raises(syncplan.InputError, match="url: "):
+        Client(url)
+
+
+@pytest.mark.parametrize("key", ["two\nlines", "schlüssel"])
+def test_a_key_that_can_not_be_sent_is_an_input_error(key: str) -> None:
+    with pytest.raises(syncplan.InputError, match="api_key: must be printable ASCII") as caught:
+        Client("http://127.0.0.1:9", key)
+    assert key not in str(caught.value)
+
+
+def test_a_missing_library_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = __import__("importlib.util").util.find_spec
+    monkeypatch.setattr(
+        "importlib.util.find_spec", lambda name: None if name == "httpx2" else found(name)
+    )
+    with pytest.raises(syncplan.InputError) as caught:
+        Client("http://127.0.0.1:9")
+    assert str(caught.value) == (
+        "the client: needs httpx2; install the extra: pip install 'syncplan[client]'"
+    )
+
+
+def test_importing_syncplan_needs_nothing_of_the_client() -> None:
+    assert "syncplan.client.service_client" in sys.modules
+    assert syncplan.Client is Client
+
+
+def test_a_service_that_is_away_is_told_in_one_line_within_patience() -> None:
+    began = time.monotonic()
+    with (
+        pytest.raises(RemoteError, match="can't be reached") as caught,
+        Client(f"http://127.0.0.1:{free_port()}", patience_s=1.5) as client,
+    ):
+        client.stored("any")
+    assert caught.value.status is None
+    assert "\n" not in str(caught.value)
+    assert 0.3 < time.monotonic() - began < 20.0
+
+
+def test_a_closed_client_is_closed(server: Server) -> None:
+    with Client(server.url, KEY) as one:
+        one.plan(small())
+    with pytest.raises(RuntimeError, match="closed"):
+        one.plan(small())
+
+
+# --- requests repeated --------------------------------------------------------------------------
+
+
+Turn = Callable[["_Stand"], None]
+
+
+class _Stand(BaseHTTPRequestHandler):
+    """Stands in for the service, or before it: takes its turns as the test has planned them."""
+
+    protocol_version = "HTTP/1.1"
+    server: "_Stands"
+
+    def _take_turn(self) -> None:
+        length = int(self.headers.get("content-length", 0))
+        self.body = self.rfile.read(length)
+        self.server.seen.append((self.command, self.path, self.headers.get("idempotency-key")))
+        turn = self.server.turns.pop(0) if self.server.turns else forwarded
+        turn(self)
+
+    do_GET = do_POST = do_DELETE = _take_turn  # noqa: N815
+
+    def forward(self) -> httpx2.Response:
+        """The real service's answer to this request."""
+        names = ("accept", "authorization", "content-type", "idempotency-key")
+        headers = {name: self.headers[name] for name in names if name in self.headers}
+        url = self.server.behind + self.path
+        return httpx2.request(self.command, url, content=self.body, headers=headers, timeout=30)
+
+    def reply(self, status: int, body: bytes, **headers: str) -> None:
+        """Answer."""
+        self.send_response(status)
+        for name, value in headers.items():
+            self.send_header(name.replace("_", "-"), value)
+        self.send_header("content-length", str(len(body)))
+        self.end_headers()
+        self.wfile.write(body)
+
+    def log_message(self, *_: object) -> None:
+        """Say nothing."""
+
+
+class _Stands(ThreadingHTTPServer):
+    daemon_threads = True
+
+    def __init__(self, behind: str, turns: list[Turn]) -> None:
+        super().__init__(("127.0.0.1", 0), _Stand)
+        self.behind = behind
+        self.turns = turns
+        self.seen: list[tuple[str, str, str | None]] = []
+        self.url = f"http://127.0.0.1:{self.server_address[1]}"
+
+
+@contextmanager
+def standing(*turns: Turn, behind: str = "") -> Iterator[_Stands]:
+    """A server that takes these turns, then passes everything on."""
+    stands = _Stands(behind, list(turns))
+    thread = threading.Thread(target=stands.serve_forever, args=(0.01,))
+    thread.start()
+    try:
+        yield stands
+    finally:
+        stands.shutdown()
+        thread.join()
+        stands.server_close()
+
+
+def forwarded(stand: _Stand) -> None:
+    """Pass the request on, and its answer back."""
+    answer = stand.forward()
+    stand.reply(answer.status_code, answer.content, content_type=answer.headers["content-type"])
+
+
+def cut_off(stand: _Stand) -> None:
+    """Pass the request on, and lose its answer."""
+    assert stand.forward().is_success
+    stand.close_connection = True
+
+
+def saying(status: int, body: bytes = b"", **headers: str) -> Turn:
+    """Give an answer of one's own."""
+    return lambda stand: stand.reply(status, body, **headers)
+
+
+def test_a_post_whose_answer_is_lost_is_done_once(server: Server, stored: StoredPlan) -> None:
+    with (
+        http_of(server) as http,
+        standing(saying(503), cut_off, cut_off, behind=server.url) as stands,
+        Client(stands.url, KEY) as client,
+    ):
+        before = {one["id"] for one in http.get("/v1/plans?limit=200").json()["items"]}
+        plan = client.plan(small(name="done once"))
+        after = {one["id"] for one in http.get("/v1/plans?limit=200").json()["items"]}
+        assert after - before == {plan.id}
+        assert len(stands.seen) == 4
+        assert len(set(stands.seen)) == 1
+
+        stands.seen.clear()
+        stands.turns[:] = [cut_off]
+        known = {one["id"] for one in http.get("/v1/jobs?limit=200").json()["items"]}
+        job = client.validate(stored, trials=1, duration=1.0)
+        now = {one["id"] for one in http.get("/v1/jobs?limit=200").json()["items"]}
+        assert now - known == {job.id}
+        assert stands.seen[0] == stands.seen[1]
+
+        # the first of the two deletes it: that it is gone then is no failure
+        stands.turns[:] = [cut_off]
+        client.delete(plan)
+        assert http.get(f"/v1/plans/{plan.id}").status_code == 404
+        with pytest.raises(RemoteError, match="404"):
+            client.delete(plan)
+
+
+def test_each_post_has_a_key_of_its_own(server: Server) -> None:
+    with standing(behind=server.url) as stands, Client(stands.url, KEY) as client:
+        first, second = client.plan(small()), client.plan(small())
+    assert first.id != second.id
+    keys = [key for _, _, key in stands.seen]
+    assert len(set(keys)) == 2
+    assert None not in keys
+
+
+def test_a_busy_service_is_asked_again_when_it_says(server: Server, stored: StoredPlan) -> None:
+    busy = saying(429, retry_after="1")
+    with standing(busy, behind=server.url) as stands, Client(stands.url, KEY) as client:
+        began = time.monotonic()
+        assert client.stored(stored.id).id == stored.id
+        assert 1.0 <= time.monotonic() - began < 20.0
+    assert len(stands.seen) == 2
+
+
+def test_a_wait_beyond_patience_is_not_begun() -> None:
+    problem = json.dumps({"detail": "20 jobs are unfinished"}).encode()
+    busy = saying(429, problem, retry_after="30", content_type="application/problem+json")
+    began = time.monotonic()
+    with (
+        standing(busy) as stands,
+        Client(stands.url, patience_s=5.0) as client,
+        pytest.raises(RemoteError, match="429: 20 jobs are unfinished") as caught,
+    ):
+        client.sweep(small(), range_m=[50.0])
+    assert caught.value.status == 429
+    assert time.monotonic() - began < 20.0
+
+
+@pytest.mark.parametrize("when", ["soon", "-3", "Wed, 21 Oct 2026 07:28:00 GMT", "nan"])
+def test_an_odd_time_to_wait_is_passed_over(server: Server, stored: StoredPlan, when: str) -> None:
+    with (
+        standing(saying(503, retry_after=when), behind=server.url) as stands,
+        Client(stands.url, KEY) as client,
+    ):
+        began = time.monotonic()
+        assert client.stored(stored.id).id == stored.id
+        assert time.monotonic() - began < 20.0
+
+
+def test_a_request_that_is_refused_is_not_repeated() -> None:
+    refused = saying(500, b"<h1>no</h1>", content_type="text/html")
+    with (
+        standing(refused) as stands,
+        Client(stands.url) as client,
+        pytest.raises(RemoteError, match=r"500: <h1>no</h1>"),
+    ):
+        client.job("any")
+    assert len(stands.seen) == 1
+
+
+@pytest.mark.parametrize("body", [b"<h1>Welcome</h1>", b"[]", b"{}", b""])
+def test_a_server_of_something_else_is_told(body: bytes) -> None:
+    with (
+        standing(saying(200, body)) as stands,
+        Client(stands.url) as client,
+        pytest.raises(RemoteError, match="answers, but not as syncplan's service does"),
+    ):
+        client.plan(small())
+
+
+def test_a_slow_answer_is_given_up_after_the_time_for_one_request() -> None:
+    with (
+        standing(lambda stand: time.sleep(1.0)) as stands,
+        Client(stands.url, timeout_s=0.2, patience_s=0.05) as client,
+        pytest.raises(RemoteError, match=r"can't be reached.*timed out"),
+    ):
+        client.job("any")
+
+
+def test_a_path_before_the_services_own_is_kept(server: Server) -> None:
+    with (
+        standing(saying(404, b"{}")) as stands,
+        Client(f"{stands.url}/planner/") as client,
+        pytest.raises(RemoteError),
+    ):
+        client.job("any")
+    assert stands.seen[0][1] == "/planner/v1/jobs/any"
+
+
+def test_a_validation_outlives_the_plan_it_is_about(client: Client) -> None:
+    plan = client.plan(example("paper-grid-same"))
+    job = client.validate(plan, trials=16, seed=1)
+    client.delete(plan)
+    assert client.wait(job).result.trials == 16
+
+
+def test_the_name_and_password_of_an_address_stay_out_of_errors() -> None:
+    client = Client("http://somebody:secretword@127.0.0.1:9", patience_s=0.0)
+    with pytest.raises(RemoteError) as caught:
+        client.job("1")
+    assert "secretword" not in str(caught.value)
+    assert "127.0.0.1:9" in str(caught.value)

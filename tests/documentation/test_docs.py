@@ -1,0 +1,302 @@
+"""The documentation is followed block by block; what it is made of is made and looked at."""
+
+import re
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import expect
+from typer.main import get_command
+
+import syncplan
+from api.main import create_app
+from docs.site import studies
+from docs.site.__main__ import generate
+from docs.site.__main__ import main as build_site
+from docs.site.figures import DRAWN, final_error, sight_direction
+from docs.site.pages import with_figures
+from docs.site.reference import PAGES as REFERENCE
+from docs.site.scenario_keys import described_keys, unit_of
+from docs.site.service_pages import settings_table
+from syncplan.cli.command_line import app
+from syncplan.errors import InputError
+from syncplan.scenario.specification import Scenario
+from tests.tools.browsing import accessibility_faults, chromium
+from tests.tools.likeness import Likeness
+from tests.tools.serving import ROOT, Postgres
+from tests.tools.walkthrough import DATABASE, Block, Walk, blocks_of
+
+DOCS = ROOT / "docs"
+PAGES = sorted(
+    path.relative_to(ROOT).as_posix()
+    for path in [*DOCS.rglob("*.md"), ROOT / "README.md"]
+    if blocks_of(path)
+)
+NOT_RUN = {
+    "installs from the package index": 1,
+    "run with the examples": 1,
+    "there is no container engine where the project is checked": 3,
+}
+"""Why blocks may be left out, and how many are for each reason."""
+
+
+OF_THE_THEME = ("aria-dialog-name", "landmark-unique", "scrollable-region-focusable")
+"""Faults of accessibility that Material brings along: its search, copy buttons, wide tables."""
+
+
+@pytest.fixture
+def database() -> Iterator[str]:
+    # pytest's own folders are closed to PostgreSQL's user
+    with tempfile.TemporaryDirectory() as folder:
+        server = Postgres(Path(folder) / "postgres")
+        yield server.url
+        server.stop()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", PAGES)
+def test_a_page_does_what_it_says(
+    page: str, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    path = ROOT / page
+    text = path.read_text("utf-8")
+    url = request.getfixturevalue("database") if DATABASE in text else None
+    with Walk(tmp_path / "reader", database=url) as walk:
+        if "    make serve\n" in text:
+            walk.serve()
+        if page == "README.md":
+            # its reader is in the project's folder
+            walk.folder.joinpath("examples").symlink_to(ROOT / "examples")
+        for block in blocks_of(path):
+            walk.follow(block)
+
+
+def test_few_blocks_are_left_out_and_each_says_why() -> None:
+    found: dict[str, int] = {}
+    for page in PAGES:
+        for block in blocks_of(ROOT / page):
+            if block.not_run is not None:
+                found[block.not_run] = found.get(block.not_run, 0) + 1
+    assert found == NOT_RUN
+
+
+def block(language: str, text: str, **options: str) -> Block:
+    return Block("page.md:1", language, options, text)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        (block("console", "$ false\n"), "exit status 1"),
+        (block("console", "$ echo rank 18\nrank 17\n"), "written:"),
+        (block("console", "$ echo error 4.02\nerror 3.9\n"), "written:"),
+        (block("console", "$ printf 'a\\nb\\n'\na\n"), "written:"),
+        (block("console", "nothing is typed\n"), "output before any command"),
+        (block("console", "$ (exit 2)\n$ echo $?\n3\n"), "written:"),
+        (block("fortran", "END\n"), "nothing runs a block of 'fortran'"),
+        (block("", "plain\n"), "nothing runs a block of ''"),
+        (block("text", "printed\n"), "printed:"),
+        (block("python", "assert 1 == 2, 'wrong'\n"), "wrong"),
+    ],
+)
+def test_a_block_that_does_not_do_what_it_says_is_found(
+    wrong: Block, told: str, tmp_path: Path
+) -> None:
+    with Walk(tmp_path / "reader") as walk, pytest.raises(AssertionError, match=re.escape(told)):
+        walk.follow(wrong)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        block("yaml", "orbit: {radius: 20, angular_rate_rad_s: 0.2}\n"),
+        block("yaml", "near: [1]\n"),
+        block("yaml", "orbit: [\n"),
+    ],
+)
+def test_a_faulty_scenario_on_a_page_is_found(wrong: Block, tmp_path: Path) -> None:
+    with Walk(tmp_path / "reader") as walk, pytest.raises(InputError):
+        walk.follow(wrong)
+
+
+def test_faulty_json_on_a_page_is_found(tmp_path: Path) -> None:
+    with Walk(tmp_path / "reader") as walk, pytest.raises(ValueError, match="Expecting"):
+        walk.follow(block("json", "{'a': 1}\n"))
+
+
+def test_a_page_has_one_folder_and_one_terminal(tmp_path: Path) -> None:
+    with Walk(tmp_path / "reader") as walk:
+        walk.follow(block("json", '{"a": 1}\n', title="a.json"))
+        walk.follow(block("console", "$ export GREETING=hello\n$ sleep 60 &\n"))
+        walk.follow(
+            block("console", "$ cat a.json\n{...}\n$ echo $GREETING \\\n  you\nhello you\n")
+        )
+        walk.follow(block("python", "import os\nprint(os.listdir())\n"))
+        walk.follow(block("text", "['a.json']\n"))
+
+
+@pytest.mark.parametrize(
+    ("written", "shown"),
+    [
+        ("a ... d", "a b c d"),
+        ("...", ""),
+        ("...\nlast", "first\nlast"),
+        ("first\n...", "first\nlast"),
+        ("error 4.02 m", "error   4.06\nm"),
+        ("small 0.1", "small 0.15"),
+        ("1.5e-7", "1.51e-07"),
+        ("at 2026-11-21T10:54:38Z", "at 2027-01-01T00:00:00.5Z"),
+        ("v1 ─────\nrank 3", "v1 ───\n\x1b[31mrank 3\x1b[0m"),
+    ],
+)
+def test_likeness_overlooks_what_may_differ(written: str, shown: str) -> None:
+    assert Likeness().matches(written, shown)
+
+
+@pytest.mark.parametrize(
+    ("written", "shown"),
+    [
+        ("a ... d", "a b c"),
+        ("...\nlast", "last one"),
+        ("first\n...", "the first"),
+        ("a ... b ... c", "a c b c d"),
+        ("error 4.02 m", "error 4.2 m"),
+        ("-1.0", "1.0"),
+        ("rank 16 of 18", "rank 18 of 18"),
+        ("v1-v2", "v1-v3"),
+        ("", "anything"),
+    ],
+)
+def test_likeness_sees_what_differs(written: str, shown: str) -> None:
+    assert not Likeness().matches(written, shown)
+
+
+def test_an_identifier_stands_for_the_one_that_was_shown() -> None:
+    one, other, real = (f"{digit}1a1fdbe-70b6-72f8-a8d5-adf8507a7c1c" for digit in ("0", "1", "9"))
+    likeness = Likeness()
+    assert likeness.matches(f"id {one}", f"id {real}")
+    assert likeness.translated(f"GET /{one}/{other}") == f"GET /{real}/{other}"
+    assert not likeness.matches(f"id {one}", f"id {other}")
+
+
+# --- the site ---------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def site() -> Path:
+    """The site, built strictly, in this process so that figures are computed once."""
+    assert build_site() == 0
+    return ROOT / "build" / "site"
+
+
+@pytest.mark.slow
+def test_every_page_is_built_and_asks_nobody_else(site: Path) -> None:
+    built = sorted(path.relative_to(site).as_posix() for path in site.rglob("*.html"))
+    written = {path.removeprefix("docs/").replace(".md", ".html") for path in PAGES} - {
+        "README.html"
+    }
+    generated = {name.replace(".md", ".html") for name in REFERENCE}
+    quick_start = site.joinpath("quick-start.html").read_text("utf-8")
+    assert 'data-not-run="installs from the package index"' in quick_start
+    assert set(built) >= written | generated | {"index.html", "concepts.html", "theory.html"}
+    for path in site.rglob("*.html"):
+        text = path.read_text("utf-8")
+        fetched = re.findall(r'<(?:script|link|img|iframe)\b[^>]*?(?:src|href)="([^"]*)"', text)
+        assert fetched
+        assert "```" not in text, path
+        assert not [address for address in fetched if "//" in address], path
+
+
+@pytest.mark.slow
+def test_the_site_opens_as_a_file_with_figures_and_search(site: Path) -> None:
+    complaints: list[str] = []
+    requests: list[str] = []
+    with chromium() as browser:
+        for scheme in ("light", "dark"):
+            page = browser.new_context(color_scheme=scheme).new_page()
+            page.on("console", lambda told: complaints.append(told.text))
+            page.on("pageerror", lambda error: complaints.append(str(error)))
+            page.on("request", lambda asked: requests.append(asked.url))
+            page.goto((site / "concepts.html").as_uri())
+            expect(page.locator(".plot .main-svg").first).to_be_visible()
+            drawn = page.locator(".plot .plot-container").count()
+            assert drawn == page.locator(".plot").count() > 5
+        page.keyboard.press("/")
+        page.keyboard.type("desynchronised")
+        expect(page.locator(".md-search-result__item").first).to_be_visible()
+    assert complaints == []
+    assert requests
+    assert [url for url in requests if not url.startswith(("file:", "data:", "blob:"))] == []
+
+
+@pytest.mark.slow
+def test_pages_are_accessible_but_for_their_theme(site: Path) -> None:
+    with chromium() as browser:
+        page = browser.new_page()
+        for name in ("quick-start", "concepts", "reference/scenario"):
+            page.goto((site / f"{name}.html").as_uri())
+            page.wait_for_load_state()
+            faults = accessibility_faults(page)
+            assert [fault for fault in faults if not fault.startswith(OF_THE_THEME)] == []
+
+
+@pytest.mark.slow
+def test_captions_tell_what_the_figures_show() -> None:
+    """The line of sight of mirror motion never turns, and the filter's sigma does not notice."""
+    _, turn, length = sight_direction(studies.pair("alternate", 20.0, 0.0))
+    assert abs(turn).max() < 1e-9
+    # samples miss the very ends
+    assert length.min() == pytest.approx(30.0, abs=0.01)
+    assert length.max() == pytest.approx(110.0, abs=0.01)
+    for other in (("alternate", 20.0, 0.2), ("alternate", 15.0, 0.0), ("ccw", 20.0, 0.0)):
+        assert abs(sight_direction(studies.pair(*other))[1]).max() > 4.0
+    wrong, claimed = final_error(studies.flown())
+    right, own = final_error(studies.flown(studies.DESYNC_RAD))
+    assert wrong > 3.0 * claimed
+    assert right < 1.5 * own
+    words = DRAWN["optimism"]().words
+    assert f"{wrong:.1f} m" in words
+    assert f"{claimed:.1f} m" in words
+
+
+def test_scenario_keys_carry_their_units() -> None:
+    assert [unit_of(key) for key in ("radius_m", "turn_rate_sigma_rad_s", "speed_mps", "name")] == [
+        "m",
+        "rad/s",
+        "m/s",
+        "",
+    ]
+    rows = {row[0] for _, table in described_keys(Scenario.model_json_schema()) for row in table}
+    assert {"`orbit`", "`desync_rad`", "`fov_deg`", "`center_box_m`", "`lat_deg`"} <= rows
+
+
+def test_the_reference_names_every_command_operation_and_public_name() -> None:
+    made = {name: content() for name, content in REFERENCE.items()}
+    commands = get_command(app)
+    for name in commands.commands:  # type: ignore[attr-defined]
+        assert f"`syncplan {name}`" in made["reference/command-line.md"]
+    document = create_app().openapi()
+    for path, item in document["paths"].items():
+        for method in set(item) - {"parameters"}:
+            assert f"`{method.upper()} {path}`" in made["reference/service.md"]
+    for name in syncplan.__all__:
+        assert f".{name}\n" in made["reference/python.md"]
+    for status in ("401", "404", "422", "507"):
+        assert f"| {status} |" in made["reference/problems.md"]
+    assert settings_table() in made["reference/settings.md"]
+
+
+def test_a_figure_that_is_not_there_is_told(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no figure 'nothing'; there are accuracy"):
+        with_figures("<!-- figure: nothing -->", "page.md")
+
+
+@pytest.mark.slow
+def test_a_link_that_leads_nowhere_ends_the_build(tmp_path: Path) -> None:
+    (tmp_path / "docs").mkdir()
+    (tmp_path / "docs" / "index.md").write_text("[x](nothing.md)\n")
+    (tmp_path / "mkdocs.yml").write_text("site_name: x\ntheme: {name: material, font: false}\n")
+    assert generate(tmp_path / "mkdocs.yml") == 1
+    (tmp_path / "docs" / "index.md").write_text("[x](index.md)\n")
+    assert generate(tmp_path / "mkdocs.yml") == 0

@@ -1,0 +1,218 @@
+"""The bounds against independent recursions in other coordinates."""
+
+import numpy as np
+import pytest
+
+from syncplan.estimation.bounds import (
+    PosteriorBound,
+    arc_noise_gain,
+    posterior_bound,
+    steady_bound,
+    window_bound,
+)
+from syncplan.observability.rank import assess, bearing_rows, link_information
+from syncplan.orbits.circles import Orbits, heading, position
+from syncplan.orbits.contacts import Sensors, find_windows
+from syncplan.orbits.noise import Noise
+from syncplan.orbits.sightings import sample_sightings, steps_within
+from syncplan.planning.planner import Plan, plan
+from syncplan.scenario.loading import scenario_from
+from tests.tools.scenarios import example
+
+NOISE = Noise(speed_sigma=0.1, turn_rate_sigma=0.01, position_sigma=5.0, heading_sigma=0.1)
+
+
+@pytest.fixture(scope="module")
+def grid() -> Plan:
+    return plan(example("paper-grid-same"))
+
+
+def _local_information_recursion(made: Plan, duration: float) -> np.ndarray:
+    """(steps + 1, n) position variance by the information filter in each moment's own state."""
+    orbits, sensors, noise = made.orbits, made.sensors, made.noise
+    n, dt = orbits.count, sensors.sample_time
+    steps = steps_within(duration, dt)
+    sightings = sample_sightings(made.windows, orbits.period, dt, 1, steps)
+    first = sightings.first_of_steps(steps)
+    sigma = [noise.position_sigma, noise.position_sigma, noise.heading_sigma]
+    information: np.ndarray = np.diag(1.0 / np.tile(np.square(sigma), n))
+    variance = np.empty((steps + 1, n))
+    w, v = orbits.turn_rates, orbits.speeds
+    for k in range(steps + 1):
+        if k:
+            moved = position(orbits, k * dt) - position(orbits, (k - 1) * dt)
+            start = heading(orbits, (k - 1) * dt)
+            phi, process = np.eye(3 * n), np.zeros((3 * n, 3 * n))
+            for i in range(n):
+                rows = slice(3 * i, 3 * i + 3)
+                phi[3 * i : 3 * i + 2, 3 * i + 2] = -moved[i, 1], moved[i, 0]
+                end = start[i] + w[i] * dt
+                chord = np.array([np.sin(end) - np.sin(start[i]), np.cos(start[i]) - np.cos(end)])
+                gain = np.zeros((3, 2))
+                gain[:2, 0] = chord / w[i]
+                along = np.array([np.cos(end), np.sin(end)])
+                gain[:2, 1] = v[i] * (dt * along / w[i] - chord / w[i] ** 2)
+                gain[2, 1] = dt
+                scaled = gain * [noise.speed_sigma, noise.turn_rate_sigma]
+                process[rows, rows] = scaled @ scaled.T
+            information = np.linalg.inv(phi @ np.linalg.inv(information) @ phi.T + process)
+            places = position(orbits, k * dt)
+            for s in range(first[k], first[k + 1]):
+                a, b = int(sightings.observers[s]), int(sightings.targets[s])
+                target = places[b] if b < n else made.landmarks[b - n]
+                q = target - places[a]
+                row = np.zeros(3 * n)
+                slope = np.array([-q[1], q[0]]) / (q @ q)
+                row[3 * a : 3 * a + 2] = -slope
+                row[3 * a + 2] = -1.0
+                if b < n:
+                    row[3 * b : 3 * b + 2] = slope
+                information += np.outer(row, row) / sensors.bearing_sigmas[a] ** 2
+        covariance = np.linalg.inv(information)
+        variance[k] = np.diag(covariance).reshape(n, 3)[:, :2].sum(axis=1)
+    return variance
+
+
+@pytest.mark.parametrize("name", ["paper-grid-same", "mixed-radii-camera", "landmark-bridge"])
+def test_the_posterior_bound_equals_the_information_recursion(name: str) -> None:
+    made = plan(example(name), bound="never")
+    ours = posterior_bound(
+        made.orbits, made.landmarks, made.sensors, made.windows, made.noise, 60.0
+    )
+    other = _local_information_recursion(made, 60.0)
+    np.testing.assert_allclose(ours.position_variance, other, rtol=1e-6)
+
+
+def test_the_bound_starts_at_the_initial_sigmas(grid: Plan) -> None:
+    run = posterior_bound(grid.orbits, grid.landmarks, grid.sensors, grid.windows, grid.noise, 10.0)
+    np.testing.assert_allclose(run.position_variance[0], 50.0)
+    np.testing.assert_allclose(run.heading_variance[0], 0.01)
+
+
+def test_a_long_run_settles_at_the_steady_bound(grid: Plan) -> None:
+    duration = 150.0 * grid.orbits.period
+    run = posterior_bound(
+        grid.orbits, grid.landmarks, grid.sensors, grid.windows, grid.noise, duration
+    )
+    last = round(grid.orbits.period / grid.sensors.sample_time)
+    settled = np.sqrt(run.position_variance[-last:].mean(axis=0))
+    limit = steady_bound(grid.orbits, grid.landmarks, grid.sensors, grid.windows, grid.noise)
+    np.testing.assert_allclose(settled, limit, rtol=5e-3)
+    # design.md, section 3: the period averages fall to 1.07 m
+    assert abs(limit.max() - 1.07) < 0.01
+
+
+def test_without_motion_noise_the_posterior_tends_to_the_window_bound(grid: Plan) -> None:
+    still = Noise(0.0, 0.0, position_sigma=1e5, heading_sigma=1e3)
+    steps = steps_within(grid.orbits.period, grid.sensors.sample_time)
+    sightings = sample_sightings(
+        grid.windows, grid.orbits.period, grid.sensors.sample_time, 1, steps
+    )
+    links = link_information(grid.orbits, grid.landmarks, grid.sensors, sightings)
+    window = window_bound(assess(grid.orbits, links))
+    rows = bearing_rows(grid.orbits, grid.landmarks, grid.sensors, sightings)
+    dense = np.zeros((len(rows), 18))
+    for s, (a, b) in enumerate(zip(sightings.observers, sightings.targets, strict=True)):
+        dense[s, 3 * a : 3 * a + 3] += rows[s, :3]
+        if b < 6:
+            dense[s, 3 * b : 3 * b + 3] += rows[s, 3:]
+    variance = np.diag(np.linalg.inv(dense.T @ dense)).reshape(6, 3)[:, :2].sum(axis=1)
+    np.testing.assert_allclose(window, 20.0 * np.sqrt(variance), rtol=1e-8)
+    run = posterior_bound(
+        grid.orbits,
+        grid.landmarks,
+        grid.sensors,
+        grid.windows,
+        still,
+        steps * grid.sensors.sample_time,
+    )
+    # the last sample is a hundredth of a second short of a whole period, back at the start
+    np.testing.assert_allclose(np.sqrt(run.position_variance[-1]), window, rtol=1e-3)
+
+
+def test_the_window_bound_is_missing_where_the_position_is_not_determined() -> None:
+    made = plan(example("landmark-bridge"))
+    assert np.isfinite(made.prediction.window[0])
+    assert np.isnan(made.prediction.window[1])
+
+
+def test_the_noise_gain_is_the_derivative_of_a_step() -> None:
+    orbits = Orbits(
+        np.zeros((3, 2)), np.array([20.0, 5.0, 8.0]), np.array([1.0, -1.0, 1.0]), np.zeros(3), 0.7
+    )
+    dt, h = 0.3, 1e-6
+
+    def step(v: float, w: float) -> np.ndarray:
+        return np.array([v / w * np.sin(w * dt), v / w * (1.0 - np.cos(w * dt)), w * dt])
+
+    gain = arc_noise_gain(orbits, dt)
+    for k in range(3):
+        v, w = orbits.speeds[k], orbits.turn_rates[k]
+        by_speed = (step(v + h, w) - step(v - h, w)) / (2 * h)
+        by_rate = (step(v, w + h) - step(v, w - h)) / (2 * h)
+        np.testing.assert_allclose(gain[k], np.column_stack([by_speed, by_rate]), atol=1e-7)
+
+
+def test_a_better_sensor_never_raises_the_bound(grid: Plan) -> None:
+    sharper = Sensors(
+        grid.sensors.ranges,
+        grid.sensors.fields_of_view,
+        grid.sensors.boresights,
+        0.5 * grid.sensors.bearing_sigmas,
+        grid.sensors.sample_time,
+    )
+    windows = find_windows(grid.orbits, grid.landmarks, sharper)
+    before = posterior_bound(grid.orbits, grid.landmarks, grid.sensors, grid.windows, NOISE, 100.0)
+    after = posterior_bound(grid.orbits, grid.landmarks, sharper, windows, NOISE, 100.0)
+    assert np.all(after.position_variance <= before.position_variance * (1.0 + 1e-9))
+
+
+def test_the_second_half_is_the_samples_with_twice_their_number_past_the_end() -> None:
+    for steps in (5, 6):
+        variance = np.arange(steps + 1, dtype=float)[:, None]
+        kept = [k for k in range(steps + 1) if 2 * k > steps]
+        rms = PosteriorBound(variance, variance).rms_second_half()
+        assert rms[0] == pytest.approx(np.sqrt(np.mean(kept)))
+
+
+def test_the_noise_gain_is_smooth_at_small_turns() -> None:
+    def gain(half: float) -> np.ndarray:
+        orbits = Orbits(np.zeros((1, 2)), np.ones(1), np.ones(1), np.zeros(1), 2.0 * half)
+        return np.asarray(arc_noise_gain(orbits, 1.0)[0] / [1.0, 2.0 * half])
+
+    np.testing.assert_allclose(gain(0.99e-4), gain(1.01e-4), rtol=0.03)
+
+
+def test_exact_bearings_from_a_still_platform_have_a_steady_bound() -> None:
+    made = plan(
+        scenario_from(
+            {
+                "orbit": {"radius_m": 2.0, "angular_rate_rad_s": 2.0 * np.pi / 30.0},
+                "formation": {"centers_m": [[-1.587, -1.081]]},
+                "landmarks_m": [[3, 3], [-1, 2], [-2, -1]],
+                "sensor": {"range_m": 10, "bearing_sigma_rad": 0.001, "sample_time_s": 15.0},
+                "motion": {"speed_sigma_mps": 0.0},
+                "window_s": 90.0,
+            }
+        ),
+        steady=True,
+    )
+    assert made.prediction.steady is not None
+    assert made.prediction.steady[0] < 0.02
+
+
+def test_a_short_window_does_not_hide_the_steady_bound() -> None:
+    document = example("paper-grid-same").model_dump(exclude_none=True)
+    document["window_s"] = 0.5
+    short = plan(scenario_from(document), steady=True).prediction.steady
+    whole = plan(example("paper-grid-same"), steady=True).prediction.steady
+    assert short is not None
+    assert whole is not None
+    np.testing.assert_allclose(short, whole)
+
+
+def test_unobservable_teams_have_no_steady_bound() -> None:
+    for name in ("landmark-bridge", "triangle-alternate"):
+        steady = plan(example(name), steady=True).prediction.steady
+        assert steady is not None
+        assert np.isinf(steady[-1])

@@ -1,0 +1,672 @@
+"""Replays: recordings read, filtered as by the NumPy filter, reported; real robots' among them."""
+
+import contextlib
+import inspect
+import json
+import subprocess
+import sys
+import tarfile
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from typer.main import get_command
+
+from syncplan import figures
+from syncplan.cli import command_line
+from syncplan.errors import InputError, NoSolutionError
+from syncplan.estimation import batched_filter, mrclam
+from syncplan.estimation.consistency import gate_threshold
+from syncplan.estimation.mrclam import NOBODY, Log, RobotLog, load_log
+from syncplan.estimation.reference_filter import Motion, predict, update
+from syncplan.estimation.replays import GROUND_ROBOTS, longest_gap, replay
+from syncplan.orbits.circles import wrap
+from syncplan.orbits.noise import Noise
+from syncplan.reports.replay_report import replay_document
+from tests.tools.recordings import CLOCK, LANDMARKS, REAL, Recipe, write_recording
+from tests.tools.serving import ROOT
+
+NOISY = Recipe(
+    jitter=0.8,
+    speed_sigma=0.4,
+    turn_rate_sigma=0.05,
+    bearing_sigma=0.08,
+    wild=0.01,
+    nobody=7,
+)
+
+
+@pytest.fixture(scope="module")
+def noisy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_recording(tmp_path_factory.mktemp("noisy") / "recording", NOISY, seed=4)
+
+
+# --- the recording --------------------------------------------------------------------------------
+
+
+def test_a_recording_holds_what_was_written(noisy: Path) -> None:
+    log = load_log(noisy)
+    assert log.name == "recording"
+    assert [robot.name for robot in log.robots] == ["robot1", "robot2", "robot3"]
+    assert dict(zip(log.landmark_subjects.tolist(), map(tuple, log.landmarks), strict=True)) == (
+        LANDMARKS
+    )
+    first = log.robots[0]
+    lines = (noisy / "Robot1_Measurement.dat").read_text().splitlines()[2:]
+    assert len(lines) == len(first.times) == len(first.bearings)
+    time, code, _, bearing = (float(word) for word in lines[5].split())
+    subject = int(code) // 10 if code != 99 else NOBODY
+    assert (first.times[5], first.subjects[5], first.bearings[5]) == (time, subject, bearing)
+    assert sum(int(np.sum(robot.subjects == NOBODY)) for robot in log.robots) == 3 * 7
+
+
+def test_a_robots_own_barcode_was_misread(noisy: Path, tmp_path: Path) -> None:
+    folder = _copy(noisy, tmp_path)
+    path = folder / "Robot2_Measurement.dat"
+    lines = path.read_text().splitlines()
+    words = lines[9].split()
+    lines[9] = "\t".join([words[0], "23", *words[2:]])
+    path.write_text("\n".join(lines))
+    assert load_log(folder).robots[1].subjects[7] == NOBODY
+
+
+BAD = [
+    ("Robot1_Odometry.dat", 9, "1.0\t2.0", "line 9 has 2 columns; needed are time, speed, turn"),
+    ("Robot1_Odometry.dat", 9, "1.0\t2.0\tfast", "line 9: turn rate is 'fast'; a number is needed"),
+    ("Robot2_Groundtruth.dat", 8, "1\t2\tnan\t4", "line 8, '1 2 nan 4': holds a value that is not"),
+    ("Robot2_Groundtruth.dat", 8, "1\t2\t3\t4", "line 8, '1 2 3 4': its time is before that"),
+    ("Robot3_Measurement.dat", 3, "1e300\t13\t3\t4", "line 3, '1e300 13 3 4': holds a value over"),
+    ("Robot3_Measurement.dat", 3, "1\t1.5\t3\t4", "line 3, '1 1.5 3 4': barcode is not whole"),
+    ("Barcodes.dat", 3, "2\t13\n1\t13", "barcode 13 stands there twice"),
+    ("Barcodes.dat", 3, "55\t13", "subject 55 has neither files such as Robot55_Odometry.dat nor"),
+    ("Landmark_Groundtruth.dat", 3, "-1\t13\t2", "subject -1 is below 1"),
+    ("Robot1_Odometry.dat", 9, "1.0,2.0,3.0", "line 9 has 1 column; needed are time, speed, turn"),
+    ("Landmark_Groundtruth.dat", 3, "1\t13\t2", "subject 1 is a robot as well"),
+    ("Landmark_Groundtruth.dat", 3, "6\t13\t2", "subject 6 stands there twice"),
+]
+
+
+@pytest.mark.parametrize(("name", "line", "text", "told"), BAD)
+def test_a_fault_is_told_with_file_and_line(
+    name: str, line: int, text: str, told: str, noisy: Path, tmp_path: Path, run: Any
+) -> None:
+    folder = _copy(noisy, tmp_path)
+    lines = (folder / name).read_text().splitlines()
+    lines[line - 1] = text
+    (folder / name).write_text("\n".join(lines) + "\n")
+    status, out, err = run("replay", str(folder))
+    assert (status, out) == (2, "")
+    assert err.count("\n") == 1
+    assert f"{folder / name}: {told}" in err
+
+
+def test_files_that_can_not_be_had_are_named(
+    noisy: Path, tmp_path: Path, run: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(folder: Path) -> str:
+        status, out, err = run("replay", str(folder))
+        assert (status, out, err.count("\n")) == (2, "", 1)
+        return str(err)
+
+    folder = _copy(noisy, tmp_path)
+    assert "no such folder" in refused(folder / "nowhere")
+    assert "is not a folder" in refused(folder / "Barcodes.dat")
+    (folder / "Robot3_Groundtruth.dat").write_text("# nothing yet\n")
+    assert "Robot3_Groundtruth.dat: holds no rows" in refused(folder)
+    (folder / "Robot2_Measurement.dat").write_bytes(b"\xff\xfe1 2 3 4")
+    assert "Robot2_Measurement.dat: is not a text file" in refused(folder)
+    (folder / "Robot2_Measurement.dat").unlink()
+    assert "Robot2_Measurement.dat: is missing" in refused(folder)
+    (folder / "Robot2_Measurement.dat").mkdir()
+    assert "Robot2_Measurement.dat: is a folder" in refused(folder)
+    monkeypatch.setattr(mrclam, "LARGEST_FILE_BYTES", 50)
+    assert "is larger than 0 MiB" in refused(folder)
+    monkeypatch.setattr(mrclam, "MOST_ROBOTS", 2)
+    assert "holds 3 robots, more than 2" in refused(folder)
+    monkeypatch.undo()
+    (folder / "Robot1_Odometry.dat").unlink()
+    assert "Robot1_Odometry.dat: is missing" in refused(folder)
+    for path in folder.glob("Robot*"):
+        path.rmdir() if path.is_dir() else path.unlink()
+    assert "holds no Robot1_Odometry.dat" in refused(folder)
+    assert "can't be read: File name too long" in refused(folder / ("x" * 5000))
+
+
+def test_a_robot_that_saw_nobody_is_no_fault(noisy: Path, tmp_path: Path) -> None:
+    folder = _copy(noisy, tmp_path)
+    (folder / "Robot2_Measurement.dat").write_text("# nothing\n")
+    assert len(load_log(folder).robots[1].times) == 0
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(data=st.data())
+def test_whatever_a_file_holds_is_read_or_refused(
+    data: st.DataObject, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    folder = _small_recording(tmp_path_factory)
+    path = folder / data.draw(st.sampled_from(sorted(path.name for path in folder.iterdir())))
+    before = path.read_bytes()
+    try:
+        at = data.draw(st.integers(0, len(before)))
+        new = data.draw(st.binary(max_size=12) | st.sampled_from([b"\n", b" ", b"#", b"1e400 "]))
+        cut = data.draw(st.integers(0, 30))
+        path.write_bytes(before[:at] + new + before[at + cut :])
+        with contextlib.suppress(InputError):
+            replay(load_log(folder))
+    finally:
+        path.write_bytes(before)
+
+
+# --- the filter -----------------------------------------------------------------------------------
+
+
+def test_without_noise_there_is_no_error(tmp_path: Path) -> None:
+    log = load_log(write_recording(tmp_path / "exact", Recipe()))
+    replayed = replay(log)
+    # truth is known every 10 ms, and straight between
+    assert replayed.accuracy.overall().position < 1e-3
+    assert replayed.accuracy.overall().heading < 1e-4
+    assert replayed.result.gated.sum() == replayed.unknown == 0
+    assert (replayed.result.covered == replayed.result.coverage_samples).all()
+
+
+@pytest.mark.parametrize(
+    ("landmarks", "meetings"), [(None, True), ([6, 8], True), ([7], False), ([], True)]
+)
+def test_errors_are_those_of_the_numpy_filter(
+    landmarks: list[int] | None, meetings: bool, tmp_path: Path
+) -> None:
+    brief = replace(NOISY, duration=12.0, wild=0.05)
+    log = load_log(write_recording(tmp_path / "brief", brief, seed=8))
+    replayed = replay(
+        log,
+        landmarks=landmarks,
+        meetings=meetings,
+        sample_time=0.07,
+        bearing_sigma=0.1,
+        gate_probability=0.99,
+    )
+    found = _by_numpy(log, landmarks, meetings=meetings)
+    errors, used, rejected = found.errors, found.used, found.rejected
+    assert len(errors) == replayed.result.steps == round(replayed.duration / 0.07)
+    squares = np.mean(errors**2, axis=0)
+    np.testing.assert_allclose(replayed.result.mean_squares[0], squares, rtol=1e-9)
+    np.testing.assert_allclose(replayed.result.final_errors[0], errors[-1], rtol=1e-6, atol=1e-9)
+    assert (int(replayed.result.accepted[0]), int(replayed.result.gated[0])) == (used, rejected)
+    total = sum(len(robot.times) for robot in log.robots)
+    assert replayed.not_asked_for + replayed.outside == total - used - rejected - 3 * 7
+    assert rejected > 0
+    document = replay_document(replayed)
+    late = errors[len(errors) // 2 :]
+    assert document.heading_rmse_rad == pytest.approx(np.sqrt(np.mean(errors[..., 2] ** 2)))
+    for k, robot in enumerate(document.robots):
+        assert robot.rms_second_half_m == pytest.approx(_rms(late[:, k]))
+        assert robot.rms_x_m == pytest.approx(np.sqrt(np.mean(errors[:, k, 0] ** 2)))
+        assert robot.coverage_3sigma == pytest.approx(found.covered[k])
+    assert document.coverage_3sigma == pytest.approx(np.mean(found.covered))
+    assert document.anees.value == pytest.approx(found.nees / 9)
+    assert document.anees.count == 9
+    below = _mean_below(gate_threshold(0.99))
+    assert document.nis.value == pytest.approx(found.nis / below)
+
+
+def _rms(errors: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.sum(errors[..., :2] ** 2, axis=-1))))
+
+
+def _mean_below(gate: float) -> float:
+    """Mean of the square of a normal variable, given that it is below a gate: by quadrature."""
+    z = np.linspace(0.0, np.sqrt(gate), 20_001)
+    density = np.exp(-0.5 * z**2)
+    return float(np.trapezoid(z**2 * density, z) / np.trapezoid(density, z))
+
+
+@dataclass(frozen=True)
+class _Found:
+    """errors (steps, n, 3); bearings; shares (n,) within 3 sigma, mean NEES, mean NIS."""
+
+    errors: np.ndarray
+    used: int
+    rejected: int
+    covered: np.ndarray
+    nees: float
+    nis: float
+
+
+def _by_numpy(log: Log, landmarks: list[int] | None, *, meetings: bool) -> _Found:
+    """What a filter finds that is written in plain loops."""
+    time, motion = 0.07, Motion(0.07, GROUND_ROBOTS.speed_sigma, GROUND_ROBOTS.turn_rate_sigma)
+    begin = max(robot.truth[0, 0] for robot in log.robots)
+    end = min(robot.truth[-1, 0] for robot in log.robots) - begin
+    truths = [robot.truth - [begin, 0.0, 0.0, 0.0] for robot in log.robots]
+    odometry = [robot.odometry - [begin, 0.0, 0.0] for robot in log.robots]
+    known = [s for s in log.landmark_subjects.tolist() if landmarks is None or s in landmarks]
+    places = np.array([LANDMARKS[s] for s in known]).reshape(-1, 2)
+    n, steps = len(log.robots), int(end / time)
+    readings = []
+    for observer, robot in enumerate(log.robots):
+        for at, subject, bearing in zip(robot.times, robot.subjects, robot.bearings, strict=True):
+            if subject in known:
+                readings.append((at - begin, observer, n + known.index(subject), bearing))
+            elif meetings and 1 <= subject <= n:
+                readings.append((at - begin, observer, int(subject) - 1, bearing))
+    readings.sort()
+    x = _truth(truths, 0.0)
+    P = np.diag(np.tile([1e-4, 1e-4, 1e-4], n))
+    errors, squares, rejected, nees, covered = [], [], 0, [], []
+    for step in range(1, steps + 1):
+        span = ((step - 1) * time, step * time)
+        speeds = np.array([_held_mean(one, 1, *span) for one in odometry])
+        turns = np.array([_held_mean(one, 2, *span) for one in odometry])
+        x, P = predict(x, P, speeds, turns, motion)
+        for at, observer, target, bearing in readings:
+            if round(at / time) == step:
+                gate = gate_threshold(0.99)
+                x, P, nu, variance = update(x, P, observer, target, bearing, 0.1, places, gate)
+                if nu**2 <= gate * variance:
+                    squares.append(nu**2 / variance)
+                else:
+                    rejected += 1
+        error = x - _truth(truths, span[1])
+        error[:, 2] = wrap(error[:, 2])
+        errors.append(error)
+        if step % 10 == 0 or step == steps:
+            nees.append(error.ravel() @ np.linalg.solve(P, error.ravel()))
+            covered.append(error**2 <= 9.0 * np.diag(P).reshape(n, 3))
+    return _Found(
+        errors=np.array(errors),
+        used=len(squares),
+        rejected=rejected,
+        covered=np.mean(covered, axis=(0, 2)),
+        nees=float(np.mean(nees)),
+        nis=float(np.mean(squares)),
+    )
+
+
+def _truth(truths: list[np.ndarray], at: float) -> np.ndarray:
+    poses = []
+    for truth in truths:
+        after = max(int(np.searchsorted(truth[:, 0], at)), 1)
+        (t0, *a), (t1, *b) = truth[after - 1], truth[after]
+        share = (at - t0) / (t1 - t0)
+        turn = wrap(np.array(b[2] - a[2]))
+        poses.append(
+            [a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2] + share * float(turn)]
+        )
+    return np.array(poses)
+
+
+def _held_mean(odometry: np.ndarray, column: int, begin: float, end: float) -> float:
+    """Mean over a time of what was last read, piece by piece."""
+    total = 0.0
+    for (since, *_), (until, *_), values in zip(odometry, odometry[1:], odometry, strict=False):
+        total += max(0.0, min(until, end) - max(since, begin)) * values[column]
+    return total / (end - begin)
+
+
+def test_a_gap_of_the_truth_is_told(noisy: Path, tmp_path: Path) -> None:
+    folder = _copy(noisy, tmp_path)
+    path = folder / "Robot2_Groundtruth.dat"
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join(lines[:1000] + lines[1100:]))
+    assert _notes_of(folder, "robot") == [
+        "the truth of robot2 has a gap of 1.01 s: its errors there are from a straight line"
+    ]
+    assert _notes_of(noisy, "robot") == []
+
+
+def _notes_of(folder: Path, word: str, **options: Any) -> list[str]:
+    notes = replay_document(replay(load_log(folder), **options)).notes
+    return [note for note in notes if word in note]
+
+
+def test_gaps_across_the_ends_of_a_run_count() -> None:
+    recorded = np.array([0.0, 5.0, 6.0, 7.0, 20.0])
+    assert longest_gap(recorded, 2.0, 4.0) == 5.0
+    assert longest_gap(recorded, 2.0, 8.0) == 13.0
+    assert longest_gap(recorded, 5.5, 1.0) == 1.0
+
+
+def _still(*times: float) -> Log:
+    """Two robots that stand still and see nobody."""
+    truth = np.array([[time, 0.0, 0.0, 0.0] for time in times])
+    none = np.zeros(0)
+    robots = [RobotLog(k, truth, truth[:, :3], none, none.astype(int), none) for k in (1, 2)]
+    return Log("still", tuple(robots), none.astype(int), np.zeros((0, 2)))
+
+
+def test_a_whole_number_of_samples_is_not_lost_to_rounding() -> None:
+    assert int(0.3 / 0.1) == 2
+    assert replay(_still(0.0, 0.3), sample_time=0.1).result.steps == 3
+
+
+def test_a_filter_that_diverges_is_no_result(monkeypatch: pytest.MonkeyPatch) -> None:
+    def diverge(
+        course: batched_filter.Course,
+        readings: batched_filter.Readings,
+        tally: batched_filter.Tally,
+    ) -> None:
+        tally.squares[:] = np.nan
+
+    monkeypatch.setattr(batched_filter, "filter_lanes", diverge)
+    with pytest.raises(NoSolutionError, match="the filter diverged"):
+        replay(_still(0.0, 1.0))
+
+
+def test_what_of_a_recording_is_not_used_is_told(noisy: Path, tmp_path: Path) -> None:
+    folder = _copy(noisy, tmp_path)
+    path = folder / "Robot3_Odometry.dat"
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:202], *lines[402:602]]))
+    assert _notes_of(folder, "odometry") == [
+        "odometry ends early; from then on they count as standing still: robot3 10.1 s",
+        "the odometry of robot3 has a gap of 10.05 s: its last reading counts meanwhile",
+    ]
+    path.write_text("\n".join(lines[202:]))
+    assert _notes_of(folder, "odometry") == [
+        "odometry begins late; till then they count as standing still: robot3 9.9 s"
+    ]
+    path.write_text("\n".join(lines))
+    path = folder / "Robot1_Groundtruth.dat"
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join(lines[:3002]))
+    assert _notes_of(folder, "truth") == [
+        "the truth of robot1 ends 10.0 s early: that part of the recording is not used"
+    ]
+    replayed = replay(load_log(folder))
+    assert replayed.begin == pytest.approx(CLOCK + 0.1, abs=1e-6)
+    assert replayed.duration == pytest.approx(29.85)
+    path.write_text("\n".join([*lines[:2], *lines[1002:]]))
+    assert _notes_of(folder, "truth") == [
+        "the truth of robot1 begins 10.0 s late: that part of the recording is not used"
+    ]
+
+
+def test_files_of_other_clocks_and_units_are_told(noisy: Path, tmp_path: Path) -> None:
+    folder = _copy(noisy, tmp_path)
+    for k in (1, 2, 3):
+        _change(folder / f"Robot{k}_Measurement.dat", 0, lambda time: time + 5000.0)
+    assert _notes_of(folder, "bearing")[0].startswith("all 1939 bearings")
+    assert "before or after the run: by another clock?" in _notes_of(folder, "bearing")[0]
+    for k in (1, 2, 3):
+        _change(folder / f"Robot{k}_Measurement.dat", 0, lambda time: time - 5000.0)
+        _change(folder / f"Robot{k}_Measurement.dat", 3, np.degrees)
+    rejected, degrees = _notes_of(folder, "bearings", bearing_sigma=0.01)[:2]
+    assert rejected.startswith("the gate rejected")
+    assert degrees.endswith("rad: are they in degrees?")
+    _change(folder / "Robot2_Odometry.dat", 0, lambda time: time + 5000.0)
+    with pytest.raises(InputError, match=r"odometry of robot2 is from 4999.* by another clock\?"):
+        replay(load_log(folder))
+
+
+def _change(path: Path, column: int, new: Callable[[float], float]) -> None:
+    rows = [line.split() for line in path.read_text().splitlines() if not line.startswith("#")]
+    for row in rows:
+        row[column] = repr(float(new(float(row[column]))))
+    path.write_text("\n".join("\t".join(row) for row in rows))
+
+
+def test_files_of_other_editors_are_read(noisy: Path, tmp_path: Path) -> None:
+    folder = _copy(noisy, tmp_path)
+    for path in folder.iterdir():
+        path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes().replace(b"\n", b"\r\n"))
+    assert replay(load_log(folder)).accuracy.overall().position == (
+        replay(load_log(noisy)).accuracy.overall().position
+    )
+
+
+INTERRUPTED = """
+import os, signal, threading, time
+import numpy as np
+from syncplan.estimation import batched_filter
+from syncplan.estimation.mrclam import Log, RobotLog
+from syncplan.estimation.replays import replay
+none = np.zeros(0)
+truth = np.array([[0.0, 0.0, 0.0, 0.0], [1000.0, 0.0, 0.0, 0.0]])
+odometry = np.array([[0.0, 1.0, 0.1], [1000.0, 1.0, 0.1]])
+robots = [RobotLog(k, truth, odometry, none, none.astype(int), none) for k in range(1, 191)]
+log = Log("long", tuple(robots), none.astype(int), np.zeros((0, 2)))
+batched_filter.compile_kernels(190)
+# a parent in the background has its children ignore interrupts
+signal.signal(signal.SIGINT, signal.default_int_handler)
+threading.Timer(1.0, os.kill, [os.getpid(), signal.SIGINT]).start()
+began = time.monotonic()
+try:
+    replay(log)
+except KeyboardInterrupt:
+    print(time.monotonic() - began)
+"""
+
+
+def test_an_interrupt_ends_a_long_run_at_once() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED], cwd=ROOT, capture_output=True, text=True, timeout=300
+    )
+    assert done.returncode == 0, done.stderr
+    # on its own it takes most of a minute
+    assert float(done.stdout) < 10.0
+
+
+def test_sigmas_that_are_too_small_are_found_out(noisy: Path) -> None:
+    honest = replay(load_log(noisy), bearing_sigma=0.1)
+    sure = replay(load_log(noisy), bearing_sigma=0.004, gate_probability=1.0)
+    assert sure.anees.verdict == "optimistic" != honest.anees.verdict
+    assert sure.nis.value > 10.0 > honest.nis.value
+    assert any("larger errors than its sigmas say" in note for note in replay_document(sure).notes)
+    wide = replay(load_log(noisy), bearing_sigma=1.0)
+    notes = replay_document(wide).notes
+    assert any("smaller errors than its sigmas say" in note for note in notes)
+    assert any(
+        "bearings scatter less than the filter expects" in note and "less than 1 rad" in note
+        for note in notes
+    )
+    notes = replay_document(sure).notes
+    assert any("bearings scatter more" in note and "more than 0.004 rad" in note for note in notes)
+    lost = replay(load_log(noisy), bearing_sigma=0.002, gate_probability=0.5)
+    assert any(note.startswith("the gate rejected") for note in replay_document(lost).notes)
+
+
+def test_what_can_not_be_run_is_refused(noisy: Path, tmp_path: Path) -> None:
+    log = load_log(noisy)
+    wrong: list[tuple[dict[str, Any], str]] = [
+        ({"landmarks": [9]}, "landmarks: no landmark 9; there are 8, 6, 7"),
+        ({"landmarks": "67"}, "landmarks: no landmark '6'; there are 8, 6, 7"),
+        ({"bearing_sigma": 0.0}, "bearing_sigma: 0 given; allowed is 1e-06 to 1e+06"),
+        ({"bearing_sigma": 1e200}, "bearing_sigma: 1e+200 given; allowed is 1e-06 to 1e+06"),
+        ({"sample_time": float("nan")}, "sample_time: nan given; allowed is 1e-06 to 1e+06"),
+        ({"sample_time": 1e-6}, "sample_time: 39.9 s at a sample time of 1e-06 s makes more than"),
+        ({"sample_time": 100.0}, "recording: the truth of all robots is known together for 39.9"),
+        ({"gate_probability": 0.0}, "gate_probability: 0 given; allowed is more than 0, up to 1"),
+    ]
+    for given_, told in wrong:
+        with pytest.raises(InputError) as refused:
+            replay(log, **given_)
+        assert str(refused.value).startswith(told)
+    with pytest.raises(InputError, match="speed_sigma: -1 given"):
+        replay(log, noise=type(GROUND_ROBOTS)(-1.0, 0.5, 0.01, 0.01))
+
+
+# --- the report -----------------------------------------------------------------------------------
+
+
+def test_the_command_says_what_the_library_finds(noisy: Path, tmp_path: Path, run: Any) -> None:
+    report = tmp_path / "report.json"
+    status, out, err = run(
+        "replay", str(noisy), "--landmarks", "7,6", "--series", "-o", str(report)
+    )
+    assert (status, out) == (0, "")
+    assert f"wrote {report}" in err
+    found = json.loads(report.read_text())
+    replayed = replay(load_log(noisy), landmarks=[6, 7], with_series=True)
+    assert found == json.loads(json.dumps(replay_document(replayed).as_json()))
+    assert found["landmarks"] == [6, 7]
+    assert found["position_rmse_m"] == pytest.approx(
+        np.sqrt(np.mean([robot["rms_m"] ** 2 for robot in found["robots"]]))
+    )
+    counts = found["readings"]
+    assert counts["unknown"] == 21
+    assert sum(counts.values()) == sum(len(robot.times) for robot in replayed.log.robots)
+    errors = np.array(found["series"]["vehicles"][1]["rms_m"])
+    assert np.sqrt(np.mean(errors[1:] ** 2)) == pytest.approx(found["robots"][1]["rms_m"])
+    times = found["series"]["time_s"]
+    assert times[:2] == [0.0, 0.05]
+    assert times[-1] == pytest.approx(found["duration_s"])
+    assert {"value", "band", "verdict"} <= set(found["anees"])
+
+
+def test_at_a_terminal_there_is_a_table(noisy: Path, run: Any) -> None:
+    status, out, _ = run(
+        "replay", str(noisy), "--landmarks", "none", "--no-meetings", "--format", "table"
+    )
+    assert status == 0
+    assert "recording: a recording of" in out
+    assert "robot3" in out
+    assert "0 used, 0 rejected by the gate, 21 of unknown barcodes" in " ".join(out.split())
+    shown = next(line.split() for line in out.splitlines() if line.startswith(" robot3"))
+    alone = replay(load_log(noisy), landmarks=[], meetings=False).accuracy
+    assert shown[1:6] == [
+        f"{figure[2]:.3f}"
+        for figure in (alone.x, alone.y, alone.position, alone.late_position, alone.heading)
+    ]
+    assert "this is odometry alone" in out
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["--landmarks", "six"], "--landmarks: 'six': must be all, none or numbers"),
+        (["--landmarks", "6,99"], "--landmarks: no landmark 99; there are 8, 6, 7"),
+        (["--gate", "2"], "--gate: 2 given"),
+        (["--sample-time-s", "0"], "--sample-time-s: 0 given"),
+    ],
+)
+def test_options_that_can_not_be_are_refused(
+    options: list[str], told: str, noisy: Path, run: Any
+) -> None:
+    status, out, err = run("replay", str(noisy), *options)
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert told in err
+
+
+def test_every_option_reaches_the_filter(noisy: Path, run: Any) -> None:
+    options = {
+        "--bearing-sigma-rad": "0.11",
+        "--speed-sigma-mps": "0.33",
+        "--turn-rate-sigma-rad-s": "0.07",
+        "--sample-time-s": "0.08",
+        "--gate": "0.98",
+        "--landmarks": "8",
+    }
+    status, out, err = run(
+        "replay", str(noisy), "--no-meetings", *(word for pair in options.items() for word in pair)
+    )
+    assert status == 0
+    replayed = replay(
+        load_log(noisy),
+        landmarks=np.array([8]),
+        meetings=False,
+        bearing_sigma=0.11,
+        noise=Noise(0.33, 0.07, 0.01, 0.01),
+        sample_time=0.08,
+        gate_probability=0.98,
+    )
+    found = json.loads(out)
+    assert found == json.loads(json.dumps(replay_document(replayed).as_json()))
+    assert found["filter"] == {
+        "bearing_sigma_rad": 0.11,
+        "speed_sigma_mps": 0.33,
+        "turn_rate_sigma_rad_s": 0.07,
+        "position_sigma_m": 0.01,
+        "heading_sigma_rad": 0.01,
+        "sample_time_s": 0.08,
+        "gate_probability": 0.98,
+    }
+    assert (found["landmarks"], found["meetings"]) == ([8], False)
+    assert [line.partition(": ")[2] for line in err.splitlines()] == found["notes"]
+
+
+def test_a_recording_is_never_written_over(noisy: Path, run: Any) -> None:
+    path = noisy / "Robot1_Odometry.dat"
+    before = path.read_bytes()
+    status, _, err = run("replay", str(noisy), "-o", str(path))
+    assert status == 2
+    assert "is the file that is read" in err
+    assert path.read_bytes() == before
+
+
+def test_the_options_defaults_are_the_librarys() -> None:
+    command: Any = get_command(command_line.app)
+    options = {option.name: option.default for option in command.commands["replay"].params}
+    defaults = inspect.signature(replay).parameters
+    same = {
+        "meetings": "meetings",
+        "bearing_sigma_rad": "bearing_sigma",
+        "sample_time_s": "sample_time",
+        "gate": "gate_probability",
+    }
+    for option, argument in same.items():
+        assert options[option] == defaults[argument].default
+    assert options["speed_sigma_mps"] == GROUND_ROBOTS.speed_sigma
+    assert options["turn_rate_sigma_rad_s"] == GROUND_ROBOTS.turn_rate_sigma
+
+
+def test_a_report_is_drawn(noisy: Path, tmp_path: Path, run: Any) -> None:
+    replayed = replay(load_log(noisy), with_series=True)
+    assert list(figures.figures_of(replayed)) == ["accuracy", "errors", "consistency"]
+    shown = figures.error_bands(replayed, ["robot2"])
+    assert shown.layout.annotations[0].text == "robot2: x in m"
+    assert "a recording of 39.9 s" in json.dumps(shown.to_plotly_json(), default=str)
+    report, page = tmp_path / "report.json", tmp_path / "page.html"
+    assert run("replay", str(noisy), "-o", str(report))[0] == 0
+    assert run("plot", str(report), "-o", str(page))[0] == 0
+    assert "recording: error found" in page.read_text()
+    status, _, err = run("plot", str(report), "--figure", "errors", "-o", str(page))
+    assert status == 2
+    assert "--series keeps them" in err
+
+
+# --- real robots ----------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(
+    not REAL.exists(), reason=f"needs the recording {REAL.name} beside the checkout"
+)
+def test_real_robots_are_found_as_well_as_by_others(tmp_path: Path) -> None:
+    """RMSE of a plain filter of other make, with the same sigmas: the README of the recording."""
+    with tarfile.open(REAL) as archive:
+        archive.extractall(tmp_path, filter="data")
+    log = load_log(next(tmp_path.rglob("Barcodes.dat")).parent)
+    assert (len(log.robots), len(log.landmarks)) == (5, 15)
+    cases: list[tuple[list[int] | None, bool, float]] = [
+        ([], False, 2.75),
+        ([], True, 0.73),
+        ([7, 15], False, 0.64),
+        ([7, 15], True, 0.20),
+        (None, True, 0.139),
+    ]
+    for landmarks, meetings, expected in cases:
+        replayed = replay(log, landmarks=landmarks, meetings=meetings)
+        assert replayed.duration == pytest.approx(772.0, abs=0.5)
+        assert replayed.accuracy.overall().position == pytest.approx(expected, rel=0.08)
+        assert replayed.unknown == 6
+
+
+def _copy(folder: Path, tmp_path: Path) -> Path:
+    target = tmp_path / "recording"
+    target.mkdir()
+    for path in folder.iterdir():
+        (target / path.name).write_bytes(path.read_bytes())
+    return target
+
+
+def _small_recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.getbasetemp() / "small"
+    if not folder.exists():
+        write_recording(folder, Recipe(duration=2.0, period=0.1, nobody=1))
+    return folder

@@ -1,0 +1,394 @@
+"""A scenario opened and changed on the page, by mouse, by keyboard and on a phone."""
+
+import json
+import re
+from typing import Any
+
+import httpx2
+import numpy as np
+import pytest
+from playwright.sync_api import Page, expect
+
+from syncplan.planning.planner import plan
+from syncplan.plotting.map_layers import view_box
+from syncplan.scenario.loading import load_scenario
+from tests.page.gestures import downloaded, drag, handle, opened, saved
+from tests.tools.browsing import Visit, accessibility_faults
+from tests.tools.scenarios import BAD_FILES, FILES, document
+from tests.tools.serving import Server
+
+pytestmark = pytest.mark.slow
+
+ALTERNATE = "paper-grid-alternate"
+SAME = "paper-grid-same"
+
+
+def test_a_lost_motion_is_drawn_and_its_cure_told_and_cures_it(
+    visit: Visit,
+) -> None:
+    page = visit.page
+    visit.choose(ALTERNATE)
+    visit.verdict("Not observable: rank 16 of 18")
+    expect(page.locator(".motion").first).to_contain_text("stretch of v1-v2")
+    expect(page.locator(".motion").first).to_contain_text("Cure: let the line of sight")
+    arrows = "document.getElementById('map-plot').data.filter(t => /motion/.test(t.uid)).length"
+    assert page.evaluate(arrows) > 0
+    drag(page, "v2", (14.0, 22.0))
+    visit.settle()
+    visit.verdict("Not observable: rank 17 of 18")
+    expect(page.get_by_label("Centre east")).not_to_have_value("70")
+    page.get_by_role("button", name="Undo").click()
+    visit.verdict("Not observable: rank 16 of 18")
+    expect(page.get_by_label("Centre east")).to_have_value("70")
+    page.get_by_role("button", name="Redo").click()
+    visit.verdict("Not observable: rank 17 of 18")
+    page.get_by_label("Desynchronise by").fill("0.2")
+    visit.verdict("Observable: rank 18 of 18")
+    expect(page.locator(".motion")).to_have_count(0)
+
+
+def test_a_cure_is_told_in_words_and_has_a_button(visit: Visit) -> None:
+    page = visit.page
+    visit.choose(ALTERNATE)
+    motion = page.locator(".motion").first
+    expect(motion).to_contain_text("a small desynchronisation by orbit.desync_rad")
+    button = motion.get_by_role("button", name="Desynchronise by 0.2")
+    button.press("Enter")
+    visit.verdict("Observable: rank 18 of 18")
+    expect(page.get_by_label("Desynchronise by (rad)")).to_have_value("0.2")
+    expect(page.locator("#badge")).to_be_focused()
+    # one that is larger, as of vehicles that are off the rule by half a turn, is not written over
+    page.get_by_label("Desynchronise by (rad)").fill("3.141592653589793")
+    visit.verdict("Not observable: rank 16 of 18")
+    visit.settle()
+    expect(motion).to_contain_text("desync_rad")
+    expect(page.get_by_role("button", name="Desynchronise by 0.2")).to_have_count(0)
+
+
+def test_vehicles_nearer_than_asked_for_are_told_in_a_line_of_their_own(visit: Visit) -> None:
+    page = visit.page
+    told = page.locator("#too-near")
+    expect(told).to_have_count(0)
+    page.get_by_label("Least separation").fill("95")
+    visit.verdict("rank 18 of 18")
+    expect(told).to_contain_text("Nearer than the 95 m asked for: v1")
+    expect(told).to_contain_text("more")
+    expect(told).to_have_class("badge bad")
+    assert accessibility_faults(page) == []
+    page.get_by_label("Least separation").fill("10")
+    expect(told).to_have_count(0)
+
+
+def test_a_landmark_moves_by_mouse_and_the_view_stays_while_it_does(visit: Visit) -> None:
+    page = visit.page
+    before = page.evaluate("document.getElementById('map-plot').layout.xaxis.range")
+    box = handle(page, "L1").bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 15, box["y"] + 15)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 35, box["y"] - 25)
+    page.mouse.move(box["x"] + 45, box["y"] - 45)
+    visit.settle()
+    assert page.evaluate("document.getElementById('map-plot').layout.xaxis.range") == before
+    page.mouse.up()
+    visit.settle()
+    assert float(page.get_by_label("East (m)", exact=True).input_value()) > 190.0
+    assert float(page.get_by_label("North (m)", exact=True).input_value()) > 0.0
+
+
+def test_the_map_shows_all_of_what_was_opened_and_no_more_than_that(visit: Visit) -> None:
+    page = visit.page
+    ranges = "(l => [l.xaxis.range, l.yaxis.range])(document.getElementById('map-plot').layout)"
+    for name in ("mixed-radii-camera", SAME, "mixed-radii-camera"):
+        visit.choose(name)
+        drawn = plan(load_scenario(FILES / f"{name}.yaml"))
+        low, high = view_box(drawn)
+        seen = np.array(page.evaluate(ranges))
+        assert seen.mean(axis=1) == pytest.approx((low + high) / 2.0, abs=0.2)
+        # one scale: along one axis just what there is to see, along the other what fills the frame
+        more = np.diff(seen)[:, 0] / (high - low)
+        assert more.min() == pytest.approx(1.0, abs=0.01)
+        assert more.max() >= 1.0
+
+
+def test_everything_can_be_done_by_keyboard(visit: Visit) -> None:
+    page = visit.page
+    visit.choose(ALTERNATE)
+    handle(page, "v2").focus()
+    page.keyboard.press("Shift+ArrowUp")
+    page.keyboard.press("ArrowRight")
+    visit.verdict("Observable: rank 18 of 18")
+    page.keyboard.press("Enter")
+    assert float(page.get_by_label("Centre north").input_value()) > 0.0
+    page.get_by_role("tab", name="Contacts").focus()
+    page.keyboard.press("ArrowRight")
+    expect(page.get_by_role("tab", name="Singular values")).to_be_focused()
+    expect(page.locator("#panel-text")).not_to_be_empty()
+    page.keyboard.press("End")
+    expect(page.get_by_role("tab", name="Predicted error")).to_have_attribute(
+        "aria-selected", "true"
+    )
+    page.get_by_label("Moment in the period").focus()
+    page.keyboard.press("ArrowRight")
+    expect(page.locator("#moment-text")).not_to_have_text("0 s")
+
+
+def test_senses_radii_ranges_and_fields_of_view_of_one_vehicle_and_of_all(visit: Visit) -> None:
+    page = visit.page
+    visit.choose(ALTERNATE)
+    page.get_by_label("Turn", exact=True).select_option("ccw")
+    visit.verdict("Observable: rank 18 of 18")
+    page.get_by_label("Vehicle or landmark").select_option("vehicle 1")
+    page.get_by_label("Turns").select_option("cw")
+    visit.settle()
+    expect(page.get_by_label("Turn", exact=True)).to_have_value("")
+    page.get_by_label("Radius (m)", exact=True).fill("17")
+    expect(page.get_by_label("Radius of all")).to_have_attribute("placeholder", "differs")
+    page.get_by_label("Its field of view").fill("200")
+    page.get_by_label("Range (m)", exact=True).fill("60")
+    visit.settle()
+    with page.expect_download() as waiting:
+        page.get_by_role("button", name="Scenario").click()
+    scenario = json.loads(saved(waiting.value))
+    assert scenario["orbit"]["radius_m"] == [20.0, 17, 20.0, 20.0, 20.0, 20.0]
+    assert scenario["orbit"]["direction"] == ["ccw", "cw", "ccw", "ccw", "ccw", "ccw"]
+    assert [one["fov_deg"] for one in scenario["sensor"]] == [360, 200, 360, 360, 360, 360]
+    assert {one["range_m"] for one in scenario["sensor"]} == {60}
+
+
+def test_vehicles_and_landmarks_come_and_go(visit: Visit) -> None:
+    page = visit.page
+    page.get_by_role("button", name="Add vehicle").click()
+    visit.verdict("rank 21 of 21")
+    page.get_by_role("button", name="Add landmark").click()
+    expect(handle(page, "L3")).to_be_visible()
+    handle(page, "v7").click()
+    page.get_by_role("button", name="Remove").click()
+    visit.verdict("rank 18 of 18")
+    handle(page, "v4").click()
+    page.get_by_role("button", name="Remove").click()
+    visit.verdict("of 15")
+    expect(page.locator("#handles button.vehicle")).to_have_count(5)
+
+
+def test_a_fault_is_told_next_to_its_field(visit: Visit) -> None:
+    visit.expect_complaints("422")
+    page = visit.page
+    visit.choose(SAME)
+    field = page.get_by_label("Range (m)", exact=True)
+    field.fill("-5")
+    expect(field).to_have_attribute("aria-invalid", "true")
+    told = page.locator("#field-sensor-range-m-fault")
+    expect(told).to_contain_text("must be greater than 0")
+    expect(told).to_have_attribute("role", "alert")
+    visit.doubt("Before the fault: ✓ Observable: rank 18 of 18")
+    expect(page.locator("#verdict")).to_contain_text("Of the scenario before the fault")
+    assert dimmed(page)
+    assert accessibility_faults(page) == []
+    field.fill("50")
+    expect(told).to_be_empty()
+    visit.verdict("Observable: rank 18 of 18")
+    expect(page.locator("#workspace")).not_to_contain_class("doubtful")
+    assert not dimmed(page)
+
+
+def dimmed(page: Page) -> bool:
+    """Whether the map and the figure are shown as of something else."""
+    fade = "id => Number(getComputedStyle(document.getElementById(id)).opacity) < 1"
+    shown = [page.evaluate(fade, one) for one in ("map-plot", "panel-plot")]
+    assert shown[0] == shown[1]
+    return bool(shown[0])
+
+
+def test_a_number_half_typed_leaves_no_verdict_that_looks_current(visit: Visit) -> None:
+    visit.expect_complaints("422")
+    page = visit.page
+    field = page.get_by_label("Field of view (°)", exact=True)
+    field.fill("72")
+    visit.settle()
+    badge = page.locator("#badge").text_content()
+    visit.verdict("bservable: rank")
+    field.press("End")
+    field.press("0")
+    visit.doubt(f"Before the fault: {badge}")
+    field.press("Backspace")
+    visit.verdict("bservable: rank")
+    visit.settle()
+    field.press("e")
+    visit.doubt(f"half typed: {badge}")
+    page.get_by_role("button", name="Undo").click()
+    visit.verdict("Observable: rank 18 of 18")
+
+
+@pytest.mark.parametrize("name", ["misspelt-key", "not-yaml", "nan-rate"])
+def test_a_bad_file_is_refused_in_words(visit: Visit, name: str) -> None:
+    visit.expect_complaints("422")
+    page = visit.page
+    page.get_by_label("Open a file").set_input_files(BAD_FILES / f"{name}.yaml")
+    told = page.locator("#notice.bad")
+    expect(told).not_to_be_empty()
+    assert "Traceback" not in (told.text_content() or "")
+    visit.verdict("Observable: rank 18 of 18")
+
+
+def test_a_file_of_a_scenario_or_of_a_plan_opens(visit: Visit, server: Server) -> None:
+    page = visit.page
+    page.get_by_label("Open a file").set_input_files(FILES / "four-ground-robots.yaml")
+    visit.verdict("Observable: rank 12 of 12")
+    body = (FILES / f"{ALTERNATE}.yaml").read_bytes()
+    yaml = {"content-type": "application/yaml"}
+    plan = httpx2.post(f"{server.url}/v1/plans", content=body, headers=yaml).content
+    upload: Any = {"name": "plan.json", "mimeType": "application/json", "buffer": plan}
+    page.get_by_label("Open a file").set_input_files(upload)
+    visit.verdict("Not observable: rank 16 of 18")
+
+
+def test_a_click_by_an_unsteady_hand_chooses_and_moves_nothing(visit: Visit) -> None:
+    page = visit.page
+    drag(page, "v2", (2.0, -1.0))
+    expect(page.get_by_label("Centre east")).to_have_value("70")
+    expect(page.get_by_role("button", name="Undo")).to_have_attribute("aria-disabled", "true")
+
+
+def test_a_field_that_is_typed_anew_moves_nothing_meanwhile(visit: Visit) -> None:
+    page = visit.page
+    handle(page, "v4").click()
+    page.get_by_label("Centre east").fill("")
+    page.wait_for_timeout(600)
+    visit.doubt("half typed: ✓ Observable: rank 18 of 18")
+    page.get_by_label("Centre east").fill("141")
+    visit.settle()
+    visit.verdict("Observable: rank 18 of 18")
+    expect(handle(page, "v4")).to_have_attribute("aria-label", "Circle of v4, centre at 141, 70 m")
+
+
+def test_what_is_typed_at_one_go_is_one_step_to_undo(visit: Visit) -> None:
+    page = visit.page
+    # circles of 1 m are out of each other's range
+    visit.expect_complaints("422")
+    field = page.get_by_label("Radius of all")
+    field.focus()
+    page.keyboard.press("Control+A")
+    page.keyboard.type("18.5")
+    visit.settle()
+    page.get_by_role("button", name="Undo").click()
+    expect(field).to_have_value("20")
+    expect(page.get_by_role("button", name="Undo")).to_have_attribute("aria-disabled", "true")
+
+
+def test_escape_takes_a_drag_back(visit: Visit) -> None:
+    page = visit.page
+    box = handle(page, "v4").bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 15, box["y"] + 15)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 40, box["y"] + 40)
+    page.mouse.move(box["x"] + 60, box["y"] + 60)
+    expect(handle(page, "v4")).not_to_have_attribute("aria-label", re.compile("140, 70 m"))
+    page.keyboard.press("Escape")
+    page.mouse.move(box["x"] + 90, box["y"] + 60)
+    page.mouse.up()
+    visit.settle()
+    expect(handle(page, "v4")).to_have_attribute("aria-label", re.compile("140, 70 m"))
+    expect(page.get_by_role("button", name="Undo")).to_have_attribute("aria-disabled", "true")
+
+
+def test_keys_undo_and_redo_and_arrows_in_a_row_are_one_step(visit: Visit) -> None:
+    page = visit.page
+    moved = handle(page, "v4")
+    moved.focus()
+    for _ in range(3):
+        page.keyboard.press("ArrowUp")
+    expect(moved).to_have_attribute("aria-label", re.compile("140, 76 m"))
+    page.keyboard.press("Control+z")
+    expect(moved).to_have_attribute("aria-label", re.compile("140, 70 m"))
+    expect(page.get_by_role("button", name="Undo")).to_have_attribute("aria-disabled", "true")
+    page.keyboard.press("Control+Shift+Z")
+    expect(moved).to_have_attribute("aria-label", re.compile("140, 76 m"))
+    visit.settle()
+    # in a text field they are the browser's own
+    page.get_by_label("Name").focus()
+    page.keyboard.press("Control+z")
+    page.wait_for_timeout(300)
+    expect(moved).to_have_attribute("aria-label", re.compile("140, 76 m"))
+
+
+def test_the_chosen_one_of_two_on_one_place_lies_above(visit: Visit) -> None:
+    page = visit.page
+    opened(
+        page,
+        document(name="shared", formation={"centers_m": [[0.0, 0.0], [0.0, 0.0], [70.0, 0.0]]}),
+    )
+    top = """names => {
+        const box = document.querySelector('#handles button').getBoundingClientRect();
+        const at = [box.left + box.width / 2, box.top + box.height / 2];
+        return document.elementFromPoint(...at).closest('button').title;
+    }"""
+    for name, value in (("v1", "vehicle 0"), ("v2", "vehicle 1")):
+        page.get_by_label("Vehicle or landmark").select_option(value)
+        assert page.evaluate(top) == name
+
+
+def test_half_an_origin_is_no_fault_and_its_altitude_stays(visit: Visit) -> None:
+    page = visit.page
+    page.locator("summary", has_text="Place and time").click()
+    altitude = page.get_by_label("Altitude of the origin")
+    latitude = page.get_by_label("Latitude of the origin")
+    altitude.fill("412")
+    latitude.fill("47.4")
+    page.get_by_label("Radius of all").fill("21")
+    visit.settle()
+    expect(page.locator("#notice.bad")).to_have_count(0)
+    expect(latitude).to_have_value("47.4")
+    assert "geo_origin" not in downloaded(page)
+    page.get_by_label("Longitude of the origin").fill("8.5")
+    visit.settle()
+    assert downloaded(page)["geo_origin"] == {"lat_deg": 47.4, "lon_deg": 8.5, "alt_m": 412}
+    latitude.fill("")
+    visit.settle()
+    expect(altitude).to_have_value("412")
+    assert "geo_origin" not in downloaded(page)
+    latitude.fill("47.5")
+    visit.settle()
+    assert downloaded(page)["geo_origin"]["alt_m"] == 412
+    visit.choose(SAME)
+    expect(altitude).to_have_value("")
+
+
+def test_vehicles_named_by_numbers_keep_their_order(visit: Visit) -> None:
+    page = visit.page
+    scenario = document(
+        name="numbers",
+        orbit={"radius_m": [20.0, 15.0], "angular_rate_rad_s": 0.2, "direction": "ccw"},
+        formation={"centers_m": {"10": [0.0, 0.0], "2": [65.0, 0.0]}},
+    )
+    opened(page, scenario)
+    page.get_by_label("Least separation").fill("5")
+    visit.settle()
+    found = downloaded(page)
+    assert found["formation"]["names"] == ["10", "2"]
+    assert found["formation"]["centers_m"] == [[0, 0], [65, 0]]
+    assert found["orbit"]["radius_m"] == [20, 15]
+
+
+def test_a_window_that_was_given_stays_and_one_of_a_period_follows_it(visit: Visit) -> None:
+    page = visit.page
+    for window, kept in ((60.0, 60), (None, None)):
+        scenario = document(name=f"window {window}")
+        if window is not None:
+            scenario["window_s"] = window
+        opened(page, scenario)
+        page.get_by_label("Angular rate").fill("0.25")
+        visit.settle()
+        assert downloaded(page).get("window_s") == kept
+
+
+def test_undo_goes_back_over_an_opened_file_with_the_fields_it_needs(visit: Visit) -> None:
+    page = visit.page
+    page.get_by_label("Open a file").set_input_files(FILES / "four-ground-robots.yaml")
+    visit.verdict("rank 12 of 12")
+    expect(page.get_by_label("Speed (m/s)")).to_have_value("0.4")
+    page.get_by_role("button", name="Undo").click()
+    visit.verdict("Observable: rank 18 of 18")
+    expect(page.get_by_label("Angular rate")).to_have_value("0.2")
+    expect(page.get_by_label("Speed (m/s)")).to_have_count(0)

@@ -1,0 +1,218 @@
+"""What comes between: a service that is away, keys, answers in another order, deleted plans."""
+
+import re
+from pathlib import Path
+
+import httpx2
+import pytest
+from playwright.sync_api import Browser, Route, expect
+
+from tests.page.gestures import plan_id_of
+from tests.tools.api_servers import key_of, serving, speaking
+from tests.tools.browsing import Visit, accessibility_faults, visiting
+from tests.tools.serving import Server, running, settings_of
+
+pytestmark = pytest.mark.slow
+
+ALTERNATE = "paper-grid-alternate"
+
+
+def test_a_server_that_dies_in_mid_job_and_returns_costs_nothing_but_time(
+    browser: Browser, tmp_path: Path
+) -> None:
+    given = settings_of(tmp_path / "data")
+    first = Server(tmp_path / "log", port=None, **given)
+    with running(first), visiting(browser, first.url) as visit:
+        page = visit.page
+        visit.expect_complaints("net::ERR", "503")
+        visit.verdict("Observable")
+        page.get_by_label("Trials").fill("4000")
+        page.get_by_role("button", name="Validate").click()
+        expect(page.locator("progress")).not_to_have_attribute("value", "0", timeout=60_000)
+        first.kill()
+        expect(page.locator("#job-text")).to_contain_text("can't be reached")
+        with running(Server(tmp_path / "log", port=first.port, **given)):
+            expect(page.locator("#job-text")).to_contain_text("Validation running", timeout=60_000)
+            expect(page.locator(".outcome")).to_contain_text("of 4000 trials", timeout=120_000)
+
+
+def test_a_service_with_keys_asks_for_one(browser: Browser, tmp_path: Path) -> None:
+    with (
+        serving(tmp_path, "ann") as server,
+        visiting(browser, server.url) as visit,
+    ):
+        page = visit.page
+        visit.expect_complaints("401")
+        field = page.get_by_label("API key")
+        expect(field).to_be_focused()
+        expect(page.locator("#notice")).to_have_text(re.compile("^This service asks for a key"))
+        expect(page.locator("#notice.bad")).to_have_count(0)
+        expect(page.locator("body")).not_to_contain_text("Authorization")
+        expect(page.get_by_role("button", name="Change key")).to_be_hidden()
+        assert accessibility_faults(page) == []
+        field.fill("wrong")
+        page.keyboard.press("Enter")
+        expect(page.locator("#key-fault")).to_contain_text("not known")
+        field.fill(key_of("ann"))
+        page.keyboard.press("Enter")
+        visit.verdict("Observable: rank 18 of 18")
+        expect(page.locator("#key-form")).to_be_hidden()
+        expect(page.locator("#notice")).to_be_empty()
+
+
+def test_a_key_with_a_character_that_nobody_sees_is_refused_at_its_field(
+    browser: Browser, tmp_path: Path
+) -> None:
+    with serving(tmp_path, "ann") as server, visiting(browser, server.url) as visit:
+        page = visit.page
+        visit.expect_complaints("401")
+        key = key_of("ann")
+        for wrong, told in (
+            (f"{key[:3]}\u200b{key[3:]}", "character 4 is U+200B"),
+            ("", "Enter the key"),
+            ("two words", "character 4 is U+0020"),
+        ):
+            page.get_by_label("API key").fill(wrong)
+            page.keyboard.press("Enter")
+            expect(page.locator("#key-fault")).to_contain_text(told)
+            expect(page.get_by_label("API key")).to_have_attribute("aria-invalid", "true")
+        assert accessibility_faults(page) == []
+        page.get_by_label("API key").fill(f"  {key}\n")
+        page.keyboard.press("Enter")
+        visit.verdict("Observable: rank 18 of 18")
+
+
+def test_a_key_can_be_changed_and_others_plans_are_not_told_from_none(
+    browser: Browser, tmp_path: Path
+) -> None:
+    with serving(tmp_path, "ann bob") as server, visiting(browser, server.url) as visit:
+        page = visit.page
+        visit.expect_complaints("401", "404", "422")
+        page.get_by_label("API key").fill(key_of("ann"))
+        page.keyboard.press("Enter")
+        visit.verdict("Observable: rank 18 of 18")
+        page.get_by_role("button", name="Copy link").click()
+        expect(page.locator("#notice")).to_contain_text("Link copied")
+        change = page.get_by_role("button", name="Change key")
+        change.click()
+        expect(page.get_by_label("API key")).to_be_focused()
+        assert accessibility_faults(page) == []
+        page.get_by_role("button", name="Keep the present key").click()
+        expect(change).to_be_focused()
+        change.click()
+        page.get_by_label("API key").fill(key_of("bob"))
+        page.keyboard.press("Enter")
+        visit.settle()
+        assert page.evaluate("sessionStorage.getItem('syncplan-key')") == key_of("bob")
+        visit.verdict("Observable: rank 18 of 18")
+        with speaking(server, "ann") as http:
+            owned = http.get("/v1/plans").json()["items"]
+        for plan in (owned[0]["id"], "nonsense"):
+            page.goto(f"{server.url}/?plan={plan}")
+            expect(page.locator("#notice")).to_have_text(
+                "There is no such plan, or it belongs to another key."
+            )
+
+
+def test_while_a_request_is_tried_again_the_page_says_so(visit: Visit) -> None:
+    page = visit.page
+    visit.expect_complaints("net::ERR")
+    page.route("**/v1/plans", lambda route: route.abort())
+    page.get_by_role("button", name="Copy link").click()
+    told = page.locator("#notice.bad")
+    expect(told).to_have_text("the service can't be reached; trying again …")
+    page.unroute("**/v1/plans")
+    expect(page.locator("#notice")).to_contain_text("Link copied")
+    expect(told).to_have_count(0)
+
+
+def test_of_two_that_are_opened_at_once_the_later_one_stays(visit: Visit) -> None:
+    page = visit.page
+    held: list[Route] = []
+    page.route(f"**/examples/{ALTERNATE}.yaml", lambda route: held.append(route))
+    chooser = page.get_by_label("Start from an example")
+    chooser.select_option(ALTERNATE)
+    chooser.select_option("four-ground-robots")
+    visit.verdict("rank 12 of 12")
+    assert len(held) == 1
+    held[0].continue_()
+    visit.settle()
+    expect(page.locator("#map-name")).to_have_text("four-ground-robots")
+    visit.verdict("rank 12 of 12")
+
+
+def test_an_edit_while_the_service_is_away_is_planned_once_it_is_back(
+    browser: Browser, tmp_path: Path
+) -> None:
+    given = settings_of(tmp_path / "data")
+    first = Server(tmp_path / "log", port=None, **given)
+    with running(first), visiting(browser, first.url) as visit:
+        page = visit.page
+        visit.expect_complaints("net::ERR", "503")
+        visit.choose(ALTERNATE)
+        visit.verdict("Not observable: rank 16 of 18")
+        first.kill()
+        page.get_by_label("Desynchronise by").fill("0.2")
+        expect(page.locator("#notice.bad")).to_contain_text("can't be reached")
+        visit.doubt("Waiting for the service, before it: ✗ Not observable: rank 16 of 18")
+        expect(page.locator("#verdict")).to_contain_text("Of the scenario before your edits")
+        with running(Server(tmp_path / "log", port=first.port, **given)):
+            visit.verdict("Observable: rank 18 of 18")
+            expect(page.locator("#notice.bad")).to_have_count(0)
+            expect(page.get_by_label("Desynchronise by")).to_have_value("0.2")
+
+
+def test_an_edit_that_waits_for_a_key_is_not_lost(browser: Browser, tmp_path: Path) -> None:
+    with serving(tmp_path, "ann") as server, visiting(browser, server.url) as visit:
+        page = visit.page
+        visit.expect_complaints("401")
+        page.get_by_label("API key").fill(key_of("ann"))
+        page.keyboard.press("Enter")
+        visit.choose(ALTERNATE)
+        page.evaluate("sessionStorage.clear()")
+        page.get_by_label("Desynchronise by").fill("0.2")
+        expect(page.get_by_label("API key")).to_be_focused()
+        visit.doubt("Waiting for a key")
+        page.get_by_label("API key").fill(key_of("ann"))
+        page.keyboard.press("Enter")
+        visit.verdict("Observable: rank 18 of 18")
+        expect(page.locator("#map-name")).to_have_text(ALTERNATE)
+        expect(page.get_by_label("Desynchronise by")).to_have_value("0.2")
+
+
+def test_a_refined_plan_opens_though_its_parent_was_deleted(visit: Visit, server: Server) -> None:
+    page = visit.page
+    visit.choose(ALTERNATE)
+    page.get_by_label("Time limit (s)").fill("5")
+    page.get_by_role("button", name="Refine").click()
+    expect(page.locator(".outcome")).to_contain_text("Predicted error")
+    plan = httpx2.get(f"{server.url}/v1/plans/{plan_id_of(page)}").json()
+    assert httpx2.delete(f"{server.url}/v1/plans/{plan['parent_id']}").status_code == 204
+    visit.expect_complaints("404")
+    page.reload()
+    visit.verdict("Observable: rank 18 of 18")
+    expect(page.get_by_role("tab", name="Refinement")).to_be_visible()
+    expect(page.get_by_role("tab", name="Before and after")).to_be_hidden()
+    expect(page.locator("#notice.bad")).to_have_count(0)
+
+
+def test_the_focus_stays_where_it_was_over_undo_and_cancel(visit: Visit) -> None:
+    page = visit.page
+    undo = page.get_by_role("button", name="Undo")
+    page.get_by_label("Radius of all").fill("21")
+    visit.settle()
+    undo.focus()
+    page.keyboard.press("Enter")
+    visit.settle()
+    expect(page.get_by_label("Radius of all")).to_have_value("20")
+    expect(undo).to_have_attribute("aria-disabled", "true")
+    expect(undo).to_be_focused()
+    page.get_by_label("Trials").fill("100000")
+    validate = page.get_by_role("button", name="Validate")
+    validate.focus()
+    page.keyboard.press("Enter")
+    expect(page.locator("#job-text")).to_contain_text("of 100000 trials")
+    expect(page.get_by_role("button", name="Cancel")).to_be_focused()
+    page.keyboard.press("Enter")
+    expect(page.locator("#notice")).to_have_text("Validation cancelled.")
+    expect(validate).to_be_focused()

@@ -1,0 +1,186 @@
+"""Refinement and validation from the page, whatever happens meanwhile."""
+
+import re
+
+import httpx2
+import pytest
+from playwright.sync_api import Browser, expect
+
+from tests.page.gestures import opened, plan_id_of
+from tests.tools.browsing import Visit, accessibility_faults, visiting
+from tests.tools.scenarios import document
+from tests.tools.serving import Server
+
+pytestmark = pytest.mark.slow
+
+ALTERNATE = "paper-grid-alternate"
+
+
+def test_refine_compare_validate_and_open_the_link_again(
+    visit: Visit, browser: Browser, server: Server
+) -> None:
+    page = visit.page
+    visit.choose(ALTERNATE)
+    page.get_by_label("Time limit (s)").fill("5")
+    page.get_by_role("button", name="Refine").click()
+    expect(page.locator("#job-text")).to_contain_text(re.compile(r"of \d+ starts"))
+    visit.verdict("Observable: rank 18 of 18")
+    expect(page.locator(".outcome")).to_contain_text("Predicted error")
+    expect(page.locator(".outcome")).to_contain_text("Rank 16 → 18")
+    expect(page.get_by_role("tab", name="Before and after")).to_have_attribute(
+        "aria-selected", "true"
+    )
+    assert accessibility_faults(page) == []
+    page.get_by_label("Trials").fill("40")
+    page.get_by_role("button", name="Validate").click()
+    expect(page.locator(".outcome")).to_contain_text("RMS over the second half of 40 trials")
+    for name in ("Errors over time", "Consistency", "Error found"):
+        page.get_by_role("tab", name=name).click()
+        assert page.evaluate("document.getElementById('panel-plot').data.length") > 0
+    assert accessibility_faults(page) == []
+    plan = httpx2.get(f"{server.url}/v1/plans/{plan_id_of(page)}").json()
+    page.get_by_role("button", name="Copy link").click()
+    expect(page.locator("#notice")).to_contain_text(plan["id"])
+    link = page.evaluate("navigator.clipboard.readText()")
+    assert link == f"{server.url}/?plan={plan['id']}"
+    with visiting(browser, link) as again:
+        again.verdict("Observable: rank 18 of 18")
+        error = f"{plan['predicted_rms_m']['overall']:.4g}".rstrip("0")
+        expect(again.page.locator("#verdict")).to_contain_text(f"{error} m")
+        expect(again.page.get_by_role("tab", name="Before and after")).to_be_visible()
+        assert plan_id_of(again.page) == plan["id"]
+
+
+def test_what_refinement_may_move_by_suits_the_team_that_was_opened(visit: Visit) -> None:
+    page = visit.page
+    box, least, most = (
+        page.get_by_label(label)
+        for label in (
+            "How far a centre may move each way, in m",
+            "Least radius in m",
+            "Largest radius in m",
+        )
+    )
+    expect(box).to_have_value("5")
+    expect(least).to_have_value("15")
+    expect(most).to_have_value("25")
+    visit.choose("four-ground-robots")
+    expect(box).to_have_value("0.13")
+    expect(least).to_have_value("0.38")
+    expect(most).to_have_value("0.63")
+    box.fill("0.2")
+    visit.choose("mixed-radii-camera")
+    expect(box).to_have_value("0.2")
+    expect(least).to_have_value("11")
+    asked = {"vary": ["phases", "radii"], "radius_m": [12.125, 20.0]}
+    opened(page, document(name="asked", refine=asked))
+    expect(least).to_have_value("12.125")
+    expect(most).to_have_value("20")
+
+
+def test_refining_tells_what_it_costs_in_separation(visit: Visit) -> None:
+    page = visit.page
+    page.get_by_label("Time limit (s)").fill("5")
+    page.get_by_role("button", name="Refine").click()
+    told = page.locator(".outcome .remark")
+    expect(told).to_contain_text(re.compile(r"Least separation 30 → [\d.]+ m"))
+    expect(told).to_contain_text("“Least separation” in the scenario bounds it")
+    visit.choose("paper-grid-same")
+    page.get_by_label("Least separation").fill("29")
+    visit.settle()
+    page.get_by_role("button", name="Refine").click()
+    expect(page.locator(".outcome")).to_contain_text("Least separation 30 → 29")
+    expect(told).to_have_count(0)
+
+
+def test_a_validation_is_no_proof_where_the_plan_is_unobservable_or_trials_are_few(
+    visit: Visit,
+) -> None:
+    page = visit.page
+    badge = page.locator(".outcome .badge")
+    outcome = page.locator(".outcome")
+
+    def validate(trials: str) -> None:
+        page.get_by_role("spinbutton", name="Trials").fill(trials)
+        page.get_by_role("button", name="Validate").click()
+        expect(outcome).to_contain_text(f"of {trials} trial")
+
+    validate("30")
+    expect(outcome).to_contain_text("The filter is consistent")
+    expect(badge).to_have_class("badge good")
+    validate("1")
+    expect(outcome).to_contain_text("of 1 trial. Too few trials to tell")
+    expect(outcome).not_to_contain_text("The filter is")
+    expect(badge).not_to_have_class("badge good")
+    visit.choose(ALTERNATE)
+    validate("40")
+    expect(badge).not_to_have_class("badge good")
+    expect(outcome.locator(".remark")).to_contain_text("The plan is not observable")
+    expect(outcome.locator(".remark")).to_contain_text("stretch of v1-v2")
+    assert accessibility_faults(page) == []
+
+
+def test_a_job_can_be_cancelled(visit: Visit, server: Server) -> None:
+    page = visit.page
+    page.get_by_label("Trials").fill("100000")
+    page.get_by_role("button", name="Validate").click()
+    expect(page.locator("#job-text")).to_contain_text("of 100000 trials")
+    expect(page.get_by_role("button", name="Refine")).to_be_disabled()
+    page.get_by_role("button", name="Cancel").click()
+    expect(page.locator("#notice")).to_have_text("Validation cancelled.")
+    expect(page.get_by_role("button", name="Validate")).to_be_enabled()
+    found = httpx2.get(f"{server.url}/v1/jobs").json()["items"][0]
+    assert found["state"] == "cancelled"
+
+
+def test_wrong_numbers_of_a_job_are_told_next_to_their_fields(visit: Visit) -> None:
+    page = visit.page
+    visit.expect_complaints("422")
+    page.get_by_label("Trials").fill("0")
+    page.get_by_role("button", name="Validate").click()
+    told = page.locator("#validate-trials-fault")
+    expect(told).to_have_text("must be greater than or equal to 1")
+    expect(page.get_by_label("Trials")).to_have_attribute("aria-invalid", "true")
+    page.get_by_label("Time limit (s)").fill("")
+    page.get_by_role("button", name="Refine").click()
+    expect(page.locator("#refine-time-fault")).to_contain_text("is missing")
+    expect(page.get_by_label("Time limit (s)")).to_be_focused()
+    assert accessibility_faults(page) == []
+
+
+def test_a_plan_that_was_deleted_is_stored_anew(visit: Visit, server: Server) -> None:
+    page = visit.page
+    visit.expect_complaints("404")
+    page.get_by_label("Trials").fill("10")
+    page.get_by_role("button", name="Validate").click()
+    expect(page.locator(".outcome")).to_contain_text("of 10 trials")
+    httpx2.delete(f"{server.url}/v1/plans/{plan_id_of(page)}")
+    page.get_by_role("button", name="Validate").click()
+    expect(page.locator("#work")).to_contain_text("was deleted from the service")
+    page.get_by_role("button", name="Validate").click()
+    expect(page.locator(".outcome")).to_contain_text("of 10 trials")
+
+
+def test_what_is_edited_while_a_job_runs_stays(visit: Visit) -> None:
+    page = visit.page
+    page.get_by_label("Trials").fill("4000")
+    page.get_by_role("button", name="Validate").click()
+    expect(page.locator("#job-text")).to_contain_text("of 4000 trials")
+    page.get_by_label("Radius of all").fill("21")
+    visit.settle()
+    assert "job=" in page.url
+    assert "plan=" not in page.url
+    expect(page.locator(".outcome")).to_contain_text("before your edits", timeout=60_000)
+    expect(page.get_by_label("Radius of all")).to_have_value("21")
+    assert page.url.rpartition("/")[2] == ""
+    visit.choose("four-ground-robots")
+    expect(page.locator(".outcome")).to_be_empty()
+
+
+def test_a_reload_goes_on_following_the_job(visit: Visit) -> None:
+    page = visit.page
+    page.get_by_label("Trials").fill("6000")
+    page.get_by_role("button", name="Validate").click()
+    expect(page.locator("#job-text")).to_contain_text("of 6000 trials")
+    page.reload()
+    expect(page.locator(".outcome")).to_contain_text("of 6000 trials", timeout=60_000)

@@ -1,0 +1,240 @@
+"""Phases that no rule gives, refined or of a file: they stay over edits, undo, files and Back."""
+
+import io
+import json
+import re
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import httpx2
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from tests.page.gestures import downloaded, handle, phases, plan_id_of, saved
+from tests.tools.browsing import Visit, visiting
+from tests.tools.scenarios import FILES
+from tests.tools.serving import Server, wait_until
+
+pytestmark = pytest.mark.slow
+
+Tree = dict[str, Any]
+
+ALTERNATE = "paper-grid-alternate"
+
+
+@pytest.fixture(scope="module")
+def refined(server: Server) -> Tree:
+    """A refined plan as the service keeps it."""
+    with httpx2.Client(base_url=server.url, timeout=60.0) as http:
+        body = (FILES / f"{ALTERNATE}.yaml").read_bytes()
+        made = http.post("/v1/plans", content=body, headers={"content-type": "application/yaml"})
+        request = {"starts": 1, "seed": 1}
+        job = http.post(f"/v1/plans/{made.json()['id']}/refinements", json=request)
+        at = job.headers["location"]
+        wait_until(lambda: http.get(at).json()["state"] == "succeeded", 120.0)
+        plan: Tree = http.get(f"{at}/result").json()
+    assert plan["refinement"]["improved"]
+    return plan
+
+
+@pytest.fixture
+def at_refined(browser: Browser, server: Server, refined: Tree) -> Any:
+    """A visit to the refined plan."""
+    with visiting(browser, f"{server.url}/?plan={refined['id']}") as one:
+        one.verdict("Observable: rank 18 of 18")
+        one.settle()
+        expect(phases(one.page)).to_have_text("refined")
+        yield one
+
+
+def error_of(plan: Tree) -> str:
+    """The predicted error of a plan as the page shows it."""
+    shown = f"{plan['predicted_rms_m']['overall']:.4g}"
+    return f"{shown.rstrip('0') if '.' in shown else shown} m"
+
+
+def predicted(page: Page) -> Any:
+    """Where the page shows the predicted error."""
+    return page.get_by_role("row", name="Predicted RMS error")
+
+
+def stored(page: Page, server: Server) -> Tree:
+    """The plan that Copy link leads to."""
+    page.get_by_role("button", name="Copy link").click()
+    expect(page.locator("#notice")).to_contain_text("Link copied")
+    found: Tree = httpx2.get(f"{server.url}/v1/plans/{plan_id_of(page)}").json()
+    return found
+
+
+def phases_of(plan: Tree) -> list[float]:
+    """Where the vehicles of a plan begin."""
+    return [one["phase_rad"] for one in plan["vehicles"]]
+
+
+def test_an_edit_that_moves_nothing_keeps_a_refined_plan(
+    at_refined: Visit, server: Server, refined: Tree
+) -> None:
+    page = at_refined.page
+    page.get_by_label("Name").fill("another name")
+    at_refined.settle()
+    expect(phases(page)).to_have_text("refined")
+    expect(predicted(page)).to_contain_text(error_of(refined))
+    assert "plan=" not in page.url
+    page.locator("summary", has_text="Noise").click()
+    page.get_by_label("Bearing sigma").fill("0.02")
+    page.get_by_label("First position sigma").fill("3")
+    at_refined.settle()
+    expect(phases(page)).to_have_text("refined")
+    expect(predicted(page)).not_to_contain_text(error_of(refined))
+    kept = stored(page, server)
+    assert kept["id"] != refined["id"]
+    assert phases_of(kept) == phases_of(refined)
+    assert kept["scenario"]["name"] == "another name"
+
+
+def test_a_value_typed_again_is_the_plan_that_was_stored(at_refined: Visit, refined: Tree) -> None:
+    page = at_refined.page
+    field = page.get_by_label("Duration")
+    field.press("ControlOrMeta+A")
+    page.keyboard.type(f"{refined['scenario']['duration_s']:g}")
+    at_refined.settle()
+    assert plan_id_of(page) == refined["id"]
+    expect(predicted(page)).to_contain_text(error_of(refined))
+
+
+def test_undo_and_redo_bring_a_refined_plan_back_under_its_address(
+    at_refined: Visit, refined: Tree
+) -> None:
+    page = at_refined.page
+    handle(page, "v2").click()
+    east = page.get_by_label("Centre east")
+    before = float(east.input_value())
+    east.fill(str(before + 0.1))
+    at_refined.settle()
+    expect(page.locator("#notice")).to_contain_text("Undo brings the refined plan back")
+    expect(phases(page)).to_contain_text("synchronised")
+    expect(phases(page)).to_contain_text("Undo brings the refined plan back")
+    expect(predicted(page)).not_to_contain_text(error_of(refined))
+    page.get_by_label("Name").fill("still told")
+    at_refined.settle()
+    expect(phases(page)).to_contain_text("Undo brings the refined plan back")
+    assert "plan=" not in page.url
+    for _ in range(2):
+        page.get_by_role("button", name="Undo").click()
+    at_refined.settle()
+    expect(phases(page)).not_to_contain_text("Undo")
+    expect(phases(page)).to_have_text("refined")
+    expect(predicted(page)).to_contain_text(error_of(refined))
+    expect(page.locator("#notice")).to_be_empty()
+    expect(page.get_by_role("tab", name="Before and after")).to_be_visible()
+    assert plan_id_of(page) == refined["id"]
+    page.get_by_role("button", name="Redo").click()
+    expect(phases(page)).to_contain_text("synchronised")
+    assert "plan=" not in page.url
+
+
+def test_what_is_put_back_by_hand_is_the_refined_plan_again(
+    at_refined: Visit, refined: Tree
+) -> None:
+    page = at_refined.page
+    handle(page, "v2").click()
+    north = page.get_by_label("Centre north")
+    before = north.input_value()
+    north.fill("1")
+    expect(phases(page)).to_contain_text("synchronised")
+    north.fill(before)
+    expect(phases(page)).to_have_text("refined")
+    at_refined.settle()
+    assert plan_id_of(page) == refined["id"]
+
+
+def test_an_export_after_its_origin_was_entered_is_of_the_refined_plan(
+    at_refined: Visit, server: Server, refined: Tree
+) -> None:
+    at_refined.expect_complaints("422")
+    page = at_refined.page
+    page.get_by_role("button", name="Export").click()
+    expect(page.locator("#download-fault")).to_contain_text("geo_origin")
+    page.locator("summary", has_text="Place and time").click()
+    page.get_by_label("Latitude").fill("47.1")
+    # half an origin waits for its other half
+    expect(phases(page)).to_have_text("refined")
+    page.get_by_label("Longitude").fill("8.5")
+    at_refined.verdict("Observable: rank 18 of 18")
+    at_refined.settle()
+    expect(predicted(page)).to_contain_text(error_of(refined))
+    with page.expect_download() as waiting:
+        page.get_by_role("button", name="Export").click()
+    archive = zipfile.ZipFile(io.BytesIO(saved(waiting.value)))
+    sidecar = next(one for one in archive.namelist() if one.endswith(".sync.json"))
+    told = json.loads(archive.read(sidecar))
+    assert re.search(r"qgc", waiting.value.suggested_filename)
+    exported = httpx2.get(f"{server.url}/v1/plans/{plan_id_of(page)}").json()
+    assert phases_of(exported) == phases_of(refined)
+    assert exported["predicted_rms_m"] == refined["predicted_rms_m"]
+    assert told["vehicles"]
+
+
+def test_a_plan_file_opens_as_that_plan_and_is_stored_as_that(
+    visit: Visit, server: Server, refined: Tree, tmp_path: Path
+) -> None:
+    page = visit.page
+    file = tmp_path / "given.plan.json"
+    file.write_text(json.dumps(refined))
+    page.get_by_label("Open a file").set_input_files(file)
+    expect(phases(page)).to_have_text("from a file")
+    expect(predicted(page)).to_contain_text(error_of(refined))
+    expect(page.locator("#notice")).to_contain_text("given.plan.json: the plan with its own phases")
+    page.get_by_label("Moment in the period").press("ArrowRight")
+    expect(page.locator("#moment-text")).not_to_have_text("0 s")
+    kept = stored(page, server)
+    assert phases_of(kept) == phases_of(refined)
+    page.reload()
+    expect(phases(page)).to_have_text("as given")
+    expect(predicted(page)).to_contain_text(error_of(refined))
+
+
+def test_a_fault_in_a_plan_file_is_told_by_its_path(
+    visit: Visit, refined: Tree, tmp_path: Path
+) -> None:
+    visit.expect_complaints("422")
+    page = visit.page
+    file = tmp_path / "bad.plan.json"
+    broken = json.loads(json.dumps(refined))
+    broken["vehicles"][1]["phase_rad"] = "north"
+    file.write_text(json.dumps(broken))
+    page.get_by_label("Open a file").set_input_files(file)
+    expect(page.locator("#notice.bad")).to_contain_text("vehicles[1].phase_rad")
+    visit.verdict("Observable: rank 18 of 18")
+
+
+def test_the_scenario_of_a_refined_plan_is_told_to_lack_its_phases(at_refined: Visit) -> None:
+    page = at_refined.page
+    downloaded(page)
+    expect(page.locator("#notice")).to_contain_text("its phases are found anew")
+    with page.expect_download() as waiting:
+        page.get_by_role("button", name="Plan", exact=True).click()
+    page.get_by_label("Open a file").set_input_files(waiting.value.path())
+    expect(phases(page)).to_have_text("from a file")
+
+
+def test_back_leads_from_a_refined_plan_to_the_one_before_it(visit: Visit) -> None:
+    page = visit.page
+    visit.choose(ALTERNATE)
+    page.get_by_label("Time limit (s)").fill("5")
+    page.get_by_role("button", name="Refine").click()
+    visit.verdict("Observable: rank 18 of 18")
+    expect(page.locator(".outcome")).to_contain_text("Predicted error")
+    refined = plan_id_of(page)
+    page.go_back()
+    visit.verdict("Not observable: rank 16 of 18")
+    assert plan_id_of(page) != refined
+    assert "job=" not in page.url
+    page.go_forward()
+    visit.verdict("Observable: rank 18 of 18")
+    assert plan_id_of(page) == refined
+    expect(page.locator(".outcome")).to_contain_text("Predicted error")
+    page.reload()
+    expect(page.locator(".outcome")).to_contain_text("Predicted error")
+    expect(phases(page)).to_have_text("refined")

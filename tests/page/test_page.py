@@ -1,0 +1,216 @@
+"""What holds of the page: accessibility, policy, assets, what it offers."""
+
+import re
+
+import httpx2
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from syncplan.exporting.formats import FORMATS
+from tests.page.gestures import handle
+from tests.tools.browsing import DESKTOP, PHONE, Visit, accessibility_faults, launched, visiting
+from tests.tools.scenarios import FILES
+from tests.tools.serving import Server
+
+pytestmark = pytest.mark.slow
+
+ALTERNATE = "paper-grid-alternate"
+
+
+@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+def test_the_page_has_no_accessibility_faults(
+    browser: Browser, server: Server, size: tuple[int, int], dark: bool
+) -> None:
+    with visiting(browser, server.url, size=size, dark=dark) as visit:
+        visit.choose(ALTERNATE)
+        for summary in visit.page.locator("summary").all():
+            if summary.is_visible():
+                summary.click()
+        handle(visit.page, "v2").click()
+        assert accessibility_faults(visit.page) == []
+        for name in ("Singular values", "Predicted error"):
+            visit.page.get_by_role("tab", name=name).click()
+            assert accessibility_faults(visit.page) == []
+
+
+def test_the_page_fits_a_phone(browser: Browser, server: Server) -> None:
+    with visiting(browser, server.url, size=PHONE, touch=True) as visit:
+        visit.choose(ALTERNATE)
+        wide = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+        assert visit.page.evaluate(wide) <= 0
+        handle(visit.page, "v2").tap()
+        expect(visit.page.get_by_label("Centre east")).to_have_value("70")
+
+
+def test_a_phone_shows_no_more_of_the_map_than_there_is_and_keeps_the_verdict_in_sight(
+    browser: Browser, server: Server
+) -> None:
+    with visiting(browser, server.url, size=PHONE, touch=True) as visit:
+        page = visit.page
+        visit.choose(ALTERNATE)
+        frame = page.locator("#map").bounding_box()
+        drawn = page.locator("#map-plot .cartesianlayer .bg, #map-plot .bglayer .bg").first
+        inner = drawn.bounding_box()
+        assert frame is not None
+        assert inner is not None
+        # room for the axis below, and nothing else
+        assert frame["height"] - inner["height"] < 50
+        expect(page.locator("#map-plot .xtitle, #map-plot .ytitle")).to_have_count(0)
+        expect(page.locator(".by-keys")).to_be_hidden()
+        again = page.locator("#badge-again")
+        page.get_by_label("Sample time").scroll_into_view_if_needed()
+        expect(page.locator("#badge")).not_to_be_in_viewport()
+        expect(again).to_be_in_viewport()
+        expect(again).to_have_text(page.locator("#badge").text_content() or "?")
+        expect(again).to_have_class("badge bad")
+        page.get_by_label("Desynchronise by (rad)").fill("0.2")
+        expect(again).to_contain_text("rank 18 of 18")
+        expect(again).to_have_class("badge good")
+        for name in ("Contacts", "Singular values", "Predicted error"):
+            page.get_by_role("tab", name=name).tap()
+            visit.settle()
+            over = page.evaluate(
+                """[...document.querySelectorAll('#panel-plot text')].filter(one =>
+                    one.getBoundingClientRect().right
+                        > document.getElementById('panel').getBoundingClientRect().right)
+                .map(one => one.textContent)"""
+            )
+            assert over == []
+    with visiting(browser, server.url) as visit:
+        visit.verdict("Observable")
+        expect(visit.page.locator("#badge-again")).to_be_hidden()
+        expect(visit.page.locator("#map-plot .xtitle")).to_be_visible()
+        expect(visit.page.locator(".by-keys")).to_be_visible()
+
+
+def _cut(page: Page) -> list[str]:
+    """What sticks out of its card, or is wider than there is room for."""
+    found: list[str] = page.evaluate(
+        """[...document.querySelectorAll('.card *, .bar *')].filter(one => {
+            const box = one.getBoundingClientRect();
+            const around = one.closest('.card, .bar').getBoundingClientRect();
+            return box.width && !one.closest('.unseen, svg, .plot, #handles, legend')
+                && (box.right > around.right + 1 || box.left < around.left - 1);
+        }).map(one => one.outerHTML.slice(0, 100))"""
+    )
+    return found
+
+
+@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
+def test_letters_of_double_size_find_room(
+    browser: Browser, server: Server, size: tuple[int, int]
+) -> None:
+    with (
+        launched(browser.browser_type, "--blink-settings=defaultFontSize=32") as large,
+        visiting(large, server.url, size=size) as visit,
+    ):
+        page = visit.page
+        visit.choose(ALTERNATE)
+        handle(page, "v2").click()
+        body = "parseFloat(getComputedStyle(document.body).fontSize)"
+        assert page.evaluate(body) == pytest.approx(30.0)
+        for summary in page.locator("summary").all():
+            if summary.is_visible():
+                summary.click()
+        assert _cut(page) == []
+        for name in ("Centre east", "Angular rate", "Trials"):
+            box = page.get_by_label(name).bounding_box()
+            label = page.locator("label", has_text=name).bounding_box()
+            assert box is not None
+            assert label is not None
+            # a label beside its field has room for words
+            assert label["width"] > 150
+        assert accessibility_faults(page) == []
+
+
+def test_numbers_and_their_units_stay_on_one_line(visit: Visit) -> None:
+    amounts = visit.page.locator(".amount")
+    expect(amounts).to_have_count(2)
+    for amount in amounts.all():
+        box = amount.bounding_box()
+        assert box is not None
+        assert box["height"] < 40
+    assert _cut(visit.page) == []
+
+
+def test_a_phone_tells_the_marks_below_the_map(browser: Browser, server: Server) -> None:
+    with visiting(browser, server.url, size=PHONE, touch=True) as visit:
+        visit.choose(ALTERNATE)
+        told = visit.page.get_by_role("listitem")
+        expect(told).to_have_count(0)
+        visit.page.get_by_text("What the marks mean").tap()
+        expect(told.filter(has_text="link, rank 2 of 3")).to_be_visible()
+        named = visit.page.evaluate(
+            "document.getElementById('map-plot').data"
+            ".filter(t => t.showlegend !== false).map(t => t.name.replaceAll('<br>', ' '))"
+        )
+        assert told.all_text_contents() == named
+        swatch = told.filter(has_text="clockwise circle").last.locator("svg line")
+        expect(swatch).to_have_attribute("stroke", "#e69f00")
+    with visiting(browser, server.url) as visit:
+        visit.verdict("Observable")
+        expect(visit.page.get_by_text("What the marks mean")).to_be_hidden()
+        expect(visit.page.locator("#map-plot .legend .traces").first).to_be_visible()
+
+
+def test_figures_follow_the_theme(visit: Visit) -> None:
+    words = visit.page.locator("#map-plot .xtitle")
+    expect(words).to_have_css("fill", "rgb(27, 27, 31)")
+    visit.page.emulate_media(color_scheme="dark")
+    expect(words).to_have_css("fill", "rgb(236, 236, 240)")
+    visit.page.emulate_media(color_scheme="light")
+    expect(words).to_have_css("fill", "rgb(27, 27, 31)")
+
+
+def test_nothing_comes_from_elsewhere_and_no_style_or_script_is_inline(server: Server) -> None:
+    answer = httpx2.get(server.url)
+    policy = answer.headers["content-security-policy"]
+    assert "default-src 'none'" in policy
+    assert "script-src 'self';" in policy
+    assert "unsafe" not in policy
+    assert " style=" not in answer.text
+    assert "<style" not in answer.text
+    assert re.findall(r'(?:src|href)="(?:https?:)?//', answer.text) == []
+
+
+def test_a_violation_of_the_policy_would_be_noticed(browser: Browser, server: Server) -> None:
+    with visiting(browser, server.url) as visit:
+        visit.verdict("Observable")
+        visit.page.evaluate("document.body.setAttribute('style', 'color: red')")
+        visit.page.evaluate("fetch('http://127.0.0.2:9/').catch(() => 0)")
+        assert any("Content Security Policy" in one for one in visit.unexpected)
+        assert len(visit.unexpected) >= 2
+        visit.expect_complaints("Content Security Policy", "127.0.0.2")
+
+
+def test_assets_are_compressed_once_and_not_sent_again(server: Server) -> None:
+    with httpx2.Client(base_url=server.url) as http:
+        script = http.get("/assets/plotly.min.js")
+        assert script.headers["content-encoding"] == "gzip"
+        assert int(script.headers["content-length"]) < 1_600_000
+        tag = {"if-none-match": script.headers["etag"]}
+        assert http.get("/assets/plotly.min.js", headers=tag).status_code == 304
+        plain = http.get("/assets/main.js", headers={"accept-encoding": "gzip;q=0"})
+        assert "content-encoding" not in plain.headers
+        assert plain.headers["content-type"] == "text/javascript; charset=utf-8"
+        for name in ("../main.py", "..%2fmain.py", "examples/../../main.py", "examples", "none.js"):
+            missing = http.get(f"/assets/{name}")
+            assert missing.status_code == 404, name
+            assert missing.headers["content-type"] == "application/problem+json"
+
+
+def test_the_page_offers_every_format_of_exports_and_only_examples_there_are(
+    visit: Visit, server: Server
+) -> None:
+    def values(chosen: str) -> list[str]:
+        return [
+            one
+            for one in visit.page.eval_on_selector_all(chosen, "a => a.map(o => o.value)")
+            if one
+        ]
+
+    assert values("#format option") == list(FORMATS)
+    for name in values("#examples option"):
+        answer = httpx2.get(f"{server.url}/assets/examples/{name}.yaml")
+        assert answer.content == (FILES / f"{name}.yaml").read_bytes()

@@ -1,0 +1,186 @@
+"""The animation of one period, and the files to take along."""
+
+import io
+import json
+import math
+import zipfile
+from pathlib import Path
+
+import httpx2
+import pytest
+from playwright.sync_api import expect
+
+from tests.page.gestures import plan_id_of, saved
+from tests.tools.browsing import Visit, accessibility_faults
+from tests.tools.serving import Server
+
+pytestmark = pytest.mark.slow
+
+SAME = "paper-grid-same"
+
+
+def test_the_animation_moves_vehicles_sightings_and_a_line_in_the_timeline(visit: Visit) -> None:
+    page = visit.page
+    play = page.get_by_role("button", name="Play")
+    play.click()
+    expect(page.get_by_role("button", name="Pause")).to_be_visible()
+    expect(page.locator("#moment-text")).not_to_have_text("0 s")
+    page.get_by_role("button", name="Pause").click()
+    slider = page.get_by_label("Moment in the period")
+    shown = {}
+    for moment in (0, 20, 45):
+        slider.fill(str(moment))
+        page.wait_for_timeout(200)
+        traces = page.evaluate(
+            "JSON.stringify(document.getElementById('map-plot').data.map(t => [t.x, t.y]))"
+        )
+        lines = page.evaluate(
+            "document.getElementById('panel-plot').layout.shapes"
+            ".filter(s => s.name === 'moment').map(s => s.x0)"
+        )
+        assert lines == [pytest.approx(31.41592653589793 * moment / 60)]
+        shown[moment] = traces
+    assert len(set(shown.values())) == 3
+    page.get_by_label("Radius of all").fill("21")
+    expect(page.locator("#moment-text")).to_have_text("0 s")
+
+
+def test_time_0_is_the_plans_own_figure_and_the_legend_stays_as_it_is_while_time_goes_on(
+    visit: Visit,
+) -> None:
+    page = visit.page
+    visit.choose("paper-grid-alternate")
+    uids = "document.getElementById('map-plot').data.map(t => t.uid).sort()"
+    entries = page.locator("#map-plot .legendtext")
+    slider = page.get_by_label("Moment in the period")
+    plan = page.evaluate(uids)
+    drawn = entries.all_text_contents()
+    assert {"motion-0", "motion-1", "link-rank-2"} <= set(plan)
+    slider.fill("30")
+    expect(entries.filter(has_text="in contact: link, rank 2 of 3")).to_have_count(1)
+    assert "motion-0" not in page.evaluate(uids)
+    told = entries.all_text_contents()
+    marks = "[...document.querySelectorAll('#map-plot .layers path')].map(p => p.outerHTML)"
+    drawn_marks = page.evaluate(marks)
+    weak = page.locator("#map-plot .traces").filter(has_text="rank 2 of 3").locator(".js-line")
+    expect(weak).to_have_css("stroke", "rgb(213, 94, 0)")
+    for moment in ("15", "22", "40"):
+        slider.fill(moment)
+        page.wait_for_timeout(200)
+        assert entries.all_text_contents() == told
+        assert page.evaluate(marks) == drawn_marks
+    slider.focus()
+    page.keyboard.press("Home")
+    expect(entries).to_have_text(drawn)
+    assert page.evaluate(uids) == plan
+    # the same after playing, and for an edit that can't be planned
+    page.get_by_role("button", name="Play").click()
+    expect(entries).to_have_text(told)
+    page.get_by_role("button", name="Pause").click()
+    visit.expect_complaints("422")
+    page.get_by_label("Radius of all").fill("-1")
+    expect(entries).to_have_text(drawn)
+    visit.settle()
+    assert page.evaluate(uids) == plan
+
+
+def test_playing_can_be_paused_however_fast_it_was_begun_and_shows_the_newest_plan(
+    visit: Visit,
+) -> None:
+    page = visit.page
+    page.locator("#play").dblclick()
+    expect(page.locator("#play")).to_have_text("Pause")
+    page.locator("#play").click()
+    told = page.locator("#moment-text").text_content()
+    page.wait_for_timeout(500)
+    expect(page.locator("#moment-text")).to_have_text(told or "")
+    page.get_by_label("Radius of all").fill("19")
+    expect(page.locator("#moment-text")).to_have_text("0 s")
+    # before the whole plan has followed the quick one
+    page.locator("#play").click()
+    visit.settle()
+    page.wait_for_timeout(800)
+    expect(page.locator("#play")).to_have_text("Pause")
+    uids = "document.getElementById('map-plot').data.map(t => t.uid)"
+    assert {"vehicles", "sight-link-certified", "circles-ccw"} <= set(page.evaluate(uids))
+    circles = "document.getElementById('map-plot').data.find(t => t.uid === 'circles-ccw').x[0]"
+    assert page.evaluate(circles) == pytest.approx(19.0)
+
+
+def test_what_a_chosen_sensor_covers_is_shaded_and_holds_what_it_sees_at_each_moment(
+    visit: Visit, server: Server
+) -> None:
+    page = visit.page
+    visit.choose("mixed-radii-camera")
+    expect(page.locator(".sight")).to_be_hidden()
+    expect(page.locator("#sight-help")).to_be_hidden()
+    page.get_by_label("Vehicle or landmark").select_option("vehicle 1")
+    expect(page.locator(".sight")).to_be_visible()
+    expect(page.locator("#sight-help")).to_be_visible()
+    page.get_by_role("button", name="Copy link").click()
+    expect(page.locator("#notice")).to_contain_text("Link")
+    plan = httpx2.get(f"{server.url}/v1/plans/{plan_id_of(page)}").json()
+    other = next(one for one in plan["vehicles"] if one["name"] == "v1")
+    directed = [one for link in plan["links"] for one in link["directed"]]
+    seen = next(one for one in directed if (one["from"], one["to"]) == ("v2", "v1"))
+    sense = 1.0 if other["direction"] == "ccw" else -1.0
+    period = plan["period_s"]
+    inside = """([x, y]) => {
+        const { xaxis, yaxis } = document.getElementById('map-plot')._fullLayout;
+        const at = new DOMPoint(xaxis.d2p(x), yaxis.d2p(y));
+        return document.querySelector('.sight path').isPointInFill(at);
+    }"""
+    found = []
+    for k in range(0, 60, 4):
+        page.get_by_label("Moment in the period").fill(str(k))
+        expect(page.locator("#moment-text")).to_have_text(f"{float(f'{period * k / 60:.4g}'):g} s")
+        phase = other["phase_rad"] + sense * 2.0 * math.pi * k / 60
+        x = other["center_m"][0] + other["radius_m"] * math.cos(phase)
+        y = other["center_m"][1] + other["radius_m"] * math.sin(phase)
+        time = period * k / 60
+        expected = any(
+            start <= time + turn <= end for start, end in seen["windows_s"] for turn in (0, period)
+        )
+        assert page.evaluate(inside, [x, y]) == expected, k
+        found.append(expected)
+    assert {True, False} == set(found)
+
+
+def test_plans_and_exports_are_saved_and_an_export_says_what_it_lacks(
+    visit: Visit, server: Server
+) -> None:
+    page = visit.page
+    with page.expect_download() as waiting:
+        page.get_by_role("button", name="Plan").click()
+    plan = json.loads(saved(waiting.value))
+    assert plan == httpx2.get(f"{server.url}/v1/plans/{plan_id_of(page)}").json()
+    page.get_by_label("Format", exact=True).select_option("csv")
+    with page.expect_download() as waiting:
+        page.get_by_role("button", name="Export").click()
+    assert waiting.value.suggested_filename == f"{SAME}-csv.zip"
+    names = zipfile.ZipFile(io.BytesIO(saved(waiting.value))).namelist()
+    assert sorted(Path(name).suffix for name in names) == [".csv", ".json"]
+    visit.expect_complaints("422")
+    page.get_by_label("Format", exact=True).select_option("qgc")
+    page.get_by_role("button", name="Export").click()
+    expect(page.locator("#download-fault")).to_contain_text("geo_origin")
+    page.locator("summary", has_text="Place and time").click()
+    page.get_by_label("Latitude of the origin").fill("47.4")
+    page.get_by_label("Longitude of the origin").fill("8.5")
+    visit.settle()
+    with page.expect_download() as waiting:
+        page.get_by_role("button", name="Export").click()
+    names = zipfile.ZipFile(io.BytesIO(saved(waiting.value))).namelist()
+    assert sum(name.endswith(".plan") for name in names) == 6
+    told = page.locator("#export-notes")
+    expect(told).to_contain_text("set CIRCLE_RATE to 11.4592 (deg/s)")
+    assert accessibility_faults(page) == []
+    page.get_by_label("For", exact=True).select_option("PX4 multicopter")
+    with page.expect_download() as waiting:
+        page.get_by_role("button", name="Export").click()
+    archive = zipfile.ZipFile(io.BytesIO(saved(waiting.value)))
+    first = next(name for name in archive.namelist() if name.endswith(".plan"))
+    assert json.loads(archive.read(first))["mission"]["firmwareType"] == 12
+    expect(told).not_to_contain_text("CIRCLE_RATE")
+    page.get_by_label("Format", exact=True).select_option("kml")
+    expect(page.get_by_label("For", exact=True)).to_be_hidden()

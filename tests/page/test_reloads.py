@@ -1,0 +1,172 @@
+"""What a reload goes on with, the report of a validation, and the link to a plan."""
+
+import json
+
+import httpx2
+import pytest
+from playwright.sync_api import Route, expect
+
+from tests.page.gestures import handle, opened, phases, plan_id_of, saved
+from tests.tools.browsing import Visit
+from tests.tools.scenarios import document
+from tests.tools.serving import Server
+
+pytestmark = pytest.mark.slow
+
+ALTERNATE = "paper-grid-alternate"
+
+
+def test_a_reload_goes_on_with_what_was_being_edited(visit: Visit) -> None:
+    page = visit.page
+    visit.choose(ALTERNATE)
+    page.get_by_label("Desynchronise by").fill("0.2")
+    visit.verdict("Observable: rank 18 of 18")
+    page.reload()
+    visit.verdict("Observable: rank 18 of 18")
+    expect(page.locator("#map-name")).to_have_text(ALTERNATE)
+    expect(page.get_by_label("Desynchronise by")).to_have_value("0.2")
+
+
+def test_a_reload_goes_on_with_a_fault_and_undo_leads_out_of_it(visit: Visit) -> None:
+    visit.expect_complaints("422")
+    page = visit.page
+    visit.choose(ALTERNATE)
+    page.get_by_label("Range (m)", exact=True).fill("-5")
+    visit.doubt("Before the fault")
+    page.reload()
+    visit.doubt("Before the fault: ✗ Not observable: rank 16 of 18")
+    expect(page.get_by_label("Range (m)", exact=True)).to_have_value("-5")
+    page.get_by_role("button", name="Undo").click()
+    visit.verdict("Not observable: rank 16 of 18")
+
+
+def test_a_reload_keeps_phases_that_were_given_and_the_way_back_to_them(
+    visit: Visit, server: Server
+) -> None:
+    page = visit.page
+    plan = httpx2.post(f"{server.url}/v1/plans", json=document(name="of a file")).json()
+    for one, phase in zip(plan["vehicles"], (0.25, 2.5), strict=True):
+        one["phase_rad"] = phase
+    opened(page, {**plan, "name": "of a file"})
+    expect(phases(page)).to_have_text("from a file")
+    page.get_by_label("Name").fill("mine")
+    visit.settle()
+    page.reload()
+    expect(page.locator("#map-name")).to_have_text("mine")
+    expect(phases(page)).to_have_text("from a file")
+    handle(page, "v2").click()
+    page.get_by_label("Centre north").fill("1")
+    expect(phases(page)).to_contain_text("synchronised")
+    visit.settle()
+    page.reload()
+    expect(phases(page)).to_contain_text("Undo brings the plan as it was back")
+    page.get_by_role("button", name="Undo").click()
+    expect(phases(page)).to_have_text("from a file")
+
+
+def test_an_address_that_names_a_plan_comes_before_what_was_edited(
+    visit: Visit, server: Server
+) -> None:
+    page = visit.page
+    plan = httpx2.post(f"{server.url}/v1/plans", json=document(name="named")).json()
+    page.get_by_label("Name").fill("edited")
+    visit.settle()
+    page.goto(f"{server.url}/?plan={plan['id']}")
+    expect(page.locator("#map-name")).to_have_text("named")
+
+
+def test_what_the_tab_kept_and_can_not_be_planned_any_more_is_forgotten(visit: Visit) -> None:
+    visit.expect_complaints("422")
+    page = visit.page
+    kept = {"state": {"scenario": {"orbit": 1}, "anchor": {"scenario": {}, "planId": None}}}
+    page.add_init_script(f"sessionStorage.setItem('syncplan-edit', '{json.dumps(kept)}')")
+    page.reload()
+    visit.verdict("Observable: rank 18 of 18")
+    expect(page.locator("#map-name")).to_have_text("paper-grid-same")
+
+
+def test_a_reload_shows_the_outcome_of_a_validation_again_with_its_report(
+    visit: Visit, server: Server
+) -> None:
+    page = visit.page
+    report = page.get_by_role("button", name="Report")
+    expect(report).to_be_disabled()
+    page.get_by_label("Trials").fill("20")
+    page.get_by_role("button", name="Validate").click()
+    expect(page.locator(".outcome")).to_contain_text("of 20 trials")
+    assert "job=" in page.url
+    page.reload()
+    expect(page.locator(".outcome")).to_contain_text("of 20 trials")
+    expect(page.get_by_role("tab", name="Error found")).to_be_visible()
+    with page.expect_download() as waiting:
+        report.click()
+    job = httpx2.get(f"{server.url}/v1/jobs").json()["items"][0]["id"]
+    assert saved(waiting.value) == httpx2.get(f"{server.url}/v1/jobs/{job}/result").content
+    assert waiting.value.suggested_filename == "paper-grid-same.report.json"
+    page.get_by_label("Name").fill("edited")
+    expect(report).to_be_disabled()
+    assert page.url.rpartition("/")[2] == ""
+
+
+def test_a_link_names_the_plan_alone_and_says_that_it_was_copied(
+    visit: Visit, server: Server
+) -> None:
+    page = visit.page
+    page.get_by_label("Trials").fill("50000")
+    page.get_by_role("button", name="Validate").click()
+    expect(page.locator("#job-text")).to_contain_text("of 50000 trials")
+    page.get_by_role("button", name="Copy link").click()
+    link = f"{server.url}/?plan={plan_id_of(page)}"
+    expect(page.locator("#notice")).to_have_text(f"Link copied: {link}")
+    assert page.evaluate("navigator.clipboard.readText()") == link
+    page.get_by_role("button", name="Cancel").click()
+    expect(page.locator("#notice")).to_have_text("Validation cancelled.")
+
+
+def test_a_link_is_of_the_plan_that_was_stored_though_it_was_edited_meanwhile(
+    visit: Visit, server: Server
+) -> None:
+    page = visit.page
+    held: list[Route] = []
+    page.route("**/v1/plans", lambda route: held.append(route))
+    page.get_by_role("button", name="Copy link").click()
+    page.get_by_label("Name").fill("edited meanwhile")
+    expect(page.locator("#map-name")).to_have_text("edited meanwhile")
+    assert len(held) == 1
+    held[0].continue_()
+    expect(page.locator("#notice")).to_contain_text("/?plan=")
+    link = (page.locator("#notice").text_content() or "").split()[-1]
+    found = httpx2.get(f"{server.url}/v1/plans/{link.rpartition('=')[2]}")
+    assert found.json()["scenario"]["name"] == "paper-grid-same"
+    assert "plan=" not in page.url
+
+
+def test_two_quick_presses_store_one_plan(visit: Visit, server: Server) -> None:
+    page = visit.page
+    before = len(httpx2.get(f"{server.url}/v1/plans?limit=200").json()["items"])
+    page.evaluate("for (let k = 0; k < 2; k += 1) document.getElementById('share').click()")
+    expect(page.locator("#notice")).to_contain_text("Link copied")
+    visit.settle()
+    assert len(httpx2.get(f"{server.url}/v1/plans?limit=200").json()["items"]) == before + 1
+
+
+def test_a_link_that_can_not_be_copied_is_told_to_be_taken(visit: Visit) -> None:
+    page = visit.page
+    page.evaluate("() => { navigator.clipboard.writeText = () => Promise.reject('denied') }")
+    page.get_by_role("button", name="Copy link").click()
+    expect(page.locator("#notice")).to_contain_text("Link to this plan: http")
+
+
+def test_a_link_to_a_plan_that_was_deleted_is_to_one_stored_anew(
+    visit: Visit, server: Server
+) -> None:
+    visit.expect_complaints("404")
+    page = visit.page
+    page.get_by_role("button", name="Copy link").click()
+    expect(page.locator("#notice")).to_contain_text("Link copied")
+    gone = plan_id_of(page)
+    assert httpx2.delete(f"{server.url}/v1/plans/{gone}").status_code == 204
+    page.get_by_role("button", name="Copy link").click()
+    expect(page.locator("#notice")).to_contain_text("Link copied")
+    expect(page.locator("#notice")).not_to_contain_text(gone)
+    assert httpx2.get(f"{server.url}/v1/plans/{plan_id_of(page)}").status_code == 200

@@ -1,0 +1,450 @@
+"""Figures of plans: what is drawn is what the plan says, checked from the values drawn."""
+
+import json
+import math
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from plotly.graph_objects import Figure
+
+from syncplan import figures
+from syncplan.errors import InputError
+from syncplan.orbits.circles import Orbits, heading, perpendicular, position, unit
+from syncplan.planning.plan_files import Loaded, plan_of
+from syncplan.planning.planner import Plan, plan
+from syncplan.plotting import formation_figure as drawing
+from syncplan.plotting.animation_figure import FRAMES, live
+from syncplan.plotting.catalogue import ENTRIES, specs_of
+from syncplan.plotting.palette import DARK
+from syncplan.plotting.timeline_figure import union_growth, within_period
+from tests.tools.scenarios import example, small
+
+KINDS = {"link", "incidental", "landmark"}
+NAMES = ("paper-grid-alternate", "paper-grid-same", "mixed-radii-camera", "landmark-bridge")
+
+
+@pytest.fixture(scope="module", params=NAMES)
+def made(request: pytest.FixtureRequest) -> Plan:
+    return plan(example(request.param))
+
+
+def _trace(spec: dict[str, Any], uid: str) -> dict[str, Any]:
+    found = [trace for trace in spec["data"] if trace["uid"] == uid]
+    assert len(found) == 1, uid
+    trace: dict[str, Any] = found[0]
+    return trace
+
+
+def _polylines(trace: dict[str, Any]) -> list[np.ndarray]:
+    """The lines of a trace, cut at its gaps."""
+    gaps = [-1, *(k for k, x in enumerate(trace["x"]) if x is None)]
+    assert trace["x"][-1] is None
+    return [
+        np.column_stack([trace["x"][a + 1 : b], trace["y"][a + 1 : b]]).astype(float)
+        for a, b in pairwise(gaps)
+    ]
+
+
+def _formation(made: Plan) -> dict[str, Any]:
+    return specs_of(made, ["formation"])["formation"]
+
+
+def test_circles_drawn_lie_on_the_circles_of_the_plan(made: Plan) -> None:
+    spec = _formation(made)
+    for key, sense in (("ccw", 1.0), ("cw", -1.0)):
+        chosen = np.flatnonzero(made.orbits.senses == sense)
+        if not len(chosen):
+            assert all(trace["uid"] != f"circles-{key}" for trace in spec["data"])
+            continue
+        lines = _polylines(_trace(spec, f"circles-{key}"))
+        assert len(lines) == len(chosen)
+        for k, line in zip(chosen, lines, strict=True):
+            away = np.hypot(*(line - made.orbits.centers[k]).T)
+            np.testing.assert_allclose(away, made.orbits.radii[k], atol=0.02)
+            np.testing.assert_array_equal(line[0], line[-1])
+            # the chord of two neighbouring points is that of a 72nd of a turn
+            chord = np.hypot(*np.diff(line, axis=0).T)
+            np.testing.assert_allclose(
+                chord, 2.0 * made.orbits.radii[k] * math.sin(math.pi / 72.0), atol=0.02
+            )
+
+
+def test_vehicles_stand_where_they_start_and_point_where_they_fly(made: Plan) -> None:
+    trace = _trace(_formation(made), "vehicles")
+    where = np.column_stack([trace["x"], trace["y"]])
+    np.testing.assert_allclose(where, position(made.orbits, 0.0), atol=0.01)
+    # Plotly turns markers clockwise from up, in degrees
+    turned = np.radians(trace["marker"]["angle"])
+    ahead = np.column_stack([np.sin(turned), np.cos(turned)])
+    step = position(made.orbits, 1e-4) - position(made.orbits, 0.0)
+    step /= np.hypot(*step.T)[:, None]
+    np.testing.assert_allclose(ahead, step, atol=0.01)
+
+
+def test_heads_on_circles_turn_with_the_sense(made: Plan) -> None:
+    spec = _formation(made)
+    for key, sense in (("ccw", 1.0), ("cw", -1.0)):
+        chosen = made.orbits.senses == sense
+        if not chosen.any():
+            continue
+        trace = _trace(spec, f"heads-{key}")
+        arm = np.column_stack([trace["x"], trace["y"]]) - made.orbits.centers[chosen]
+        turned = np.radians(trace["marker"]["angle"])
+        cross = arm[:, 0] * np.cos(turned) - arm[:, 1] * np.sin(turned)
+        assert (np.sign(cross) == sense).all()
+
+
+def test_every_meeting_is_drawn_once_by_what_it_is_worth(made: Plan) -> None:
+    spec = _formation(made)
+    groups = [t for t in spec["data"] if t["uid"].startswith(("link-", "incidental-", "landmark-"))]
+    told = [text for trace in groups for text in trace["text"] if text]
+    meetings = [*made.links, *made.incidental_links, *made.landmark_links]
+    assert len(told) == len(meetings)
+    for trace in groups:
+        shown = [text for text in trace["text"] if text]
+        assert all(trace["name"] in text for text in shown)
+        assert ("certified" in trace["name"]) == (trace["line"]["dash"] == "solid")
+    certified = sum("certified" in text.split("<br>")[0] for text in told)
+    assert certified == sum(item.certified for item in meetings)
+
+
+def test_link_lines_run_along_the_line_of_centres(made: Plan) -> None:
+    names = made.scenario.vehicle_names + made.scenario.landmark_names
+    bodies = np.concatenate([made.orbits.centers, made.landmarks])
+    places = dict(zip(names, bodies, strict=True))
+    for trace in _formation(made)["data"]:
+        if not trace["uid"].startswith(("link-", "landmark-rank", "landmark-cert")):
+            continue
+        told = [text for text in trace["text"] if text]
+        for text, line in zip(told, _polylines(trace), strict=True):
+            a, b = text[: text.index(",")].split("-")
+            along = places[b] - places[a]
+            off = (line - places[a]) @ perpendicular(along) / np.hypot(*along)
+            np.testing.assert_allclose(off, 0.0, atol=0.02)
+            part = (line - places[a]) @ along / (along @ along)
+            assert (np.diff(part) > 0.0).all()
+            assert part[0] > 0.0
+            assert part[-1] <= 1.0 + 1e-6
+
+
+def _moved(orbits: Orbits, motion: np.ndarray, size: float, time: float) -> np.ndarray:
+    """(n, 3) poses at `time` when each starts `size` times its motion beside the plan.
+
+    Turned at the start, a vehicle flies the same circle turned about where it starts.
+    """
+    start, ahead = position(orbits, 0.0), heading(orbits, time)
+    turn = size * motion[:, 2]
+    way = position(orbits, time) - start
+    turned = np.cos(turn)[:, None] * way + np.sin(turn)[:, None] * perpendicular(way)
+    return np.column_stack([start + size * motion[:, :2] + turned, ahead + turn])
+
+
+@pytest.mark.parametrize(
+    "name", ["paper-grid-alternate", "crooked-line-alternate", "landmark-bridge"]
+)
+def test_moving_along_the_arrows_changes_no_bearing_to_first_order(name: str) -> None:
+    made = plan(example(name))
+    spec = _formation(made)
+    orbits, count = made.orbits, made.orbits.count
+    start = position(orbits, 0.0)
+    assert made.unobservable
+    for number, motion in enumerate(made.unobservable):
+        trace = _trace(spec, f"motion-{number}")
+        lines = _polylines(trace)
+        assert len(lines) == len(motion.vehicles)
+        drawn = np.zeros((count, 3))
+        drawn[:, 2] = motion.motion[:, 2]
+        longest = max(float(np.hypot(*(line[-1] - line[0]))) for line in lines)
+        for k, line in zip(motion.vehicles, lines, strict=True):
+            np.testing.assert_allclose(line[0], start[k], atol=0.02)
+            drawn[k, :2] = (line[-1] - line[0]) / longest
+        np.testing.assert_allclose(drawn, motion.motion, atol=2e-3)
+        # the arrow's own rounding is taken out: its plan's vector is what is moved along
+        changes = []
+        for size in (1e-2, 1e-3):
+            worst = 0.0
+            for time in np.linspace(0.0, orbits.period, 200, endpoint=False):
+                seen, target = live(made.windows, orbits.period, float(time))
+                true = _bearings(made, _moved(orbits, motion.motion, 0.0, time), seen, target)
+                moved = _bearings(made, _moved(orbits, motion.motion, size, time), seen, target)
+                if len(seen):
+                    worst = max(worst, float(np.abs(np.angle(np.exp(1j * (moved - true)))).max()))
+            changes.append(worst)
+        # to first order: a tenth of the step leaves a hundredth of the change
+        assert changes[1] < 0.02 * changes[0] + 1e-9
+        assert changes[0] < 1e-3
+
+
+def _bearings(made: Plan, poses: np.ndarray, seen: np.ndarray, target: np.ndarray) -> np.ndarray:
+    bodies = np.concatenate([poses[:, :2], made.landmarks])
+    away = bodies[target] - bodies[seen]
+    return np.asarray(np.arctan2(away[:, 1], away[:, 0]) - poses[seen, 2])
+
+
+def test_a_plan_that_is_observable_has_no_arrows() -> None:
+    spec = _formation(plan(example("paper-grid-same")))
+    assert not [trace for trace in spec["data"] if trace["uid"].startswith("motion")]
+
+
+def test_bars_are_the_directed_windows_cut_at_the_period(made: Plan) -> None:
+    spec = specs_of(made, ["timeline"])["timeline"]
+    labels = spec["layout"]["yaxis"]["ticktext"]
+    drawn: dict[str, list[tuple[float, float]]] = {label: [] for label in labels}
+    for trace in spec["data"]:
+        if trace["type"] == "bar":
+            for row, start, length in zip(trace["y"], trace["base"], trace["x"], strict=True):
+                drawn[labels[row]].append((start, start + length))
+    names = made.scenario.vehicle_names + made.scenario.landmark_names
+    windows = made.windows
+    expected = {}
+    for k in range(len(windows.observers)):
+        of = windows.of(k)
+        if len(of):
+            label = f"{names[windows.observers[k]]} → {names[windows.targets[k]]}"
+            expected[label] = within_period(of, made.orbits.period)
+    assert set(drawn) == set(expected)
+    for label, bars in drawn.items():
+        np.testing.assert_allclose(sorted(bars), sorted(expected[label]), atol=1e-5)
+        assert all(0.0 <= start < end <= made.orbits.period + 1e-5 for start, end in bars)
+    total = sum(end - start for bars in drawn.values() for start, end in bars)
+    assert total == pytest.approx(float(np.sum(windows.ends - windows.starts)), abs=1e-4)
+
+
+def test_a_window_that_passes_the_period_goes_on_from_zero() -> None:
+    assert within_period(np.array([[8.0, 13.0], [2.0, 3.0]]), 10.0) == [
+        (8.0, 10.0),
+        (0.0, 3.0),
+        (2.0, 3.0),
+    ]
+    assert within_period(np.array([[0.0, 10.0]]), 10.0) == [(0.0, 10.0)]
+
+
+def test_the_union_is_that_of_all_sightings_begun_so_far(made: Plan) -> None:
+    """Against networkx, on graphs sampled finely."""
+    import networkx as nx
+
+    from syncplan.orbits.graphs import union_over
+
+    times, groups, held = union_growth(made)
+    count = made.orbits.count
+    for length in np.linspace(0.01, 0.99, 23) * made.orbits.period:
+        step = int(np.searchsorted(times, length, side="right")) - 1
+        graph = union_over(made.windows, made.orbits.period, 0.0, float(length)).to_undirected()
+        graph.add_nodes_from(range(count))
+        between = graph.subgraph(range(count))
+        parts = list(nx.connected_components(between))
+        assert groups[step] == len(parts)
+        anchored = 0
+        for part in parts:
+            seen = {b for a in part for b in graph[a] if b >= count}
+            anchored += len(part) if len(seen) > 1 else 0
+        assert held[step] == anchored
+
+
+def test_the_spectrum_parts_what_counts_from_what_does_not(made: Plan) -> None:
+    spec = specs_of(made, ["spectrum"])["spectrum"]
+    verdict = made.observability
+    counted = _trace(spec, "values-circle")
+    assert len(counted["x"]) == verdict.rank
+    np.testing.assert_allclose(counted["y"], verdict.singular_values[: verdict.rank])
+    tolerance = _trace(spec, "tolerance")["y"][0]
+    assert min(counted["y"]) > tolerance
+    if not verdict.observable:
+        rest = _trace(spec, "values-x")
+        assert len(rest["x"]) == verdict.state_dim - verdict.rank
+        assert max(rest["y"]) < tolerance
+
+
+def test_predicted_errors_are_those_of_the_plan(made: Plan) -> None:
+    spec = specs_of(made, ["prediction"])["prediction"]
+    assert made.prediction.rms is not None
+    np.testing.assert_allclose(_trace(spec, "predicted")["y"], made.prediction.rms, atol=1e-6)
+    if not np.isnan(made.prediction.window).all():
+        window = np.array(_trace(spec, "window")["y"], dtype=float)
+        np.testing.assert_allclose(window, made.prediction.window, atol=1e-6)
+
+
+def test_a_plan_without_a_bound_says_why() -> None:
+    made = plan(small(), bound="never")
+    text = specs_of(made, ["prediction"])["prediction"]["layout"]["annotations"][0]["text"]
+    assert "not asked for" in text
+
+
+def test_each_frame_has_the_poses_and_sightings_of_its_moment(made: Plan) -> None:
+    spec = specs_of(made, ["animation"])["animation"]
+    assert len(spec["frames"]) == FRAMES
+    names = [trace["uid"] for trace in spec["data"]]
+    for k, frame in enumerate(spec["frames"]):
+        time = k * made.orbits.period / FRAMES
+        parts = {names[n]: t for n, t in zip(frame["traces"], frame["data"], strict=True)}
+        where = position(made.orbits, time)
+        vehicles = parts["vehicles"]
+        np.testing.assert_allclose(
+            np.column_stack([vehicles["x"], vehicles["y"]]), where, atol=0.06
+        )
+        bodies = np.concatenate([where, made.landmarks])
+        expected = 0
+        for a in range(made.orbits.count):
+            for b in range(len(bodies)):
+                expected += a != b and _sees(made, a, bodies[b] - where[a], time)
+        assert sum(x is not None for x in parts["directions"]["x"]) == expected
+        observers, targets = live(made.windows, made.orbits.period, time)
+        lines = {uid: t["x"] for uid, t in parts.items() if uid.startswith("sight-")}
+        ends = {uid: [x for x in line if x is not None] for uid, line in lines.items()}
+        anchored = sum(len(x) for uid, x in ends.items() if uid.startswith("sight-landmark-"))
+        assert anchored == 2 * np.sum(targets >= made.orbits.count)
+        pairs = {frozenset(pair) for pair in zip(observers, targets, strict=True)}
+        assert sum(map(len, ends.values())) == 2 * len(pairs)
+
+
+def test_a_sighting_looks_in_the_animation_as_its_link_does_in_the_formation(made: Plan) -> None:
+    specs = specs_of(made, ["formation", "animation"])
+    links = {t["uid"]: t for t in specs["formation"]["data"] if t["uid"].split("-")[0] in KINDS}
+    moving = {t["uid"]: t for t in specs["animation"]["data"] if t["uid"].startswith("sight-")}
+    assert {f"sight-{uid}" for uid in links if uid != "dropped"} == set(moving)
+    motions = [t for t in specs["formation"]["data"] if t["uid"].startswith("motion")]
+    lost = {trace["line"]["color"] for trace in motions}
+    for uid, trace in moving.items():
+        assert trace["line"] == links[uid.removeprefix("sight-")]["line"]
+        assert trace["name"].endswith(links[uid.removeprefix("sight-")]["name"])
+        assert trace["line"]["color"] not in lost
+        # of a trace without any points, Plotly's legend drops the entry
+        index = specs["animation"]["frames"][0]["traces"]
+        place = index.index(next(k for k, t in enumerate(specs["animation"]["data"]) if t is trace))
+        assert all(frame["data"][place]["x"] for frame in specs["animation"]["frames"])
+    for frame in specs["animation"]["frames"]:
+        assert all(trace["x"] for trace in frame["data"])
+
+
+def _sees(made: Plan, observer: int, away: np.ndarray, time: float) -> bool:
+    """Straight from the definition: within range and inside the field of view."""
+    sensors = made.sensors
+    if np.hypot(*away) > sensors.ranges[observer]:
+        return False
+    middle = float(heading(made.orbits, time)[observer] + sensors.boresights[observer])
+    off = math.acos(float(np.clip(away @ unit(middle) / np.hypot(*away), -1.0, 1.0)))
+    return off <= float(sensors.fields_of_view[observer]) / 2.0 + 1e-9
+
+
+def test_a_refined_plan_is_shown_before_and_after() -> None:
+    scenario = small(
+        landmarks_m=[[30.0, 0.0], [40.0, 10.0]],
+        orbit={"radius_m": 20.0, "angular_rate_rad_s": 0.2, "direction": "alternate"},
+        duration_s=40.0,
+    )
+    before = plan(scenario)
+    from syncplan.refinement.refiner import refine
+
+    after = refine(before, objective="logdet", starts=1, workers=1)
+    assert after.refinement is not None
+    spec = specs_of(after, ["refinement"])["refinement"]
+    for side, merits in (("before", after.refinement.before), ("after", after.refinement.after)):
+        values = _trace(spec, side)["y"]
+        assert values[0] == pytest.approx(merits.predicted_rms, abs=1e-6)
+        assert values[3] == pytest.approx(merits.least_distance, abs=1e-6)
+    both = figures.comparison(before, after)
+    for side, one in (("before", before), ("after", after)):
+        lines = _polylines(_trace(both.to_plotly_json(), f"circles-{side}"))
+        away = np.hypot(*(lines[0] - one.orbits.centers[0]).T)
+        np.testing.assert_allclose(away, one.orbits.radii[0], atol=0.02)
+
+
+def test_plans_of_different_vehicles_are_not_compared(made: Plan) -> None:
+    with pytest.raises(InputError, match="both must name the same"):
+        figures.comparison(made, plan(small(formation={"centers_m": {"a": [0, 0], "b": [60, 0]}})))
+
+
+def test_a_plan_that_was_not_refined_has_no_such_figure() -> None:
+    with pytest.raises(InputError, match="was not refined"):
+        figures.refinement(plan(small()))
+
+
+def test_every_figure_is_one_that_plotly_accepts_and_the_same_each_time(made: Plan) -> None:
+    specs = specs_of(made)
+    assert list(specs) == ["formation", "animation", "timeline", "spectrum", "prediction"]
+    assert set(specs) <= set(ENTRIES)
+    again = specs_of(plan_of(Loaded(made.scenario, made.orbits)))
+    for name, spec in specs.items():
+        text = json.dumps(spec, allow_nan=False)
+        # Plotly changes what it is given
+        built = Figure(json.loads(text))
+        assert json.loads(built.to_json())["data"], name
+        assert text == json.dumps(again[name], allow_nan=False)
+        uids = [trace["uid"] for trace in spec["data"]]
+        assert len(set(uids)) == len(uids)
+    assert set(figures.figures_of(made)) == set(specs)
+
+
+def test_a_dark_page_has_none_of_the_light_ones_colours(made: Plan) -> None:
+    light = json.dumps(specs_of(made))
+    dark = json.dumps(specs_of(made, theme="dark"))
+    for color, swapped in DARK.items():
+        assert f'"{color}"' in light
+        assert f'"{color}"' not in dark
+        assert f'"{swapped}"' in dark
+    # nothing else differs
+    for color, swapped in DARK.items():
+        light = light.replace(f'"{color}"', f'"{swapped}"')
+    assert light == dark
+
+
+def test_names_are_shown_as_they_are_and_never_as_markup() -> None:
+    odd = "<b>a&b</b>"
+    made = plan(small(formation={"centers_m": {odd: [0, 0], "b": [70, 0]}}))
+    for name, spec in specs_of(made).items():
+        text = json.dumps(spec)
+        assert odd not in text, name
+        if name != "spectrum":
+            assert "&lt;b&gt;a&amp;b&lt;/b&gt;" in text, name
+
+
+def test_areas_and_dropped_links_are_drawn() -> None:
+    area = [[-40.0, -40.0], [110.0, -40.0], [110.0, 40.0], [-40.0, 40.0]]
+    made = plan(
+        small(
+            area_m=area,
+            keep_out_m=[[[30.0, 25.0], [40.0, 25.0], [35.0, 35.0]]],
+            orbit={
+                "radius_m": 20.0,
+                "angular_rate_rad_s": 0.2,
+                "direction": "ccw",
+            },
+            sensor={
+                "range_m": 80.0,
+                "fov_deg": 5,
+                "bearing_sigma_rad": 0.1,
+                "sample_time_s": 0.1,
+            },
+        )
+    )
+    spec = _formation(made)
+    np.testing.assert_allclose(_polylines(_trace(spec, "area"))[0], [*area, area[0]])
+    assert _trace(spec, "keep-out")["fill"] == "toself"
+    assert drawing.verdict_words(made) in spec["layout"]["title"]["subtitle"]["text"]
+
+
+def test_vehicles_that_share_a_circle_share_a_label() -> None:
+    made = plan(small(formation={"centers_m": [[0.0, 0.0], [0.0, 0.0], [70.0, 0.0]]}))
+    names = _trace(_formation(made), "names")
+    assert names["text"] == ["v1, v2", "v3"]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"formation": {"centers_m": [[0.0, 0.0]]}},
+        {"formation": {"centers_m": [[0.0, 0.0], [900.0, 0.0]]}},
+        {"formation": {"centers_m": [[0.0, 0.0], [0.0, 0.0]]}},
+        {"formation": {"centers_m": [[0.0, 0.0]]}, "landmarks_m": [[0.0, 0.0], [1.0, 0.0]]},
+    ],
+    ids=["alone", "out of sight", "on one circle", "around a landmark"],
+)
+def test_teams_that_hardly_are_one_are_drawn_too(changes: dict[str, Any]) -> None:
+    made = plan(small(**changes))
+    for name, spec in specs_of(made).items():
+        assert json.dumps(spec, allow_nan=False), name
+        assert Figure(spec).to_json(), name
+    drawn = [t for t in _formation(made)["data"] if t["uid"].startswith("motion")]
+    assert len(drawn) == len(made.unobservable)

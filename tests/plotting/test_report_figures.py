@@ -1,0 +1,224 @@
+"""Figures of validations and sweeps: what is drawn is what the report holds."""
+
+import json
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+from plotly.graph_objects import Figure
+
+from syncplan import figures
+from syncplan.errors import InputError
+from syncplan.estimation.trials import series
+from syncplan.planning.planner import plan
+from syncplan.planning.sweeps import sweep
+from syncplan.planning.validation import Validation, validate
+from syncplan.plotting.catalogue import specs_of
+from syncplan.plotting.errors_figure import MOST_POINTS, MOST_VEHICLES
+from syncplan.reports.schemas import SweepReport, ValidationDocument
+from syncplan.reports.validation_report import sweep_document, validation_document
+from tests.tools.scenarios import example, small
+
+
+@pytest.fixture(scope="module")
+def flown() -> Validation:
+    return validate(example("paper-grid-same"), trials=20, seed=1, duration=50.0, with_series=True)
+
+
+@pytest.fixture(scope="module")
+def report(flown: Validation) -> ValidationDocument:
+    return validation_document(flown)
+
+
+def _trace(spec: dict[str, Any], uid: str) -> dict[str, Any]:
+    found = [trace for trace in spec["data"] if trace["uid"] == uid]
+    assert len(found) == 1, uid
+    trace: dict[str, Any] = found[0]
+    return trace
+
+
+def test_a_validation_and_its_report_give_the_same_figures(
+    flown: Validation, report: ValidationDocument
+) -> None:
+    read_back = ValidationDocument.model_validate(json.loads(json.dumps(report.as_json())))
+    one, two, three = (json.dumps(specs_of(subject)) for subject in (flown, report, read_back))
+    assert one == two == three
+    assert list(specs_of(report)) == ["accuracy", "errors", "consistency"]
+    for name, spec in specs_of(report).items():
+        assert Figure(spec).to_json(), name
+    assert set(figures.figures_of(report)) == {"accuracy", "errors", "consistency"}
+
+
+def test_bars_are_the_errors_found_and_predicted(report: ValidationDocument) -> None:
+    spec = specs_of(report, ["accuracy"])["accuracy"]
+    for uid, key in (
+        ("late", "rms_second_half_m"),
+        ("whole", "rms_m"),
+        ("predicted", "predicted_rms_m"),
+    ):
+        expected = [getattr(vehicle, key) for vehicle in report.vehicles]
+        np.testing.assert_allclose(_trace(spec, uid)["y"], expected, atol=1e-6)
+    patterns = [trace["marker"].get("pattern", {}).get("shape", "") for trace in spec["data"]]
+    assert len(set(patterns)) == len(patterns)
+
+
+def test_a_report_without_a_prediction_has_no_bars_of_it(report: ValidationDocument) -> None:
+    values = report.as_json()
+    for figure in [*values["vehicles"], values["overall"]]:
+        figure["predicted_rms_m"] = figure["rms_over_predicted"] = None
+    spec = specs_of(ValidationDocument.model_validate(values), ["accuracy"])["accuracy"]
+    assert [trace["uid"] for trace in spec["data"]] == ["late", "whole"]
+
+
+def test_the_band_is_three_sigma_of_each_axis_about_zero(
+    flown: Validation, report: ValidationDocument
+) -> None:
+    kept = series(flown.result)
+    spec = specs_of(report, ["errors"])["errors"]
+    every = -(-len(kept.position_rms) // MOST_POINTS)
+    for k, vehicle in enumerate(report.vehicles):
+        for column in range(3):
+            sigma = kept.heading_sigma[:, k] if column == 2 else kept.axis_sigma[:, k, column]
+            band = np.array(_trace(spec, f"band-{vehicle.name}-{column}")["y"])
+            count = len(band) // 2
+            np.testing.assert_allclose(band[:count], 3.0 * sigma[::every], atol=1e-5)
+            np.testing.assert_allclose(band[count:][::-1], -3.0 * sigma[::every], atol=1e-5)
+            mean = _trace(spec, f"mean-{vehicle.name}-{column}")
+            np.testing.assert_allclose(mean["y"], kept.mean_errors[::every, k, column], atol=1e-5)
+            np.testing.assert_allclose(mean["x"], every * 0.1 * np.arange(count), atol=1e-6)
+    assert "mean error of 20 trials" in spec["layout"]["title"]["subtitle"]["text"]
+
+
+def test_axes_of_the_series_make_up_the_position(flown: Validation) -> None:
+    kept = series(flown.result)
+    whole = np.hypot(kept.axis_rms[..., 0], kept.axis_rms[..., 1])
+    np.testing.assert_allclose(whole, kept.position_rms, rtol=1e-12)
+    whole = np.hypot(kept.axis_sigma[..., 0], kept.axis_sigma[..., 1])
+    np.testing.assert_allclose(whole, kept.position_sigma, rtol=1e-12)
+    # at time 0 each axis has the initial sigma
+    np.testing.assert_allclose(kept.axis_sigma[0], flown.plan.noise.position_sigma, rtol=1e-12)
+    # over the run, axis by axis, they come to the totals of the trials
+    totals = np.sqrt(np.mean(kept.axis_rms[1:] ** 2, axis=0))
+    np.testing.assert_allclose(totals[:, 0], flown.accuracy.x, rtol=1e-9)
+    np.testing.assert_allclose(totals[:, 1], flown.accuracy.y, rtol=1e-9)
+
+
+def test_a_single_trial_shows_its_error_and_no_spread() -> None:
+    one = validate(small(landmarks_m=[[35, 9]]), trials=1, duration=5.0, with_series=True)
+    spec = specs_of(one, ["errors"])["errors"]
+    assert {trace["uid"].split("-")[0] for trace in spec["data"]} == {"band", "mean"}
+    assert _trace(spec, "mean-v1-0")["name"] == "error"
+    final = one.result.final_errors[0, 0]
+    drawn = [_trace(spec, f"mean-v1-{column}")["y"][-1] for column in range(3)]
+    np.testing.assert_allclose(drawn, final, atol=1e-5)
+
+
+def test_of_a_large_team_the_worst_are_drawn_or_those_named() -> None:
+    shape = {"shape": "grid", "count": 10, "columns": 5, "spacing_m": 70.0}
+    run = validate(small(formation=shape), trials=4, duration=2.0, with_series=True)
+    spec = specs_of(run, ["errors"])["errors"]
+    drawn = {trace["uid"].split("-")[1] for trace in spec["data"]}
+    order = np.argsort(-run.accuracy.position, kind="stable")[:MOST_VEHICLES]
+    assert drawn == {f"v{k + 1}" for k in order}
+    assert "8 of 10" in spec["layout"]["title"]["subtitle"]["text"]
+    named = figures.error_bands(run, ["v3"]).to_plotly_json()
+    assert {trace["uid"].split("-")[1] for trace in named["data"]} == {"v3"}
+    with pytest.raises(InputError, match="'v11' is not in the report"):
+        figures.error_bands(run, ["v11"])
+
+
+def test_a_report_without_series_says_how_to_get_one(report: ValidationDocument) -> None:
+    without = report.model_copy(update={"series": None})
+    assert "errors" not in specs_of(without)
+    with pytest.raises(InputError, match="--series"):
+        figures.error_bands(without)
+
+
+def test_consistency_shows_value_band_and_verdict(report: ValidationDocument) -> None:
+    spec = specs_of(report, ["consistency"])["consistency"]
+    for name, figure in (("ANEES", report.anees), ("NIS", report.nis)):
+        assert figure.band is not None
+        np.testing.assert_allclose(_trace(spec, f"{name}-band")["x"], figure.band)
+        assert _trace(spec, f"{name}-value")["x"] == [figure.value]
+        texts = [note["text"] for note in spec["layout"]["annotations"]]
+        assert any(text.startswith(name) and figure.verdict in text for text in texts)
+    covered = [vehicle.coverage_3sigma for vehicle in report.vehicles]
+    np.testing.assert_allclose(_trace(spec, "coverage")["y"], covered, atol=1e-6)
+
+
+def test_a_dishonest_filter_is_told_by_symbol_and_words(report: ValidationDocument) -> None:
+    wrong = report.anees.model_copy(update={"value": 3.0, "verdict": "optimistic"})
+    bad = report.model_copy(update={"anees": wrong})
+    spec = specs_of(bad, ["consistency"])["consistency"]
+    assert _trace(spec, "ANEES-value")["marker"]["symbol"] == "triangle-right"
+    low, high = spec["layout"]["xaxis"]["range"]
+    assert low < 1.0
+    assert high > 3.0
+
+
+def test_a_run_without_bearings_has_nothing_to_judge() -> None:
+    lonely = small(formation={"centers_m": [[0.0, 0.0], [500.0, 0.0]]})
+    alone = specs_of(validate(lonely, trials=2, duration=2.0), ["consistency"])["consistency"]
+    assert any("nothing to judge" in note["text"] for note in alone["layout"]["annotations"])
+    assert Figure(alone).to_json()
+
+
+@pytest.fixture(scope="module")
+def swept() -> SweepReport:
+    rows = sweep(
+        example("paper-grid-same"),
+        "angular_rate",
+        [0.4, 0.2],
+        trials=4,
+        duration=20.0,
+        connected=True,
+    )
+    reports = [validation_document(row.validation) for row in rows]
+    values = sweep_document("angular_rate", rows, reports)
+    read = SweepReport.model_validate(values)
+    # the model holds all that the document does
+    assert json.dumps(
+        [
+            {**row.model_dump(mode="json"), "validation": row.validation.as_json()}
+            for row in read.rows
+        ]
+    ) == json.dumps(values["rows"])
+    return read
+
+
+def test_sweep_curves_run_over_the_values_in_order(swept: SweepReport) -> None:
+    spec = specs_of(swept)["sweep"]
+    by_value = {row.value: row for row in swept.rows[:2]}
+    curve = _trace(spec, "x")
+    assert curve["x"] == [0.2, 0.4]
+    np.testing.assert_allclose(
+        curve["y"], [by_value[0.2].mean_rms_x_m, by_value[0.4].mean_rms_x_m], atol=1e-6
+    )
+    beside = _trace(spec, "y-connected")
+    assert beside["x"] == [0.2]
+    np.testing.assert_allclose(beside["y"], [swept.rows[2].mean_rms_y_m], atol=1e-6)
+    assert beside["marker"]["symbol"].endswith("-open")
+    assert Figure(spec).to_json()
+    assert figures.sweep_curves(swept).layout.xaxis.title.text == "angular rate, rad/s"
+
+
+def test_a_row_that_is_not_observable_is_crossed_out(swept: SweepReport) -> None:
+    lost = swept.rows[0].model_copy(update={"rank": 5})
+    spec = specs_of(SweepReport(swept=swept.swept, rows=[lost, *swept.rows[1:]]))["sweep"]
+    assert _trace(spec, "unobservable")["x"] == [0.4]
+    assert all(trace["uid"] != "unobservable" for trace in specs_of(swept)["sweep"]["data"])
+
+
+def test_texts_break_lines_and_hold_no_other_markup(
+    report: ValidationDocument, swept: SweepReport
+) -> None:
+    """Plotly gives such markup a style of its own, which the policy of the web page forbids."""
+    for subject in (plan(example("paper-grid-alternate")), report, swept):
+        tags = re.findall(r"</?\w[^<>]*>", json.dumps(specs_of(subject)))
+        assert set(tags) <= {"<br>", "<extra>", "</extra>"}
+
+
+def test_a_report_is_not_compared_with_a_plan(flown: Validation) -> None:
+    with pytest.raises(InputError, match="only a plan"):
+        specs_of(flown, after=flown.plan)

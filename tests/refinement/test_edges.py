@@ -1,0 +1,126 @@
+"""Refinement where there is little to work with: it returns a plan or says why it can't."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from syncplan.errors import NoSolutionError
+from syncplan.planning.planner import Plan, plan
+from syncplan.refinement.refiner import refine
+from tests.tools.scenarios import small
+
+PERIOD_S = 2.0 * np.pi / 0.2
+FAR = {"centers_m": [[0.0, 0.0], [500.0, 0.0]]}
+SHARED = {"centers_m": [[0.0, 0.0], [0.0, 0.0]]}
+LANDMARKS = [[0.0, 45.0], [70.0, -40.0]]
+
+THIN: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
+    "one vehicle": ({"formation": {"centers_m": [[0.0, 0.0]]}}, {}),
+    "nothing to vary": ({"formation": {"centers_m": [[0.0, 0.0]]}}, {"vary": ["phases"]}),
+    "nothing seen": ({"formation": FAR, "landmarks_m": None}, {}),
+    "nothing seen, trace": ({"formation": FAR, "landmarks_m": None}, {"objective": "trace"}),
+    "nothing seen, eigenvalue": (
+        {"formation": FAR, "landmarks_m": None},
+        {"objective": "min_eigenvalue"},
+    ),
+    "no landmarks": ({"landmarks_m": None}, {"objective": "logdet"}),
+    "one orbit for all": ({"formation": SHARED}, {"objective": "logdet"}),
+    "few samples a turn": (
+        {"sensor": {"range_m": 50.0, "sample_time_s": PERIOD_S / 5.0}},
+        {"objective": "min_eigenvalue"},
+    ),
+    "a window of two samples": ({"window_s": 0.15}, {"objective": "logdet"}),
+    "a box of no size": ({}, {"vary": ["centers"], "center_box_m": 1e-9}),
+    "radii held fast": ({}, {"vary": ["radii"], "radius_m": [20.0, 20.0]}),
+}
+
+
+def _given(**changes: Any) -> Plan:
+    return plan(small(**{"landmarks_m": LANDMARKS, "duration_s": 20.0, **changes}))
+
+
+@pytest.mark.parametrize("case", THIN)
+def test_thin_problems_come_back_no_worse(case: str) -> None:
+    changes, options = THIN[case]
+    given = _given(**changes)
+    record = refine(given, starts=1, workers=1, **options).refinement
+    assert record is not None
+    assert record.improved or record.reason
+    assert record.after.rank >= record.before.rank
+    objective = record.objective
+    assert record.after.cost(objective) <= record.before.cost(objective)  # type: ignore[arg-type]
+
+
+def test_hardly_any_time_gives_the_plan_back() -> None:
+    given = _given()
+    record = refine(given, time_limit_s=1e-9, workers=1).refinement
+    assert record is not None
+    assert (record.improved, record.cut_short) == (False, True)
+    assert "time ran out" in record.reason
+
+
+def test_a_margin_larger_than_the_range_is_refused_by_name() -> None:
+    with pytest.raises(NoSolutionError, match=r"link v1-v2.*range 50 m"):
+        refine(_given(), margin_m=80.0, workers=1)
+
+
+def test_named_vehicles_keep_their_names() -> None:
+    given = _given(formation={"centers_m": {"ann": [0.0, 0.0], "bob": [70.0, 0.0]}})
+    refined = refine(given, starts=1, workers=1, objective="logdet")
+    assert refined.refinement is not None
+    assert refined.refinement.improved
+    assert refined.scenario.vehicle_names == ["ann", "bob"]
+
+
+@pytest.mark.slow
+def test_processes_and_repetition_change_nothing() -> None:
+    given = _given()
+    first, again, apart = (
+        refine(given, starts=2, workers=workers, objective="min_eigenvalue")
+        for workers in (1, 1, 2)
+    )
+    for other in (again, apart):
+        assert other.orbits.phases.tobytes() == first.orbits.phases.tobytes()
+        assert other.orbits.centers.tobytes() == first.orbits.centers.tobytes()
+        assert other.refinement == first.refinement
+
+
+AREA = [[-40.0, -40.0], [130.0, -40.0], [130.0, 60.0], [-40.0, 60.0]]
+
+
+def test_vehicles_are_not_flown_into_each_other_where_no_separation_is_asked_for() -> None:
+    """Bearings tell most from nearby, and here the centres may go anywhere."""
+    given = _given(area_m=AREA)
+    refined = refine(given, starts=2, workers=1, objective="trace")
+    assert given.approach is not None
+    assert refined.approach is not None
+    assert refined.refinement is not None
+    assert refined.refinement.improved
+    assert refined.approach.distance >= min(given.approach.distance, 10.0) * (1.0 - 1e-6)
+
+
+def test_a_margin_that_is_asked_for_holds_in_the_result_even_if_the_plan_had_less() -> None:
+    """The circles are 30 m apart and may come 10 m nearer; a margin of 15 m is there already."""
+    given = _given()
+    for margin, reached in ((15.0, True), (28.0, True), (40.0, False)):
+        record = refine(given, starts=2, workers=1, margin_m=margin).refinement
+        assert record is not None
+        assert record.improved == reached
+        if not reached:
+            assert "contact of v1-v2" in record.reason
+    link = refine(given, starts=2, workers=1, margin_m=28.0).links[0]
+    assert link.min_distance <= 22.0 + 1e-6
+
+
+def test_circles_that_start_outside_their_area_end_inside_or_not_at_all() -> None:
+    given = _given(area_m=[[-21.0, -21.0], [93.0, -21.0], [93.0, 30.0], [-21.0, 30.0]])
+    moved = _given(area_m=[[-17.0, -21.0], [97.0, -21.0], [97.0, 30.0], [-17.0, 30.0]])
+    for one in (given, moved):
+        refined = refine(one, starts=2, workers=1)
+        assert refined.refinement is not None
+        assert refined.refinement.improved
+        area = np.array(one.scenario.area_m)
+        reach = refined.orbits.radii[:, None]
+        assert np.all(refined.orbits.centers - reach >= area.min(axis=0) - 1e-6)
+        assert np.all(refined.orbits.centers + reach <= area.max(axis=0) + 1e-6)

@@ -1,0 +1,332 @@
+"""The smooth functions that the solver sees, against the exact code and finite differences."""
+
+from dataclasses import replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from syncplan.estimation.bounds import posterior_bound
+from syncplan.observability.rank import bearing_rows
+from syncplan.orbits.contacts import find_windows, relative_motion
+from syncplan.orbits.separation import least_distances
+from syncplan.orbits.sightings import sample_sightings
+from syncplan.planning.planner import plan
+from syncplan.refinement.clearances import separations
+from syncplan.refinement.nlp import Program, Stage, program_of
+from syncplan.refinement.problem import RefineProblem, circles_of, orbits_of
+from syncplan.refinement.problem_setup import problem_of
+from syncplan.refinement.refiner import options_for
+from syncplan.refinement.sample_times import samples_of
+from syncplan.refinement.smooth_bound import coarse_run, smooth_rms
+from syncplan.refinement.smooth_team import SmoothTeam
+from syncplan.scenario.refine_options import Objective
+from tests.tools.scenarios import example, small
+
+Array = NDArray[np.float64]
+
+OBJECTIVES: tuple[Objective, ...] = (
+    "logdet",
+    "min_eigenvalue",
+    "trace",
+    "predicted_rms",
+    "worst_predicted_rms",
+)
+STAGE = Stage(samples=64, width=0.05, barrier=0.1, iterations=1, tolerance=1e-5, last=True)
+PERIOD_S = 2.0 * np.pi / 0.2
+
+MIXED: dict[str, Any] = {
+    "orbit": {
+        "radius_m": [20.0, 17.0, 23.0],
+        "angular_rate_rad_s": 0.2,
+        "direction": ["ccw", "cw", "ccw"],
+        "first_phase_rad": 0.7,
+        "desync_rad": [0.0, 0.3, -0.2],
+    },
+    "formation": {"centers_m": [[0.0, 0.0], [68.0, 5.0], [20.0, 66.0]]},
+    "landmarks_m": [[0.0, -40.0], [70.0, 50.0], [40.0, 30.0]],
+    "min_separation_m": 8.0,
+    "duration_s": 60.0,
+}
+UNEQUAL = [
+    {"range_m": reach, "bearing_sigma_rad": sigma, "sample_time_s": 0.2}
+    for reach, sigma in ((50.0, 0.1), (42.0, 0.05), (55.0, 0.2))
+]
+VIEWS = [
+    dict(sensor, fov_deg=view, boresight_deg=side)
+    for sensor, view, side in zip(UNEQUAL, (200.0, 300.0, 360.0), (-60.0, 20.0, 0.0), strict=True)
+]
+
+
+def _problem(objective: Objective = "logdet", refine: Any = None, **changes: Any) -> RefineProblem:
+    given = plan(small(**{**MIXED, **changes}))
+    options = options_for(given.scenario, None, {"objective": objective, **(refine or {})})
+    return problem_of(given, options)
+
+
+def _scaled(problem: RefineProblem) -> Array:
+    circles = circles_of(problem.orbits)
+    circles[:3] /= problem.scale
+    return circles
+
+
+def _smooth_information(problem: RefineProblem, width: float, most: int = 10_000) -> Array:
+    times = samples_of(problem.window, problem.sensors.sample_time, problem.orbits.rate, most)
+    team = SmoothTeam.of(problem, times)
+    circles = ca.MX.sym("X", 4, problem.orbits.count)
+    entries = ca.MX(team.sparsity, team.information(circles, width))
+    return np.array(ca.Function("W", [circles], [entries])(_scaled(problem)))
+
+
+def _exact_information(problem: RefineProblem) -> Array:
+    orbits, sensors, n = problem.orbits, problem.sensors, problem.orbits.count
+    last = int(np.ceil(problem.window / sensors.sample_time - 1e-9)) - 1
+    windows = find_windows(orbits, problem.landmarks, sensors)
+    seen = sample_sightings(windows, orbits.period, sensors.sample_time, 0, last)
+    rows = bearing_rows(orbits, problem.landmarks, sensors, seen)
+    total = np.zeros((3 * n, 3 * n))
+    for row, observer, target in zip(rows, seen.observers, seen.targets, strict=True):
+        dense = np.zeros(3 * n)
+        dense[3 * observer : 3 * observer + 3] += row[:3]
+        if target < n:
+            dense[3 * target : 3 * target + 3] += row[3:]
+        total += np.outer(dense, dense)
+    return total
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"sensor": UNEQUAL},
+        {"sensor": VIEWS},
+        {"window_s": 0.55 * PERIOD_S, "sensor": VIEWS},
+        {"window_s": 2.3 * PERIOD_S, "sensor": UNEQUAL},
+        {"orbit": {**MIXED["orbit"], "direction": "cw"}, "sensor": VIEWS},
+    ],
+    ids=["alike", "unequal ranges", "views", "part of a turn", "several turns", "one sense"],
+)
+def test_the_information_approaches_the_exact_one_as_the_step_narrows(
+    changes: dict[str, Any],
+) -> None:
+    problem = _problem(**changes)
+    exact = _exact_information(problem)
+    off = [
+        np.abs(_smooth_information(problem, width) - exact).max() / np.abs(exact).max()
+        for width in (0.1, 0.01, 1e-3, 1e-6)
+    ]
+    assert off[1] < 0.5 * off[0]
+    assert off[2] < 0.03
+    assert off[3] < 1e-5
+
+
+def test_samples_counted_together_tell_nearly_as_much_as_one_by_one() -> None:
+    problem = _problem(sensor=UNEQUAL)
+    each, together = (_smooth_information(problem, 0.03, most) for most in (10_000, 64))
+    assert np.abs(together - each).max() < 3e-4 * np.abs(each).max()
+
+
+def _differences(function: ca.Function, at: Array, step: float = 1e-6) -> Array:
+    """(outputs, variables) by central differences."""
+    columns = []
+    for k in range(len(at)):
+        shift = np.zeros(len(at))
+        shift[k] = step
+        up, down = (np.array(function(at + sign * shift)).ravel() for sign in (1.0, -1.0))
+        columns.append((up - down) / (2.0 * step))
+    return np.array(columns).T
+
+
+def _point(program: Program, problem: RefineProblem, seed: int = 0) -> Array:
+    """Variables near the plan, away from symmetry."""
+    generator = np.random.default_rng(seed)
+    circles = circles_of(problem.orbits)
+    circles[:3] += 0.05 * problem.scale * generator.uniform(-1.0, 1.0, circles[:3].shape)
+    circles[3] += 0.2 * generator.uniform(-1.0, 1.0, problem.orbits.count)
+    return program.variables_of(circles)
+
+
+RADII = {"vary": ["phases", "centers", "radii"], "radius_m": [10.0, 30.0]}
+
+
+@pytest.mark.parametrize("objective", OBJECTIVES)
+@pytest.mark.parametrize("sensor", [UNEQUAL, VIEWS], ids=["all round", "views"])
+def test_objective_gradients_are_those_of_finite_differences(
+    objective: Objective, sensor: Any
+) -> None:
+    problem = _problem(objective, RADII, sensor=sensor)
+    program = program_of(problem, STAGE)
+    at = _point(program, problem)
+    function = ca.Function("f", [program.variables], [program.objective])
+    gradient = ca.Function(
+        "g", [program.variables], [ca.gradient(program.objective, program.variables)]
+    )
+    found, wanted = np.array(gradient(at)).ravel(), _differences(function, at)[0]
+    assert np.all(np.isfinite(found))
+    np.testing.assert_allclose(found, wanted, atol=1e-6 * np.abs(wanted).max(), rtol=1e-5)
+
+
+CONVEX = [[-60.0, -60.0], [130.0, -60.0], [130.0, 130.0], [-60.0, 130.0]]
+DENTED = [[-60.0, -60.0], [130.0, -60.0], [130.0, 130.0], [80.0, 90.0], [-60.0, 130.0]]
+
+
+@pytest.mark.parametrize("area", [CONVEX, CONVEX[::-1], DENTED], ids=["ccw", "cw", "dented"])
+@pytest.mark.parametrize("objective", ["trace", "min_eigenvalue", "predicted_rms"])
+def test_the_sparse_jacobian_of_the_constraints_is_that_of_finite_differences(
+    area: Any, objective: Objective
+) -> None:
+    problem = _problem(
+        objective,
+        RADII,
+        sensor=VIEWS,
+        area_m=area,
+        keep_out_m=[[[50.0, 40.0], [55.0, 40.0], [52.0, 46.0]]],
+    )
+    program = program_of(problem, STAGE)
+    labels = " ".join(program.labels)
+    assert all(word in labels for word in ("contact", "separation", "area_m", "keep_out_m"))
+    assert ("window bound" in labels) == (objective != "predicted_rms")
+    at = _point(program, problem)
+    values, jacobian = program.jacobian(at, np.zeros((0, 1)))
+    function = ca.Function("g", [program.variables], [program.constraints])
+    wanted = _differences(function, at)
+    np.testing.assert_allclose(np.array(values), np.array(function(at)))
+    np.testing.assert_allclose(
+        np.array(ca.DM(jacobian)), wanted, atol=1e-6 * np.abs(wanted).max(), rtol=1e-5
+    )
+
+
+def _drawn_pair(generator: np.random.Generator, senses: list[str]) -> RefineProblem:
+    radii = generator.uniform(5.0, 30.0, 2)
+    away = radii.sum() + generator.uniform(-8.0, 12.0)
+    turn = generator.uniform(0.0, 2.0 * np.pi)
+    given = plan(
+        small(
+            orbit={
+                "radius_m": radii.tolist(),
+                "angular_rate_rad_s": 0.2,
+                "direction": senses,
+                "desync_rad": generator.uniform(-3.0, 3.0, 2).tolist(),
+            },
+            formation={
+                "centers_m": [[0.0, 0.0], [away * np.cos(turn), away * np.sin(turn)]],
+                "links": [],
+            },
+            min_separation_m=float(10.0 ** generator.uniform(-0.5, 1.2)),
+        ),
+        bound="never",
+    )
+    return problem_of(given, options_for(given.scenario, None, {}))
+
+
+@pytest.mark.parametrize("senses", [["ccw", "cw"], ["cw", "ccw"], ["ccw", "ccw"], ["cw", "cw"]])
+def test_a_separation_that_the_solver_sees_kept_is_kept(senses: list[str]) -> None:
+    kept = 0
+    for number in range(40):
+        problem = _drawn_pair(np.random.default_rng(number), senses)
+        if not len(problem.guarded_pairs()):
+            continue
+        circles = ca.MX.sym("X", 4, 2)
+        value = ca.Function("s", [circles], [separations(problem, circles).values])
+        generator = np.random.default_rng([number, 1])
+        for _ in range(20):
+            moved = circles_of(problem.orbits)
+            moved[:2] += generator.uniform(-5.0, 5.0, (2, 2))
+            moved[3] += generator.uniform(-np.pi, np.pi, 2)
+            orbits = orbits_of(moved, problem.orbits)
+            motion = relative_motion(orbits, np.zeros((0, 2)), np.array([0]), np.array([1]))
+            least = float(least_distances(motion)[0][0])
+            moved[:3] /= problem.scale
+            seen = float(value(moved))
+            ratio = least / problem.min_separation
+            if senses[0] == senses[1]:
+                # exact up to the side of crossing, which it must not change
+                assert abs(abs(seen) - ratio) < 1e-5 * max(1.0, ratio)
+            if seen >= 1.0:
+                kept += 1
+                assert ratio >= 1.0 - 1e-9
+    assert kept > 50
+
+
+def test_the_smooth_separation_of_opposite_senses_is_close_to_the_true_one() -> None:
+    problem = _problem(
+        orbit={"radius_m": 20.0, "angular_rate_rad_s": 0.2, "direction": ["ccw", "cw"]},
+        formation={"centers_m": [[0.0, 0.0], [49.0, 0.0]]},
+        min_separation_m=8.0,
+    )
+    circles = ca.MX.sym("X", 4, 2)
+    value = ca.Function("s", [circles], [separations(problem, circles).values])
+    moved = _scaled(problem)
+    for gap in np.linspace(-1.0, 3.0, 9):
+        moved[0, 1] = (49.0 + gap) / problem.scale
+        orbits = orbits_of(moved * np.array([[20.0], [20.0], [20.0], [1.0]]), problem.orbits)
+        motion = relative_motion(orbits, np.zeros((0, 2)), np.array([0]), np.array([1]))
+        ratio = float(least_distances(motion)[0][0]) / 8.0
+        assert ratio**2 - 0.08 <= float(value(moved)) <= ratio**2
+
+
+def _smooth_rms(problem: RefineProblem, width: float) -> Array:
+    run = coarse_run(problem)
+    team = SmoothTeam.of(problem, run.times)
+    circles = ca.MX.sym("X", 4, problem.orbits.count)
+    rms = smooth_rms(
+        problem, run, team.sparsity, team.information(circles, width, each=True), circles
+    )
+    return np.array(ca.Function("r", [circles], [rms])(_scaled(problem))).ravel() * problem.scale
+
+
+def _exact_rms(problem: RefineProblem) -> Array:
+    orbits, sensors = problem.orbits, problem.sensors
+    windows = find_windows(orbits, problem.landmarks, sensors)
+    return posterior_bound(
+        orbits, problem.landmarks, sensors, windows, problem.noise, problem.duration
+    ).rms_second_half()
+
+
+def test_the_smooth_error_of_the_paper_grid_is_near_the_posterior_bound() -> None:
+    given = plan(example("paper-grid-same"))
+    problem = problem_of(given, options_for(given.scenario, None, {}))
+    np.testing.assert_allclose(_smooth_rms(problem, 0.02), _exact_rms(problem), rtol=0.01)
+
+
+def test_the_smooth_error_of_mixed_radii_is_near_the_posterior_bound() -> None:
+    problem = replace(_problem(sensor=VIEWS), duration=120.0)
+    np.testing.assert_allclose(_smooth_rms(problem, 0.02), _exact_rms(problem), rtol=0.01)
+
+
+@pytest.mark.parametrize(
+    ("motion", "sample_time", "tolerance"),
+    [
+        ({"speed_sigma_mps": 0.1, "turn_rate_sigma_rad_s": 0.01}, 0.2, 0.02),
+        ({"speed_sigma_mps": 0.01, "turn_rate_sigma_rad_s": 0.1}, 1.0, 0.08),
+    ],
+    ids=["mostly of speed", "mostly of turn rate"],
+)
+def test_the_smooth_error_follows_radii_that_change(
+    motion: dict[str, float], sample_time: float, tolerance: float
+) -> None:
+    # the noise of a turn grows with the radius, though it is formed for those of the plan
+    sensor = [dict(one, sample_time_s=sample_time) for one in UNEQUAL]
+    problem = _problem("predicted_rms", RADII, sensor=sensor, motion=motion)
+    wider = circles_of(problem.orbits)
+    wider[2] *= [1.15, 0.9, 1.1]
+    moved = replace(problem, orbits=orbits_of(wider, problem.orbits))
+    run = coarse_run(problem)
+    team = SmoothTeam.of(problem, run.times)
+    circles = ca.MX.sym("X", 4, 3)
+    rms = smooth_rms(
+        problem, run, team.sparsity, team.information(circles, 0.02, each=True), circles
+    )
+    scaled = wider.copy()
+    scaled[:3] /= problem.scale
+    found = np.array(ca.Function("r", [circles], [rms])(scaled)).ravel() * problem.scale
+    np.testing.assert_allclose(found, _exact_rms(moved), rtol=tolerance)
+
+
+def test_variables_and_circles_are_each_others_inverse() -> None:
+    problem = _problem(refine=RADII)
+    program = program_of(problem, STAGE)
+    at = _point(program, problem)
+    np.testing.assert_allclose(program.variables_of(program.circles_of(at)), at, rtol=1e-12)

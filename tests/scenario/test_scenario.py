@@ -1,0 +1,395 @@
+"""Scenarios: what is accepted means what it says, what is not is refused in one clear line."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import jsonschema_rs
+import numpy as np
+import pytest
+
+from syncplan.errors import InputError
+from syncplan.scenario.loading import load_scenario, parse_values, scenario_from
+from syncplan.scenario.specification import Scenario
+from tests.tools.scenarios import BAD_FILES, FILES, document
+
+REMEDIES = {
+    "misspelt-key": ("sensr", "did you mean sensor"),
+    "nan-rate": ("orbit.angular_rate_rad_s", "finite"),
+    "negative-radius": ("orbit.radius_m", "greater than 0"),
+    "not-yaml": ("", "line"),
+    "opposite-on-one-circle": ("orbit.direction", "another centre"),
+    "out-of-reach": ("formation.links[0]", "raise range_m"),
+    "rate-and-speed-disagree": ("orbit.speed_mps", "one of the two"),
+    "unknown-vehicle": ("formation.links[0]", "vehicles are v1, v2"),
+}
+
+
+def _refused(values: dict[str, Any]) -> InputError:
+    with pytest.raises(InputError) as caught:
+        scenario_from(values, source="test")
+    assert "\n" not in str(caught.value)
+    return caught.value
+
+
+@pytest.mark.parametrize("path", sorted(FILES.glob("*.yaml")), ids=lambda path: path.stem)
+def test_the_example_files_load(path: Path) -> None:
+    scenario = load_scenario(path)
+    assert scenario.name == path.stem
+    assert scenario.size == len(scenario.centers)
+
+
+def test_every_bad_file_has_its_remedy_listed() -> None:
+    assert {path.stem for path in BAD_FILES.glob("*.yaml")} == set(REMEDIES)
+
+
+@pytest.mark.parametrize("name", REMEDIES)
+def test_bad_files_name_file_key_and_remedy(name: str) -> None:
+    path = BAD_FILES / f"{name}.yaml"
+    with pytest.raises(InputError) as caught:
+        load_scenario(path)
+    key, remedy = REMEDIES[name]
+    assert caught.value.key == key
+    assert str(caught.value).startswith(str(path))
+    assert remedy in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_yaml_is_read_as_version_1_2(tmp_path: Path) -> None:
+    path = tmp_path / "s.yaml"
+    path.write_text(
+        "name: no\norbit: {radius_m: 2e1, angular_rate_rad_s: 0.2}\n"
+        "formation: {centers_m: [[0, 0], [7e1, 012]]}\nsensor: {range_m: 50}\n"
+    )
+    scenario = load_scenario(path)
+    assert scenario.name == "no"
+    assert scenario.orbit.radius_m == 20.0
+    assert scenario.centers[1] == (70.0, 12.0)
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        ("{? [1, 2] : 3}", "name: a dict with keys that are no text: must be"),
+        ("&a [*a]", "its aliases make too many values"),
+    ],
+)
+def test_what_yaml_can_say_and_json_cannot_is_refused_in_words(
+    value: str, words: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "some.yaml"
+    path.write_text(f"{json.dumps(document())[1:-1]}, name: {value}".join("{}"))
+    with pytest.raises(InputError, match=words):
+        load_scenario(path)
+
+
+def test_json_and_yaml_mean_the_same(tmp_path: Path) -> None:
+    one = tmp_path / "s.json"
+    one.write_text(json.dumps(document()))
+    two = tmp_path / "s.yaml"
+    two.write_text(
+        "orbit: {radius_m: 20, angular_rate_rad_s: 0.2, direction: ccw}\n"
+        "formation: {centers_m: [[0, 0], [70, 0]]}\n"
+        "sensor: {range_m: 50, bearing_sigma_rad: 0.1, sample_time_s: 0.1}\n"
+    )
+    assert load_scenario(one) == load_scenario(two)
+
+
+def _bomb(opening: bytes, levels: int) -> bytes:
+    """A list whose aliases stand for ten to the power of `levels` values."""
+    return (
+        opening
+        + b"".join(
+            b", &a%d [%s]" % (k, b",".join([b"*a%d" % (k - 1)] * 10)) for k in range(1, levels)
+        )
+        + b"]"
+    )
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (b"", "empty"),
+        (b"   \n", "empty"),
+        (b"\x7fELF\x00\x01\xff\xfe", "not text"),
+        (b"[1, 2, 3]", "mapping"),
+        (b"just words", "mapping"),
+        (b"a: 1\na: 2\n", "duplicate"),
+        (b"{" * 100_000, "deep"),
+        (b"\x00\x01\x02", "not valid YAML"),
+        (b'{"a": 1, "a": 2}', "duplicate"),
+        (b"a: !!omap [b: 1, b: 2]", "not valid YAML: can't be read"),
+        (b"a: !!timestamp 2026-13-45", "not valid YAML: month must be"),
+        (b"orbit: {radius_m: &o [*o]}", "aliases make too many values"),
+        (b"orbit: &o {radius_m: 1, sub: *o}", "aliases make too many values"),
+        (_bomb(b"landmarks_m: [&a0 [0, 0]", 12), "aliases make too many values"),
+        (_bomb(b"a0: [&a0 {? &b 1: 2}", 30), "aliases make too many values"),
+    ],
+)
+def test_files_that_are_no_scenario_say_what_they_are(
+    tmp_path: Path, content: bytes, told: str
+) -> None:
+    path = tmp_path / "s.yaml"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=told) as caught:
+        load_scenario(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_aliases_may_save_words() -> None:
+    text = "a: &a [1, 2, 3]\nb: [*a, *a, *a, *a, *a, *a, *a, *a, *a, *a]\n"
+    assert parse_values(text, "")["b"] == [[1, 2, 3]] * 10
+
+
+@pytest.mark.parametrize("first", [0, 5, 999, 1000, 1001, 2345, 299_999])
+def test_of_many_wrong_values_the_first_ones_are_told_by_their_places(first: int) -> None:
+    landmarks = [[0.0, float(k)] for k in range(300_000)]
+    wrong = [{"}": 0}] * (300_000 - first)
+    values = document(landmarks_m=[*landmarks[:first], *wrong])
+    with pytest.raises(
+        InputError, match=rf"landmarks_m\[{first}\]: .*must be a valid tuple"
+    ) as caught:
+        scenario_from(values)
+    assert [one.key for one in caught.value.faults[:1]] == [f"landmarks_m[{first}]"]
+    assert len(caught.value.faults) <= 20
+
+
+def test_of_many_wrong_names_the_first_ones_are_told() -> None:
+    values = document(landmarks_m={f"L{k}": 0 for k in range(300_000)})
+    with pytest.raises(InputError, match=r"landmarks_m.L0: .*and 999 more"):
+        scenario_from(values)
+
+
+def test_missing_files_and_directories_are_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such file"):
+        load_scenario(tmp_path / "none.yaml")
+    with pytest.raises(InputError, match="directory"):
+        load_scenario(tmp_path)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), 1e308, "twenty", True, None, [], {}])
+@pytest.mark.parametrize("key", ["orbit.radius_m", "sensor.range_m", "orbit.angular_rate_rad_s"])
+def test_a_number_must_be_a_sensible_number(key: str, value: object) -> None:
+    values = document()
+    section, name = key.split(".")
+    values[section] = {**values[section], name: value}
+    if value is None and name == "angular_rate_rad_s":
+        values["orbit"]["speed_mps"] = None
+    error = _refused(values)
+    assert error.key.startswith(key)
+
+
+@pytest.mark.parametrize(
+    ("changes", "key", "told"),
+    [
+        ({"formation": {"centers_m": []}}, "formation.centers_m", "empty"),
+        ({"formation": {}}, "formation.centers_m", "missing"),
+        ({"formation": {"shape": "ring", "count": 3}}, "formation.spacing_m", "missing"),
+        ({"formation": {"shape": "blob", "count": 3, "spacing_m": 7}}, "formation.shape", "blob"),
+        (
+            {"formation": {"centers_m": [[0, 0]], "shape": "ring"}},
+            "formation.shape",
+            "one of the two",
+        ),
+        ({"formation": {"centers_m": [[0, 0, 0]]}}, "formation.centers_m[0]", "at most 2"),
+        (
+            {"formation": {"centers_m": [[0, 0], [70, 0]], "links": [["v1", "v1"]]}},
+            "formation.links[0]",
+            "itself",
+        ),
+        (
+            {"formation": {"centers_m": [[0, 0], [70, 0]], "links": [["v1", "v2"], ["v2", "v1"]]}},
+            "formation.links[1]",
+            "twice",
+        ),
+        (
+            {"formation": {"centers_m": [[0, 0], [70, 0]], "names": ["a", "a"]}},
+            "formation.names",
+            "twice",
+        ),
+        ({"formation": {"centers_m": [[0, 0], [70, 0]], "names": ["a"]}}, "formation.names", "1"),
+        ({"landmarks_m": {"v1": [1, 2]}}, "landmarks_m", "twice"),
+        ({"landmarks_m": [[5, 5], [9, 9], [5, 5]]}, "landmarks_m", "L1 and L3"),
+        ({"sensor": [{"range_m": 5}]}, "sensor", "2 vehicles"),
+        (
+            {"sensor": [{"range_m": 50}, {"range_m": 50, "sample_time_s": 0.2}]},
+            "sensor",
+            "common sample_time_s",
+        ),
+        ({"duration_s": 1e9}, "duration_s", "samples"),
+        ({"duration_s": 0.01}, "duration_s", "sample_time_s"),
+        ({"window_s": 1e9}, "window_s", "samples"),
+        (
+            {"orbit": {"radius_m": 20, "angular_rate_rad_s": 1e-5}, "window_s": 60},
+            "orbit",
+            "a period of",
+        ),
+        (
+            {"duration_s": 1e7, "window_s": 100, "sensor": {"range_m": 50, "sample_time_s": 100}},
+            "duration_s",
+            "periods",
+        ),
+        (
+            {"formation": {"shape": "line", "count": 4, "spacing_m": 5e6}},
+            "formation.spacing_m",
+            "1.5e+07 m out",
+        ),
+        ({"orbit": {"radius_m": 1e-300, "speed_mps": 1}}, "orbit.radius_m", "at least 1e-06"),
+        ({"name": "two\nlines"}, "name", "two"),
+        ({"landmarks_m": {"a\nb": [1, 2]}}, "landmarks_m.a\nb", "pattern"),
+        (
+            {"formation": {"shape": "grid", "count": 4, "columns": 10**30}},
+            "formation.columns",
+            "less",
+        ),
+        ({"start_time": "2026-W20-1T09+00:00"}, "start_time", "RFC 3339"),
+        ({"start_time": "yesterday"}, "start_time", "RFC 3339"),
+        ({"start_time": "2026-05-01T09:00:00"}, "start_time", "time zone"),
+        (
+            {"orbit": {"radius_m": [20, 10], "speed_mps": 4}},
+            "orbit.speed_mps",
+            "one common rate",
+        ),
+        ({"orbit": {"radius_m": 20}}, "orbit.angular_rate_rad_s", "speed_mps"),
+        (
+            {"orbit": {"radius_m": 20, "speed_mps": 4, "direction": ["ccw", "alternate"]}},
+            "orbit.direction",
+            "stands alone",
+        ),
+        ({"orbit": {"radius_m": [20, 20, 20], "speed_mps": 4}}, "orbit.radius_m", "3 values"),
+        (
+            {"formation": {"shape": "line", "count": 10_000, "spacing_m": 70}},
+            "formation.count",
+            "2000",
+        ),
+    ],
+)
+def test_rules_across_keys_are_told_with_their_key(
+    changes: dict[str, Any], key: str, told: str
+) -> None:
+    error = _refused(document(**changes))
+    assert error.key == key
+    assert told in str(error)
+
+
+def test_the_limit_on_vehicles_can_be_raised() -> None:
+    many = document(formation={"shape": "line", "count": 2001, "spacing_m": 70, "links": []})
+    assert scenario_from(many, max_vehicles=3000).size == 2001
+
+
+def test_a_speed_gives_the_rate() -> None:
+    scenario = scenario_from(document(orbit={"radius_m": [20, 10], "speed_mps": [4, 2]}))
+    assert scenario.orbit.rate == pytest.approx(0.2)
+    assert scenario.period == pytest.approx(10.0 * np.pi)
+
+
+def test_names_come_from_mappings_or_lists() -> None:
+    named = scenario_from(
+        document(
+            formation={
+                "centers_m": {"alpha": [0, 0], "bravo": [70, 0]},
+                "links": [["bravo", "alpha"]],
+            },
+            landmarks_m={"mast": [100, 0]},
+        )
+    )
+    assert named.vehicle_names == ["alpha", "bravo"]
+    assert named.landmark_names == ["mast"]
+
+
+def test_a_resolved_scenario_states_its_defaults_and_centres_and_stays_itself() -> None:
+    scenario = scenario_from(document(formation={"shape": "hex", "count": 5, "spacing_m": 70}))
+    resolved = scenario.resolved()
+    assert resolved.formation.shape is None
+    assert resolved.window_s == scenario.period
+    assert resolved.centers == scenario.centers
+    values = resolved.model_dump(mode="json", exclude_none=True)
+    assert values["orbit"]["radius_m"] == 20.0
+    assert values["initial_sigma"] == {"position_m": 5.0, "heading_rad": 0.1}
+    again = scenario_from(values)
+    assert again == resolved
+    assert again.resolved() == resolved
+
+
+def test_shapes_are_where_the_contract_says() -> None:
+    def centers(**formation: Any) -> np.ndarray:
+        return np.array(scenario_from(document(formation=formation)).centers)
+
+    np.testing.assert_allclose(
+        centers(shape="line", count=3, spacing_m=70), [[0, 0], [70, 0], [140, 0]]
+    )
+    np.testing.assert_allclose(
+        centers(shape="grid", count=4, columns=3, spacing_m=10), [[0, 0], [10, 0], [20, 0], [0, 10]]
+    )
+    hexagons = centers(shape="hex", count=4, columns=2, spacing_m=10)
+    np.testing.assert_allclose(hexagons[2], [5.0, 10.0 * np.sqrt(3.0) / 2.0])
+    ring = centers(shape="ring", count=5, spacing_m=72)
+    chords = np.hypot(*(ring - np.roll(ring, -1, axis=0)).T)
+    np.testing.assert_allclose(chords, 72.0)
+    assert ring[0][1] == 0.0
+    assert ring[1][1] > 0.0
+
+
+def test_every_field_of_the_schema_is_described() -> None:
+    schema = Scenario.model_json_schema()
+    for name, part in schema["$defs"].items():
+        for key, field in part.get("properties", {}).items():
+            assert field.get("description"), f"{name}.{key}"
+
+
+def test_broken_json_is_told_as_json(tmp_path: Path) -> None:
+    path = tmp_path / "s.json"
+    path.write_text('{"orbit": ')
+    with pytest.raises(InputError, match="not valid JSON"):
+        load_scenario(path)
+
+
+@pytest.mark.parametrize("moment", ["2026-05-01T09:00:00Z", "2026-05-01T09:00:00.25+02:00"])
+def test_a_start_time_is_carried_through(moment: str, tmp_path: Path) -> None:
+    assert scenario_from(document(start_time=moment)).start_time == moment
+    path = tmp_path / "s.yaml"
+    path.write_text(
+        f"start_time: {moment}\norbit: {{radius_m: 20, angular_rate_rad_s: 0.2}}\n"
+        "formation: {centers_m: [[0, 0]]}\nsensor: {range_m: 50}\n"
+    )
+    assert load_scenario(path).start_time is not None
+
+
+@pytest.mark.parametrize(
+    ("section", "keys", "valid"),
+    [
+        ("orbit", {"radius_m": 20.0}, False),
+        ("orbit", {"radius_m": 20.0, "angular_rate_rad_s": None}, False),
+        ("orbit", {"radius_m": 20.0, "speed_mps": 4.0}, True),
+        ("orbit", {"radius_m": 20.0, "speed_mps": 4.0, "angular_rate_rad_s": 0.2}, True),
+        ("formation", {}, False),
+        ("formation", {"centers_m": [[0.0, 0.0]]}, True),
+        ("formation", {"centers_m": [[0.0, 0.0]], "count": None}, True),
+        ("formation", {"centers_m": [[0.0, 0.0]], "count": 1}, False),
+        ("formation", {"shape": "line", "count": 2, "spacing_m": 70.0}, True),
+        ("formation", {"shape": "line", "count": 2, "gap_m": 30.0, "columns": 1}, True),
+        ("formation", {"shape": "line", "count": 2}, False),
+        ("formation", {"shape": "line", "spacing_m": 70.0}, False),
+        ("formation", {"shape": "line", "count": 2, "spacing_m": 70.0, "gap_m": 30.0}, False),
+        ("formation", {"links": [["v1", "v2"]], "count": 2}, True),
+        ("formation", {"links": [["v1", "v2"]], "columns": 2}, False),
+        ("refine", {"vary": []}, False),
+        ("refine", {"vary": ["phases", "phases"]}, False),
+        ("refine", {"vary": ["phases"]}, True),
+    ],
+)
+def test_the_schema_tells_which_keys_go_together(
+    section: str, keys: dict[str, Any], valid: bool
+) -> None:
+    values = document(**{section: keys})
+    assert jsonschema_rs.validator_for(Scenario.model_json_schema()).is_valid(values) == valid
+    if valid:
+        scenario_from(values)
+    else:
+        _refused(values)
+
+
+@pytest.mark.parametrize("path", sorted(FILES.glob("*.yaml")), ids=lambda path: path.stem)
+def test_the_example_files_are_as_the_schema_says(path: Path) -> None:
+    values = parse_values(path.read_text(), "")
+    assert jsonschema_rs.validator_for(Scenario.model_json_schema()).is_valid(values)

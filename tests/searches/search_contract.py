@@ -1,0 +1,87 @@
+"""Search for an answer that is not as the OpenAPI document says, with schemathesis.
+
+    python -m tests.searches.search_contract [CASES [SEED]]
+
+Not part of the suite, which runs the same search with fewer cases. The service is a real process
+that wants a key; its limits keep the jobs that come of it small. Schemathesis draws about CASES
+cases over all operations, after its own examples and edge cases, and follows links for as long.
+"""
+
+import math
+import re
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from tests.tools.serving import Server, running
+
+__all__ = ["KEY", "SMALL_JOBS", "Outcome", "main", "search"]
+
+KEY = "contract-key-0123456789"
+OPERATIONS = 18
+SMALL_JOBS = {
+    "SYNCPLAN_API_KEYS": f"contract:{KEY}",
+    "SYNCPLAN_MAX_VEHICLES": "8",
+    "SYNCPLAN_MAX_SAMPLES": "600",
+    "SYNCPLAN_MAX_TRIALS": "200",
+    "SYNCPLAN_MAX_RUN_S": "120",
+    "SYNCPLAN_MAX_REFINE_S": "2",
+    "SYNCPLAN_MAX_SWEEP_VALUES": "3",
+    "SYNCPLAN_PLAN_TIMEOUT_S": "10",
+}
+"""Settings under which no job takes long."""
+
+_CONFIG = Path(__file__).with_name("contract.toml")
+_CASES = re.compile(r"(\d+) generated")
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a search came to: `report` is schemathesis' own, empty lines and all."""
+
+    cases: int
+    passed: bool
+    report: str
+
+
+def search(url: str, cases: int, seed: int) -> Outcome:
+    """Return what schemathesis finds at the service at `url`."""
+    each = math.ceil(cases / OPERATIONS)
+    done = subprocess.run(
+        [
+            *(sys.executable, "-m", "schemathesis.cli", "--config-file", str(_CONFIG), "run"),
+            f"{url}/openapi.json",
+            *("--header", f"Authorization: Bearer {KEY}"),
+            *("--max-examples", str(each), "--seed", str(seed)),
+            *("--generation-database", "none", "--no-color"),
+        ],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    counted = _CASES.search(done.stdout)
+    return Outcome(
+        cases=int(counted[1]) if counted else 0,
+        passed=done.returncode == 0,
+        report=done.stdout + done.stderr,
+    )
+
+
+def main(cases: int = 2000, seed: int = 1) -> Outcome:
+    """Return and print what a search comes to."""
+    with tempfile.TemporaryDirectory() as folder:
+        log = Path(folder) / "log"
+        server = Server(log, port=None, SYNCPLAN_DATA_DIR=folder, **SMALL_JOBS)
+        with running(server):
+            outcome = search(server.url, cases, seed)
+            print(outcome.report)
+        for line in log.read_text().splitlines():
+            if '"level": "error"' in line:
+                print(line)
+    return outcome
+
+
+if __name__ == "__main__":
+    sys.exit(not main(*(int(argument) for argument in sys.argv[1:])).passed)

@@ -1,0 +1,472 @@
+"""Search for a refinement that breaks something, or does not improve.
+
+    python -m tests.searches.search_refinements [DRAWS [FIRST]]
+
+Not part of the suite; the suite runs the first draws of the same generator. What comes back is
+looked at with nothing of the package's windows, rows, bounds or distances: positions at many
+instants in plain NumPy, sightings by comparing distances and angles sample by sample, areas by
+their edges, the error by the filter's own covariance recursion.
+"""
+
+import math
+import sys
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.planning.planner import Plan, plan
+from syncplan.refinement.refiner import refine
+from syncplan.scenario.loading import scenario_from
+from syncplan.scenario.specification import Scenario
+
+__all__ = ["Finding", "draw_scenario", "faults_of", "main", "search_one"]
+
+Array = NDArray[np.float64]
+
+INSTANTS = 20_000
+BOX_M = 5.0
+ROUNDING = 2e-6
+RANK_TOLERANCE = 1e-8
+NEAREST = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What one drawn scenario came to: gain is the objective's relative fall."""
+
+    number: int
+    size: int
+    improved: bool
+    gain: float
+    seconds: float
+    reason: str
+    faults: list[str] = field(default_factory=list)
+
+
+# --- drawing --------------------------------------------------------------------------------------
+
+
+def draw_scenario(number: int) -> tuple[Scenario, Plan]:
+    """Return the `number`-th feasible scenario and its plan.
+
+    4 to 8 vehicles on a random tree or a shaken grid, both senses, equal or mixed radii, some with
+    limited views, some with a least separation, some with an area, some whose radii may change.
+    Feasible: the plan meets whatever is asked of it, and half of the links or more are in contact.
+    """
+    generator = np.random.default_rng([number, 20260])
+    while True:
+        scenario = scenario_from(_document(generator))
+        given = plan(scenario)
+        kept = len(given.links)
+        if not given.too_close and kept >= len(given.dropped_links) and kept and _within(given):
+            return scenario, given
+
+
+def _document(generator: np.random.Generator) -> dict[str, Any]:
+    count = int(generator.integers(4, 9))
+    radii = np.full(count, 20.0)
+    if generator.random() < 0.6:
+        radii = generator.uniform(14.0, 26.0, count)
+    reach = generator.uniform(30.0, 50.0)
+    centers = _tree(generator, radii, reach) if generator.random() < 0.5 else None
+    if centers is None:
+        columns = 2 if count < 7 else 3
+        place = np.array([(k % columns, k // columns) for k in range(count)], dtype=float)
+        spacing = 2.0 * radii.max() + reach * generator.uniform(0.3, 0.7)
+        centers = spacing * place + generator.uniform(-6.0, 6.0, (count, 2))
+    number = int(generator.integers(2, 5))
+    near = generator.choice(count, number)
+    turn = generator.uniform(0.0, 2.0 * np.pi, number)
+    away = (radii[near] + reach * generator.uniform(0.2, 0.8, number))[:, None]
+    landmarks = centers[near] + away * np.column_stack([np.cos(turn), np.sin(turn)])
+    sensor: Any = {"range_m": reach, "bearing_sigma_rad": 0.1, "sample_time_s": 0.2}
+    if generator.random() < 0.35:
+        sensor = [
+            dict(sensor, fov_deg=generator.uniform(160.0, 360.0), boresight_deg=side)
+            for side in generator.choice([0.0, 60.0, -60.0], count)
+        ]
+    elif generator.random() < 0.3:
+        sensor = [dict(sensor, range_m=reach * generator.uniform(0.85, 1.15)) for _ in radii]
+    direction: Any = str(generator.choice(["ccw", "cw", "alternate", "mixed", "alternate"]))
+    if direction == "mixed":
+        direction = [str(one) for one in generator.choice(["ccw", "cw"], count)]
+    document: dict[str, Any] = {
+        "orbit": {
+            "radius_m": radii.tolist(),
+            "angular_rate_rad_s": float(generator.uniform(0.15, 0.4)),
+            "direction": direction,
+        },
+        "formation": {"centers_m": centers.tolist()},
+        "landmarks_m": landmarks.tolist(),
+        "sensor": sensor,
+        "duration_s": 120.0,
+    }
+    if generator.random() < 0.5:
+        document["min_separation_m"] = float(generator.uniform(3.0, 12.0))
+    if generator.random() < 0.35:
+        low = (centers - radii[:, None]).min(axis=0) - generator.uniform(0.5, 8.0, 2)
+        high = (centers + radii[:, None]).max(axis=0) + generator.uniform(0.5, 8.0, 2)
+        corners = [low.tolist(), [high[0], low[1]], high.tolist(), [low[0], high[1]]]
+        document["area_m"] = corners
+    if generator.random() < 0.3:
+        least, most = radii.min() * 0.9, radii.max() * 1.1
+        document["refine"] = {
+            "vary": ["phases", "centers", "radii"],
+            "radius_m": [float(least), float(most)],
+            "center_box_m": BOX_M,
+        }
+    else:
+        document["refine"] = {"center_box_m": BOX_M}
+    if generator.random() < 0.25:
+        document["window_s"] = float(
+            2.0 * np.pi / document["orbit"]["angular_rate_rad_s"] * generator.uniform(0.6, 2.0)
+        )
+    objectives = ["logdet", "min_eigenvalue", "trace", "worst_predicted_rms"]
+    if generator.random() < 0.4:
+        document["refine"]["objective"] = str(generator.choice(objectives))
+    return document
+
+
+def _tree(generator: np.random.Generator, radii: Array, reach: float) -> Array | None:
+    """Centres along a random tree, neighbours within reach, all circles clear of each other."""
+    centers = np.zeros((len(radii), 2))
+    for k in range(1, len(radii)):
+        for _ in range(200):
+            parent = int(generator.integers(0, k))
+            turn = generator.uniform(0.0, 2.0 * np.pi)
+            away = radii[k] + radii[parent] + reach * generator.uniform(0.3, 0.85)
+            centers[k] = centers[parent] + away * np.array([np.cos(turn), np.sin(turn)])
+            apart = np.hypot(*(centers[:k] - centers[k]).T) - radii[:k] - radii[k]
+            if np.all(apart > 0.25 * reach):
+                break
+        else:
+            return None
+    return centers
+
+
+def _within(given: Plan) -> bool:
+    area = given.scenario.area_m
+    return area is None or not _outside(np.array(area), given)
+
+
+# --- looking at the result ------------------------------------------------------------------------
+
+
+def faults_of(before: Plan, after: Plan) -> list[str]:
+    """Return what the result violates that the input met, or does worse than it; none is right."""
+    faults = [
+        *_circle_faults(before, after),
+        *_separation_faults(before, after),
+        *_contact_faults(before, after),
+    ]
+    old, new = _rows(before), _rows(after)
+    scale = float(before.orbits.radii.mean())
+    rank_before = _rank(old, float(before.orbits.radii.mean()))
+    rank_after = _rank(new, float(after.orbits.radii.mean()))
+    if rank_after < rank_before:
+        faults.append(f"rank {rank_before} became {rank_after}")
+    if before.certificate.holds and not after.certificate.holds:
+        faults.append("certificate lost")
+    full = 3 * before.orbits.count
+    if rank_before == full:
+        bound_before, bound_after = _window_bound(old), _window_bound(new)
+        if bound_after > bound_before * (1.0 + 1e-5):
+            faults.append(f"window bound {bound_before:.6g} became {bound_after:.6g}")
+    record = after.refinement
+    assert record is not None
+    cost_before = _cost(before, record.objective, old, scale, rank_before == full)
+    cost_after = _cost(after, record.objective, new, scale, rank_after == full)
+    if cost_after > cost_before + 1e-7 * abs(cost_before):
+        faults.append(f"{record.objective} {cost_before:.8g} became {cost_after:.8g}")
+    if record.improved and not cost_after < cost_before:
+        faults.append(f"{record.objective} is said to improve: {cost_before} to {cost_after}")
+    told = record.after.cost(record.objective)  # type: ignore[arg-type]
+    if math.isfinite(cost_after) and abs(told - cost_after) > 1e-5 * abs(cost_after):
+        faults.append(f"{record.objective} is reported as {told:.8g}, found {cost_after:.8g}")
+    return faults
+
+
+def _circle_faults(before: Plan, after: Plan) -> list[str]:
+    old, new = before.orbits, after.orbits
+    options = after.refinement.options if after.refinement else None
+    assert options is not None
+    faults = []
+    moved = np.abs(new.centers - old.centers).max()
+    if moved > BOX_M * (1.0 + ROUNDING):
+        faults.append(f"a centre moved {moved} m")
+    if "radii" not in options.vary and np.any(new.radii != old.radii):
+        faults.append("a radius changed")
+    if options.radius_m is not None:
+        least, most = options.radius_m
+        if new.radii.min() < least * (1 - ROUNDING) or new.radii.max() > most * (1 + ROUNDING):
+            faults.append(f"radii {new.radii} outside {least} to {most}")
+    if np.any(new.senses != old.senses) or new.rate != old.rate:
+        faults.append("senses or rate changed")
+    if after.scenario.area_m is not None:
+        faults += _outside(np.array(after.scenario.area_m), after)
+    return faults
+
+
+def _outside(corners: Array, given: Plan) -> list[str]:
+    faults = []
+    tail, head = corners, np.roll(corners, -1, axis=0)
+    for k, (center, radius) in enumerate(
+        zip(given.orbits.centers, given.orbits.radii, strict=True)
+    ):
+        along = head - tail
+        share = np.sum((center - tail) * along, axis=1) / np.sum(along**2, axis=1)
+        nearest = tail + np.clip(share, 0.0, 1.0)[:, None] * along
+        away = float(np.hypot(*(center - nearest).T).min())
+        crosses = (tail[:, 1] > center[1]) != (head[:, 1] > center[1])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at = tail[:, 0] + (center[1] - tail[:, 1]) / along[:, 1] * along[:, 0]
+        inside = np.count_nonzero(crosses & (center[0] < at)) % 2 == 1
+        if not inside or away < radius * (1.0 - ROUNDING):
+            faults.append(f"circle of v{k + 1} leaves the area: {away} m from an edge")
+    return faults
+
+
+def _paths(given: Plan, times: Array) -> Array:
+    """(k, n, 2) m."""
+    orbits = given.orbits
+    angle = orbits.phases + orbits.senses * orbits.rate * times[:, None]
+    return np.asarray(
+        orbits.centers + orbits.radii[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    )
+
+
+def _least_distances(given: Plan) -> Array:
+    period = 2.0 * np.pi / given.orbits.rate
+    path = _paths(given, np.arange(INSTANTS, dtype=np.float64) * (period / INSTANTS))
+    a, b = np.triu_indices(given.orbits.count, 1)
+    return np.array(
+        [float(np.hypot(*(path[:, i] - path[:, j]).T).min()) for i, j in zip(a, b, strict=True)]
+    )
+
+
+def _separation_faults(before: Plan, after: Plan) -> list[str]:
+    floor = before.scenario.min_separation_m
+    if floor <= 0.0:
+        return []
+    old, new = _least_distances(before), _least_distances(after)
+    bad = (new < floor * (1.0 - ROUNDING)) & (old >= floor)
+    return [f"separation {new[k]:.6g} m, asked {floor:.6g} m" for k in np.flatnonzero(bad)]
+
+
+def _rooms(given: Plan, times: Array) -> Array:
+    """(k, n, n + m) m by which each vehicle has each body in range; -inf outside its view."""
+    orbits, sensors = given.orbits, given.scenario.sensors
+    path = _paths(given, times)
+    still = np.broadcast_to(given.landmarks, (len(times), *given.landmarks.shape))
+    bodies = np.concatenate([path, still], axis=1)
+    sight = bodies[:, None, :, :] - path[:, :, None, :]
+    angle = orbits.phases + orbits.senses * (orbits.rate * times[:, None] + np.pi / 2.0)
+    room = np.full(sight.shape[:3], -np.inf)
+    for k, sensor in enumerate(sensors):
+        away = np.hypot(sight[:, k, :, 0], sight[:, k, :, 1])
+        axis = angle[:, k] + math.radians(sensor.boresight_deg)
+        off = np.arctan2(sight[:, k, :, 1], sight[:, k, :, 0]) - axis[:, None]
+        off = np.abs((off + np.pi) % (2.0 * np.pi) - np.pi)
+        seen = off <= math.radians(sensor.fov_deg) / 2.0 + 1e-9
+        room[:, k] = np.where(seen, sensor.range_m - away, -np.inf)
+        room[:, k, k] = -np.inf
+    return room
+
+
+def _window_times(given: Plan) -> Array:
+    step = given.scenario.sample_time
+    return np.arange(math.ceil(given.scenario.window / step - 1e-9), dtype=np.float64) * step
+
+
+def _contact_faults(before: Plan, after: Plan) -> list[str]:
+    """Kept links and landmarks: as many samples in contact as their rank needs, or as there were.
+
+    Over the window, or a period if that is longer. They also keep a fiftieth of the range as a
+    margin, or as much of it as the input had.
+    """
+    names, step = before.scenario.vehicle_names, before.scenario.sample_time
+    span = max(before.scenario.window, before.scenario.period)
+    times = np.arange(math.ceil(span / step - 1e-9), dtype=np.float64) * step
+    old, new = _rooms(before, times), _rooms(after, times)
+    n = before.orbits.count
+    ranges = np.array([sensor.range_m for sensor in before.scenario.sensors])
+    wanted = [(link.a, link.b, 3) for link in before.links]
+    wanted += [(link.a, link.b, 2) for link in before.landmark_links]
+    faults = []
+    for a, b, samples in wanted:
+        both = [
+            np.maximum(room[:, a, b], room[:, b, a] if b < n else -np.inf) for room in (old, new)
+        ]
+        best = [np.sort(one)[::-1] for one in both]
+        count = min(samples, int(np.count_nonzero(best[0] >= 0.0)))
+        if count == 0:
+            continue
+        reach = max(ranges[a], ranges[b]) if b < n else ranges[a]
+        least = min(0.02 * reach, best[0][count - 1])
+        if best[1][count - 1] < least - ROUNDING * reach:
+            faults.append(
+                f"contact of {names[a]} and {b} at {count} samples: room {best[1][count - 1]:.6g} "
+                f"m, had {best[0][count - 1]:.6g}, asked {least:.6g}"
+            )
+    return faults
+
+
+# --- figures --------------------------------------------------------------------------------------
+
+
+def _sighting_rows(given: Plan, times: Array) -> list[Array]:
+    """For each time (s, 3 n): bearings by the initial poses in m and rad, over their sigma."""
+    orbits, sensors, n = given.orbits, given.scenario.sensors, given.orbits.count
+    room = _rooms(given, times)
+    path, first = _paths(given, times), _paths(given, np.zeros(1))[0]
+    matrices = []
+    for k in range(len(times)):
+        seen = np.argwhere(room[k] >= -1e-12 * orbits.radii.max())
+        rows = np.zeros((len(seen), 3 * n))
+        for row, (i, j) in zip(rows, seen, strict=True):
+            target = path[k, j] if j < n else given.landmarks[j - n]
+            qx, qy = target - path[k, i]
+            squared = max(qx**2 + qy**2, 1e-20)
+            by_target = np.array([-qy, qx]) / squared
+            gone = path[k, i] - first[i]
+            row[3 * i : 3 * i + 2] = -by_target
+            row[3 * i + 2] = -by_target @ [-gone[1], gone[0]] - 1.0
+            if j < n:
+                gone = path[k, j] - first[j]
+                row[3 * j : 3 * j + 2] = by_target
+                row[3 * j + 2] = by_target @ [-gone[1], gone[0]]
+            # sightings from very near are weighted down: see syncplan.observability.rank
+            near = math.sqrt(squared) / (NEAREST * orbits.radii.mean())
+            row *= min(1.0, near) / sensors[i].bearing_sigma_rad
+        matrices.append(rows)
+    return matrices
+
+
+def _rows(given: Plan) -> Array:
+    return np.concatenate(_sighting_rows(given, _window_times(given)))
+
+
+def _scaled(rows: Array, scale: float) -> Array:
+    return np.asarray(rows * np.tile([scale, scale, 1.0], rows.shape[1] // 3))
+
+
+def _rank(rows: Array, scale: float) -> int:
+    values = np.linalg.svd(_scaled(rows, scale), compute_uv=False)
+    return int(np.count_nonzero(values > RANK_TOLERANCE * values[0]))
+
+
+def _window_bound(rows: Array) -> float:
+    inverse = np.linalg.pinv(rows, rcond=1e-13)
+    variance = np.sum(inverse**2, axis=1).reshape(-1, 3)[:, :2].sum(axis=1)
+    return float(np.sqrt(variance.max()))
+
+
+def _cost(given: Plan, objective: str, rows: Array, scale: float, observable: bool) -> float:
+    values = np.linalg.svd(_scaled(rows, scale), compute_uv=False) ** 2
+    if objective == "trace":
+        return -float(values.sum())
+    if objective == "logdet":
+        return -float(np.log(values).sum()) if observable else math.inf
+    if objective == "min_eigenvalue":
+        return -float(values[-1]) if observable else 0.0
+    rms = _predicted(given)
+    return float(rms.max() if objective == "worst_predicted_rms" else np.sqrt(np.mean(rms**2)))
+
+
+def _predicted(given: Plan) -> Array:
+    """(n,) m: RMS of the filter's covariance over the run's second half, pose by pose."""
+    scenario, orbits, n = given.scenario, given.orbits, given.orbits.count
+    step = scenario.sample_time
+    number = math.floor(scenario.duration_s / step + 1e-6)
+    times = np.arange(number + 1, dtype=np.float64) * step
+    path = _paths(given, times)
+    rows = _sighting_rows(given, times)
+    sigma, motion = scenario.initial_sigma, scenario.motion
+    covariance = np.diag(
+        np.tile([sigma.position_m**2, sigma.position_m**2, sigma.heading_rad**2], n)
+    )
+    control = np.diag(np.tile([motion.speed_sigma_mps**2, motion.turn_rate_sigma_rad_s**2], n))
+    speeds, turns = orbits.rate * orbits.radii, orbits.rate * orbits.senses
+    kept = []
+    for k in range(1, number + 1):
+        gone = path[k] - path[k - 1]
+        heading = orbits.phases + orbits.senses * (orbits.rate * times[k - 1] + np.pi / 2.0)
+        move, drive = np.eye(3 * n), np.zeros((3 * n, 2 * n))
+        for i in range(n):
+            move[3 * i, 3 * i + 2], move[3 * i + 1, 3 * i + 2] = -gone[i, 1], gone[i, 0]
+            drive[3 * i : 3 * i + 2, 2 * i] = gone[i] / speeds[i]
+            slope = _arc(speeds[i], turns[i] + 1e-6, heading[i], step)
+            slope = (slope - _arc(speeds[i], turns[i] - 1e-6, heading[i], step)) / 2e-6
+            drive[3 * i : 3 * i + 2, 2 * i + 1] = slope
+            drive[3 * i + 2, 2 * i + 1] = step
+        covariance = move @ covariance @ move.T + drive @ control @ drive.T
+        if len(rows[k]):
+            # rows are by the initial pose: bring them to the pose now
+            now = rows[k].copy()
+            since = path[k] - path[0]
+            now[:, 2::3] += now[:, 0::3] * since[:, 1] - now[:, 1::3] * since[:, 0]
+            spread = now @ covariance @ now.T + np.eye(len(now))
+            covariance = covariance - covariance @ now.T @ np.linalg.solve(spread, now @ covariance)
+        if 2 * k > number:
+            variance = np.diag(covariance).reshape(-1, 3)
+            kept.append(variance[:, 0] + variance[:, 1])
+    return np.asarray(np.sqrt(np.mean(kept, axis=0)))
+
+
+def _arc(speed: float, turn: float, heading: float, step: float) -> Array:
+    """(2,) m gone in one step along an arc."""
+    end = heading + turn * step
+    chord = np.array([np.sin(end) - np.sin(heading), np.cos(heading) - np.cos(end)])
+    return np.asarray(chord * speed / turn)
+
+
+# --- the search -----------------------------------------------------------------------------------
+
+
+def search_one(number: int, **changes: Any) -> Finding:
+    """Return what the refinement of drawn scenario `number` came to."""
+    scenario, given = draw_scenario(number)
+    began = time.monotonic()
+    after = refine(given, workers=1, **changes)
+    seconds = time.monotonic() - began
+    record = after.refinement
+    assert record is not None
+    before_cost = record.before.cost(record.objective)  # type: ignore[arg-type]
+    after_cost = record.after.cost(record.objective)  # type: ignore[arg-type]
+    compared = math.isfinite(before_cost) and before_cost != 0.0
+    gain = (before_cost - after_cost) / abs(before_cost) if compared else math.inf
+    return Finding(
+        number=number,
+        size=scenario.size,
+        improved=record.improved,
+        gain=gain,
+        seconds=seconds,
+        reason=f"{record.objective}: {record.reason}" if record.reason else record.objective,
+        faults=faults_of(given, after),
+    )
+
+
+def main(draws: int = 50, first: int = 0, starts: int = 2) -> list[Finding]:
+    """Return and print what the refinements of `draws` scenarios from number `first` on came to."""
+    findings = []
+    for number in range(first, first + draws):
+        found = search_one(number, starts=starts)
+        findings.append(found)
+        print(
+            f"{found.number}: {found.size} vehicles, {found.seconds:.1f} s, "
+            f"{'improved' if found.improved else 'not improved'} by {100.0 * found.gain:.3g} % "
+            f"({found.reason}) {'; '.join(found.faults)}",
+            flush=True,
+        )
+    print(
+        f"{draws} scenarios, {sum(one.improved for one in findings)} improved, "
+        f"{sum(bool(one.faults) for one in findings)} with faults"
+    )
+    return findings
+
+
+if __name__ == "__main__":
+    main(*(int(argument) for argument in sys.argv[1:]))

@@ -1,0 +1,351 @@
+"""Search for a request that the service does not answer well, or that it keeps memory for.
+
+    python -m tests.searches.search_requests [REQUESTS [SEED]]
+
+Not part of the suite, which runs the first few hundred. Every answer must be of the 2xx or a 4xx
+problem, in time; meanwhile somebody asks /healthz. What the processes hold is measured once they
+have answered the first of these requests before, so that what they load for a kind of request that
+is new to them is not taken for memory that they keep. Children that grow much are replaced by the
+service itself: of those, only what grows while they last is counted.
+"""
+
+import contextlib
+import http.client
+import io
+import json
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import zipfile
+from collections import Counter
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import httpx2
+import numpy as np
+
+from tests.tools.mutations import FIGURES, Sent, draw_request, valid_scenarios
+from tests.tools.serving import ROOT, Server, running
+
+__all__ = ["LARGEST_GROWTH_MB", "SETTINGS", "Found", "main", "search"]
+
+KEY = "fuzzing-key-0123456789"
+LARGEST_GROWTH_MB = 50.0
+PLAN_TIMEOUT_S = 10.0
+CLIENTS = 3
+WARM_UP = 200
+REHEARSED = 240
+"""Drawn requests that are sent, and looked at, before memory is measured."""
+PATIENCE = 5
+"""Tries of a valid request: the processes are only starting, on a machine with other work."""
+MARGIN_S = 10.0
+"""What a request may take beyond the time a plan may take: waiting its turn, being sent."""
+
+SETTINGS = {
+    "SYNCPLAN_API_KEYS": f"fuzzing:{KEY}",
+    "SYNCPLAN_PLAN_TIMEOUT_S": f"{PLAN_TIMEOUT_S:g}",
+    "SYNCPLAN_MAX_TRIALS": "100",
+    "SYNCPLAN_MAX_REFINE_S": "1",
+    "SYNCPLAN_MAX_QUEUED_JOBS": "4",
+    "SYNCPLAN_MAX_SWEEP_VALUES": "3",
+}
+_AUTHORISED = {"authorization": f"Bearer {KEY}"}
+_GONE = {"cut"}
+"""Requests that nobody waits for the answer of."""
+
+
+class Memory(NamedTuple):
+    """What a process holds: all of it, and with what it shares divided among those that share."""
+
+    rss_mb: float
+    pss_mb: float
+
+
+@dataclass(slots=True)
+class Found:
+    """What a search came to: times in ms, memory by process of the service."""
+
+    requests: int
+    statuses: Counter[int] = field(default_factory=Counter)
+    faults: list[str] = field(default_factory=list)
+    slowest_s: dict[str, float] = field(default_factory=dict)
+    health_ms: list[float] = field(default_factory=list)
+    before: dict[int, Memory] = field(default_factory=dict)
+    after: dict[int, Memory] = field(default_factory=dict)
+
+    @property
+    def growth_mb(self) -> float:
+        """By how much the processes have grown that were there from beginning to end."""
+        lasting = self.before.keys() & self.after.keys()
+        return sum(self.after[one].rss_mb - self.before[one].rss_mb for one in lasting)
+
+    def health_percentile(self, percent: float) -> float:
+        """Return a percentile of the time /healthz took."""
+        return float(np.percentile(self.health_ms, percent)) if self.health_ms else float("nan")
+
+
+def search(
+    server: Server, requests: int, seed: int, warm_up: int = WARM_UP, passes: int = 1
+) -> Found:
+    """Return what a number of drawn requests to a service with these SETTINGS come to.
+
+    Processes that have grown too much are sent the same requests again, up to so many passes in
+    all: memory that is kept grows each time, what a new process loads only once.
+    """
+    found = Found(requests)
+    scenarios = valid_scenarios()
+    with httpx2.Client(base_url=server.url, headers=_AUTHORISED, timeout=60.0) as client:
+        plans = _warmed_up(client, scenarios, warm_up)
+
+        def send(count: int) -> None:
+            with ThreadPoolExecutor(CLIENTS) as clients:
+                list(
+                    clients.map(
+                        lambda number: _look(server.port, found, number, seed, scenarios, plans),
+                        range(count),
+                    )
+                )
+            _wait_for_jobs(client)
+
+        send(min(requests, REHEARSED))
+        for _ in range(passes):
+            found.before = _memory(server.popen.pid)
+            with _health_watched(server.url) as times:
+                send(requests)
+            found.health_ms += times
+            found.after = _memory(server.popen.pid)
+            if found.growth_mb < LARGEST_GROWTH_MB:
+                break
+    found.faults += _logged_faults(server.log)
+    return found
+
+
+def main(requests: int = 5000, seed: int = 0) -> Found:
+    """Return and print what a search comes to."""
+    with tempfile.TemporaryDirectory() as folder:
+        log = Path(folder) / "log"
+        server = Server(log, port=None, SYNCPLAN_DATA_DIR=folder, **SETTINGS)
+        with running(server):
+            found = search(server, requests, seed)
+    for fault in found.faults:
+        print(fault)
+    slowest = sorted(found.slowest_s.items(), key=lambda item: -item[1])[:8]
+    print(f"answers: {dict(sorted(found.statuses.items()))}")
+    print("slowest: " + ", ".join(f"{name} {seconds:.1f} s" for name, seconds in slowest))
+    print(
+        f"/healthz: median {found.health_percentile(50):.1f} ms, p99 "
+        f"{found.health_percentile(99):.1f} ms, largest {max(found.health_ms):.1f} ms"
+    )
+    for name in Memory._fields:
+        at_first, at_last = (
+            sum(getattr(one, name) for one in held.values()) for held in (found.before, found.after)
+        )
+        print(f"memory, {name}: {at_first:.0f} to {at_last:.0f}")
+    print(f"processes that were there all the time have grown by {found.growth_mb:.0f} MB")
+    print(f"{requests} requests, {len(found.faults)} faults")
+    return found
+
+
+# --- one request ----------------------------------------------------------------------------------
+
+
+def _look(
+    port: int, found: Found, number: int, seed: int, scenarios: list[Any], plans: list[str]
+) -> None:
+    """Send a drawn request and note what is wrong with its answer."""
+    sent = draw_request(np.random.default_rng([seed, number]), scenarios, plans)
+    began = time.monotonic()
+    try:
+        status, headers, body = _answer(port, sent)
+    except (OSError, http.client.HTTPException) as error:
+        if sent.name not in _GONE:
+            found.faults.append(f"{number} {sent.name}: no answer: {error!r}")
+        return
+    took = time.monotonic() - began
+    found.statuses[status] += 1
+    found.slowest_s[sent.name] = max(took, found.slowest_s.get(sent.name, 0.0))
+    if number % 500 == 499:
+        print(f"{number + 1}: {dict(sorted(found.statuses.items()))}", file=sys.stderr, flush=True)
+    told = f"{number} {sent.name}: {status} {body[:300]!r}"
+    if took > PLAN_TIMEOUT_S + MARGIN_S:
+        found.faults.append(f"{told}: took {took:.1f} s")
+    found.faults += [f"{told}: {fault}" for fault in _faults_of(status, headers, body)]
+
+
+def _answer(port: int, sent: Sent) -> tuple[int, http.client.HTTPMessage, bytes]:
+    limit = PLAN_TIMEOUT_S + 3.0 * MARGIN_S
+    with socket.create_connection(("127.0.0.1", port), timeout=limit) as connection:
+        authorised = Sent(
+            sent.name,
+            sent.path,
+            sent.body,
+            {"Authorization": f"Bearer {KEY}", **sent.headers},
+            sent.chunks,
+            sent.cut,
+            sent.method,
+        )
+        for piece in authorised.pieces():
+            connection.sendall(piece)
+        if sent.cut:
+            connection.shutdown(socket.SHUT_WR)
+        response = http.client.HTTPResponse(connection, method=sent.method)
+        response.begin()
+        return response.status, response.headers, response.read()
+
+
+def _faults_of(status: int, headers: http.client.HTTPMessage, body: bytes) -> list[str]:
+    if 200 <= status < 300:
+        if headers.get("content-type") == "application/zip":
+            return _faults_of_archive(body)
+        return [] if _read(body) is not None else ["no JSON"]
+    if not 400 <= status < 500:
+        return ["neither of the 2xx nor of the 4xx"]
+    if headers.get("content-type") != "application/problem+json":
+        return ["no problem"]
+    problem = _read(body)
+    faults = [] if len(body) < 30_000 else [f"a problem of {len(body)} bytes"]
+    if not isinstance(problem, dict) or problem.get("status") != status:
+        return [*faults, "no problem of its status"]
+    if problem["request_id"] != headers.get("x-request-id"):
+        faults.append("another request's id")
+    if "Traceback" in body.decode() or "site-packages" in body.decode():
+        faults.append("a trace")
+    return faults
+
+
+def _faults_of_archive(body: bytes) -> list[str]:
+    with zipfile.ZipFile(io.BytesIO(body)) as archive:
+        sidecars = [name for name in archive.namelist() if name.endswith(".sync.json")]
+        whole = archive.testzip() is None and all(
+            _read(archive.read(name)) is not None for name in sidecars
+        )
+    return [] if whole and sidecars else ["no archive with a sidecar"]
+
+
+def _read(body: bytes) -> Any:
+    """What strict JSON holds; None if it is none."""
+
+    def refuse(constant: str) -> Any:
+        raise ValueError(constant)
+
+    try:
+        return json.loads(body, parse_constant=refuse)
+    except ValueError:
+        return None
+
+
+# --- the service ----------------------------------------------------------------------------------
+
+
+def _warmed_up(client: httpx2.Client, scenarios: list[Any], requests: int) -> list[str]:
+    """Return plans, after so many of them and some jobs of each kind on every process."""
+    plans = []
+    for k in range(requests):
+        for _ in range(PATIENCE):
+            response = client.post("/v1/plans", json=scenarios[k % len(scenarios)])
+            if response.status_code == 201:
+                break
+        assert response.status_code == 201, response.text
+        plans.append(response.json()["id"])
+    plans = plans[: len(scenarios)]
+    _rendered(client, plans)
+    sweep = {"scenario": scenarios[1], "angular_rate_rad_s": [0.2, 0.4], "trials": 50}
+    for _ in range(2):
+        jobs = [
+            *(client.post(f"/v1/plans/{one}/refinements", json={}) for one in plans[:2]),
+            *(
+                client.post(f"/v1/plans/{one}/validations", json={"trials": 100})
+                for one in plans[:2]
+            ),
+        ]
+        _wait_for_jobs(client)
+        jobs += [client.post("/v1/sweeps", json=sweep) for _ in range(2)]
+        assert {job.status_code for job in jobs} == {202}, [job.text for job in jobs]
+        _wait_for_jobs(client)
+    return plans
+
+
+def _rendered(client: httpx2.Client, plans: list[str]) -> None:
+    """Have every process load what draws and exports, several asking at once."""
+    asked = [
+        *(f"/v1/plans/{one}/exports/all" for one in plans),
+        *(f"/v1/plans/{one}/figures/{name}" for one in plans[:4] for name in FIGURES[:-1]),
+    ]
+    with ThreadPoolExecutor(CLIENTS) as clients:
+        answers = list(clients.map(client.get, asked))
+    assert {answer.status_code for answer in answers} == {200}, [one.text[:300] for one in answers]
+
+
+def _wait_for_jobs(client: httpx2.Client) -> None:
+    for state in ("queued", "running"):
+        while client.get(f"/v1/jobs?state={state}").json()["items"]:
+            time.sleep(0.2)
+
+
+def _logged_faults(log: Path) -> list[str]:
+    return [line for line in log.read_text().splitlines() if '"level": "error"' in line]
+
+
+_WATCH = """
+import http.client, sys, time
+def ask():
+    began = time.perf_counter()
+    connection.request("GET", "/healthz")
+    assert connection.getresponse().read() == b'{"status":"ok"}'
+    print(1000.0 * (time.perf_counter() - began), flush=True)
+connection = http.client.HTTPConnection("127.0.0.1", int(sys.argv[1]))
+while True:
+    ask()
+    time.sleep(0.05)
+"""
+
+
+@contextlib.contextmanager
+def _health_watched(url: str) -> Iterator[list[float]]:
+    """Ask for signs of life all the time, from a process of its own; yields the times in ms."""
+    times: list[float] = []
+    port = url.rpartition(":")[2]
+    with tempfile.TemporaryFile("w+") as written:
+        watch = subprocess.Popen([sys.executable, "-c", _WATCH, port], cwd=ROOT, stdout=written)
+        try:
+            yield times
+        finally:
+            watch.terminate()
+            watch.wait()
+            written.seek(0)
+            times += [float(line) for line in written if line.endswith("\n")]
+
+
+def _memory(process: int) -> dict[int, Memory]:
+    """What a process and each that comes of it hold, once none of them works."""
+    time.sleep(1.0)
+    held = {}
+    for one in _family(process):
+        with contextlib.suppress(OSError):
+            figures = Path(f"/proc/{one}/smaps_rollup").read_text().split("\n")
+            sizes = {line.split(":")[0]: line.split()[1] for line in figures[1:] if line}
+            held[one] = Memory(int(sizes["Rss"]) / 1024.0, int(sizes["Pss"]) / 1024.0)
+    return held
+
+
+def _family(process: int) -> list[int]:
+    parents: dict[int, int] = {}
+    for entry in filter(str.isdigit, os.listdir("/proc")):
+        with contextlib.suppress(OSError):
+            stat = Path(f"/proc/{entry}/stat").read_text()
+            parents[int(entry)] = int(stat.rpartition(")")[2].split()[1])
+    family = [process]
+    for one in family:
+        family += [child for child, parent in parents.items() if parent == one]
+    return family
+
+
+if __name__ == "__main__":
+    result = main(*(int(argument) for argument in sys.argv[1:]))
+    sys.exit(bool(result.faults) or result.growth_mb > LARGEST_GROWTH_MB)

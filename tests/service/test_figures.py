@@ -1,0 +1,161 @@
+"""Previews, figures and exports over HTTP: what the library makes, and nothing kept."""
+
+import io
+import json
+import zipfile
+from collections.abc import Iterator
+from typing import Any, get_args
+
+import httpx2
+import pytest
+
+import syncplan
+from api.routes.exports import ExportName
+from api.routes.figures import PlanFigure, ReportFigure, StoredFigure
+from syncplan.exporting.formats import ALL, FORMATS, as_archive, export
+from syncplan.plotting.catalogue import ENTRIES, specs_of
+from syncplan.reports.plan_report import plan_document
+from syncplan.scenario.loading import scenario_from
+from tests.tools.api_servers import problem, serving, speaking
+from tests.tools.scenarios import document, example
+from tests.tools.serving import Server, wait_until
+
+ORIGIN = {"lat_deg": 47.4, "lon_deg": 8.5, "alt_m": 410.0}
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """A service with an owner."""
+    with serving(tmp_path_factory.mktemp("figures"), "ann") as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def ann(server: Server) -> Iterator[httpx2.Client]:
+    """A client of the service."""
+    with speaking(server, "ann") as http:
+        yield http
+
+
+def stored(http: httpx2.Client, **changes: Any) -> str:
+    """Return where a new plan is."""
+    answer = http.post("/v1/plans", json=document(**changes))
+    assert answer.status_code == 201, answer.text
+    return str(answer.headers["location"])
+
+
+def job(http: httpx2.Client, at: str, **request: Any) -> str:
+    """Return where a job is, once it has succeeded."""
+    found: str = http.post(at, json=request).headers["location"]
+    wait_until(lambda: http.get(found).json()["state"] == "succeeded", 180.0)
+    return found
+
+
+def test_a_preview_is_the_plan_and_its_figures_and_is_kept_nowhere(ann: httpx2.Client) -> None:
+    before = ann.get("/v1/plans").json()["items"]
+    asked = "figure=formation&figure=spectrum&theme=dark"
+    answer = ann.post(f"/v1/previews?{asked}", json=document())
+    assert answer.status_code == 200
+    made = syncplan.plan(scenario_from(document()))
+    assert answer.json() == {
+        "plan": plan_document(made).as_json(),
+        "figures": specs_of(made, ["formation", "spectrum"], theme="dark"),
+    }
+    assert ann.get("/v1/plans").json()["items"] == before
+    assert "location" not in answer.headers
+
+
+def test_a_quick_preview_leaves_out_the_bound_on_the_margin(ann: httpx2.Client) -> None:
+    body = example("five-ring").model_dump(mode="json", exclude_none=True)
+    found = {
+        quick: ann.post(f"/v1/previews?quick={quick}", json=body).json()["plan"]["synchronisation"]
+        for quick in ("true", "false")
+    }
+    assert found["true"]["bound_m"] is None
+    assert found["false"]["bound_m"] is not None
+
+
+def test_faults_of_a_preview_are_told_as_those_of_a_plan(ann: httpx2.Client) -> None:
+    wrong = {**document(), "radius": 3}
+    told = [problem(ann.post(at, json=wrong), 422) for at in ("/v1/previews", "/v1/plans")]
+    assert told[0].errors == told[1].errors
+    assert problem(ann.post("/v1/previews?figure=comparison", json=document()), 422).errors
+
+
+def test_figures_of_a_plan_are_the_library_s(ann: httpx2.Client) -> None:
+    at = stored(ann)
+    made = syncplan.plan(scenario_from(document()))
+    for name in get_args(PlanFigure):
+        answer = ann.get(f"{at}/figures/{name}")
+        assert answer.json() == specs_of(made, [name])[name], name
+    for name in ("refinement", "comparison"):
+        problem(ann.get(f"{at}/figures/{name}"), 404)
+    problem(ann.get(f"{at}/figures/other"), 422)
+
+
+def test_a_refined_plan_is_compared_with_its_parent(ann: httpx2.Client) -> None:
+    at = stored(ann)
+    ended = job(ann, f"{at}/refinements", starts=1, objective="logdet", time_limit_s=5)
+    refined = f"/v1/plans/{ann.get(ended).json()['result_plan_id']}"
+    drawn = ann.get(f"{refined}/figures/comparison").json()
+    assert {trace["type"] for trace in drawn["data"]} >= {"scatter", "bar"}
+    assert ann.get(f"{refined}/figures/refinement").json()["data"]
+    ann.delete(at)
+    problem(ann.get(f"{refined}/figures/comparison"), 404)
+
+
+def test_figures_of_reports(ann: httpx2.Client) -> None:
+    at = stored(ann)
+    with_series = job(ann, f"{at}/validations", trials=4, duration_s=30, series=True)
+    for name in ("accuracy", "errors", "consistency"):
+        assert ann.get(f"{with_series}/figures/{name}").json()["data"], name
+    without = job(ann, f"{at}/validations", trials=4, duration_s=30)
+    assert "series" in problem(ann.get(f"{without}/figures/errors"), 404).detail
+    swept = job(ann, "/v1/sweeps", scenario=document(), range_m=[50, 55], trials=2, duration_s=30)
+    assert ann.get(f"{swept}/figures/sweep").json()["data"]
+    problem(ann.get(f"{swept}/figures/accuracy"), 404)
+    refined = job(ann, f"{at}/refinements", starts=1, objective="logdet", time_limit_s=5)
+    problem(ann.get(f"{refined}/figures/accuracy"), 409)
+
+
+def test_the_figures_that_can_be_asked_for_are_those_there_are() -> None:
+    assert set(get_args(StoredFigure)) | set(get_args(ReportFigure)) == set(ENTRIES)
+    assert get_args(ExportName) == (*FORMATS, ALL)
+
+
+@pytest.mark.parametrize("name", [*FORMATS, ALL])
+def test_an_export_is_the_library_s_to_the_byte(ann: httpx2.Client, name: str) -> None:
+    scenario = document(geo_origin=ORIGIN)
+    answer = ann.get(f"{stored(ann, geo_origin=ORIGIN)}/exports/{name}")
+    assert answer.status_code == 200
+    assert answer.headers["content-type"] == "application/zip"
+    assert answer.headers["content-disposition"] == f'attachment; filename="plan-{name}.zip"'
+    made = export(syncplan.plan(scenario_from(scenario)), name)
+    assert answer.content == as_archive(made)
+    assert json.loads(answer.headers["syncplan-notes"]) == list(made.notes)
+    assert zipfile.ZipFile(io.BytesIO(answer.content)).testzip() is None
+
+
+def test_options_of_an_export_count(ann: httpx2.Client) -> None:
+    at = stored(ann, geo_origin=ORIGIN)
+    plain = ann.get(f"{at}/exports/qgc").content
+    for option in (
+        "altitude_m=80",
+        "autopilot=px4",
+        "vehicle=fixed_wing",
+        "turns=2",
+        "altitude_step_m=5",
+        "waypoints=1",
+    ):
+        answer = ann.get(f"{at}/exports/qgc?{option}")
+        assert answer.status_code == 200
+        assert answer.content != plain, option
+    told = problem(ann.get(f"{at}/exports/qgc?turns=0"), 422)
+    assert told.errors is not None
+    assert told.errors[0].path == "query.turns"
+
+
+def test_an_export_without_its_origin_names_the_key(ann: httpx2.Client) -> None:
+    told = problem(ann.get(f"{stored(ann)}/exports/kml"), 422)
+    assert told.errors is not None
+    assert "geo_origin" in (told.errors[0].path, *told.detail.split())

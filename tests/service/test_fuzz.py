@@ -1,0 +1,39 @@
+"""Whatever is sent: what comes back is of the 2xx or a 4xx problem, and nothing is kept of it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.searches.search_requests import LARGEST_GROWTH_MB, SETTINGS, search
+from tests.tools.mutations import draw_request, valid_scenarios
+from tests.tools.serving import Server, running
+
+pytestmark = pytest.mark.alone
+
+REQUESTS = 120
+QUICK = {"SYNCPLAN_MAX_VEHICLES": "15", "SYNCPLAN_MAX_SAMPLES": "2500"}
+"""Limits under which no plan takes long."""
+
+
+@pytest.mark.slow
+def test_no_request_breaks_the_service(tmp_path: Path) -> None:
+    settings = {**SETTINGS, **QUICK, "SYNCPLAN_DATA_DIR": str(tmp_path)}
+    server = Server(tmp_path / "log", port=None, **settings)
+    with running(server):
+        found = search(server, REQUESTS, seed=3, warm_up=45, passes=3)
+    assert found.faults == []
+    assert found.growth_mb < LARGEST_GROWTH_MB
+    assert found.health_ms
+    assert {201, 202, 413, 422} <= set(found.statuses)
+
+
+def test_the_same_draw_is_the_same_request() -> None:
+    scenarios = valid_scenarios()
+
+    def sent(seed: int, number: int) -> list[bytes]:
+        drawn = draw_request(np.random.default_rng([seed, number]), scenarios, ["0" * 36])
+        return drawn.pieces()
+
+    assert [sent(5, k) for k in range(50)] == [sent(5, k) for k in range(50)]
+    assert sent(5, 1) != sent(6, 1)

@@ -1,0 +1,207 @@
+"""Plans sent in the place of scenarios: judged with their own orbits, kept, refused in words."""
+
+import json
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import httpx2
+import numpy as np
+import pytest
+
+import syncplan
+from syncplan.client.service_client import Client
+from syncplan.errors import InputError
+from syncplan.planning.plan_files import loaded_from, plan_of, stated
+from syncplan.reports.plan_report import plan_document
+from syncplan.runtime.files import as_text
+from tests.tools.api_servers import key_of, problem, serving, speaking
+from tests.tools.scenarios import document, example, small
+from tests.tools.serving import Server
+
+Tree = dict[str, Any]
+
+LANDMARKS = [[190.0, 0.0], [190.0, 70.0]]
+PATHS = ["/v1/plans", "/v1/previews?figure=formation"]
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """A service that takes teams of up to six."""
+    folder = tmp_path_factory.mktemp("given")
+    with serving(folder, "ann", "--no-worker", SYNCPLAN_MAX_VEHICLES="6") as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def ann(server: Server) -> Iterator[httpx2.Client]:
+    """A client of the service."""
+    with speaking(server, "ann") as http:
+        yield http
+
+
+def given(**changes: Any) -> Tree:
+    """Return the document of a plan whose phases no rule gives."""
+    made = syncplan.plan(small(landmarks_m=LANDMARKS, **changes))
+    values: Tree = json.loads(json.dumps(plan_document(made).as_json()))
+    values["vehicles"][1]["phase_rad"] = 2.5
+    return values
+
+
+def judged(ann: httpx2.Client, path: str, body: Tree) -> Tree:
+    """Return what the service makes of a document."""
+    answer = ann.post(path, json=body)
+    assert answer.status_code in (200, 201), answer.text
+    made: Tree = answer.json()
+    plan: Tree = made.get("plan", made)
+    return plan
+
+
+@pytest.mark.parametrize("path", PATHS)
+def test_a_plan_keeps_its_phases_and_is_judged_as_the_library_judges_it(
+    ann: httpx2.Client, path: str
+) -> None:
+    body = given()
+    made = judged(ann, path, body)
+    assert [one["phase_rad"] for one in made["vehicles"]] == [0.0, 2.5]
+    assert made["synchronisation"]["method"] == "given"
+    own = {
+        key: value for key, value in made.items() if key not in ("id", "created_at", "parent_id")
+    }
+    assert own == plan_document(plan_of(loaded_from(body))).as_json()
+    assert judged(ann, path, body["scenario"])["vehicles"][1]["phase_rad"] != 2.5
+
+
+def test_a_plan_that_was_given_is_kept_and_drawn_and_exported_with_its_phases(
+    ann: httpx2.Client,
+) -> None:
+    answer = ann.post("/v1/plans", json=given())
+    at = answer.headers["location"]
+    kept = ann.get(at)
+    assert kept.content == answer.content
+    assert kept.headers["etag"] == answer.headers["etag"]
+    assert kept.json()["parent_id"] is None
+    assert ann.get(f"{at}/figures/timeline").status_code == 200
+    assert ann.get(f"{at}/exports/csv").status_code == 200
+    assert ann.post(f"{at}/refinements", json={"starts": 1}).status_code == 202
+
+
+def test_only_the_scenario_and_the_orbits_of_a_plan_are_read(ann: httpx2.Client) -> None:
+    whole = given()
+    keys = ("name", "center_m", "radius_m", "direction", "phase_rad")
+    short = {
+        "scenario": whole["scenario"],
+        "vehicles": [{key: one[key] for key in keys} for one in whole["vehicles"]],
+    }
+    lying = {**whole, "observability": "perfect", "links": None}
+    tags = {ann.post("/v1/plans", json=one).headers["etag"] for one in (whole, short, lying)}
+    assert len(tags) == 1
+
+
+def test_the_bytes_of_a_scenarios_plan_are_those_of_the_library(ann: httpx2.Client) -> None:
+    answer = ann.post("/v1/plans", json=document(landmarks_m=LANDMARKS))
+    text = as_text(plan_document(syncplan.plan(small(landmarks_m=LANDMARKS))).as_json())
+    assert answer.text.endswith(text[1:])
+
+
+def test_the_steady_error_of_a_plan_is_computed_where_it_is_asked_for(ann: httpx2.Client) -> None:
+    assert judged(ann, "/v1/plans", given())["steady_rms_m"] is None
+    assert judged(ann, "/v1/plans?steady=true", given())["steady_rms_m"] is not None
+
+
+def test_a_plan_may_be_yaml_and_have_other_phases_by_a_turn(ann: httpx2.Client) -> None:
+    body = given()
+    body["vehicles"][1]["phase_rad"] = 2.5 - 2.0 * math.pi
+    headers = {"content-type": "application/yaml"}
+    answer = ann.post("/v1/plans", content="---\n" + json.dumps(body), headers=headers)
+    assert answer.status_code == 201, answer.text
+    assert answer.json()["vehicles"][1]["phase_rad"] == pytest.approx(2.5, abs=1e-14)
+
+
+def _with(path: str, value: Any) -> Tree:
+    """A plan with one value changed; a value of None takes the key out."""
+    body: Any = given()
+    *above, last = [int(part) if part.isdigit() else part for part in path.split(".")]
+    inner = body
+    for part in above:
+        inner = inner[part]
+    if value is None:
+        del inner[last]
+    else:
+        inner[last] = value
+    changed: Tree = body
+    return changed
+
+
+@pytest.mark.parametrize("path", PATHS)
+@pytest.mark.parametrize(
+    ("changed", "value", "fault"),
+    [
+        ("scenario.sensor.range_m", -5, "scenario.sensor.range_m"),
+        ("scenario.radius", 3, "scenario.radius"),
+        ("scenario", [], "scenario"),
+        ("scenario.formation", {"links": [["v1", "v2"]]}, "scenario.formation.centers_m"),
+        ("vehicles", {}, "vehicles"),
+        ("vehicles", [], "vehicles"),
+        ("vehicles.1.phase_rad", None, "vehicles[1].phase_rad"),
+        ("vehicles.0.phase_rad", "0", "vehicles[0].phase_rad"),
+        ("vehicles.0.radius_m", 0, "vehicles[0].radius_m"),
+        ("vehicles.1.direction", "alternate", "vehicles[1].direction"),
+        ("vehicles.1.name", "v9", "vehicles"),
+        ("scenario.duration_s", 1e7, "scenario.duration_s"),
+        ("scenario.duration_s", 3000.0, "scenario.duration_s"),
+    ],
+)
+def test_a_fault_of_a_plan_is_told_by_its_path(
+    ann: httpx2.Client, path: str, changed: str, value: Any, fault: str
+) -> None:
+    told = problem(ann.post(path, json=_with(changed, value)), 422)
+    assert told.errors is not None
+    assert [one.path for one in told.errors] == [fault]
+    assert fault in told.detail
+
+
+def test_all_faults_of_a_plan_are_told_at_once(ann: httpx2.Client) -> None:
+    body = given()
+    body["vehicles"][0]["phase_rad"] = None
+    body["scenario"]["sensor"]["range_m"] = -5
+    told = problem(ann.post("/v1/plans", json=body), 422)
+    assert told.errors is not None
+    assert {one.path for one in told.errors} == {
+        "vehicles[0].phase_rad",
+        "scenario.sensor.range_m",
+    }
+
+
+def test_a_plan_of_a_team_that_is_too_large_is_refused(ann: httpx2.Client) -> None:
+    made = syncplan.plan(small(formation={"shape": "line", "count": 7, "spacing_m": 70.0}))
+    told = problem(ann.post("/v1/plans", json=stated(made.scenario, made.orbits)), 422)
+    assert "6" in told.detail
+    with pytest.raises(InputError, match=r"^scenario\.formation"):
+        loaded_from(given(), max_vehicles=1)
+
+
+def test_the_same_plan_under_the_same_key_is_answered_alike(ann: httpx2.Client) -> None:
+    headers = {"idempotency-key": "given"}
+    first = ann.post("/v1/plans", json=given(), headers=headers)
+    again = ann.post("/v1/plans", json=given(), headers=headers)
+    assert (again.status_code, again.content) == (201, first.content)
+    other = ann.post("/v1/plans", json=given(name="other"), headers=headers)
+    assert "Idempotency-Key" in problem(other, 422).detail
+
+
+def test_the_client_keeps_a_plan_with_its_phases(server: Server) -> None:
+    better = syncplan.refine(example("paper-grid-alternate"), starts=1, seed=1)
+    with Client(server.url, key_of("ann")) as client:
+        kept = client.plan(better)
+        assert kept.document["synchronisation"]["method"] == "given"
+        again = client.plan(kept.document)
+    for one in (kept, again):
+        assert np.array_equal(one.orbits.phases, better.orbits.phases)
+        assert np.array_equal(one.orbits.centers, better.orbits.centers)
+    assert kept.observability.rank == better.observability.rank
+
+
+def test_a_file_of_a_plan_names_its_faults_by_path() -> None:
+    with pytest.raises(InputError, match=r"^p\.json: scenario\.sensor\.range_m: -5: must be"):
+        loaded_from(_with("scenario.sensor.range_m", -5), source="p.json")

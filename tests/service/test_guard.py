@@ -1,0 +1,247 @@
+"""Who counts as dead, what is done about what they left, and what is kept for how long."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from dbos import DBOSClient
+from sqlalchemy import text
+
+from api.jobs.guard import Guard
+from api.jobs.queue import JOBS_QUEUE, JobQueue
+from api.jobs.workflows import part_id
+from api.storage import executors, job_records
+from api.storage.database import Database, open_database
+from api.storage.kept_answers import Answer, find_answer, keep_answer
+
+pytestmark = pytest.mark.alone
+
+BEAT_S, DEAD_AFTER_S, KEEP_S = 2.0, 8.0, 60.0
+LOOKS = 4
+"""Looks at an unchanged count after which a process is dead."""
+
+
+class Clock:
+    """A clock that is set by hand."""
+
+    def __init__(self) -> None:
+        self.now = 1000.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+class Bench:
+    """A database, a queue, and a guard on it that looks when told to."""
+
+    def __init__(self, url: str) -> None:
+        self.database: Database = open_database(url)
+        self.queue = JobQueue(url)
+        self.clock = Clock()
+        self.at_work: list[str] = []
+        self.guard = self.another("own")
+
+    def another(self, name: str | None, keep_s: float = KEEP_S) -> Guard:
+        return Guard(
+            self.database,
+            self.queue.client,
+            name,
+            at_work=self.at_work,
+            heartbeat_s=BEAT_S,
+            dead_after_s=DEAD_AFTER_S,
+            keep_jobs_s=keep_s,
+            keep_answers_s=keep_s,
+            clock=self.clock,
+        )
+
+    @property
+    def client(self) -> DBOSClient:
+        return self.queue.client
+
+    def close(self) -> None:
+        self.queue.close()
+        self.database.close()
+
+    def look(self, times: int = 1, every_s: float = BEAT_S) -> None:
+        for _ in range(times):
+            self.clock.now += every_s
+            self.guard.look_after()
+
+    def beat(self, name: str) -> None:
+        with self.database.writing() as connection:
+            executors.beat(connection, name)
+
+    def living(self) -> set[str]:
+        with self.database.reading() as connection:
+            return set(executors.living(connection))
+
+    def job(self) -> str:
+        """A job that waits, and its workflow."""
+        with self.database.writing() as connection:
+            job_id = job_records.add_job(
+                connection, "ann", "validation", "{}", 40, "plan", "text"
+            ).id
+            self.queue.enqueue(connection, job_id)
+        return job_id
+
+    def end(self, job_id: str) -> None:
+        with self.database.writing() as connection:
+            job_records.end_job(connection, job_id, "succeeded", report="report")
+
+    def state(self, job_id: str) -> str | None:
+        with self.database.reading() as connection:
+            return job_records.state_of(connection, job_id)
+
+    def set_workflow(self, job_id: str, status: str, executor: str | None = None) -> None:
+        """Leave a workflow as if an executor had come so far with it."""
+        change = "UPDATE workflow_status SET status = :status, executor_id = :executor"
+        values = {"status": status, "executor": executor, "id": job_id}
+        with self.database.writing() as connection:
+            connection.execute(text(f"{change} WHERE workflow_uuid = :id"), values)
+
+    def workflow(self, job_id: str) -> tuple[str, str | None] | None:
+        """Status and queue of a workflow."""
+        found = self.client.list_workflows(workflow_ids=[job_id])
+        return (found[0].status, found[0].queue_name) if found else None
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    made = Bench(f"sqlite:///{tmp_path / 'syncplan.db'}")
+    yield made
+    made.close()
+
+
+def test_a_count_that_stands_still_is_dead_after_its_time_and_not_before(bench: Bench) -> None:
+    bench.beat("other")
+    bench.look(LOOKS)
+    assert bench.living() == {"own", "other"}
+    bench.look()
+    assert bench.living() == {"own"}
+
+
+def test_a_count_that_rises_is_never_dead(bench: Bench) -> None:
+    for _ in range(5 * LOOKS):
+        bench.beat("other")
+        bench.look()
+    assert bench.living() == {"own", "other"}
+
+
+def test_a_process_never_finds_itself_dead(bench: Bench) -> None:
+    bench.look(5 * LOOKS)
+    assert bench.living() == {"own"}
+
+
+def test_time_in_which_nobody_could_look_makes_nobody_dead(bench: Bench) -> None:
+    bench.beat("other")
+    bench.look()
+    bench.look(every_s=3600.0)
+    bench.beat("other")
+    bench.look()
+    assert bench.living() == {"own", "other"}
+    bench.look(LOOKS)
+    assert bench.living() == {"own"}
+
+
+def test_a_guard_that_does_no_jobs_itself_is_not_among_the_living(bench: Bench) -> None:
+    bench.beat("other")
+    bench.guard = bench.another(None)
+    bench.look(LOOKS + 1)
+    assert bench.living() == set()
+
+
+def test_what_a_dead_process_had_begun_goes_back_to_its_queue(bench: Bench) -> None:
+    left, held = bench.job(), bench.job()
+    bench.at_work.append(held)
+    bench.beat("other")
+    bench.set_workflow(left, "PENDING", "other")
+    bench.set_workflow(held, "PENDING", "own")
+    bench.look(LOOKS)
+    assert bench.workflow(left) == ("PENDING", JOBS_QUEUE)
+    bench.look()
+    assert bench.workflow(left) == ("ENQUEUED", JOBS_QUEUE)
+    assert bench.workflow(held) == ("PENDING", JOBS_QUEUE)
+
+
+def test_what_this_process_has_begun_and_dropped_goes_back_at_the_second_look(
+    bench: Bench,
+) -> None:
+    job_id = bench.job()
+    bench.set_workflow(job_id, "PENDING", "own")
+    bench.look()
+    assert bench.workflow(job_id) == ("PENDING", JOBS_QUEUE)
+    bench.look()
+    assert bench.workflow(job_id) == ("ENQUEUED", JOBS_QUEUE)
+
+
+def test_what_this_process_is_only_about_to_begin_is_left_to_it(bench: Bench) -> None:
+    job_id = bench.job()
+    bench.set_workflow(job_id, "PENDING", "own")
+    bench.look()
+    bench.at_work.append(job_id)
+    bench.look()
+    bench.at_work.clear()
+    bench.look()
+    assert bench.workflow(job_id) == ("PENDING", JOBS_QUEUE)
+
+
+def test_a_process_that_ends_gives_back_what_it_had_begun(bench: Bench) -> None:
+    job_id = bench.job()
+    bench.guard.start()
+    bench.set_workflow(job_id, "PENDING", "own")
+    bench.at_work.append(job_id)
+    bench.guard.close()
+    assert bench.living() == set()
+    assert bench.workflow(job_id) == ("ENQUEUED", JOBS_QUEUE)
+
+
+@pytest.mark.parametrize("status", ["ERROR", "CANCELLED", "MAX_RECOVERY_ATTEMPTS_EXCEEDED", None])
+def test_a_job_whose_workflow_is_broken_or_gone_fails(bench: Bench, status: str | None) -> None:
+    lost, waiting, ended = bench.job(), bench.job(), bench.job()
+    bench.end(ended)
+    for job_id in (lost, ended):
+        if status is None:
+            bench.client.delete_workflows([job_id])
+        else:
+            bench.set_workflow(job_id, status)
+    bench.look(10)
+    assert [bench.state(one) for one in (lost, waiting, ended)] == ["failed", "queued", "succeeded"]
+
+
+def test_old_jobs_and_answers_are_swept_with_their_workflows_and_no_others(bench: Bench) -> None:
+    old, waiting = bench.job(), bench.job()
+    with bench.database.writing() as connection:
+        keep_answer(connection, "ann", "key", Answer("digest", 201, {}, ""))
+        bench.queue.enqueue(connection, part_id(old, 0))
+    bench.set_workflow(old, "SUCCESS")
+    bench.end(old)
+    bench.look(10)
+    assert bench.state(old) == "succeeded"
+    bench.guard = bench.another("own", keep_s=-60.0)
+    bench.look(10)
+    assert bench.state(old) is None
+    assert bench.workflow(old) is bench.workflow(part_id(old, 0)) is None
+    assert bench.state(waiting) == "queued"
+    assert bench.workflow(waiting) == ("ENQUEUED", JOBS_QUEUE)
+    with bench.database.reading() as connection:
+        assert find_answer(connection, "ann", "key") is None
+
+
+def test_a_sweep_that_is_cut_short_is_made_up_for_by_the_next(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    old = bench.job()
+    bench.set_workflow(old, "SUCCESS")
+    bench.end(old)
+    bench.guard = bench.another("own", keep_s=-60.0)
+
+    def killed(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(bench.client, "delete_workflows", killed)
+        with pytest.raises(KeyboardInterrupt):
+            bench.look(10)
+    bench.look(10)
+    assert bench.state(old) is None
+    assert bench.workflow(old) is None

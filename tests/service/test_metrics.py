@@ -1,0 +1,153 @@
+"""Metrics: counts by route and status, gauges that are asked for, nothing shared by two apps."""
+
+import threading
+from collections.abc import Mapping
+
+import pytest
+from fastapi import APIRouter, FastAPI
+from fastapi.testclient import TestClient
+from prometheus_client.parser import text_string_to_metric_families
+
+from api.metrics import Metrics, RequestMetrics
+from tests.tools.api_apps import bare_app
+
+Samples = dict[tuple[str, tuple[tuple[str, str], ...]], float]
+
+
+def _samples(metrics: Metrics) -> Samples:
+    text, media = metrics.render()
+    assert media == "text/plain; version=0.0.4; charset=utf-8"
+    return {
+        (sample.name, tuple(sorted(sample.labels.items()))): sample.value
+        for family in text_string_to_metric_families(text.decode())
+        for sample in family.samples
+    }
+
+
+def _requests(metrics: Metrics) -> dict[tuple[str, ...], float]:
+    return {
+        tuple(value for _, value in labels): number
+        for (name, labels), number in _samples(metrics).items()
+        if name == "syncplan_http_requests_total"
+    }
+
+
+def _app(metrics: Metrics) -> FastAPI:
+    app = bare_app()
+    router = APIRouter()
+
+    @router.get("/plans/{plan_id}")
+    def plan(plan_id: int) -> float:
+        return _samples(metrics)["syncplan_http_requests_in_flight", ()]
+
+    @router.get("/crash")
+    def crash() -> None:
+        raise RuntimeError
+
+    app.include_router(router, prefix="/v1")
+    app.add_middleware(RequestMetrics, metrics=metrics)
+    return app
+
+
+def test_requests_count_by_method_route_and_status() -> None:
+    metrics = Metrics()
+    client = TestClient(_app(metrics))
+    for path in ("/v1/plans/1", "/v1/plans/2", "/v1/plans/x", "/v1/crash"):
+        client.get(path)
+    client.post("/v1/plans/1")
+    assert _requests(metrics) == {
+        ("GET", "/v1/plans/{plan_id}", "200"): 2,
+        ("GET", "/v1/plans/{plan_id}", "422"): 1,
+        ("GET", "/v1/crash", "500"): 1,
+        ("POST", "/v1/plans/{plan_id}", "405"): 1,
+    }
+
+
+def test_what_a_client_invents_is_one_label() -> None:
+    metrics = Metrics()
+    client = TestClient(_app(metrics))
+    for path in ("/nothing", "/else", "/v1"):
+        client.get(path)
+    client.request("BREW", "/nothing")
+    client.request("MILK", "/nothing")
+    assert _requests(metrics) == {("GET", "none", "404"): 3, ("other", "none", "404"): 2}
+
+
+def test_each_request_is_timed() -> None:
+    metrics = Metrics()
+    TestClient(_app(metrics)).get("/v1/plans/1")
+    labels = (("method", "GET"), ("route", "/v1/plans/{plan_id}"), ("status", "200"))
+    samples = _samples(metrics)
+    assert samples["syncplan_http_request_duration_seconds_count", labels] == 1
+    assert 0 < samples["syncplan_http_request_duration_seconds_sum", labels] < 5
+
+
+def test_requests_in_flight_rise_and_fall() -> None:
+    metrics = Metrics()
+    client = TestClient(_app(metrics))
+    assert client.get("/v1/plans/1").json() == 1
+    client.get("/v1/crash")
+    assert _samples(metrics)["syncplan_http_requests_in_flight", ()] == 0
+
+
+def test_a_request_that_gets_no_answer_is_counted() -> None:
+    metrics = Metrics()
+    app = FastAPI()
+
+    @app.get("/")
+    def crash() -> None:
+        raise RuntimeError
+
+    app.add_middleware(RequestMetrics, metrics=metrics)
+    TestClient(app, raise_server_exceptions=False).get("/")
+    assert _requests(metrics) == {("GET", "/", "unanswered"): 1}
+    assert _samples(metrics)["syncplan_http_requests_in_flight", ()] == 0
+
+
+def test_two_apps_share_nothing() -> None:
+    one, other = Metrics(), Metrics()
+    TestClient(_app(one)).get("/v1/plans/1")
+    assert _requests(one)
+    assert not _requests(other)
+
+
+def test_gauges_are_asked_for_at_each_reading() -> None:
+    metrics = Metrics()
+    jobs: dict[str, int] = {"queued": 2}
+    metrics.watch_jobs(lambda: jobs)
+    metrics.watch_processes(lambda: 3)
+    samples = _samples(metrics)
+    assert samples["syncplan_jobs", (("state", "queued"),)] == 2
+    assert samples["syncplan_processes_busy", ()] == 3
+    jobs.update(queued=0, running=1)
+    samples = _samples(metrics)
+    assert samples["syncplan_jobs", (("state", "queued"),)] == 0
+    assert samples["syncplan_jobs", (("state", "running"),)] == 1
+
+
+def test_nobody_is_asked_before_the_first_reading() -> None:
+    metrics = Metrics()
+    asked = threading.Event()
+
+    def count() -> Mapping[str, int]:
+        asked.set()
+        return {}
+
+    metrics.watch_jobs(count)
+    assert not asked.is_set()
+    metrics.render()
+    assert asked.is_set()
+
+
+def test_a_gauge_that_fails_leaves_the_others(caplog: pytest.LogCaptureFixture) -> None:
+    metrics = Metrics()
+
+    def gone() -> Mapping[str, int]:
+        raise ConnectionError("the database is gone")
+
+    metrics.watch_jobs(gone)
+    metrics.watch_processes(lambda: 1)
+    names = {name for name, _ in _samples(metrics)}
+    assert "syncplan_processes_busy" in names
+    assert "syncplan_jobs" not in names
+    assert "the database is gone" in caplog.text

@@ -1,0 +1,163 @@
+"""Negotiation: what a client accepts, and how its body is written."""
+
+from typing import Annotated, Literal
+
+import pytest
+from fastapi import Depends, FastAPI, Request
+from fastapi.testclient import TestClient
+
+from api.negotiation import accepts, body_kind
+from tests.tools.api_apps import ask, bare_app, served
+
+PLAN, EVENTS = "application/json", "text/event-stream"
+
+
+def _app() -> FastAPI:
+    app = bare_app()
+
+    @app.get("/plan")
+    def plan(medium: Annotated[str, Depends(accepts(PLAN, EVENTS))]) -> str:
+        return medium
+
+    @app.get("/events", dependencies=[Depends(accepts(EVENTS))])
+    def events() -> None: ...
+
+    @app.post("/body")
+    async def body(
+        request: Request, kind: Annotated[Literal["json", "yaml"], Depends(body_kind)]
+    ) -> str:
+        await request.body()
+        return kind
+
+    return app
+
+
+@pytest.fixture(scope="module")
+def client() -> TestClient:
+    return TestClient(_app())
+
+
+@pytest.mark.parametrize(
+    ("header", "medium"),
+    [
+        ("application/json", PLAN),
+        ("APPLICATION/JSON; charset=utf-8", PLAN),
+        ("text/event-stream", EVENTS),
+        ("*/*", PLAN),
+        ("text/*", EVENTS),
+        ("application/json;q=0.5, text/*;q=0.8", EVENTS),
+        ("application/json;q=0, */*", EVENTS),
+        ("text/event-stream;q=0, */*;q=0.1", PLAN),
+        ("application/*;q=0.2, application/json;q=0.9, text/event-stream;q=0.5", PLAN),
+        ("text/html, */*;q=0.001", PLAN),
+        ("", PLAN),
+        (" , ,", PLAN),
+        # what can't be read accepts everything
+        ("json", PLAN),
+        ("*/json", PLAN),
+        ("text/html;q=2", PLAN),
+        ("text/html;q=x", PLAN),
+        ("text/html;;q=0.1;=", PLAN),
+        ("text/html, */", PLAN),
+        ("t\u00e9xt/html", PLAN),
+    ],
+)
+def test_the_best_of_what_is_accepted_is_chosen(
+    client: TestClient, header: str, medium: str
+) -> None:
+    response = client.get("/plan", headers={b"accept": header.encode()})
+    assert (response.status_code, response.json()) == (200, medium)
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "text/html",
+        "image/*",
+        "application/xml, text/html;q=0.9",
+        "application/json;q=0, text/event-stream;q=0.000",
+        "*/*;q=0",
+        "application/*;q=0, text/html",
+    ],
+)
+def test_what_excludes_everything_is_a_406_problem(client: TestClient, header: str) -> None:
+    response = client.get("/plan", headers={"accept": header})
+    assert response.status_code == 406
+    assert response.headers["content-type"] == "application/problem+json"
+    assert "application/json and text/event-stream" in response.json()["detail"]
+
+
+def test_several_headers_count_as_one(client: TestClient) -> None:
+    headers = [("accept", "text/html"), ("accept", "text/event-stream")]
+    assert client.get("/plan", headers=headers).json() == EVENTS
+
+
+def test_no_header_accepts_everything() -> None:
+    with served(_app()) as port:
+        assert ask(port, "GET", "/plan").body == b'"application/json"'
+
+
+def test_a_dependency_without_a_result_serves_as_well(client: TestClient) -> None:
+    assert client.get("/events", headers={"accept": "text/event-stream"}).status_code == 200
+    assert client.get("/events", headers={"accept": "application/json"}).status_code == 406
+
+
+@pytest.mark.parametrize(
+    ("given", "kind"),
+    [
+        ("application/json", "json"),
+        ("Application/JSON; Charset=UTF-8", "json"),
+        ('application/json;charset="utf-8"', "json"),
+        ("application/json; charset=us-ascii; version=1", "json"),
+        ("application/vnd.syncplan.scenario+json", "json"),
+        ("application/yaml", "yaml"),
+        ("text/yaml; charset=utf8", "yaml"),
+        ("application/x-yaml", "yaml"),
+    ],
+)
+def test_json_and_yaml_are_known_by_their_types(client: TestClient, given: str, kind: str) -> None:
+    response = client.post("/body", content=b"{}", headers={"content-type": given})
+    assert (response.status_code, response.json()) == (200, kind)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        "text/plain",
+        "text/json",
+        "application/jsonp",
+        "application/+json",
+        "application/a b+json",
+        "image/svg+json",
+        "multipart/form-data; boundary=x",
+        "application/json; charset=latin-1",
+        "application/json; charset=",
+        "text/yaml; charset=utf-16",
+        "application",
+        ";",
+    ],
+)
+def test_anything_else_is_a_415_problem(client: TestClient, given: str) -> None:
+    response = client.post("/body", content=b"{}", headers={"content-type": given})
+    assert response.status_code == 415
+    assert response.headers["content-type"] == "application/problem+json"
+    assert response.headers["accept"] == "application/json, application/yaml"
+    assert response.json()["detail"].startswith(given)
+
+
+def test_two_types_are_none(client: TestClient) -> None:
+    headers = [("content-type", "application/json"), ("content-type", "text/yaml")]
+    assert client.post("/body", content=b"{}", headers=headers).status_code == 415
+
+
+@pytest.mark.parametrize(("coding", "status"), [("gzip", 415), ("identity", 200)])
+def test_a_compressed_body_is_a_415_problem(client: TestClient, coding: str, status: int) -> None:
+    headers = {"content-type": "application/json", "content-encoding": coding}
+    assert client.post("/body", content=b"{}", headers=headers).status_code == status
+
+
+def test_only_an_empty_body_needs_no_type() -> None:
+    with served(_app()) as port:
+        assert ask(port, "POST", "/body").status == 200
+        assert ask(port, "POST", "/body", body=b"{}").status == 415
+        assert ask(port, "POST", "/body", body=iter([b"{}"])).status == 415

@@ -1,0 +1,275 @@
+"""The OpenAPI document: whole, true of what the service takes and gives, with worked examples."""
+
+import json
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from typing import Any
+
+import jsonschema_rs
+import pytest
+import schemathesis
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
+from pydantic import BaseModel, ValidationError
+from schemathesis.config import SchemathesisConfig as Config
+
+from api.main import create_app
+from api.openapi import operations
+from api.requests import RefinementRequest, SweepRequest, ValidationRequest
+from api.settings import load_settings
+from syncplan.planning.plan_files import PlanFile
+from syncplan.reports.schemas import SweepReport
+from syncplan.scenario.loading import is_plan
+from syncplan.scenario.specification import Scenario
+from tests.tools.record_examples import BINARY, SCENARIO
+from tests.tools.serving import ROOT
+
+MEDIA = ("application/json", "application/yaml")
+WITHOUT_BODY = {"204", "304"}
+UNSECURED = {
+    "checkHealth",
+    "checkReadiness",
+    "readScenarioSchema",
+    "readPlanSchema",
+}
+NAMES = {
+    "createPlan",
+    "listPlans",
+    "readPlan",
+    "deletePlan",
+    "refinePlan",
+    "validatePlan",
+    "sweepScenario",
+    "listJobs",
+    "readJob",
+    "followJob",
+    "cancelJob",
+    "readJobResult",
+    "readJobTrials",
+    "previewScenario",
+    "readPlanFigure",
+    "readJobFigure",
+    "exportPlan",
+    "readScenarioSchema",
+    "readPlanSchema",
+    "checkHealth",
+    "checkReadiness",
+    "readMetrics",
+}
+
+Tree = dict[str, Any]
+
+DOCUMENT: Tree = create_app(load_settings(data_dir="/nowhere", max_trials=7777)).openapi()
+BY_NAME = {one["operationId"]: one for one in operations(DOCUMENT)}
+
+
+def _valid(schema: Tree, value: object) -> bool:
+    whole = {**schema, "components": DOCUMENT["components"]}
+    return bool(jsonschema_rs.validator_for(whole).is_valid(value))
+
+
+def _faults(schema: Tree, value: object) -> list[str]:
+    whole = {**schema, "components": DOCUMENT["components"]}
+    return [str(one) for one in jsonschema_rs.validator_for(whole).iter_errors(value)]
+
+
+def test_operations_have_short_names_that_stay() -> None:
+    assert set(BY_NAME) == NAMES
+
+
+def test_references_lead_somewhere() -> None:
+    for reference in set(_references(DOCUMENT)):
+        node: Any = DOCUMENT
+        for part in reference.removeprefix("#/").split("/"):
+            assert part in node, reference
+            node = node[part]
+
+
+def _references(node: Any) -> Iterator[str]:
+    if isinstance(node, dict):
+        if isinstance(node.get("$ref"), str):
+            yield node["$ref"]
+        for inner in node.values():
+            yield from _references(inner)
+    elif isinstance(node, list):
+        for inner in node:
+            yield from _references(inner)
+
+
+def test_the_document_is_made_when_it_is_first_asked_for() -> None:
+    code = (
+        "import sys, api.openapi as o; o._completed = lambda *a: sys.exit(3);"
+        "from api.main import create_app; from api.settings import load_settings;"
+        "app = create_app(load_settings(data_dir='/nowhere')); app.openapi()"
+    )
+    made = subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False)
+    assert made.returncode == 3
+    code = code.replace("; app.openapi()", "")
+    made = subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False)
+    assert made.returncode == 0
+
+
+@pytest.mark.parametrize("name", sorted(NAMES))
+def test_every_answer_of_an_operation_has_a_true_example(name: str) -> None:
+    for status, response in BY_NAME[name]["responses"].items():
+        assert response["description"] not in ("", "Successful Response")
+        if status in WITHOUT_BODY:
+            assert "content" not in response
+            continue
+        ((medium, content),) = response["content"].items()
+        if medium in BINARY:
+            continue
+        examples = [one["value"] for one in content.get("examples", {}).values()]
+        examples += [content["example"]] if "example" in content else []
+        assert examples, status
+        for example in examples:
+            assert _faults(content["schema"], example) == []
+        if int(status) >= 400:
+            assert medium == "application/problem+json"
+            assert {one["status"] for one in examples} == {int(status)}
+
+
+@pytest.mark.parametrize(
+    "name", ["createPlan", "previewScenario", "refinePlan", "validatePlan", "sweepScenario"]
+)
+def test_bodies_are_json_and_yaml_with_true_examples(name: str) -> None:
+    body = BY_NAME[name]["requestBody"]
+    assert body["required"] == (name not in ("refinePlan", "validatePlan"))
+    assert tuple(body["content"]) == MEDIA
+    for content in body["content"].values():
+        assert content["examples"]
+        for example in content["examples"].values():
+            assert _faults(content["schema"], example["value"]) == []
+
+
+@pytest.mark.parametrize("name", sorted(NAMES - UNSECURED))
+def test_secured_operations_say_so(name: str) -> None:
+    operation = BY_NAME[name]
+    assert operation["security"] == [{"ApiKey": []}]
+    assert "WWW-Authenticate" in operation["responses"]["401"]["headers"]
+    scheme = DOCUMENT["components"]["securitySchemes"]["ApiKey"]
+    assert (scheme["type"], scheme["scheme"]) == ("http", "bearer")
+
+
+@pytest.mark.parametrize("name", sorted(NAMES))
+def test_headers_are_documented(name: str) -> None:
+    responses = BY_NAME[name]["responses"]
+    for status, response in responses.items():
+        assert "X-Request-ID" in response["headers"], status
+        if status in ("429", "503"):
+            assert "Retry-After" in response["headers"]
+        if status == "202" or (name == "createPlan" and status == "201"):
+            assert "Location" in response["headers"]
+    if name in ("createPlan", "readPlan"):
+        assert all("ETag" in responses[one]["headers"] for one in responses if one < "400")
+    named = {one["name"] for one in BY_NAME[name].get("parameters", [])}
+    posted = {
+        "createPlan",
+        "previewScenario",
+        "refinePlan",
+        "validatePlan",
+        "sweepScenario",
+        "cancelJob",
+    }
+    assert ("Idempotency-Key" in named) == (name in posted)
+
+
+def test_no_parameter_may_be_null_for_null_cannot_be_sent() -> None:
+    for operation in BY_NAME.values():
+        for parameter in operation.get("parameters", []):
+            assert "null" not in json.dumps(parameter["schema"])
+
+
+def test_the_limits_of_this_service_are_in_its_schemas() -> None:
+    schemas = DOCUMENT["components"]["schemas"]
+    assert schemas["ValidationRequest"]["properties"]["trials"]["maximum"] == 7777
+    assert schemas["SweepRequest"]["properties"]["trials"]["maximum"] == 7777
+    limit = schemas["RefinementRequest"]["properties"]["time_limit_s"]["anyOf"][0]
+    assert limit["maximum"] == 600.0
+
+
+@pytest.mark.parametrize(
+    ("swept", "valid"),
+    [
+        ({}, False),
+        ({"range_m": [50.0]}, True),
+        ({"range_m": [50.0], "radius_m": None}, True),
+        ({"range_m": []}, False),
+        ({"range_m": None}, False),
+        ({"range_m": [50.0], "radius_m": [20.0]}, False),
+    ],
+)
+def test_the_schema_of_sweeps_wants_exactly_one_key(swept: Tree, valid: bool) -> None:
+    request = {"scenario": SCENARIO, "trials": 1, **swept}
+    assert _valid({"$ref": "#/components/schemas/SweepRequest"}, request) == valid
+    try:
+        SweepRequest.model_validate(request)
+    except ValidationError:
+        assert not valid
+    else:
+        assert valid
+
+
+def test_a_sweep_report_is_what_its_model_says() -> None:
+    examples = BY_NAME["readJobResult"]["responses"]["200"]["content"]["application/json"]
+    report = examples["examples"]["sweep"]["value"]
+    assert set(examples["examples"]) == {"validation", "refinement", "sweep"}
+    SweepReport.model_validate(report)
+
+
+def _bodies(path: str) -> st.SearchStrategy[Any]:
+    """Bodies that the document's schema of a POST allows."""
+    schema = schemathesis.openapi.from_dict(DOCUMENT, config=Config())
+    return schema[path]["POST"].as_strategy()
+
+
+def _faults_of(model: type[BaseModel], body: object) -> list[Any]:
+    try:
+        model.model_validate(body)
+    except ValidationError as error:
+        return list(error.errors())
+    return []
+
+
+def _beyond_a_schema(fault: Any) -> bool:
+    """A rule that spans keys, or a whole number written as 2.0: an integer to JSON Schema."""
+    whole = isinstance(fault["input"], float) and fault["input"].is_integer()
+    return fault["type"] == "rule" or (fault["type"] == "int_type" and whole)
+
+
+@pytest.mark.parametrize(
+    ("path", "model"),
+    [
+        ("/v1/plans", None),
+        ("/v1/previews", None),
+        ("/v1/plans/{plan_id}/refinements", RefinementRequest),
+        ("/v1/plans/{plan_id}/validations", ValidationRequest),
+        ("/v1/sweeps", SweepRequest),
+    ],
+)
+def test_what_the_schema_allows_breaks_no_rule_about_a_single_key(
+    path: str, model: type[BaseModel] | None
+) -> None:
+    seen: Counter[str] = Counter()
+
+    @given(case=_bodies(path))
+    @settings(
+        max_examples=60,
+        derandomize=True,
+        database=None,
+        deadline=None,
+        phases=[Phase.generate],
+        suppress_health_check=list(HealthCheck),
+    )
+    def check(case: Any) -> None:
+        if not isinstance(case.body, dict):
+            return
+        kind = model or (PlanFile if is_plan(case.body) else Scenario)
+        seen[kind.__name__] += 1
+        assert [fault for fault in _faults_of(kind, case.body) if not _beyond_a_schema(fault)] == []
+
+    check()
+    assert set(seen) == ({"PlanFile", "Scenario"} if model is None else {model.__name__})
+    assert min(seen.values()) > (3 if model is None else 20)

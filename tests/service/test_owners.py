@@ -1,0 +1,202 @@
+"""What one owner has is nothing to another: every operation that takes an identifier, tried."""
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import httpx2
+import pytest
+
+from api.main import create_app
+from tests.tools.api_servers import events_of, operations_of, problem, serving, speaking
+from tests.tools.scenarios import document
+from tests.tools.serving import Server, wait_until
+
+NOBODY = "01a1fd95-df6b-7a20-9383-c20e93a41e86"
+LONG = {"trials": 60_000}
+OPERATIONS = operations_of(create_app().openapi())
+WITH_IDENTIFIER = [(method, path) for method, path in OPERATIONS if "{" in path]
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """A service with two owners."""
+    with serving(tmp_path_factory.mktemp("owners"), "ann bob") as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def ann(server: Server) -> Iterator[httpx2.Client]:
+    """The one who has plans and jobs."""
+    with speaking(server, "ann") as http:
+        yield http
+
+
+@pytest.fixture(scope="module")
+def bob(server: Server) -> Iterator[httpx2.Client]:
+    """The one who has none of them."""
+    with speaking(server, "bob") as http:
+        yield http
+
+
+@pytest.fixture(scope="module")
+def ended(ann: httpx2.Client) -> str:
+    """A validation of Ann's that has succeeded."""
+    at: str = ann.post(f"/v1/plans/{planned(ann)}/validations", json={"trials": 2}).json()["id"]
+    wait_until(lambda: state_of(ann, at) == "succeeded", 180.0)
+    return at
+
+
+@pytest.fixture
+def running(ann: httpx2.Client) -> Iterator[str]:
+    """A validation of Ann's that goes on until the test has ended."""
+    at: str = ann.post(f"/v1/plans/{planned(ann)}/validations", json=LONG).json()["id"]
+    yield at
+    ann.post(f"/v1/jobs/{at}/cancel")
+
+
+def planned(http: httpx2.Client) -> str:
+    """Return the identifier of a new plan."""
+    answer = http.post("/v1/plans", json=document())
+    assert answer.status_code == 201
+    made: str = answer.json()["id"]
+    return made
+
+
+def state_of(http: httpx2.Client, job_id: str) -> str:
+    """Return the state of a job."""
+    state: str = http.get(f"/v1/jobs/{job_id}").json()["state"]
+    return state
+
+
+def ask(
+    http: httpx2.Client, method: str, path: str, identifiers: dict[str, str], **options: Any
+) -> httpx2.Response:
+    """Ask for an operation; one with an identifier of a kind not known here fails the test."""
+    named = {"format": "csv", "figure": "accuracy" if "/jobs/" in path else "formation"}
+    url = re.sub(r"\{(\w+)\}", lambda found: {**named, **identifiers}[found[1]], path)
+    headers = {"accept": "*/*", **options.pop("headers", {})}
+    with http.stream(method, url, headers=headers, **options) as answer:
+        if answer.headers.get("content-type", "").startswith("text/event-stream"):
+            return answer
+        answer.read()
+    return answer
+
+
+def test_the_operations_tried_are_those_that_are_served(ann: httpx2.Client) -> None:
+    assert operations_of(ann.get("/openapi.json").json()) == OPERATIONS
+    assert len(WITH_IDENTIFIER) >= 9
+
+
+@pytest.mark.parametrize(("method", "path"), WITH_IDENTIFIER)
+def test_what_is_anothers_is_not_there(
+    ann: httpx2.Client, bob: httpx2.Client, ended: str, running: str, method: str, path: str
+) -> None:
+    """Finished or at work, a job is nothing to Bob; what he tries is what Ann then can do."""
+    plan = planned(ann)
+    for job in (ended, running):
+        identifiers = {"plan_id": plan, "job_id": job}
+        state = state_of(ann, job)
+        nobody = ask(bob, method, path, dict.fromkeys(identifiers, NOBODY))
+        refused = ask(bob, method, path, identifiers)
+        told = problem(refused, 404)
+        # not to be told from what there never was
+        for identifier in identifiers.values():
+            told_of_nobody = told.detail.replace(identifier, NOBODY)
+            told = told.model_copy(update={"detail": told_of_nobody})
+        assert told.detail == problem(nobody, 404).detail
+        assert "etag" not in refused.headers
+        # nothing has happened
+        assert ann.get(f"/v1/plans/{plan}").status_code == 200
+        assert state_of(ann, job) == state or {state, state_of(ann, job)} == {"queued", "running"}
+    # and there is something to be refused
+    answer = ask(ann, method, path, {"plan_id": plan, "job_id": ended})
+    assert answer.status_code in ({409} if "cancel" in path else {200, 202, 204})
+    if answer.status_code == 202:
+        ann.post(f"{answer.headers['location']}/cancel")
+
+
+@pytest.mark.parametrize("header", [{"if-match": "*"}, {"if-none-match": "*"}])
+def test_no_condition_opens_what_is_anothers(
+    ann: httpx2.Client, bob: httpx2.Client, header: dict[str, str]
+) -> None:
+    plan = f"/v1/plans/{planned(ann)}"
+    header = {name: ann.get(plan).headers["etag"] for name in header} | header
+    for method in ("GET", "DELETE"):
+        problem(bob.request(method, plan, headers=header), 404)
+    assert ann.get(plan).status_code == 200
+
+
+def test_streams_of_anothers_job_tell_nothing_from_any_event_on(
+    ann: httpx2.Client, bob: httpx2.Client, ended: str
+) -> None:
+    with ann.stream("GET", f"/v1/jobs/{ended}/events") as answer:
+        count = len(list(events_of(answer)))
+    for last in (0, 1, count):
+        headers = {"last-event-id": str(last)}
+        problem(bob.get(f"/v1/jobs/{ended}/events", headers=headers), 404)
+
+
+def test_lists_hold_ones_own_alone_wherever_they_begin(
+    ann: httpx2.Client, bob: httpx2.Client, ended: str
+) -> None:
+    first, own, last = planned(ann), planned(bob), planned(ann)
+    listed = [one["id"] for one in bob.get("/v1/plans?limit=200").json()["items"]]
+    assert own in listed
+    assert not {first, last} & set(listed)
+    after = bob.get(f"/v1/plans?limit=200&before={last}").json()["items"]
+    assert [one["id"] for one in after] == listed
+    assert {first, last} <= {one["id"] for one in ann.get("/v1/plans?limit=200").json()["items"]}
+
+    job = bob.post(f"/v1/plans/{own}/validations", json={"trials": 1}).json()["id"]
+    for query in ("", f"&before={'f' * 8}-0000-7000-8000-000000000000"):
+        found = [one["id"] for one in bob.get(f"/v1/jobs?limit=200{query}").json()["items"]]
+        assert found == [job]
+    assert bob.get(f"/v1/jobs?before={ended}").json()["items"] == []
+    assert job not in {one["id"] for one in ann.get("/v1/jobs?limit=200").json()["items"]}
+
+
+POSTS = [(method, path) for method, path in OPERATIONS if method == "POST"]
+
+
+@pytest.mark.parametrize(("method", "path"), POSTS)
+def test_an_idempotency_key_is_its_owners(
+    ann: httpx2.Client, bob: httpx2.Client, running: str, method: str, path: str
+) -> None:
+    """The same request under the same key: Bob never gets the answer that Ann got."""
+    bodies = {
+        "/v1/plans": document(),
+        "/v1/previews": document(),
+        "/v1/sweeps": {"scenario": document(), "range_m": [50.0], "trials": 1},
+    }
+    body = bodies.get(path, {})
+    headers = {"idempotency-key": f"shared-{path}".replace("{", "").replace("}", "")}
+    identifiers = {"plan_id": planned(ann), "job_id": running}
+    hers = ask(ann, method, path, identifiers, json=body, headers=headers)
+    assert hers.is_success, hers.text
+    his = ask(bob, method, path, identifiers, json=body, headers=headers)
+    if "{" in path:
+        problem(his, 404)
+    elif path == "/v1/previews":
+        # keeps nothing, so that equal bodies have equal answers
+        assert his.is_success
+    else:
+        assert his.is_success
+        assert his.headers["location"] != hers.headers["location"]
+        problem(ann.get(his.headers["location"]), 404)
+        problem(bob.get(hers.headers["location"]), 404)
+    again = ask(ann, method, path, identifiers, json=body, headers=headers)
+    assert (again.status_code, again.content) == (hers.status_code, hers.content)
+
+
+def test_a_plan_refined_and_its_parent_stay_their_owners(
+    ann: httpx2.Client, bob: httpx2.Client
+) -> None:
+    plan = planned(ann)
+    options = {"starts": 1, "objective": "logdet", "time_limit_s": 1e-6}
+    job = ann.post(f"/v1/plans/{plan}/refinements", json=options).headers["location"]
+    wait_until(lambda: ann.get(job).json()["state"] == "succeeded", 180.0)
+    refined = ann.get(job).json()["result_plan_id"]
+    assert ann.get(f"/v1/plans/{refined}").json()["parent_id"] == plan
+    problem(bob.get(f"/v1/plans/{refined}"), 404)
+    problem(bob.delete(f"/v1/plans/{refined}"), 404)

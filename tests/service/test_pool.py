@@ -1,0 +1,292 @@
+"""Child processes of the service: tasks in order, given up at once, gone with their parent."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from api.computing.child import Child, ChildGoneError, TaskFailedError, TooSlowError
+from api.computing.pool import GivenUpError, Pool, PoolFullError, Ticket
+from api.computing.tasks import Cut, JobSpec, PlanText
+from api.jobs.batching import cuts_of
+from api.limits import Limits
+from syncplan.errors import InputError, NoSolutionError
+from syncplan.estimation.trials import CHUNK_TRIALS
+from syncplan.planning.planner import plan
+from syncplan.planning.validation import validate
+from syncplan.reports.plan_report import plan_document
+from syncplan.reports.validation_report import validation_document
+from syncplan.runtime.files import as_text
+from tests.tools.scenarios import FILES, example
+
+pytestmark = pytest.mark.alone
+
+LIMITS = Limits(
+    vehicles=200, samples=20_000, trials=100_000, run_s=1e5, refine_s=600.0, sweep_values=50
+)
+GRID = (FILES / "paper-grid-same.yaml").read_bytes()
+
+
+@pytest.fixture(scope="module")
+def pool() -> Iterator[Pool]:
+    made = Pool(1, background=True)
+    yield made
+    made.close()
+
+
+@pytest.fixture(scope="module")
+def made(pool: Pool) -> PlanText:
+    result = pool.call("made_plan", GRID, "yaml", LIMITS, False)
+    assert isinstance(result, PlanText)
+    return result
+
+
+def spec_of(made: PlanText, pool: Pool, **request: object) -> JobSpec:
+    body = json.dumps(request).encode()
+    checked, _ = pool.call("checked_request", "validation", body, "json", LIMITS, made.text)
+    return JobSpec("job", "validation", checked, made.text)
+
+
+def long_flight(pool: Pool, made: PlanText) -> Ticket:
+    """A task that takes minutes."""
+    request = '{"trials": 100000, "seed": 0, "model": "arc", "substeps": 10, "series": false}'
+    spec = JobSpec("job", "validation", request, made.text)
+    return pool.submit("flown_part", spec, Cut(0, 0, 100_000))
+
+
+def processes_of(parent: int) -> list[int]:
+    """Children of a process."""
+    found = Path(f"/proc/{parent}/task/{parent}/children")
+    every = [
+        Path(f"/proc/{parent}/task") / task / "children" for task in os.listdir(found.parents[1])
+    ]
+    return [int(one) for file in every for one in file.read_text().split()]
+
+
+def test_a_plan_made_by_a_child_is_the_librarys_to_the_byte(made: PlanText) -> None:
+    assert made.text == as_text(plan_document(plan(example("paper-grid-same"))).as_json())
+
+
+def test_a_fault_of_a_task_is_no_error_that_clients_are_told_of(pool: Pool) -> None:
+    with pytest.raises(TaskFailedError, match="Traceback"):
+        pool.call("made_plan", None, "json", LIMITS, False)
+
+
+def test_parts_flown_by_children_come_to_the_librarys_report(pool: Pool, made: PlanText) -> None:
+    spec = spec_of(made, pool, trials=40, seed=5, duration_s=20.0)
+    cuts = [Cut(0, 16, 24), Cut(0, 0, 16)]
+    report, trials = pool.call(
+        "finished_report", spec, [(cut, pool.call("flown_part", spec, cut)) for cut in cuts]
+    )
+    whole = validate(example("paper-grid-same"), trials=40, seed=5, duration=20.0)
+    assert report == as_text(validation_document(whole).as_json())
+    assert trials
+
+
+def test_bad_input_comes_back_as_the_librarys_error(pool: Pool) -> None:
+    with pytest.raises(InputError) as caught:
+        pool.call("made_plan", b'{"orbit": 3}', "json", LIMITS, False)
+    assert caught.value.faults[0].key == "orbit"
+    assert len(caught.value.faults) == 3
+
+
+def test_what_has_no_solution_comes_back_as_the_librarys_error(pool: Pool) -> None:
+    body = json.dumps(
+        {
+            "orbit": {"radius_m": 50.0, "angular_rate_rad_s": 0.2, "direction": "ccw"},
+            "formation": {"count": 8, "links": [["v1", f"v{k}"] for k in range(2, 9)]},
+            "sensor": {"range_m": 10.0, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1},
+        }
+    )
+    with pytest.raises(NoSolutionError, match="at most 6"):
+        pool.call("made_plan", body.encode(), "json", LIMITS, False)
+
+
+@pytest.mark.parametrize(
+    ("limits", "key"), [({"vehicles": 5}, "formation"), ({"samples": 100}, "duration_s")]
+)
+def test_what_is_above_a_limit_is_refused(pool: Pool, limits: dict[str, int], key: str) -> None:
+    with pytest.raises(InputError) as caught:
+        pool.call("made_plan", GRID, "yaml", replace(LIMITS, **limits), False)
+    assert caught.value.key.startswith(key)
+
+
+def test_a_task_given_up_stops_at_once_and_the_next_one_is_done(pool: Pool, made: PlanText) -> None:
+    ticket = long_flight(pool, made)
+    time.sleep(0.5)
+    began = time.monotonic()
+    ticket.cancel()
+    with pytest.raises(GivenUpError):
+        ticket.future.result(timeout=5.0)
+    assert time.monotonic() - began < 2.0
+    assert pool.call("made_plan", GRID, "yaml", LIMITS, False) == made
+
+
+def test_a_task_given_up_before_its_turn_is_never_begun(pool: Pool, made: PlanText) -> None:
+    first, second = long_flight(pool, made), long_flight(pool, made)
+    second.cancel()
+    first.cancel()
+    for ticket in (first, second):
+        with pytest.raises(GivenUpError):
+            ticket.future.result(timeout=5.0)
+
+
+def test_a_task_that_takes_too_long_is_stopped(pool: Pool, made: PlanText) -> None:
+    spec = spec_of(made, pool, trials=100_000)
+    with pytest.raises(TooSlowError):
+        pool.call("flown_part", spec, Cut(0, 0, 100_000), timeout_s=0.5)
+    assert pool.call("made_plan", GRID, "yaml", LIMITS, False) == made
+
+
+def test_a_task_whose_process_dies_is_done_by_another(pool: Pool, made: PlanText) -> None:
+    spec = spec_of(made, pool, trials=1600, duration_s=200.0)
+    ticket = pool.submit("flown_part", spec, Cut(0, 0, 1600))
+    time.sleep(0.4)
+    for one in processes_of(os.getpid()):
+        os.kill(one, signal.SIGKILL)
+    assert ticket.future.result(timeout=60.0)
+
+
+def test_a_task_whose_process_dies_each_time_is_given_back(
+    made: PlanText, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def gone(self: Child, *_: object, **__: object) -> None:
+        raise ChildGoneError("killed")
+
+    monkeypatch.setattr(Child, "call", gone)
+    pool = Pool(1, background=False)
+    with pytest.raises(ChildGoneError):
+        pool.call("made_plan", GRID, "yaml", LIMITS, False)
+    pool.close()
+
+
+def test_more_tasks_than_may_wait_are_refused(made: PlanText) -> None:
+    pool = Pool(1, background=True, most_waiting=1)
+    try:
+        pool.call("made_plan", GRID, "yaml", LIMITS, False)
+        tickets = [long_flight(pool, made)]
+        time.sleep(0.3)
+        tickets.append(long_flight(pool, made))
+        with pytest.raises(PoolFullError):
+            long_flight(pool, made)
+    finally:
+        pool.close()
+    for ticket in tickets:
+        with pytest.raises(GivenUpError):
+            ticket.future.result(timeout=5.0)
+
+
+def test_children_die_with_a_parent_that_is_killed() -> None:
+    code = (
+        "import time; from api.computing.pool import Pool; from tests.service.test_pool import *; "
+        "p = Pool(1, background=True); m = p.call('made_plan', GRID, 'yaml', LIMITS, False); "
+        "long_flight(p, m); print('at work', flush=True); time.sleep(60)"
+    )
+    root = Path(__file__).parents[2]
+    parent = subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, cwd=root, text=True
+    )
+    assert parent.stdout is not None
+    with parent.stdout:
+        assert parent.stdout.readline() == "at work\n"
+    children = processes_of(parent.pid)
+    assert children
+    parent.kill()
+    parent.wait()
+    deadline = time.monotonic() + 5.0
+    while any(_alive(one) for one in children) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not any(_alive(one) for one in children)
+
+
+def _alive(process: int) -> bool:
+    try:
+        return Path(f"/proc/{process}/stat").read_text().split()[2] != "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+@pytest.mark.parametrize(
+    ("trials", "seconds"), [(1, 0.001), (200, 0.002), (100_000, 0.002), (5000, 3.0), (47, 0.5)]
+)
+def test_parts_cover_each_run_once_in_whole_chunks(trials: int, seconds: float) -> None:
+    cuts = cuts_of([(trials, seconds), (trials, 2 * seconds)], 7.0, 2)
+    for run in (0, 1):
+        own = [cut for cut in cuts if cut.run == run]
+        assert own[0].first_trial == 0
+        assert all(cut.first_trial % CHUNK_TRIALS == 0 and cut.trials > 0 for cut in own)
+        assert all(a.first_trial + a.trials == b.first_trial for a, b in pairwise(own))
+        assert own[-1].first_trial + own[-1].trials == trials
+
+
+def test_parts_of_a_long_run_take_about_what_they_should() -> None:
+    cuts = cuts_of([(100_000, 0.002)], 7.0, 2)
+    assert all(5.0 < 0.002 * cut.trials < 10.0 for cut in cuts)
+
+
+def test_a_short_run_is_cut_for_all_processes_and_a_shorter_one_is_not_cut() -> None:
+    assert len(cuts_of([(2000, 0.002)], 7.0, 2)) == 2
+    assert len(cuts_of([(200, 0.002)], 7.0, 2)) == 1
+
+
+@pytest.mark.parametrize("processes", [1, 2, 3, 8])
+def test_no_process_waits_for_a_last_part_of_another(processes: int) -> None:
+    for trials in range(5_000, 60_000, 1_700):
+        assert len(cuts_of([(trials, 0.002)], 7.0, processes)) % processes == 0, trials
+
+
+def test_a_pool_outlives_a_system_without_room_for_a_process(
+    made: PlanText, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begin = Child.__init__
+    refused: list[int] = []
+
+    def refuse_twice(self: Child, *, background: bool) -> None:
+        if len(refused) < 2:
+            refused.append(1)
+            raise OSError(12, "Cannot allocate memory")
+        begin(self, background=background)
+
+    monkeypatch.setattr(Child, "__init__", refuse_twice)
+    pool = Pool(1, background=False)
+    assert pool.call("made_plan", GRID, "yaml", LIMITS, False) == made
+    assert len(refused) == 2
+    pool.close()
+
+
+def test_a_caller_who_went_away_harms_nobody(pool: Pool, made: PlanText) -> None:
+    first = long_flight(pool, made)
+    waiting = pool.submit("made_plan", GRID, "yaml", LIMITS, False)
+    assert waiting.future.cancel()
+    first.cancel()
+    first.future.exception(timeout=5.0)
+    assert pool.call("made_plan", GRID, "yaml", LIMITS, False) == made
+
+
+def test_a_pool_closes_though_a_caller_went_away(made: PlanText) -> None:
+    pool = Pool(1, background=True)
+    pool.call("made_plan", GRID, "yaml", LIMITS, False)
+    running = long_flight(pool, made)
+    waiting = [pool.submit("made_plan", GRID, "yaml", LIMITS, False) for _ in range(2)]
+    waiting[0].future.cancel()
+    pool.close()
+    for ticket in (running, waiting[1]):
+        with pytest.raises(GivenUpError):
+            ticket.future.result(timeout=5.0)
+
+
+def test_a_task_that_waited_too_long_for_its_turn_is_refused(pool: Pool, made: PlanText) -> None:
+    first = long_flight(pool, made)
+    waiting = pool.submit("made_plan", GRID, "yaml", LIMITS, False, timeout_s=0.2)
+    time.sleep(0.4)
+    first.cancel()
+    with pytest.raises(PoolFullError):
+        waiting.future.result(timeout=5.0)

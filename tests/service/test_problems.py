@@ -1,0 +1,457 @@
+"""Problems: every failure of a request is one document, and no trace leaves the house."""
+
+import errno
+import json
+import logging
+import sqlite3
+from collections.abc import Iterator
+from typing import Annotated, Any
+
+import pytest
+from fastapi import APIRouter, Body, FastAPI, Query, Request
+from fastapi.responses import StreamingResponse
+from fastapi.testclient import TestClient
+from pydantic import BaseModel
+from sqlalchemy.exc import IntegrityError, InterfaceError, OperationalError
+from sqlalchemy.exc import TimeoutError as PoolTimeout
+from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
+
+from api import problems
+from api.computing.child import TaskFailedError
+from api.problems import problem_responses
+from api.problems.problem_document import printable, shown, title_of
+from api.problems.table import failure_of
+from syncplan.errors import InputError, NoSolutionError, SyncplanError
+from tests.tools.api_apps import BODY_LIMIT, ask, bare_app, served
+
+SECRET = "hush-hush"
+
+
+class DiskFullError(Exception):
+    """What psycopg raises when the server's disk is full."""
+
+    sqlstate = "53100"
+
+
+class Fault:
+    """One of the faults an error may list."""
+
+    def __init__(self, key: str, value: object, problem: str) -> None:
+        self.key, self.value, self.problem = key, value, problem
+
+
+def _listing() -> InputError:
+    error = InputError("-5: must be greater than 0", key="sensor.range_m")
+    faults = (Fault("sensor.range_m", -5, "must be greater than 0"), Fault("name", "x", "no"))
+    vars(error)["faults"] = faults
+    return error
+
+
+def _locked(text: str) -> OperationalError:
+    return OperationalError(f"INSERT {SECRET}", {}, sqlite3.OperationalError(text))
+
+
+RAISED: dict[str, tuple[Exception, int]] = {
+    "input": (InputError("-5: must be greater than 0", key="sensor.range_m"), 422),
+    "listing": (_listing(), 422),
+    "solution": (NoSolutionError("no phases keep every link"), 422),
+    "task": (TaskFailedError(f"Traceback {SECRET}"), 500),
+    "purpose": (SyncplanError("the search broke down"), 500),
+    "locked": (_locked("database is locked"), 503),
+    "full": (_locked("database or disk is full"), 507),
+    "full-server": (OperationalError(SECRET, {}, DiskFullError(SECRET)), 507),
+    "interface": (InterfaceError(SECRET, {}, sqlite3.InterfaceError("closed")), 503),
+    "pool": (PoolTimeout("QueuePool limit reached"), 503),
+    "integrity": (IntegrityError(SECRET, {}, sqlite3.IntegrityError(SECRET)), 500),
+    "invalidated": (
+        IntegrityError(SECRET, {}, sqlite3.IntegrityError(), connection_invalidated=True),
+        503,
+    ),
+    "memory": (MemoryError(), 503),
+    "disk": (OSError(errno.ENOSPC, "No space left on device", SECRET), 507),
+    "file": (OSError(errno.ENOENT, SECRET), 500),
+    "gone": (ClientDisconnect(), 400),
+    "runtime": (RuntimeError(SECRET), 500),
+    "recursion": (RecursionError(SECRET), 500),
+    "group": (ExceptionGroup(SECRET, [ValueError(SECRET)]), 500),
+    "teapot": (HTTPException(418, "short and stout", {"x-spout": "left"}), 418),
+    "not-found": (problems.NotFound("no plan has the id 7"), 404),
+    "conflict": (problems.Conflict("the job has ended"), 409),
+    "precondition": (problems.PreconditionFailed("the plan is another"), 412),
+    "many": (problems.TooManyRequests("20 jobs are unfinished", retry_after_s=1.2), 429),
+    "unavailable": (problems.Unavailable("starting", retry_after_s=0.0), 503),
+    "reused": (problems.KeyReused(), 422),
+    "unauthorized": (problems.Unauthorized(), 401),
+    "storage": (problems.StorageFull(), 507),
+    "work": (problems.TooMuchWork("1e6: at most 100", path="trials", value=10**6), 422),
+}
+
+
+class Given(BaseModel):
+    """A body with one number in it."""
+
+    numbers: list[float]
+
+
+def _app() -> FastAPI:
+    app = bare_app()
+    router = APIRouter()
+
+    @router.get("/raise/{name}")
+    def fail(name: str) -> None:
+        raise RAISED[name][0]
+
+    @router.post("/numbers", responses=problem_responses(400, 413, 429))
+    def numbers(given: Given, limit: Annotated[int, Query(ge=1)] = 1) -> int:
+        return limit
+
+    @router.get("/numbers")
+    def no_numbers() -> list[int]:
+        return []
+
+    @router.post("/raw", responses=problem_responses(422))
+    async def raw(request: Request) -> int:
+        return len(await request.body())
+
+    @router.post("/embedded")
+    def embedded(number: Annotated[int, Body(embed=True)]) -> int:
+        return number
+
+    @router.get("/broken")
+    def broken() -> StreamingResponse:
+        def pieces() -> Iterator[bytes]:
+            yield b"first"
+            raise RuntimeError(SECRET)
+
+        return StreamingResponse(pieces())
+
+    @router.get("/late")
+    def late() -> StreamingResponse:
+        def pieces() -> Iterator[bytes]:
+            yield b"first"
+            raise InputError(SECRET)
+
+        return StreamingResponse(pieces())
+
+    app.include_router(router, prefix="/v1")
+    return app
+
+
+@pytest.fixture(scope="module")
+def client() -> TestClient:
+    return TestClient(_app())
+
+
+@pytest.fixture(scope="module")
+def port() -> Iterator[int]:
+    with served(_app()) as number:
+        yield number
+
+
+def _check(response: Any, status: int) -> dict[str, Any]:
+    assert response.status_code == status
+    assert response.headers["content-type"] == "application/problem+json"
+    document: dict[str, Any] = response.json()
+    problems.Problem.model_validate(document)
+    assert document["status"] == status
+    if document["title"] == "No solution":
+        assert document["type"] == "urn:syncplan:no-solution"
+    else:
+        assert (document["type"], document["title"]) == ("about:blank", title_of(status))
+    assert document["request_id"] == response.headers["x-request-id"] != ""
+    assert SECRET not in response.text
+    return document
+
+
+@pytest.mark.parametrize("name", RAISED)
+def test_each_exception_is_answered_with_its_status(client: TestClient, name: str) -> None:
+    document = _check(client.get(f"/v1/raise/{name}"), RAISED[name][1])
+    assert document["instance"] == f"/v1/raise/{name}"
+
+
+def test_a_request_that_nothing_fulfils_is_told_from_a_bad_one(client: TestClient) -> None:
+    assert client.get("/v1/raise/solution").json()["title"] == "No solution"
+    assert client.get("/v1/raise/input").json()["title"] == "Unprocessable Content"
+
+
+def test_bad_input_names_path_and_message(client: TestClient) -> None:
+    document = client.get("/v1/raise/input").json()
+    assert document["title"] == "Unprocessable Content"
+    assert document["detail"] == "sensor.range_m: -5: must be greater than 0"
+    assert document["errors"] == [
+        {"path": "sensor.range_m", "message": "-5: must be greater than 0"}
+    ]
+
+
+def test_every_fault_of_bad_input_is_listed(client: TestClient) -> None:
+    assert client.get("/v1/raise/listing").json()["errors"] == [
+        {"path": "sensor.range_m", "value": -5, "message": "must be greater than 0"},
+        {"path": "name", "value": "x", "message": "no"},
+    ]
+
+
+def test_of_many_faults_the_first_ones_are_listed() -> None:
+    error = _listing()
+    vars(error)["faults"] *= 100
+    assert len(failure_of(error).errors) == 50
+
+
+def test_too_much_work_names_the_limit_it_breaks(client: TestClient) -> None:
+    assert client.get("/v1/raise/work").json()["errors"] == [
+        {"path": "trials", "value": 10**6, "message": "1e6: at most 100"}
+    ]
+
+
+@pytest.mark.parametrize(
+    ("name", "seconds"), [("many", "2"), ("unavailable", "1"), ("locked", "2"), ("memory", "2")]
+)
+def test_who_may_try_again_is_told_when(client: TestClient, name: str, seconds: str) -> None:
+    assert client.get(f"/v1/raise/{name}").headers["retry-after"] == seconds
+
+
+def test_headers_of_an_http_exception_are_kept(client: TestClient) -> None:
+    response = client.get("/v1/raise/teapot")
+    assert response.headers["x-spout"] == "left"
+    assert response.json()["detail"] == "short and stout"
+
+
+def test_a_path_without_route_is_a_404(client: TestClient) -> None:
+    document = _check(client.get("/v1/no%20thing?x=1"), 404)
+    assert document["detail"] == "there is nothing at this path"
+    assert document["instance"] == "/v1/no%20thing"
+
+
+def test_a_405_allows_every_method_of_the_path(client: TestClient) -> None:
+    response = client.put("/v1/numbers")
+    _check(response, 405)
+    assert response.headers["allow"] == "GET, POST"
+
+
+@pytest.mark.parametrize(
+    ("body", "path", "value"),
+    [
+        ('{"numbers": [1, "x"]}', "numbers[1]", "x"),
+        ('{"numbers": [NaN, {"a": [1]}]}', "numbers[1]", {"a": [1]}),
+        ('{"numbers": ["\\ud800\\n"]}', "numbers[0]", "\\ud800\\n"),
+        ('{"numbers": ["%s"]}' % ("long" * 100), "numbers[0]", "long" * 49 + "l..."),
+        ("{}", "numbers", None),
+        ("[1]", "", [1]),
+    ],
+)
+def test_an_invalid_body_is_a_422_that_says_where(
+    client: TestClient, body: str, path: str, value: object
+) -> None:
+    response = client.post(
+        "/v1/numbers", content=body, headers={"content-type": "application/json"}
+    )
+    first = _check(response, 422)["errors"][0]
+    assert first["path"] == path
+    assert first.get("value") == value
+
+
+def test_a_fault_of_the_query_says_so(client: TestClient) -> None:
+    response = client.post("/v1/numbers?limit=0", json={"numbers": []})
+    document = _check(response, 422)
+    assert document["errors"][0]["path"] == "query.limit"
+    assert document["errors"][0]["value"] == "0"
+    assert document["detail"].startswith("query.limit: ")
+
+
+def test_many_faults_are_counted_and_the_first_ones_listed(client: TestClient) -> None:
+    document = _check(client.post("/v1/numbers", json={"numbers": ["x"] * 90}), 422)
+    assert len(document["errors"]) == 50
+    assert document["detail"].endswith("(and 89 more)")
+
+
+@pytest.mark.parametrize(
+    ("body", "status"), [(b'{"numbers": }', 422), (b'{"numbers": "\xff"}', 400), (b"9" * 900, 422)]
+)
+def test_a_body_that_is_no_json_is_refused(client: TestClient, body: bytes, status: int) -> None:
+    response = client.post(
+        "/v1/numbers", content=body, headers={"content-type": "application/json"}
+    )
+    document = _check(response, status)
+    assert status != 422 or document["errors"][0]["path"] == ""
+
+
+@pytest.mark.parametrize("path", ["/v1/raw", "/v1/numbers", "/v1/embedded", "/v1/nothing"])
+def test_a_body_beyond_the_limit_is_a_413_problem(port: int, path: str) -> None:
+    header = {"content-type": "application/json", "x-request-id": "too-large"}
+    for body in (b"x" * (BODY_LIMIT + 1), b"x" * 5_000_000):
+        answer = ask(port, "POST", path, body=body, headers=header)
+        assert answer.status == 413
+        assert answer.headers["content-type"] == "application/problem+json"
+        assert answer.headers["x-request-id"] == "too-large"
+        document = json.loads(answer.body)
+        assert document["request_id"] == "too-large"
+        assert document["title"] == "Content Too Large"
+
+
+@pytest.mark.parametrize("path", ["/v1/raw", "/v1/numbers", "/v1/embedded"])
+def test_a_chunked_body_beyond_the_limit_is_a_413_problem(port: int, path: str) -> None:
+    header = {"content-type": "application/json", "x-request-id": "too-large"}
+    answer = ask(port, "POST", path, body=iter([b"x" * 400] * 3), headers=header)
+    assert answer.status == 413
+    assert answer.headers["content-type"] == "application/problem+json"
+    document = json.loads(answer.body)
+    assert document["request_id"] == "too-large"
+    assert document["detail"] == "the body is larger than 1000 bytes"
+
+
+def test_a_length_too_long_to_be_read_is_beyond_the_limit(client: TestClient) -> None:
+    length = {"content-length": "9" * 5000}
+    _check(client.post("/v1/raw", content=b"x", headers=length), 413)
+
+
+def test_a_body_of_just_the_limit_is_read(port: int) -> None:
+    text = {"content-type": "text/plain"}
+    whole = ask(port, "POST", "/v1/raw", body=b"x" * BODY_LIMIT, headers=text)
+    chunked = ask(port, "POST", "/v1/raw", body=iter([b"x" * 500] * 2), headers=text)
+    assert (whole.status, whole.body) == (chunked.status, chunked.body) == (200, b"1000")
+
+
+def test_a_crash_is_a_500_problem_and_the_log_has_its_trace_once(
+    port: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    answer = ask(port, "GET", "/v1/raise/runtime")
+    assert answer.status == 500
+    assert answer.headers["content-type"] == "application/problem+json"
+    assert SECRET.encode() not in answer.body
+    assert b"Traceback" not in answer.body
+    traces = [record for record in caplog.records if record.exc_info]
+    assert [record.name for record in traces] == ["api.problems"]
+    assert SECRET in str(traces[0].exc_info)
+    assert "connection" not in answer.headers
+
+
+def test_trouble_of_the_database_is_one_line_without_statement_or_trace(
+    client: TestClient, caplog: pytest.LogCaptureFixture
+) -> None:
+    client.get("/v1/raise/locked")
+    lines = [record for record in caplog.records if record.name == "api.problems"]
+    assert [line.getMessage() for line in lines] == ["OperationalError: database is locked"]
+    assert not lines[0].exc_info
+
+
+def test_what_routes_raise_on_purpose_leaves_no_line_of_its_own(
+    client: TestClient, caplog: pytest.LogCaptureFixture
+) -> None:
+    for name in ("not-found", "input", "many", "unavailable"):
+        client.get(f"/v1/raise/{name}")
+    assert [record for record in caplog.records if record.name == "api.problems"] == []
+
+
+@pytest.mark.parametrize("path", ["/v1/broken", "/v1/late"])
+def test_an_answer_that_breaks_off_is_cut_and_its_trace_is_logged_once(
+    port: int, caplog: pytest.LogCaptureFixture, path: str
+) -> None:
+    import http.client
+
+    with pytest.raises(http.client.IncompleteRead) as cut:
+        ask(port, "GET", path)
+    assert cut.value.partial == b"first"
+    traces = [record for record in caplog.records if record.exc_info]
+    assert [record.name for record in traces] == ["api.problems"]
+
+
+def test_what_fails_outside_the_guard_is_a_problem_too() -> None:
+    app = _app()
+
+    class Broken:
+        def __init__(self, app: Any) -> None: ...
+
+        async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+            raise RuntimeError(SECRET)
+
+    app.add_middleware(Broken)
+    response = TestClient(app, raise_server_exceptions=False).get("/v1/numbers")
+    assert response.status_code == 500
+    assert response.headers["content-type"] == "application/problem+json"
+    assert SECRET not in response.text
+
+
+@pytest.mark.parametrize("status", [204, 304])
+def test_a_status_without_body_stays_without(status: int) -> None:
+    app = bare_app()
+
+    @app.get("/")
+    def nothing() -> None:
+        raise HTTPException(status, headers={"etag": '"1"'})
+
+    response = TestClient(app).get("/")
+    assert (response.status_code, response.content) == (status, b"")
+    assert response.headers["etag"] == '"1"'
+
+
+def test_the_document_refers_to_one_schema_of_problems(client: TestClient) -> None:
+    document = client.get("/openapi.json").json()
+    schemas = document["components"]["schemas"]
+    assert {"Problem", "FaultEntry"} <= set(schemas)
+    assert not {"HTTPValidationError", "ValidationError"} & set(schemas)
+    text = json.dumps(document)
+    assert "HTTPValidationError" not in text
+    for reference in set(_references(document)):
+        assert reference.removeprefix("#/components/schemas/") in schemas, reference
+
+
+def _references(node: Any) -> Iterator[str]:
+    if isinstance(node, dict):
+        if isinstance(node.get("$ref"), str):
+            yield node["$ref"]
+        for inner in node.values():
+            yield from _references(inner)
+    elif isinstance(node, list):
+        for inner in node:
+            yield from _references(inner)
+
+
+def test_documented_problems_have_their_media_type_and_a_true_example(client: TestClient) -> None:
+    operation = client.get("/openapi.json").json()["paths"]["/v1/numbers"]["post"]
+    assert set(operation["responses"]) == {"200", "400", "413", "422", "429"}
+    for status in ("400", "413", "422", "429"):
+        content = operation["responses"][status]["content"]
+        assert list(content) == ["application/problem+json"]
+        media = content["application/problem+json"]
+        assert media["schema"] == {"$ref": "#/components/schemas/Problem"}
+        example = problems.Problem.model_validate(media["example"])
+        assert example.status == int(status)
+    assert "Retry-After" in operation["responses"]["429"]["headers"]
+
+
+def test_an_app_without_problem_responses_still_documents_the_schema() -> None:
+    document = bare_app().openapi()
+    assert "Problem" in document["components"]["schemas"]
+
+
+@pytest.mark.parametrize(
+    ("value", "told"),
+    [
+        (None, None),
+        (True, True),
+        (2**53, str(2**53)),
+        (float("inf"), "inf"),
+        ([1, "a", None], [1, "a", None]),
+        (list(range(1000)), "[0, 1, 2, 3, 4, 5, ...]"),
+        ([float("nan")], "a value of type list that can't be shown"),
+        (b"\x00\xff", "b'\\x00\\xff'"),
+        ({(1, 2): 3}, "a value of type dict that can't be shown"),
+    ],
+)
+def test_values_are_shown_as_json_can_carry_them(value: object, told: object) -> None:
+    assert shown(value) == told
+    json.dumps(shown(value), allow_nan=False)
+
+
+def test_an_integer_too_long_to_be_written_is_told_by_its_type() -> None:
+    assert shown(10**5000) == "a value of type int that can't be shown"
+
+
+def test_text_is_one_line_of_printing_characters() -> None:
+    assert printable("a\nb\x1b\ud800é") == "a\\nb\\x1b\\ud800é"
+    assert printable("x" * 50, 10) == "x" * 7 + "..."
+
+
+@pytest.fixture(autouse=True)
+def _heard(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.DEBUG)

@@ -1,0 +1,48 @@
+"""What may be asked for: limits of the service, and what stands for what was left out."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from api.computing.tasks import checked_request, made_plan
+from api.limits import Limits
+from syncplan.errors import InputError
+from tests.tools.record_examples import SCENARIO
+
+LIMITS = Limits(vehicles=10, samples=1000, trials=100, run_s=1000.0, refine_s=5.0, sweep_values=3)
+
+
+def _plan(**refine: object) -> str:
+    scenario = {**SCENARIO, "refine": refine} if refine else SCENARIO
+    return made_plan(json.dumps(scenario).encode(), "json", LIMITS, False).text
+
+
+@pytest.mark.parametrize(
+    ("planned", "asked", "taken"),
+    [({}, {}, 5.0), ({}, {"time_limit_s": 3.0}, 3.0), ({"time_limit_s": 900.0}, {}, 5.0)],
+)
+def test_a_refinement_that_names_no_time_gets_what_the_service_gives(
+    planned: dict[str, float], asked: dict[str, float], taken: float
+) -> None:
+    body = json.dumps(asked).encode()
+    request, _ = checked_request("refinement", body, "json", LIMITS, _plan(**planned))
+    assert json.loads(request)["time_limit_s"] == taken
+
+
+def test_a_shorter_time_of_the_plan_stays() -> None:
+    plan = _plan(time_limit_s=2.0)
+    request, starts = checked_request("refinement", b"", "json", LIMITS, plan)
+    assert "time_limit_s" not in json.loads(request)
+    assert starts == 4
+
+
+def test_a_time_beyond_the_limit_is_refused_where_it_is_asked_for() -> None:
+    with pytest.raises(InputError, match=r"time_limit_s: 6 s asked for.* up to 5 s"):
+        checked_request("refinement", b'{"time_limit_s": 6}', "json", LIMITS, _plan())
+
+
+def test_trials_beyond_the_limit_are_refused() -> None:
+    fewer = replace(LIMITS, trials=20)
+    with pytest.raises(InputError, match=r"trials: 21 trials asked for.* up to 20"):
+        checked_request("validation", b'{"trials": 21}', "json", fewer, _plan())

@@ -1,0 +1,583 @@
+"""Every route over HTTP: statuses, headers, pages, conditions, repeated requests, limits."""
+
+import json
+import re
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import httpx2
+import pytest
+
+from api.responses import Job, StoredPlan
+from syncplan.scenario.loading import load_scenario
+from syncplan.scenario.specification import Scenario
+from tests.tools.api_servers import Event, events_of, operations_of, problem, serving, speaking
+from tests.tools.scenarios import BAD_FILES, FILES, document
+from tests.tools.serving import Server, wait_until
+
+NOBODY = "01a1fd95-df6b-7a20-9383-c20e93a41e86"
+YAML = {"content-type": "application/yaml"}
+LANDMARKS = [[190.0, 0.0], [190.0, 70.0]]
+BODY_LIMIT = 6000
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """A service that does its jobs."""
+    with serving(tmp_path_factory.mktemp("routes"), "ann bob") as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def ann(server: Server) -> Iterator[httpx2.Client]:
+    """A client of the service that does its jobs."""
+    with speaking(server, "ann") as http:
+        yield http
+
+
+@pytest.fixture(scope="module")
+def idle(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """A service with narrow limits whose jobs wait for a worker that never comes."""
+    limits = {
+        "SYNCPLAN_BODY_LIMIT_BYTES": str(BODY_LIMIT),
+        "SYNCPLAN_MAX_VEHICLES": "3",
+        "SYNCPLAN_MAX_SAMPLES": "3000",
+        "SYNCPLAN_MAX_TRIALS": "600",
+        "SYNCPLAN_MAX_RUN_S": "250",
+        "SYNCPLAN_MAX_REFINE_S": "30",
+        "SYNCPLAN_MAX_SWEEP_VALUES": "3",
+        "SYNCPLAN_MAX_QUEUED_JOBS": "3",
+    }
+    folder = tmp_path_factory.mktemp("idle")
+    with serving(folder, "cat dan eve fay", "--no-worker", **limits) as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def cat(idle: Server) -> Iterator[httpx2.Client]:
+    """A client of the service that does no jobs."""
+    with speaking(idle, "cat") as http:
+        yield http
+
+
+@pytest.fixture
+def queued(cat: httpx2.Client) -> Iterator[str]:
+    """Where a job is that waits, cancelled afterwards."""
+    at = cat.post(f"/v1/plans/{planned(cat)['id']}/validations").headers["location"]
+    yield at
+    cat.post(f"{at}/cancel")
+
+
+def planned(http: httpx2.Client, **changes: Any) -> dict[str, Any]:
+    """Return a plan of a small scenario as the service stored it."""
+    answer = http.post("/v1/plans", json=document(**changes))
+    assert answer.status_code == 201, answer.text
+    made: dict[str, Any] = answer.json()
+    return made
+
+
+def ended(http: httpx2.Client, at: str) -> Job:
+    """Return a job once it has ended."""
+    wait_until(lambda: Job.model_validate_json(http.get(at).content).ended_at is not None, 180.0)
+    return Job.model_validate_json(http.get(at).content)
+
+
+# --- plans --------------------------------------------------------------------------------------
+
+
+def test_a_plan_is_made_at_once_and_kept_as_it_was_made(ann: httpx2.Client) -> None:
+    answer = ann.post("/v1/plans", json=document())
+    assert answer.status_code == 201
+    made = StoredPlan.model_validate_json(answer.content)
+    assert answer.headers["location"] == f"/v1/plans/{made.id}"
+    assert answer.headers["content-type"] == "application/json"
+    again = ann.get(answer.headers["location"])
+    assert (again.status_code, again.content) == (200, answer.content)
+    assert again.headers["etag"] == answer.headers["etag"]
+    assert re.fullmatch(r'"[0-9a-f]{64}"', again.headers["etag"])
+    assert again.headers["cache-control"] == "private, no-cache"
+
+
+def test_yaml_and_json_make_the_same_plan(ann: httpx2.Client) -> None:
+    file = FILES / "paper-grid-same.yaml"
+    values = load_scenario(file).model_dump(mode="json", exclude_none=True)
+    written = ann.post("/v1/plans", content=file.read_bytes(), headers=YAML)
+    listed = ann.post("/v1/plans", json=values)
+    assert written.headers["etag"] == listed.headers["etag"]
+    assert written.headers["location"] != listed.headers["location"]
+
+
+def test_the_steady_error_is_computed_where_it_is_asked_for(ann: httpx2.Client) -> None:
+    body = document(landmarks_m=LANDMARKS)
+    assert ann.post("/v1/plans", json=body).json()["steady_rms_m"] is None
+    assert ann.post("/v1/plans?steady=true", json=body).json()["steady_rms_m"] is not None
+    assert problem(ann.post("/v1/plans?steady=maybe", json=body), 422).errors
+
+
+@pytest.mark.parametrize("tag", ["{}", "W/{}", '"other", {}', "*"])
+def test_a_plan_that_is_known_is_not_sent_again(ann: httpx2.Client, tag: str) -> None:
+    at = f"/v1/plans/{planned(ann)['id']}"
+    etag = ann.get(at).headers["etag"]
+    answer = ann.get(at, headers={"if-none-match": tag.format(etag)})
+    assert (answer.status_code, answer.content) == (304, b"")
+    assert answer.headers["etag"] == etag
+    assert ann.get(at, headers={"if-none-match": '"other"'}).status_code == 200
+
+
+def test_a_plan_is_deleted_if_it_is_the_one_that_is_meant(ann: httpx2.Client) -> None:
+    at = f"/v1/plans/{planned(ann)['id']}"
+    etag = ann.get(at).headers["etag"]
+    told = problem(ann.delete(at, headers={"if-match": '"other"'}), 412)
+    assert etag.strip('"') in told.detail
+    assert ann.get(at).status_code == 200
+    answer = ann.delete(at, headers={"if-match": etag})
+    assert (answer.status_code, answer.content) == (204, b"")
+    problem(ann.get(at), 404)
+    problem(ann.delete(at), 404)
+
+
+def test_plans_are_listed_newest_first_a_page_at_a_time(server: Server) -> None:
+    with speaking(server, "bob") as bob:
+        made = [planned(bob, name=f"plan {k}")["id"] for k in range(5)][::-1]
+        pages, following = [], "/v1/plans?limit=2"
+        while following:
+            page = bob.get(following).json()
+            pages.append([one["id"] for one in page["items"]])
+            following = page["next"]
+        assert pages == [made[:2], made[2:4], made[4:]]
+        whole = bob.get("/v1/plans?limit=5").json()
+        assert (len(whole["items"]), whole["next"]) == (5, None)
+        assert whole["items"][0] == {
+            "id": made[0],
+            "parent_id": None,
+            "created_at": bob.get(f"/v1/plans/{made[0]}").json()["created_at"],
+            "name": "plan 4",
+            "vehicles": 2,
+            "observable": False,
+            "predicted_rms_m": whole["items"][0]["predicted_rms_m"],
+        }
+        bob.delete(f"/v1/plans/{made[2]}")
+        after = bob.get(f"/v1/plans?before={made[1]}").json()
+        assert [one["id"] for one in after["items"]] == made[3:]
+
+
+@pytest.mark.parametrize("path", ["/v1/plans", "/v1/jobs"])
+@pytest.mark.parametrize(
+    ("query", "path_of_fault"),
+    [("limit=0", "query.limit"), ("limit=201", "query.limit"), ("before=x", "query.before")],
+)
+def test_a_page_that_can_not_be_is_refused(
+    ann: httpx2.Client, path: str, query: str, path_of_fault: str
+) -> None:
+    told = problem(ann.get(f"{path}?{query}"), 422)
+    assert told.errors is not None
+    assert [one.path for one in told.errors] == [path_of_fault]
+
+
+@pytest.mark.parametrize("file", sorted(BAD_FILES.iterdir()), ids=lambda file: file.stem)
+def test_a_bad_scenario_is_refused_with_its_faults(ann: httpx2.Client, file: Any) -> None:
+    told = problem(ann.post("/v1/plans", content=file.read_bytes(), headers=YAML), 422)
+    assert told.errors
+    assert all(one.message for one in told.errors)
+    assert told.errors[0].path in told.detail
+
+
+@pytest.mark.parametrize("body", [b"", b"\xff\xfe", b"{", b"[1]", b'{"orbit": NaN}'])
+def test_a_body_that_is_no_scenario_is_refused(ann: httpx2.Client, body: bytes) -> None:
+    headers = {"content-type": "application/json"}
+    problem(ann.post("/v1/plans", content=body, headers=headers), 422)
+
+
+# --- repeated requests --------------------------------------------------------------------------
+
+
+def test_the_same_request_under_the_same_key_is_answered_alike(ann: httpx2.Client) -> None:
+    headers = {"idempotency-key": "same"}
+    first = ann.post("/v1/plans", json=document(name="same"), headers=headers)
+    again = ann.post("/v1/plans", json=document(name="same"), headers=headers)
+    assert again.status_code == first.status_code == 201
+    assert again.content == first.content
+    for name in ("location", "etag", "content-type"):
+        assert again.headers[name] == first.headers[name]
+    assert again.headers["x-request-id"] != first.headers["x-request-id"]
+
+
+@pytest.mark.parametrize(
+    ("path", "name"), [("/v1/plans", "other"), ("/v1/plans?steady=true", "one"), ("/v1/sweeps", "")]
+)
+def test_another_request_under_the_same_key_is_refused(
+    ann: httpx2.Client, path: str, name: str
+) -> None:
+    headers = {"idempotency-key": f"reused {path}".replace(" ", "-")}
+    ann.post("/v1/plans", json=document(name="one"), headers=headers)
+    told = problem(ann.post(path, json=document(name=name or "one"), headers=headers), 422)
+    assert "Idempotency-Key" in told.detail
+
+
+def test_a_request_that_was_refused_may_be_mended_under_its_key(ann: httpx2.Client) -> None:
+    headers = {"idempotency-key": "mended"}
+    problem(ann.post("/v1/plans", json=document(sensor=None), headers=headers), 422)
+    assert ann.post("/v1/plans", json=document(), headers=headers).status_code == 201
+
+
+@pytest.mark.parametrize("key", ["", "k" * 256, "with blanks"])
+def test_a_key_must_be_a_name(ann: httpx2.Client, key: str) -> None:
+    answer = ann.post("/v1/plans", json=document(), headers={"idempotency-key": key})
+    told = problem(answer, 422)
+    assert told.errors is not None
+    assert told.errors[0].path.lower() == "header.idempotency-key"
+
+
+def test_equal_requests_at_once_make_one_plan(ann: httpx2.Client) -> None:
+    known = {one["id"] for one in ann.get("/v1/plans?limit=200").json()["items"]}
+
+    def ask(_: int) -> httpx2.Response:
+        return ann.post("/v1/plans", json=document(), headers={"idempotency-key": "at-once"})
+
+    with ThreadPoolExecutor(8) as threads:
+        answers = list(threads.map(ask, range(8)))
+    assert {answer.status_code for answer in answers} == {201}
+    assert len({answer.content for answer in answers}) == 1
+    now = {one["id"] for one in ann.get("/v1/plans?limit=200").json()["items"]}
+    assert now - known == {answers[0].json()["id"]}
+
+
+def test_a_job_is_handed_in_once_even_where_its_plan_is_gone_since(cat: httpx2.Client) -> None:
+    plan = f"/v1/plans/{planned(cat)['id']}"
+    headers = {"idempotency-key": "handed-in"}
+    first = cat.post(f"{plan}/validations", json={"trials": 3}, headers=headers)
+    assert cat.delete(plan).status_code == 204
+    again = cat.post(f"{plan}/validations", json={"trials": 3}, headers=headers)
+    assert (again.status_code, again.content) == (202, first.content)
+    assert again.headers["location"] == first.headers["location"]
+    problem(cat.post(f"{plan}/validations", json={"trials": 3}), 404)
+    assert cat.post(f"{first.headers['location']}/cancel").json()["plan_id"] == plan[-36:]
+
+
+# --- jobs ---------------------------------------------------------------------------------------
+
+
+def test_a_job_is_accepted_with_its_defaults_filled_in(cat: httpx2.Client) -> None:
+    plan = planned(cat)["id"]
+    answer = cat.post(f"/v1/plans/{plan}/validations", content=b"trials: 7", headers=YAML)
+    assert answer.status_code == 202
+    job = Job.model_validate_json(answer.content)
+    assert answer.headers["location"] == f"/v1/jobs/{job.id}"
+    assert (job.kind, job.state, job.plan_id) == ("validation", "queued", plan)
+    assert (job.progress.done, job.progress.total) == (0, 7)
+    assert job.request == {
+        "trials": 7,
+        "seed": 0,
+        "model": "arc",
+        "substeps": 10,
+        "series": False,
+    }
+    assert (job.started_at, job.ended_at, job.result, job.error) == (None, None, None, None)
+    assert cat.get(answer.headers["location"]).content == answer.content
+    cat.post(f"/v1/jobs/{job.id}/cancel")
+
+
+def test_what_a_job_may_not_ask_for_is_named(cat: httpx2.Client) -> None:
+    plan = f"/v1/plans/{planned(cat)['id']}"
+    sweep = {"scenario": document(), "range_m": [50.0], "radius_m": [20.0]}
+    scenario = document(sensor={"range_m": -1, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1})
+    for path, body, fault in (
+        (f"{plan}/validations", {"trials": 0}, "trials"),
+        (f"{plan}/validations", {"trails": 9}, "trails"),
+        (f"{plan}/refinements", {"objective": "beauty"}, "objective"),
+        ("/v1/sweeps", sweep, "angular_rate_rad_s"),
+        ("/v1/sweeps", {"scenario": scenario, "range_m": [50.0]}, "scenario.sensor.range_m"),
+        ("/v1/sweeps", {"scenario": document(), "range_m": [50.0, -1.0]}, "range_m.sensor.range_m"),
+    ):
+        told = problem(cat.post(path, json=body), 422)
+        assert told.errors is not None
+        assert told.errors[0].path == fault
+
+
+def test_the_result_of_a_job_comes_with_its_success(cat: httpx2.Client, queued: str) -> None:
+    for part in ("result", "trials"):
+        assert "queued" in problem(cat.get(f"{queued}/{part}"), 409).detail
+    assert cat.post(f"{queued}/cancel").json()["state"] == "cancelled"
+    assert "cancelled" in problem(cat.get(f"{queued}/result"), 409).detail
+
+
+def test_a_validation_leaves_a_report_and_its_trials(ann: httpx2.Client) -> None:
+    plan = planned(ann)["id"]
+    at = ann.post(f"/v1/plans/{plan}/validations", json={"trials": 2}).headers["location"]
+    job = ended(ann, at)
+    assert (job.state, job.progress.done, job.result) == ("succeeded", 2, f"{at}/result")
+    assert job.created_at < str(job.started_at) < str(job.ended_at)
+    assert ann.get(f"{at}/result").json()["trials"] == 2
+    trials = ann.get(f"{at}/trials")
+    assert trials.headers["content-type"] == "application/octet-stream"
+    assert trials.content.startswith(b"PK")
+    told = problem(ann.post(f"{at}/cancel"), 409)
+    assert "succeeded" in told.detail
+
+
+def test_a_refinement_leaves_a_plan_that_names_its_parent(ann: httpx2.Client) -> None:
+    plan = planned(ann, landmarks_m=LANDMARKS)["id"]
+    options = {"starts": 1, "objective": "logdet", "time_limit_s": 20}
+    at = ann.post(f"/v1/plans/{plan}/refinements", json=options).headers["location"]
+    job = ended(ann, at)
+    assert job.state == "succeeded"
+    assert job.result_plan_id is not None
+    result, stored = ann.get(f"{at}/result"), ann.get(f"/v1/plans/{job.result_plan_id}")
+    assert result.content == stored.content
+    assert result.headers["etag"] == stored.headers["etag"]
+    assert result.headers["content-location"] == f"/v1/plans/{job.result_plan_id}"
+    assert stored.json()["parent_id"] == plan
+    problem(ann.get(f"{at}/trials"), 409)
+    assert ann.delete(f"/v1/plans/{job.result_plan_id}").status_code == 204
+    problem(ann.get(f"{at}/result"), 404)
+
+
+def test_a_cancelled_job_stays_cancelled(cat: httpx2.Client, queued: str) -> None:
+    first, again = cat.post(f"{queued}/cancel"), cat.post(f"{queued}/cancel")
+    assert (first.status_code, first.json()["state"]) == (200, "cancelled")
+    assert again.content == first.content
+
+
+def test_jobs_are_listed_by_state(idle: Server) -> None:
+    with speaking(idle, "dan") as dan:
+        plan = planned(dan)["id"]
+        made = [dan.post(f"/v1/plans/{plan}/validations").json()["id"] for _ in range(3)][::-1]
+        dan.post(f"/v1/jobs/{made[1]}/cancel")
+        page = dan.get("/v1/jobs?limit=1&state=queued").json()
+        assert [one["id"] for one in page["items"]] == [made[0]]
+        page = dan.get(page["next"]).json()
+        assert ([one["id"] for one in page["items"]], page["next"]) == ([made[2]], None)
+        listed = dan.get("/v1/jobs").json()["items"]
+        assert [one["id"] for one in listed] == made
+        read = dan.get(f"/v1/jobs/{made[1]}").json()
+        assert read["request"]["trials"] == 200
+        assert listed[1] == {**read, "request": None}
+        assert dan.get("/v1/jobs?state=running").json() == {"items": [], "next": None}
+        problem(dan.get("/v1/jobs?state=lost"), 422)
+
+
+def test_too_many_jobs_are_refused_until_one_has_ended(idle: Server) -> None:
+    with speaking(idle, "eve") as eve, speaking(idle, "fay") as fay:
+        path = f"/v1/plans/{planned(eve)['id']}/validations"
+        made = [eve.post(path).headers["location"] for _ in range(3)]
+        headers = {"idempotency-key": "later"}
+        refused = eve.post(path, headers=headers)
+        assert "3 unfinished jobs" in problem(refused, 429).detail
+        assert int(refused.headers["retry-after"]) >= 1
+        # another owner's are counted apart
+        other = f"/v1/plans/{planned(fay)['id']}/validations"
+        assert fay.post(other).status_code == 202
+        eve.post(f"{made[0]}/cancel")
+        assert eve.post(path, headers=headers).status_code == 202
+        problem(eve.post(path), 429)
+
+
+# --- events -------------------------------------------------------------------------------------
+
+
+def test_the_events_of_a_job_are_told_from_wherever_one_asks(ann: httpx2.Client) -> None:
+    plan = planned(ann, landmarks_m=LANDMARKS)["id"]
+    at = ann.post(f"/v1/plans/{plan}/validations", json={"trials": 4000}).headers["location"]
+    with ann.stream("GET", f"{at}/events") as answer:
+        told = list(events_of(answer))
+    assert [one.id for one in told] == list(range(1, len(told) + 1))
+    assert [one.done for one in told] == sorted(one.done for one in told)
+    assert told[0] == Event(1, "queued", 0)
+    assert told[1] == Event(2, "running", 0)
+    assert told[-1] == Event(len(told), "succeeded", 4000)
+    assert {one.state for one in told[2:-1]} == {"running"}
+    for last in range(len(told) + 2):
+        headers = {"last-event-id": str(last)}
+        with ann.stream("GET", f"{at}/events", headers=headers) as answer:
+            assert list(events_of(answer)) == told[last:]
+
+
+def test_events_come_when_they_happen(cat: httpx2.Client, queued: str) -> None:
+    with cat.stream("GET", f"{queued}/events") as answer:
+        events = events_of(answer)
+        assert next(events) == Event(1, "queued", 0)
+        cat.post(f"{queued}/cancel")
+        assert list(events) == [Event(2, "cancelled", 0)]
+
+
+@pytest.mark.parametrize("last", ["-1", "x", "99999999999"])
+def test_an_event_that_can_not_be_is_refused(cat: httpx2.Client, queued: str, last: str) -> None:
+    told = problem(cat.get(f"{queued}/events", headers={"last-event-id": last}), 422)
+    assert told.errors is not None
+    assert told.errors[0].path.lower() == "header.last-event-id"
+
+
+# --- what is the same everywhere ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize("path", ["/nothing", "/v1", "/v2/plans", "/v1/plan", "/docs", "/redoc"])
+def test_what_is_not_there_is_a_404(ann: httpx2.Client, path: str) -> None:
+    told = problem(ann.get(path), 404)
+    assert told.detail == "there is nothing at this path"
+
+
+@pytest.mark.parametrize("path", [f"/v1/plans/{NOBODY}", f"/v1/jobs/{NOBODY}"])
+def test_an_unknown_identifier_is_a_404(ann: httpx2.Client, path: str) -> None:
+    assert NOBODY in problem(ann.get(path), 404).detail
+    problem(ann.get(path[:-1] + "x"), 422)
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "allowed"),
+    [
+        ("PUT", "/v1/plans", "GET, POST"),
+        ("POST", f"/v1/plans/{NOBODY}", "DELETE, GET"),
+        ("GET", "/v1/sweeps", "POST"),
+        ("DELETE", f"/v1/jobs/{NOBODY}", "GET"),
+    ],
+)
+def test_a_method_that_is_not_taken_is_a_405(
+    ann: httpx2.Client, method: str, path: str, allowed: str
+) -> None:
+    answer = ann.request(method, path)
+    problem(answer, 405)
+    assert answer.headers["allow"] == allowed
+
+
+def test_what_a_client_does_not_accept_is_a_406(cat: httpx2.Client, queued: str) -> None:
+    html = {"accept": "text/html"}
+    for path in ("/v1/plans", "/v1/jobs", queued, "/healthz", "/v1/schemas/plan"):
+        problem(cat.get(path, headers=html), 406)
+    problem(cat.get(f"{queued}/events", headers={"accept": "application/json"}), 406)
+    problem(cat.get(f"{queued}/trials", headers={"accept": "application/json"}), 406)
+    problem(cat.post("/v1/plans", json=document(), headers=html), 406)
+
+
+@pytest.mark.parametrize("given", ["text/plain", "application/x-www-form-urlencoded", ""])
+def test_a_body_of_another_kind_is_a_415(cat: httpx2.Client, given: str) -> None:
+    body = json.dumps(document()).encode()
+    plan = planned(cat)["id"]
+    for path in ("/v1/plans", "/v1/sweeps", f"/v1/plans/{plan}/validations"):
+        answer = cat.post(path, content=body, headers={"content-type": given} if given else {})
+        problem(answer, 415)
+        assert answer.headers["accept"] == "application/json, application/yaml"
+
+
+@pytest.mark.parametrize("path", ["/v1/plans", "/v1/sweeps", f"/v1/plans/{NOBODY}/refinements"])
+def test_a_body_beyond_the_limit_is_a_413(cat: httpx2.Client, path: str) -> None:
+    body = b'{"name": "' + b"x" * BODY_LIMIT + b'"}'
+    headers = {"content-type": "application/json"}
+    assert str(BODY_LIMIT) in problem(cat.post(path, content=body, headers=headers), 413).detail
+
+    def pieces() -> Iterator[bytes]:
+        yield body[:100]
+        yield body[100:]
+
+    problem(cat.post(path, content=pieces(), headers=headers), 413)
+
+
+def test_requests_carry_ids(ann: httpx2.Client) -> None:
+    given = ann.get("/healthz", headers={"x-request-id": "mine-1"})
+    assert given.headers["x-request-id"] == "mine-1"
+    first, second = (ann.get("/healthz").headers["x-request-id"] for _ in range(2))
+    assert first != second
+    assert problem(ann.get("/nowhere", headers={"x-request-id": "mine-2"}), 404).request_id == (
+        "mine-2"
+    )
+
+
+def test_signs_of_life_and_schemas_need_no_key_and_the_rest_does(server: Server) -> None:
+    with httpx2.Client(base_url=server.url) as stranger:
+        assert stranger.get("/healthz").json() == {"status": "ok"}
+        assert stranger.get("/readyz").json() == {"status": "ok"}
+        operations = operations_of(stranger.get("/openapi.json").json())
+        open_to_all = {"/healthz", "/readyz", "/v1/schemas/scenario", "/v1/schemas/plan"}
+        assert open_to_all < {path for _, path in operations}
+        for method, path in operations:
+            answer = stranger.request(method, re.sub(r"\{\w+\}", NOBODY, path))
+            if path in open_to_all:
+                assert answer.status_code == 200
+            else:
+                problem(answer, 401)
+                assert answer.headers["www-authenticate"] == "Bearer"
+
+
+def test_schemas_are_those_of_the_library(ann: httpx2.Client) -> None:
+    scenario = ann.get("/v1/schemas/scenario").json()
+    assert scenario.pop("$schema") == "https://json-schema.org/draft/2020-12/schema"
+    assert scenario == json.loads(json.dumps(Scenario.model_json_schema()))
+    plan = ann.get("/v1/schemas/plan").json()
+    made = planned(ann)
+    assert set(plan["required"]) <= set(made) <= set(plan["properties"])
+    assert {"id", "created_at", "parent_id"} <= set(plan["required"])
+
+
+def test_metrics_count_what_was_asked(cat: httpx2.Client, queued: str) -> None:
+    cat.get(queued)
+    answer = cat.get("/metrics")
+    assert answer.headers["content-type"].startswith("text/plain")
+    figures = answer.text
+    route = 'method="GET",route="/v1/jobs/{job_id}",status="200"'
+    assert re.search(rf"syncplan_http_requests_total\{{{re.escape(route)}\}} [1-9]", figures)
+    assert re.search(r'syncplan_jobs\{state="queued"\} [1-9]', figures)
+    assert queued.rpartition("/")[2] not in figures
+
+
+# --- limits -------------------------------------------------------------------------------------
+
+
+def refused_for(answer: httpx2.Response, path: str, told: str) -> None:
+    """Check that a request is beyond a limit that is named."""
+    refusal = problem(answer, 422)
+    assert refusal.errors is not None
+    assert (refusal.errors[0].path, told in refusal.detail) == (path, True), refusal.detail
+
+
+def team(count: int) -> dict[str, Any]:
+    """A formation of some vehicles in a line."""
+    return {"shape": "line", "count": count, "spacing_m": 70.0}
+
+
+def test_plans_are_limited_in_vehicles_and_samples(cat: httpx2.Client) -> None:
+    planned(cat, formation=team(3), duration_s=300.0)
+    answer = cat.post("/v1/plans", json=document(formation=team(4)))
+    refused_for(answer, "formation.count", "4 vehicles are more than the limit of 3")
+    answer = cat.post("/v1/plans", json=document(duration_s=300.2))
+    refused_for(answer, "duration_s", "3002 samples asked for; this service takes up to 3000")
+    answer = cat.post("/v1/plans", json=document(window_s=400.0))
+    refused_for(answer, "window_s", "samples")
+
+
+def test_jobs_are_limited_in_trials_seconds_and_values(cat: httpx2.Client) -> None:
+    plan = f"/v1/plans/{planned(cat)['id']}"
+    accepted = [
+        cat.post(f"{plan}/validations", json={"trials": 600, "duration_s": 250}),
+        cat.post(f"{plan}/refinements", json={"time_limit_s": 30}),
+        cat.post("/v1/sweeps", json=sweep([40.0, 50.0, 60.0], trials=200)),
+    ]
+    assert [answer.status_code for answer in accepted] == [202] * 3, [a.text for a in accepted]
+    for answer in accepted:
+        cat.post(f"{answer.headers['location']}/cancel")
+    for path, body, key, told in (
+        (f"{plan}/validations", {"trials": 601}, "trials", "takes up to 600 trials"),
+        (f"{plan}/validations", {"duration_s": 251}, "duration_s", "takes up to 250 s"),
+        (f"{plan}/refinements", {"time_limit_s": 31}, "time_limit_s", "takes up to 30 s"),
+        ("/v1/sweeps", sweep([40.0, 50.0], trials=301), "trials", "602 trials"),
+        ("/v1/sweeps", sweep([40.0, 50.0, 60.0, 70.0], trials=1), "range_m", "4 rows"),
+        (
+            "/v1/sweeps",
+            sweep([40.0, 50.0, 60.0], trials=1, connected=True),
+            "range_m",
+            "4 rows asked for; this service takes up to 3 rows",
+        ),
+        (
+            "/v1/sweeps",
+            {**sweep([50.0]), "scenario": document(formation=team(4))},
+            "scenario.formation.count",
+            "limit of 3",
+        ),
+    ):
+        refused_for(cat.post(path, json=body), key, told)
+    at_length = planned(cat, duration_s=300.0)["id"]
+    refused_for(cat.post(f"/v1/plans/{at_length}/validations"), "duration_s", "300 s asked for")
+
+
+def sweep(values: list[float], **options: Any) -> dict[str, Any]:
+    """What a sweep of ranges asks for."""
+    return {"scenario": document(), "range_m": values, **options}

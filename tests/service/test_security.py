@@ -1,0 +1,141 @@
+"""Keys and owners: who is let in, what the document says of it, where the service may listen."""
+
+import hmac
+import socket
+from typing import Any
+
+import pytest
+from fastapi import FastAPI
+from fastapi.testclient import TestClient
+
+from api.problems import Unauthorized
+from api.security import CurrentOwner, Keyring, refuse_exposure
+from api.settings import Settings, load_settings
+from syncplan.errors import InputError
+from tests.tools.api_apps import bare_app
+
+OPS, LAB = "ops-key-0123456789", "lab-key-0123456789"
+
+
+def _settings(**overrides: Any) -> Settings:
+    return load_settings(**{"api_keys": f"ops:{OPS},lab:{LAB}", **overrides})
+
+
+def _client(settings: Settings) -> TestClient:
+    app: FastAPI = bare_app()
+    app.state.settings = settings
+    app.state.keyring = Keyring(settings)
+
+    @app.get("/me")
+    def me(owner: CurrentOwner) -> str:
+        return owner
+
+    return TestClient(app)
+
+
+def test_each_key_stands_for_its_owner() -> None:
+    keyring = Keyring(_settings())
+    assert keyring.owner_of(OPS) == "ops"
+    assert keyring.owner_of(LAB) == "lab"
+
+
+@pytest.mark.parametrize("presented", [None, "", "ops", OPS[:-1], OPS + "x", "\udcff", "é"])
+def test_anything_else_is_refused(presented: str | None) -> None:
+    with pytest.raises(Unauthorized):
+        Keyring(_settings()).owner_of(presented)
+
+
+def test_without_keys_everybody_is_the_local_owner() -> None:
+    keyring = Keyring(load_settings())
+    assert keyring.owner_of(None) == "local"
+    assert keyring.owner_of("whatever") == "local"
+
+
+def test_every_key_is_compared_in_constant_time_whichever_fits(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    lengths: list[int] = []
+    compare = hmac.compare_digest
+
+    def counted(a: bytes, b: bytes) -> bool:
+        lengths.append(len(a) + len(b))
+        return compare(a, b)
+
+    keyring = Keyring(_settings())
+    monkeypatch.setattr(hmac, "compare_digest", counted)
+    assert keyring.owner_of(OPS) == "ops"
+    assert lengths == [64, 64]
+
+
+def test_a_keyring_holds_no_key() -> None:
+    held = repr(vars(Keyring(_settings())))
+    assert OPS not in held
+    assert LAB not in held
+
+
+@pytest.mark.parametrize(
+    "header", [None, "Bearer", f"Basic {OPS}", f"Bearer {OPS}x", f"Bearer {OPS} {OPS}", OPS]
+)
+def test_a_request_without_a_known_key_is_a_401_problem_with_a_challenge(
+    header: str | None,
+) -> None:
+    response = _client(_settings()).get("/me", headers={"Authorization": header} if header else {})
+    assert response.status_code == 401
+    assert response.headers["content-type"] == "application/problem+json"
+    assert response.headers["www-authenticate"] == "Bearer"
+    assert response.json()["request_id"] == response.headers["x-request-id"]
+
+
+def test_a_request_with_a_key_is_its_owners() -> None:
+    client = _client(_settings())
+    assert client.get("/me", headers={"Authorization": f"Bearer {LAB}"}).json() == "lab"
+    assert client.get("/me", headers={"Authorization": f"bearer {OPS}"}).json() == "ops"
+    assert _client(load_settings()).get("/me").json() == "local"
+
+
+def test_the_document_shows_the_bearer_scheme() -> None:
+    document = _client(_settings()).get("/openapi.json").json()
+    assert document["components"]["securitySchemes"]["ApiKey"]["scheme"] == "bearer"
+    assert document["paths"]["/me"]["get"]["security"] == [{"ApiKey": []}]
+
+
+@pytest.mark.parametrize(
+    "host", ["127.0.0.1", "127.9.9.9", "::1", "[::1]", "::ffff:127.0.0.1", "localhost"]
+)
+def test_this_machine_needs_no_key(host: str) -> None:
+    refuse_exposure(load_settings(host=host))
+
+
+@pytest.mark.parametrize(
+    "host", ["", "0.0.0.0", "::", "[::]", "192.0.2.7", "2001:db8::1", "fe80::1%1", "no.invalid"]
+)
+def test_elsewhere_keys_or_a_word_are_needed(monkeypatch: pytest.MonkeyPatch, host: str) -> None:
+    def unknown(*_: Any, **__: Any) -> Any:
+        raise OSError("no such name")
+
+    monkeypatch.setattr(socket, "getaddrinfo", unknown)
+    with pytest.raises(InputError) as caught:
+        refuse_exposure(load_settings(host=host))
+    text = str(caught.value)
+    assert text.startswith(f"SYNCPLAN_HOST: {host!r}: ")
+    assert "SYNCPLAN_API_KEYS" in text
+    assert "--insecure" in text
+    assert "\n" not in text
+    refuse_exposure(load_settings(host=host, insecure=True))
+    refuse_exposure(_settings(host=host))
+
+
+@pytest.mark.parametrize(
+    ("found", "refused"),
+    [(["127.0.1.1"], False), (["127.0.1.1", "192.0.2.7"], True), (["192.0.2.7"], True)],
+)
+def test_a_name_counts_by_all_its_addresses(
+    monkeypatch: pytest.MonkeyPatch, found: list[str], refused: bool
+) -> None:
+    entries = [(socket.AF_INET, socket.SOCK_STREAM, 0, "", (address, 0)) for address in found]
+    monkeypatch.setattr(socket, "getaddrinfo", lambda *_, **__: entries)
+    if refused:
+        with pytest.raises(InputError):
+            refuse_exposure(load_settings(host="rover"))
+    else:
+        refuse_exposure(load_settings(host="rover"))

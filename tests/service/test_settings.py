@@ -1,0 +1,203 @@
+"""Settings: defaults, the environment, what is refused and how it is told."""
+
+import os
+from pathlib import Path
+
+import pytest
+from pydantic import ValidationError
+from sqlalchemy.engine import make_url
+
+from api.settings import Settings, load_settings
+from syncplan.errors import InputError
+from syncplan.runtime.cores import usable_cores
+
+KEY = "0123456789abcdef"
+OTHER = "fedcba9876543210"
+
+
+@pytest.fixture(autouse=True)
+def _clean(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    for name in list(os.environ):
+        if name.startswith("SYNCPLAN_"):
+            monkeypatch.delenv(name)
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+
+
+def _fault(**overrides: object) -> str:
+    with pytest.raises(InputError) as caught:
+        load_settings(**overrides)
+    text = str(caught.value)
+    assert "\n" not in text
+    return text
+
+
+def test_defaults_listen_here_and_keep_data_in_the_users_folder(tmp_path: Path) -> None:
+    settings = load_settings()
+    assert (settings.host, settings.port) == ("127.0.0.1", 8000)
+    assert settings.data_dir == tmp_path / "syncplan"
+    assert settings.api_keys == ()
+    assert settings.process_count == usable_cores()
+    assert not settings.insecure
+    assert not settings.telemetry
+
+
+def test_a_relative_data_home_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", "relative")
+    monkeypatch.setenv("HOME", "/home/pilot")
+    assert load_settings().data_dir == Path("/home/pilot/.local/share/syncplan")
+
+
+def test_every_field_is_a_variable_and_described() -> None:
+    for name, field in Settings.model_fields.items():
+        assert field.description, name
+
+
+def test_the_environment_sets_and_overrides_come_before_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SYNCPLAN_PORT", "9000")
+    monkeypatch.setenv("SYNCPLAN_PROCESSES", "3")
+    monkeypatch.setenv("SYNCPLAN_LOG_LEVEL", "WARNING")
+    assert load_settings(host=None).port == 9000
+    assert load_settings().process_count == 3
+    assert load_settings().log_level == "warning"
+    assert load_settings(port=9001).port == 9001
+
+
+def test_an_empty_variable_counts_as_not_set(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SYNCPLAN_DATABASE_URL", "")
+    monkeypatch.setenv("SYNCPLAN_PORT", "")
+    assert load_settings().port == 8000
+    assert load_settings().database_url is None
+
+
+def test_settings_are_frozen() -> None:
+    with pytest.raises(ValidationError):
+        load_settings().port = 1
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "told"),
+    [
+        ("PORT", "99999", "SYNCPLAN_PORT: '99999': must be less than or equal to 65535"),
+        ("PORT", "1\n2", "SYNCPLAN_PORT: '1\\n2': must be a valid integer"),
+        ("INSECURE", "perhaps", "SYNCPLAN_INSECURE: 'perhaps': must be a valid boolean"),
+        ("LOG_LEVEL", "loud", "'debug', 'info', 'warning' or 'error'"),
+        ("PLAN_TIMEOUT_S", "inf", "SYNCPLAN_PLAN_TIMEOUT_S: 'inf': must be a finite number"),
+        ("MAX_VEHICLES", "0", "SYNCPLAN_MAX_VEHICLES: '0': must be greater than or equal to 1"),
+        ("HEARTBEAT_S", "5", "SYNCPLAN_DEAD_AFTER_S: '8.0': must be at least two heartbeats"),
+        ("DATA_DIR", "~nobody-at-all/x", "SYNCPLAN_DATA_DIR: '~nobody-at-all/x': has no home"),
+    ],
+)
+def test_a_bad_value_is_told_in_one_line(
+    monkeypatch: pytest.MonkeyPatch, name: str, value: str, told: str
+) -> None:
+    monkeypatch.setenv(f"SYNCPLAN_{name}", value)
+    assert told in _fault()
+
+
+def test_all_faults_are_told_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SYNCPLAN_PORT", "x")
+    monkeypatch.setenv("SYNCPLAN_BATCH_S", "-1")
+    text = _fault()
+    assert text.startswith("SYNCPLAN_PORT: ")
+    assert "; SYNCPLAN_BATCH_S: '-1': must be greater than 0" in text
+
+
+def test_a_bad_override_goes_by_its_own_name() -> None:
+    assert _fault(port=-1).startswith("port: '-1': ")
+    assert _fault(colour="red") == "colour: is no setting"
+
+
+def test_a_long_value_is_shortened(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SYNCPLAN_PORT", "9" * 5000)
+    assert len(_fault()) < 300
+
+
+def test_keys_have_names_and_a_bare_key_keeps_its_name_for_good(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("SYNCPLAN_API_KEYS", f" ops:{KEY}, {OTHER},")
+    first, second = load_settings().api_keys
+    assert (first.name, first.key.get_secret_value()) == ("ops", KEY)
+    assert second.key.get_secret_value() == OTHER
+    monkeypatch.setenv("SYNCPLAN_API_KEYS", OTHER)
+    assert load_settings().api_keys == (second,)
+
+
+@pytest.mark.parametrize(
+    ("keys", "told"),
+    [
+        ("ops:short-secre", "key 1 must be 16 or more printable ASCII characters"),
+        (f"ops:{KEY},short-secre", "key 2 must be 16 or more"),
+        (f"ops:{KEY},ops:{OTHER}", "entries 1 and 2 have the same name"),
+        (f"ops:{KEY},lab:{OTHER},{KEY}", "entries 1 and 3 have the same key"),
+        (f":{KEY}", "the name of key 1 must be"),
+        (f"o p:{KEY}", "the name of key 1 must be"),
+        (f"{KEY}:ops", "key 1 must be 16 or more"),
+        (f"ops:{KEY}\u00e9", "key 1 must be 16 or more"),
+        (f"ops:{KEY} {KEY}", "key 1 must be 16 or more"),
+    ],
+)
+def test_keys_that_can_not_serve_are_refused_and_never_shown(
+    monkeypatch: pytest.MonkeyPatch, keys: str, told: str
+) -> None:
+    monkeypatch.setenv("SYNCPLAN_API_KEYS", keys)
+    text = _fault()
+    assert text.startswith("SYNCPLAN_API_KEYS: ")
+    assert told in text
+    assert KEY not in text
+    assert "short-secre" not in text
+
+
+def test_nothing_secret_is_in_the_representation(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SYNCPLAN_API_KEYS", f"ops:{KEY}")
+    monkeypatch.setenv("SYNCPLAN_DATABASE_URL", "postgresql://u:hush-hush@db/plans")
+    settings = load_settings()
+    for text in (repr(settings), str(settings)):
+        assert KEY not in text
+        assert "hush-hush" not in text
+
+
+def test_the_embedded_database_lies_in_the_data_folder(tmp_path: Path) -> None:
+    folder = tmp_path / "odd #?% name"
+    url = make_url(load_settings(data_dir=folder).database)
+    assert url.drivername == "sqlite"
+    assert url.database == str(folder / "syncplan.db")
+
+
+@pytest.mark.parametrize("scheme", ["postgres", "postgresql", "postgresql+psycopg"])
+def test_postgresql_goes_through_psycopg_3_with_its_password(scheme: str) -> None:
+    settings = load_settings(database_url=f"{scheme}://u:p%40ss@db:5433/plans?sslmode=require")
+    assert settings.database == "postgresql+psycopg://u:p%40ss@db:5433/plans?sslmode=require"
+
+
+def test_a_relative_sqlite_file_is_made_absolute(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert load_settings(database_url="sqlite:///plans.db").database == (
+        f"sqlite:///{tmp_path}/plans.db"
+    )
+
+
+@pytest.mark.parametrize(
+    ("url", "told"),
+    [
+        ("mysql://u:hush-hush@h/x", "is neither SQLite nor PostgreSQL"),
+        ("postgresql+psycopg2://u:hush-hush@h/x", "is neither SQLite nor PostgreSQL"),
+        ("postgresql://u:hush-hush@h", "names no database"),
+        ("postgresql://u:hush-hush/@@h:port/x", "can't be read as an address"),
+        ("hush-hush@h", "can't be read as an address"),
+        ("postgresql://h?password=hush-hush", "names no database"),
+        ("sqlite://", "names no file"),
+        ("sqlite:///:memory:", "names no file"),
+        ("sqlite:///x?mode=memory", "names no file, or more than a file"),
+    ],
+)
+def test_other_databases_are_refused_without_their_passwords(
+    monkeypatch: pytest.MonkeyPatch, url: str, told: str
+) -> None:
+    monkeypatch.setenv("SYNCPLAN_DATABASE_URL", url)
+    text = _fault()
+    assert text.startswith("SYNCPLAN_DATABASE_URL: ")
+    assert told in text
+    assert "hush-hush" not in text

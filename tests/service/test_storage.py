@@ -1,0 +1,361 @@
+"""What the service keeps: plans as their bytes, jobs that end once, events without gaps."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from sqlalchemy import Connection, create_engine, insert, select, update
+from sqlalchemy.exc import IntegrityError, OperationalError
+
+from api.computing.tasks import Cut, PlanText
+from api.storage import executors, job_queries, job_records, part_records
+from api.storage.database import Database, open_database, patiently, unavailable
+from api.storage.ended_jobs import delete_jobs, ended_before
+from api.storage.events import MOST_EVENTS, events_after
+from api.storage.kept_answers import (
+    Answer,
+    AnswerTakenError,
+    find_answer,
+    forget_answers,
+    keep_answer,
+)
+from api.storage.migrations import MIGRATIONS
+from api.storage.plan_records import add_plan, body_of, delete_plan, find_plan, list_plans
+from api.storage.tables import executors as executor_rows
+from api.storage.tables import job_parts, moment, new_id, schema_version
+from syncplan.errors import InputError
+
+MADE = PlanText('{\n "version": "1"\n}\n', "survey", 6, True, 1.5)
+CUTS = [Cut(0, 0, 32), Cut(0, 32, 8)]
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Iterator[Database]:
+    opened = open_database(f"sqlite:///{tmp_path / 'folder' / 'syncplan.db'}")
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def connection(database: Database) -> Iterator[Connection]:
+    with database.writing() as opened:
+        yield opened
+
+
+def job(connection: Connection, owner: str = "ann", work: int = 40) -> str:
+    """A queued validation."""
+    return job_records.add_job(connection, owner, "validation", "{}", work, "plan", "text").id
+
+
+def states(connection: Connection, job_id: str) -> list[tuple[int, str, int]]:
+    """Number, state and progress of all events of a job."""
+    found = [(number, json.loads(data)) for number, data in events_after(connection, job_id, 0)]
+    return [(number, told["state"], told["progress"]["done"]) for number, told in found]
+
+
+def test_identifiers_sort_by_time_and_are_uuids_of_version_7() -> None:
+    made = [new_id() for _ in range(3)]
+    assert all(one[14] == "7" and one[19] in "89ab" for one in made)
+    assert len(set(made)) == 3
+    assert (
+        abs(int(made[0].replace("-", "")[:12], 16) - int(made[2].replace("-", "")[:12], 16)) < 5000
+    )
+
+
+def test_a_stored_plan_is_the_plan_with_three_keys_at_its_top(connection: Connection) -> None:
+    row = add_plan(connection, "ann", MADE, parent_id="p")
+    assert find_plan(connection, "ann", row.id) == row
+    body = body_of(row)
+    assert json.loads(body) == {
+        "id": row.id,
+        "created_at": row.created_at,
+        "parent_id": "p",
+        "version": "1",
+    }
+    assert body.endswith(MADE.text[1:])
+
+
+def test_nobody_finds_lists_or_deletes_the_plans_of_others(connection: Connection) -> None:
+    row = add_plan(connection, "ann", MADE)
+    assert find_plan(connection, "bob", row.id) is None
+    assert list_plans(connection, "bob", 10, None) == []
+    delete_plan(connection, "bob", row.id)
+    assert find_plan(connection, "ann", row.id) is not None
+    delete_plan(connection, "ann", row.id)
+    assert find_plan(connection, "ann", row.id) is None
+
+
+def test_pages_of_plans_hold_each_once_newest_first(connection: Connection) -> None:
+    made = sorted((add_plan(connection, "ann", MADE).id for _ in range(5)), reverse=True)
+    first = [one["id"] for one in list_plans(connection, "ann", 3, None)]
+    then = [one["id"] for one in list_plans(connection, "ann", 3, first[-1])]
+    assert first + then == made
+
+
+def test_a_job_goes_from_queued_over_its_parts_to_one_end(connection: Connection) -> None:
+    job_id = job(connection)
+    assert job_queries.start_job(connection, job_id)
+    assert part_records.cut_job(connection, job_id, CUTS) == 2
+    assert part_records.next_part(connection, job_id, 1) == (
+        job_queries.spec_of(connection, job_id),
+        CUTS[1],
+    )
+    assert part_records.note_progress(connection, job_id, 5, 0)
+    part_records.keep_part(connection, job_id, 1, b"late")
+    part_records.keep_part(connection, job_id, 0, b"soon")
+    assert part_records.finished_parts(connection, job_id) == [
+        (CUTS[0], b"soon"),
+        (CUTS[1], b"late"),
+    ]
+    assert job_records.end_job(connection, job_id, "succeeded", report="report", trials=b"npz")
+    assert job_queries.report_of(connection, job_id) == "report"
+    assert job_queries.trials_of(connection, job_id) == b"npz"
+    assert states(connection, job_id) == [
+        (1, "queued", 0),
+        (2, "running", 0),
+        (3, "running", 5),
+        (4, "running", 13),
+        (5, "running", 40),
+        (6, "succeeded", 40),
+    ]
+    assert connection.execute(select(job_parts)).all() == []
+
+
+def test_an_ended_job_changes_no_more(connection: Connection) -> None:
+    job_id = job(connection)
+    job_queries.start_job(connection, job_id)
+    part_records.cut_job(connection, job_id, CUTS)
+    assert job_records.end_job(connection, job_id, "cancelled")
+    before = states(connection, job_id)
+    assert not job_records.end_job(connection, job_id, "succeeded", report="late")
+    assert not job_queries.start_job(connection, job_id)
+    assert not part_records.note_progress(connection, job_id, 9)
+    part_records.keep_part(connection, job_id, 0, b"late")
+    assert part_records.next_part(connection, job_id, 0) is None
+    assert job_queries.report_of(connection, job_id) is None
+    assert states(connection, job_id) == before
+
+
+def test_a_step_that_runs_again_changes_nothing(connection: Connection) -> None:
+    job_id = job(connection)
+    assert job_queries.start_job(connection, job_id)
+    assert job_queries.start_job(connection, job_id)
+    part_records.cut_job(connection, job_id, CUTS)
+    assert part_records.cut_job(connection, job_id, [Cut(0, 0, 40)]) == 2
+    part_records.keep_part(connection, job_id, 0, b"first")
+    part_records.keep_part(connection, job_id, 0, b"second")
+    assert part_records.finished_parts(connection, job_id)[0] == (CUTS[0], b"first")
+    assert part_records.next_part(connection, job_id, 0) is None
+    assert states(connection, job_id)[-1] == (3, "running", 32)
+
+
+def test_progress_never_goes_back_nor_past_the_whole(connection: Connection) -> None:
+    job_id = job(connection)
+    for done in (30, 10, 99):
+        part_records.note_progress(connection, job_id, done)
+    assert [done for _, _, done in states(connection, job_id)] == [0, 30, 40]
+
+
+def test_jobs_of_others_are_not_seen(connection: Connection) -> None:
+    job_id = job(connection)
+    assert job_records.find_job(connection, "bob", job_id) is None
+    assert job_records.list_jobs(connection, "bob", 10, None) == []
+    assert job_records.unfinished(connection, "bob") == []
+    assert (
+        job_records.unfinished(connection, "ann") == job_records.unfinished(connection) == [job_id]
+    )
+
+
+def test_jobs_that_ended_long_ago_are_deleted_with_all_that_hangs_on_them(
+    connection: Connection,
+) -> None:
+    old, running = job(connection), job(connection)
+    job_records.end_job(connection, old, "succeeded", report="report")
+    assert ended_before(connection, moment(60.0), 10) == []
+    assert ended_before(connection, moment(-60.0), 10) == [old]
+    assert ended_before(connection, moment(-60.0), 0) == []
+    delete_jobs(connection, [old])
+    assert job_records.find_job(connection, "ann", old) is None
+    assert events_after(connection, old, 0) == []
+    assert job_queries.report_of(connection, old) is None
+    assert job_records.find_job(connection, "ann", running) is not None
+
+
+def test_an_answer_is_given_once_for_a_key_and_owner(connection: Connection) -> None:
+    answer = Answer("digest", 201, {"location": "/v1/plans/1"}, "body")
+    keep_answer(connection, "ann", "key", answer)
+    keep_answer(connection, "bob", "key", Answer("other", 202, {}, ""))
+    assert find_answer(connection, "ann", "key") == answer
+    assert find_answer(connection, "ann", "other") is None
+    with pytest.raises(AnswerTakenError):
+        keep_answer(connection, "ann", "key", answer)
+
+
+def test_answers_are_forgotten_after_their_time(connection: Connection) -> None:
+    keep_answer(connection, "ann", "key", Answer("digest", 201, {}, ""))
+    forget_answers(connection, moment(60.0))
+    assert find_answer(connection, "ann", "key") is not None
+    forget_answers(connection, moment(-60.0))
+    assert find_answer(connection, "ann", "key") is None
+
+
+def test_an_executor_is_struck_off_only_at_the_count_that_was_seen(connection: Connection) -> None:
+    for _ in range(3):
+        executors.beat(connection, "one")
+    assert executors.living(connection) == {"one": 2}
+    executors.forget(connection, "one", beats=1)
+    assert executors.living(connection) == {"one": 2}
+    executors.forget(connection, "one", beats=2)
+    assert executors.living(connection) == {}
+
+
+def test_a_transaction_that_fails_leaves_nothing(database: Database) -> None:
+    def fail() -> None:
+        with database.writing() as connection:
+            add_plan(connection, "ann", MADE)
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        fail()
+    with database.reading() as connection:
+        assert list_plans(connection, "ann", 10, None) == []
+
+
+def test_a_database_opens_again_with_what_it_held(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'syncplan.db'}"
+    first = open_database(url)
+    with first.writing() as connection:
+        row = add_plan(connection, "ann", MADE)
+    first.close()
+    second = open_database(url)
+    with second.reading() as connection:
+        assert find_plan(connection, "ann", row.id) == row
+        assert connection.execute(select(schema_version.c.version)).scalars().all() == [
+            len(MIGRATIONS)
+        ]
+        assert connection.exec_driver_sql("PRAGMA journal_mode").scalar() == "wal"
+    second.close()
+
+
+def test_a_database_of_a_newer_version_is_refused(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'syncplan.db'}"
+    database = open_database(url)
+    with database.writing() as connection:
+        connection.execute(update(schema_version).values(version=99))
+    database.close()
+    with pytest.raises(InputError, match=r"holds schema version 99.*update syncplan"):
+        open_database(url)
+
+
+def test_an_older_database_is_brought_up_to_date(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    url = f"sqlite:///{tmp_path / 'syncplan.db'}"
+    open_database(url).close()
+
+    def second(connection: Connection) -> None:
+        connection.exec_driver_sql("ALTER TABLE plans ADD COLUMN note TEXT")
+
+    monkeypatch.setattr("api.storage.migrations.MIGRATIONS", (*MIGRATIONS, second))
+    for _ in range(2):
+        database = open_database(url)
+        with database.reading() as connection:
+            connection.exec_driver_sql("SELECT note FROM plans")
+            assert connection.execute(select(schema_version.c.version)).scalars().all() == [2]
+        database.close()
+
+
+@pytest.mark.parametrize("content", [b"not a database, but long enough to look at" * 20])
+def test_a_file_that_is_no_database_is_refused_in_one_line(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "syncplan.db"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"syncplan\.db: can't be opened: file is not a database"):
+        open_database(f"sqlite:///{path}")
+
+
+def test_waiting_for_the_database_ends_when_it_is_back_and_not_before() -> None:
+    calls = []
+
+    def away_twice() -> str:
+        calls.append(1)
+        if len(calls) < 3:
+            raise OperationalError("select", {}, Exception("connection refused"))
+        return "back"
+
+    assert patiently(away_twice) == "back"
+    assert len(calls) == 3
+
+
+def test_waiting_is_only_for_the_database() -> None:
+    def broken() -> None:
+        raise ValueError("no database")
+
+    with pytest.raises(ValueError, match="no database"):
+        patiently(broken)
+    assert not unavailable(ValueError())
+
+
+def test_two_writers_take_turns(database: Database) -> None:
+    with database.writing() as first:
+        first.execute(insert(executor_rows).values(id="one", beats=0))
+        with database.reading() as other:
+            assert executors.living(other) == {}
+    with database.reading() as other:
+        assert executors.living(other) == {"one": 0}
+
+
+def test_a_full_disk_counts_as_a_lost_connection_whoever_writes(tmp_path: Path) -> None:
+    # DBOS, with an engine of its own, waits for connections that are lost and for nothing else
+    engine = create_engine(f"sqlite:///{tmp_path / 'other.db'}")
+    with engine.connect() as connection:
+        connection.exec_driver_sql("CREATE TABLE things (thing TEXT)")
+        connection.exec_driver_sql("PRAGMA max_page_count = 3")
+        with pytest.raises(OperationalError, match="database or disk is full") as caught:
+            connection.exec_driver_sql("INSERT INTO things VALUES (hex(zeroblob(100000)))")
+    engine.dispose()
+    assert caught.value.connection_invalidated
+    assert unavailable(caught.value)
+
+
+def test_no_parts_are_entered_for_a_job_that_has_ended(connection: Connection) -> None:
+    job_id = job(connection)
+    job_records.end_job(connection, job_id, "cancelled")
+    assert part_records.cut_job(connection, job_id, CUTS) == 0
+    assert connection.execute(select(job_parts)).all() == []
+
+
+def test_a_mistake_in_a_statement_is_not_taken_for_an_outage(database: Database) -> None:
+    def ask() -> None:
+        with database.reading() as connection:
+            connection.exec_driver_sql("SELECT 1 FROM nowhere")
+
+    with pytest.raises(OperationalError, match="no such table"):
+        patiently(ask)
+
+
+def test_what_is_stored_stays_out_of_errors(connection: Connection) -> None:
+    row = add_plan(connection, "ann", MADE)
+    with pytest.raises(IntegrityError) as caught:
+        add_plan(connection, "secret owner", MADE, plan_id=row.id)
+    assert "secret owner" not in str(caught.value)
+
+
+def test_a_password_among_the_parameters_stays_out_of_errors() -> None:
+    with pytest.raises(InputError) as caught:
+        open_database("postgresql+psycopg://127.0.0.1:9/db?password=secretword")
+    assert "secretword" not in str(caught.value)
+
+
+def test_the_file_of_the_database_is_its_owners_alone(tmp_path: Path) -> None:
+    open_database(f"sqlite:///{tmp_path / 'syncplan.db'}").close()
+    assert (tmp_path / "syncplan.db").stat().st_mode & 0o077 == 0
+
+
+def test_events_are_read_some_hundreds_at_a_time(connection: Connection) -> None:
+    job_id = job(connection, work=MOST_EVENTS + 100)
+    for done in range(1, MOST_EVENTS + 50):
+        part_records.note_progress(connection, job_id, done)
+    first = events_after(connection, job_id, 0)
+    then = events_after(connection, job_id, first[-1][0])
+    assert [number for number, _ in first + then] == list(range(1, MOST_EVENTS + 51))

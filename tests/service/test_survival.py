@@ -1,0 +1,461 @@
+"""Jobs that survive: processes killed, stopped and frozen, the database away, the disk full.
+
+Real servers, real workers and a real PostgreSQL; see tests.searches.search_survival for more
+moments.
+"""
+
+import contextlib
+import random
+import signal
+import subprocess
+import tempfile
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from itertools import count
+from pathlib import Path
+from typing import Any, Literal
+
+import httpx2
+import pytest
+
+import syncplan
+from tests.tools.scenarios import example
+from tests.tools.serving import Postgres, Process, wait_until
+from tests.tools.survival import (
+    Site,
+    kill_at,
+    new_database,
+    quick,
+    refinement,
+    sweep_of_ranges,
+    validation,
+)
+
+pytestmark = pytest.mark.slow
+
+LONG = 100_000
+"""Trials of a validation that takes minutes."""
+
+EACH = pytest.mark.parametrize("address", ["sqlite", "postgresql"], indirect=True)
+
+
+@pytest.fixture(scope="module")
+def postgres() -> Iterator[Postgres]:
+    # not in pytest's folder, which every session of pytest shuts against other users anew
+    with tempfile.TemporaryDirectory() as folder:
+        started = Postgres(Path(folder) / "postgres")
+        yield started
+        started.stop()
+
+
+@pytest.fixture
+def address(request: pytest.FixtureRequest) -> str | None:
+    """Where an empty PostgreSQL database is; None for SQLite."""
+    if request.param == "sqlite":
+        return None
+    return new_database(request.getfixturevalue("postgres"))
+
+
+def at_work(site: Site, process: Process) -> set[int]:
+    """Children of a process that compute, or would if they were let, for most of half a second."""
+    seen: Counter[int] = Counter()
+    for _ in range(5):
+        seen.update(one for one in site.family(process) if _runs(one))
+        time.sleep(0.1)
+    return {one for one, times in seen.items() if times >= 3}
+
+
+def _runs(process: int) -> bool:
+    """Whether a thread of a process is running or waits for its turn to."""
+    for one in Path(f"/proc/{process}/task").glob("*/stat"):
+        with contextlib.suppress(OSError):
+            if one.read_text().rpartition(")")[2].split()[0] == "R":
+                return True
+    return False
+
+
+def busy(site: Site, process: Process, number: int = 1) -> set[int]:
+    """Children of a process, once that many of them compute."""
+    found: set[int] = set()
+
+    def enough() -> bool:
+        found.clear()
+        found.update(at_work(site, process))
+        return len(found) >= number
+
+    wait_until(enough, 60.0, site.logs)
+    return found
+
+
+def on_duty(site: Site, number: int) -> None:
+    """Wait until that many workers have started."""
+    log = site.folder / "worker.log"
+    wait_until(lambda: log.read_text().count('"syncplan.worker"') >= number, 60.0, site.logs)
+
+
+def warm(site: Site, process: Process) -> None:
+    """Wait until the children of a process have got ready and compute no more."""
+    wait_until(lambda: len(site.family(process)) >= 2, 60.0, site.logs)
+    wait_until(lambda: not at_work(site, process), 60.0, site.logs)
+
+
+# --- killed -------------------------------------------------------------------------------------
+
+
+@pytest.mark.alone
+@EACH
+@pytest.mark.parametrize(("victim", "seed"), [("server", 1), ("worker", 2)])
+def test_jobs_come_to_their_bytes_once_whoever_is_killed(
+    address: str | None, tmp_path: Path, victim: Literal["server", "worker"], seed: int
+) -> None:
+    moments = random.Random(f"{seed} {address is None}")
+    orders = [validation(1200, 1), refinement(0), sweep_of_ranges(200, 3), validation(600, 2)]
+    with quick(tmp_path, address) as site:
+        kill_at(site, orders, [moments.uniform(0.0, 1.5), moments.uniform(0.0, 4.0)], victim)
+
+
+def test_a_server_killed_right_after_it_accepted_a_job_has_accepted_it(tmp_path: Path) -> None:
+    with quick(tmp_path) as site:
+        kill_at(site, [validation(600, 2)], [0.0, 0.0], "server")
+
+
+@pytest.mark.alone
+def test_the_jobs_of_a_dead_worker_go_on_within_15_seconds(tmp_path: Path) -> None:
+    with Site(tmp_path, SYNCPLAN_PROCESSES="1") as site:
+        site.serve("--no-worker")
+        first = site.work()
+        job_id = site.hand_in(validation(2400, 1))
+        busy(site, first)
+        second = site.work()
+        on_duty(site, 2)
+        site.kill(first)
+        killed = time.monotonic()
+        wait_until(lambda: job_id in site.held_by(second), 15.0, site.logs)
+        assert time.monotonic() - killed < 15.0
+        site.see_all_done()
+
+
+@EACH
+def test_a_client_that_asks_again_gets_each_plan_and_job_once(
+    address: str | None, tmp_path: Path
+) -> None:
+    moments = random.Random(f"again {address is None}")
+    with quick(tmp_path, address) as site:
+        server = site.serve()
+        over = threading.Event()
+
+        def hand_in(seed: int) -> int:
+            with syncplan.Client(site.url) as client:
+                for number in count():
+                    made = client.plan(example("paper-grid-same"))
+                    job = client.validate(made, trials=10, seed=seed)
+                    site.plans[made.id] = site.ask_until_up(f"/v1/plans/{made.id}").text
+                    site.jobs[job.id] = validation(10, seed)
+                    if over.is_set():
+                        return number + 1
+            raise AssertionError
+
+        with ThreadPoolExecutor() as pool:
+            clients = [pool.submit(hand_in, seed) for seed in range(3)]
+            for _ in range(3):
+                time.sleep(moments.uniform(0.2, 1.5))
+                site.kill(server)
+                server = site.serve()
+            over.set()
+            handed_in = sum(client.result(timeout=60.0) for client in clients)
+        assert site.count("plans") == site.count("jobs") == handed_in
+        site.see_all_done()
+
+
+def test_what_a_refinement_started_goes_with_the_server(tmp_path: Path) -> None:
+    with quick(tmp_path) as site:
+        server = site.serve()
+        site.hand_in(refinement(0))
+
+        def grandchildren() -> set[int]:
+            family = site.family(server)
+            return {one for one in family if _parent(one) in family}
+
+        wait_until(lambda: len(grandchildren()) >= 2, 30.0, site.logs)
+        site.kill(server)
+        site.serve()
+        site.see_all_done()
+
+
+def _parent(process: int) -> int:
+    with contextlib.suppress(OSError):
+        return int(Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[1])
+    return 0
+
+
+# --- stopped ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("address", "victim"),
+    [("sqlite", "server"), ("postgresql", "worker")],
+    indirect=["address"],
+)
+def test_what_ends_in_good_order_gives_its_jobs_up_at_once(
+    address: str | None, tmp_path: Path, victim: Literal["server", "worker"]
+) -> None:
+    # nobody is found dead in this test: what was given up is there for others at once
+    with quick(tmp_path, address, SYNCPLAN_DEAD_AFTER_S="600") as site:
+        process: Process = site.serve(*(["--no-worker"] if victim == "worker" else []))
+        if victim == "worker":
+            process = site.work()
+        site.hand_in(validation(2400, 1))
+        site.hand_in(refinement(0))
+        busy(site, process, 2)
+        began = time.monotonic()
+        assert process.stop() == 0
+        # about a second; DBOS may wait ten more for a thread of its own to end
+        assert time.monotonic() - began < 15.0
+        site.see_family_gone(process)
+        assert site.held_by(process) == []
+        _ = site.serve() if victim == "server" else site.work()
+        site.see_all_done()
+
+
+@pytest.mark.alone
+@EACH
+def test_a_worker_frozen_until_it_counts_as_dead_does_no_harm(
+    address: str | None, tmp_path: Path
+) -> None:
+    with quick(tmp_path, address) as site:
+        site.serve("--no-worker")
+        first = site.work()
+        for order in (validation(1200, 1), refinement(0), sweep_of_ranges(200, 3)):
+            site.hand_in(order)
+        busy(site, first, 2)
+        first.popen.send_signal(signal.SIGSTOP)
+        site.work()
+        wait_until(lambda: not site.held_by(first), 30.0, site.logs)
+        first.popen.send_signal(signal.SIGCONT)
+        site.see_all_done()
+
+
+@pytest.mark.alone
+def test_a_cancelled_job_stops_within_two_seconds_and_stays_cancelled(tmp_path: Path) -> None:
+    with quick(tmp_path) as site:
+        site.serve("--no-worker")
+        worker = site.work()
+        warm(site, worker)
+        plan_id = site.hand_in_plan()
+        body = {"trials": LONG, "seed": 0}
+        path = f"/v1/plans/{plan_id}/validations"
+        first, second = (site.ask("POST", path, json=body).json()["id"] for _ in range(2))
+        wait_until(lambda: site.job(first)["progress"]["done"] > 0, 60.0, site.logs)
+        computing = busy(site, worker, 2)
+        assert site.ask("POST", f"/v1/jobs/{second}/cancel").json()["state"] == "cancelled"
+        assert site.ask("POST", f"/v1/jobs/{first}/cancel").json()["state"] == "cancelled"
+        wait_until(lambda: not computing & at_work(site, worker), 2.0, site.logs)
+        site.see_ended_once(first, "cancelled")
+        # what is left of a cancelled job holds up nobody
+        site.wait_for(site.hand_in(validation(10, 0)), "succeeded", seconds=30.0)
+        third = site.ask("POST", path, json=body).json()["id"]
+        busy(site, worker, 2)
+        with ThreadPoolExecutor() as pool:
+            cancelled = pool.submit(site.ask, "POST", f"/v1/jobs/{third}/cancel")
+            site.kill(worker)
+        assert cancelled.result().json()["state"] == "cancelled"
+        site.work()
+        site.see_nothing_left()
+        for job_id in (first, second, third):
+            site.see_ended_once(job_id, "cancelled")
+            assert site.job(job_id)["state"] == "cancelled"
+
+
+# --- begun --------------------------------------------------------------------------------------
+
+
+@EACH
+def test_processes_that_start_on_nothing_at_the_same_moment_all_come_up(
+    address: str | None, tmp_path: Path
+) -> None:
+    with quick(tmp_path, address) as site, quick(tmp_path, address) as other:
+        with ThreadPoolExecutor() as pool:
+            started = [pool.submit(one.serve, "--no-worker") for one in (site, other)] + [
+                pool.submit(site.work)
+            ]
+            for one in started:
+                one.result(timeout=60.0)
+        site.hand_in(validation(10, 0))
+        site.see_all_done()
+
+
+# --- the database away --------------------------------------------------------------------------
+
+
+def problem(answer: httpx2.Response, *statuses: int) -> dict[str, Any]:
+    """The problem document of an answer with one of the statuses."""
+    assert answer.status_code in statuses, f"{answer.status_code} {answer.text}"
+    assert answer.headers["content-type"] == "application/problem+json"
+    found: dict[str, Any] = answer.json()
+    assert found["status"] == answer.status_code
+    return found
+
+
+def every_request(plan_id: str, job_id: str) -> list[tuple[str, str, dict[str, Any]]]:
+    """Requests of all kinds that need the database."""
+    scenario = example("paper-grid-same").model_dump(mode="json", exclude_none=True)
+    return [
+        ("GET", "/readyz", {}),
+        ("POST", "/v1/plans", {"json": scenario}),
+        ("POST", "/v1/plans", {"json": scenario, "headers": {"idempotency-key": "again"}}),
+        ("GET", "/v1/plans", {}),
+        ("GET", f"/v1/plans/{plan_id}", {}),
+        ("DELETE", f"/v1/plans/{plan_id}", {}),
+        ("POST", f"/v1/plans/{plan_id}/validations", {"json": {"trials": 10}}),
+        ("POST", f"/v1/plans/{plan_id}/refinements", {"json": {}}),
+        ("POST", "/v1/sweeps", {"json": {"scenario": scenario, "range_m": [50.0]}}),
+        ("GET", "/v1/jobs", {}),
+        ("GET", f"/v1/jobs/{job_id}", {}),
+        ("GET", f"/v1/jobs/{job_id}/events", {"headers": {"accept": "text/event-stream"}}),
+        ("GET", f"/v1/jobs/{job_id}/result", {}),
+        ("POST", f"/v1/jobs/{job_id}/cancel", {}),
+    ]
+
+
+@pytest.mark.alone
+def test_the_database_away_for_ten_seconds_costs_nothing_but_time(
+    tmp_path: Path, postgres: Postgres
+) -> None:
+    with quick(tmp_path, new_database(postgres), SYNCPLAN_DEAD_AFTER_S="8") as site:
+        server = site.serve()
+        worker, ending = site.work(), site.work()
+        plan_id = site.hand_in_plan()
+        jobs = [
+            site.hand_in(order, None if order.kind != "validation" else plan_id)
+            for order in (validation(2400, 1), refinement(0), validation(1200, 1))
+        ]
+        busy(site, server)
+        on_duty(site, 2)
+        with ThreadPoolExecutor() as pool:
+            followed = pool.submit(site.events, jobs[0])
+            time.sleep(0.5)
+            postgres.stop()
+            away = time.monotonic()
+            try:
+                while time.monotonic() - away < 10.0:
+                    for method, path, options in every_request(plan_id, jobs[0]):
+                        began = time.monotonic()
+                        answer = site.ask(method, path, **options)
+                        assert time.monotonic() - began < 15.0, path
+                        problem(answer, 503)
+                        assert int(answer.headers["retry-after"]) >= 1
+                    assert site.ask("GET", "/healthz").status_code == 200
+                    assert site.ask("GET", "/metrics").status_code in (200, 503)
+                    if ending.popen.returncode is None:
+                        assert ending.stop() == 0
+            finally:
+                postgres.start()
+            assert followed.result(timeout=90.0)[-1]["state"] == "succeeded"
+        site.see_all_done()
+        assert server.popen.poll() is worker.popen.poll() is None
+        # the one that ended could not say so, and nobody else was taken for dead
+        found_dead = [line for line in site.log_lines() if "is dead" in line]
+        assert all(f"-{ending.popen.pid}-" in line for line in found_dead)
+
+
+# --- the disk full ------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def small_disk() -> Iterator[Path]:
+    """A folder on a disk of its own that has 24 MB."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = ["mount", "-t", "tmpfs", "-o", "size=24m,mode=711", "tmpfs", folder]
+        mounted = subprocess.run(command, capture_output=True, text=True)
+        if mounted.returncode:
+            pytest.skip(f"no small disk can be mounted here: {mounted.stderr.strip()}")
+        yield Path(folder)
+        subprocess.run(["umount", "--lazy", folder], check=True)
+
+
+def fill(folder: Path) -> Path:
+    """Leave no room on a disk; returns the file to delete to make room again."""
+    ballast = folder / "ballast"
+    with ballast.open("ab", buffering=0) as file:
+        for size in (2**16, 2**12, 1):
+            with contextlib.suppress(OSError):
+                while file.write(bytes(size)):
+                    pass
+    return ballast
+
+
+def see_full_disk_told(site: Site, plan_id: str, job_id: str) -> None:
+    """Fail unless what stores is refused with 507, and everything else goes on."""
+    scenario = example("paper-grid-same").model_dump(mode="json", exclude_none=True)
+
+    def refused() -> bool:
+        answer = site.ask("POST", "/v1/plans", json=scenario)
+        if answer.status_code == 201:
+            site.plans[answer.json()["id"]] = answer.text
+            return False
+        assert "storage is full" in problem(answer, 507)["detail"]
+        return True
+
+    # what room is left inside the files is used up first
+    wait_until(refused, 60.0)
+    order = validation(10, 5)
+    answer = site.ask("POST", f"/v1/plans/{plan_id}/validations", json=order.body)
+    if answer.status_code == 202:
+        site.jobs[answer.json()["id"]] = order
+    else:
+        problem(answer, 507)
+    for path in ("/readyz", "/healthz", "/v1/plans", f"/v1/plans/{plan_id}", f"/v1/jobs/{job_id}"):
+        assert site.ask("GET", path).status_code == 200, path
+
+
+def see_full_disk_waited_out(site: Site, disk: Path) -> None:
+    """Fail unless jobs that a full disk meets wait until there is room, and then go on."""
+    server = site.serve()
+    plan_id = site.hand_in_plan()
+    job_id = site.hand_in(validation(2400, 1), plan_id)
+    site.hand_in(refinement(0))
+    busy(site, server, 2)
+    ballast = fill(disk)
+    see_full_disk_told(site, plan_id, job_id)
+    # long enough for what was under way to want to be stored
+    time.sleep(5.0)
+    assert server.popen.poll() is None
+    ballast.unlink()
+    site.see_all_done()
+
+
+def test_a_full_disk_under_sqlite_is_told_and_waited_out(tmp_path: Path, small_disk: Path) -> None:
+    with quick(tmp_path, SYNCPLAN_DATA_DIR=str(small_disk / "data")) as site:
+        see_full_disk_waited_out(site, small_disk)
+
+
+def test_a_full_disk_under_postgresql_is_told_and_waited_out(
+    tmp_path: Path, small_disk: Path, postgres: Postgres
+) -> None:
+    # the tables alone are on the small disk: a server that can't write its log stops by itself
+    address = new_database(postgres, postgres.folder_for(small_disk / "tables"))
+    with quick(tmp_path, address) as site:
+        see_full_disk_waited_out(site, small_disk)
+
+
+def test_a_store_on_a_full_disk_opens_again_once_there_is_room(
+    tmp_path: Path, small_disk: Path
+) -> None:
+    with quick(tmp_path, SYNCPLAN_DATA_DIR=str(small_disk / "data")) as site:
+        server = site.serve()
+        plan_id = site.hand_in_plan()
+        job_id = site.hand_in(validation(1200, 1), plan_id)
+        busy(site, server)
+        ballast = fill(small_disk)
+        see_full_disk_told(site, plan_id, job_id)
+        site.kill(server)
+        # a start without any room may fail or wait, and spoils nothing
+        starting = site.begin("serve", "--port", "0")
+        time.sleep(4.0)
+        site.kill(starting)
+        ballast.unlink()
+        site.serve()
+        site.see_all_done()

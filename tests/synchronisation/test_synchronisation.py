@@ -1,0 +1,593 @@
+"""Phases against the paper's rules, brute force, and the relaxation's bound."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from syncplan.orbits.circles import Orbits, heading, position, wrap
+from syncplan.orbits.graphs import odd_cycle, two_colouring
+from syncplan.orbits.separation import closest_approach, pairs_nearer_than
+from syncplan.planning.planner import plan
+from syncplan.scenario.formations import shape_centers
+from syncplan.synchronisation.phase_rules import closest_distance, residuals, rules_of
+from syncplan.synchronisation.phases import Synchronisation, synchronise
+from syncplan.synchronisation.senses import alternating_senses
+from tests.tools.scenarios import document, example, small
+
+Array = np.ndarray
+
+
+def _near(centers: Array, reach: float) -> Array:
+    a, b = np.triu_indices(len(centers), 1)
+    distance = np.hypot(*(centers[a] - centers[b]).T)
+    return np.asarray(np.column_stack([a, b])[distance <= reach])
+
+
+def _solve(
+    centers: Array,
+    pairs: Array,
+    senses: Array | None = None,
+    radius: float = 20.0,
+    reach: float = 50.0,
+    separation: float = 0.0,
+) -> tuple[Synchronisation, Array]:
+    """The synchronisation, and each link's least distance by the exact code."""
+    count = len(centers)
+    turns = np.ones(count) if senses is None else senses
+    radii = np.full(count, radius)
+    found = synchronise(centers, radii, turns, np.full(count, reach), pairs, 0.3, separation)
+    least = np.array(
+        [
+            pairs_nearer_than(
+                Orbits(centers[[a, b]], radii[:2], turns[[a, b]], found.phases[[a, b]], 1.0), np.inf
+            )[0].distance
+            for a, b in pairs
+        ]
+    )
+    return found, least
+
+
+def test_neighbours_of_one_sense_are_opposite_on_a_bipartite_graph() -> None:
+    made = plan(example("paper-grid-same"))
+    assert made.synchronisation is not None
+    assert made.synchronisation.method == "closed form"
+    assert made.orbits.phases[0] == 0.3
+    for link in made.links:
+        assert abs(link.residual) < 1e-12
+        assert abs(link.min_distance - 30.0) < 1e-9
+
+
+def test_opposite_senses_meet_on_the_line_of_centres() -> None:
+    made = plan(example("crooked-line-alternate"))
+    assert set(made.orbits.senses) == {1.0, -1.0}
+    for link in made.links:
+        assert abs(link.residual) < 1e-9
+        span = np.hypot(*(made.orbits.centers[link.a] - made.orbits.centers[link.b]))
+        assert abs(link.min_distance - (span - 40.0)) < 1e-9
+
+
+def test_the_odd_ring_reaches_its_known_optimum_and_the_bound() -> None:
+    made = plan(example("five-ring"))
+    # a step of 144 degrees: 72 - 40 sin(72 degrees)
+    for link in made.links:
+        assert abs(link.min_distance - (72.0 - 40.0 * np.sin(np.radians(72.0)))) < 1e-6
+    found = made.synchronisation
+    assert found is not None
+    assert found.bound is not None
+    assert found.margin is not None
+    assert abs(found.bound - found.margin) < 1e-5
+    assert len(found.odd_cycle) == 5
+
+
+def test_the_triangular_lattice_takes_three_phases() -> None:
+    made = plan(example("triangle-lattice"))
+    assert len(made.links) == 23
+    for link in made.links:
+        assert abs(link.min_distance - (70.0 - 20.0 * np.sqrt(3.0))) < 1e-6
+
+
+def test_a_triangle_alternates_all_but_one_link() -> None:
+    made = plan(example("triangle-alternate"))
+    same = [link for link in made.links if made.orbits.senses[link.a] == made.orbits.senses[link.b]]
+    assert len(made.links) == 3
+    assert len(same) == 1
+    assert made.alternating_proven
+
+
+def test_three_phases_reach_what_a_grid_search_finds() -> None:
+    scenario = example("triangle-alternate")
+    made = plan(scenario)
+    orbits, reach = made.orbits, np.full(3, 50.0)
+    pairs = np.array([[0, 1], [1, 2], [0, 2]])
+    rules = rules_of(orbits.centers, orbits.radii, orbits.senses, reach, pairs)
+    steps = np.linspace(0.0, 2.0 * np.pi, 240, endpoint=False)
+    best = -np.inf
+    for second in steps:
+        theta = np.stack([np.zeros(240), np.full(240, second), steps], axis=1)
+        margin = np.min(
+            [50.0 - closest_distance(rules, residuals(rules, row)) for row in theta], axis=1
+        )
+        best = max(best, float(margin.max()))
+    found = made.synchronisation
+    assert found is not None
+    assert found.margin is not None
+    assert found.bound is not None
+    assert best - 1e-9 <= found.margin <= found.bound + 1e-6
+    assert found.margin - best < 0.3  # the grid's spacing is 1.5 degrees
+
+
+@pytest.mark.parametrize(
+    ("shape", "count", "columns", "spacing"), [("hex", 10, 4, 70.0), ("ring", 7, None, 72.0)]
+)
+def test_what_is_reached_never_exceeds_the_bound(
+    shape: str, count: int, columns: int | None, spacing: float
+) -> None:
+    centers = shape_centers(shape, count, spacing, columns)
+    found, least = _solve(centers, _near(centers, 90.0))
+    assert found.bound is not None
+    assert 50.0 - least.max() <= found.bound + 1e-5
+
+
+def test_a_large_team_says_that_no_bound_was_computed() -> None:
+    centers = shape_centers("hex", 48, 70.0, 8)
+    found, least = _solve(centers, _near(centers, 90.0))
+    assert found.bound is None
+    assert "48 vehicles" in found.bound_note
+    assert least.max() < 35.4
+
+
+@pytest.mark.parametrize("name", ["five-ring", "triangle-lattice", "triangle-alternate"])
+def test_phases_without_the_relaxation_are_as_good_and_say_that_none_bounds_them(name: str) -> None:
+    bounded, quick = (plan(example(name), bound="never", margin_bound=one) for one in (True, False))
+    assert bounded.synchronisation is not None
+    assert quick.synchronisation is not None
+    assert bounded.synchronisation.margin is not None
+    assert quick.synchronisation.margin == pytest.approx(bounded.synchronisation.margin, abs=1e-4)
+    assert bounded.synchronisation.bound is not None
+    assert quick.synchronisation.bound is None
+    assert quick.synchronisation.bound_note == "no bound: it was not asked for"
+
+
+def test_links_that_cannot_all_be_served_are_dropped_with_a_reason() -> None:
+    # four vehicles all linked, neighbours 88 m apart: opposite phases needed everywhere
+    scenario = small(
+        formation={"shape": "ring", "count": 3, "spacing_m": 88.0},
+        landmarks_m=[],
+    )
+    made = plan(scenario)
+    assert len(made.links) + len(made.dropped_links) == 3
+    assert len(made.dropped_links) == 1
+    assert "odd cycle" in made.dropped_links[0].reason
+
+
+def test_no_link_is_dropped_when_phases_exist_that_serve_all() -> None:
+    for spacing in (74.0, 80.0, 84.0):
+        made = plan(small(formation={"shape": "ring", "count": 3, "spacing_m": spacing}))
+        # three phases 120 degrees apart come to spacing - 34.64 m
+        served = spacing - 20.0 * np.sqrt(3.0) <= 50.0
+        assert (len(made.dropped_links) == 0) == served
+
+
+@pytest.mark.parametrize("separation", [31.0, 35.0, 45.0])
+def test_separation_bounds_what_phases_may_choose(separation: float) -> None:
+    centers = shape_centers("grid", 6, 70.0, 3)
+    found, least = _solve(centers, _near(centers, 71.0), separation=separation)
+    assert not found.dropped
+    assert least.min() >= separation
+    assert least.max() <= 50.0
+
+
+def test_overlapping_circles_are_kept_apart() -> None:
+    made = plan(
+        small(
+            formation={"centers_m": [[0, 0], [30, 0], [15, 26]]},
+            min_separation_m=12.0,
+        )
+    )
+    assert not made.too_close
+    assert made.approach is not None
+    assert made.approach.distance >= 12.0
+
+
+def test_an_odd_ring_keeps_its_separation_and_most_of_its_margin() -> None:
+    centers = shape_centers("ring", 5, 72.0)
+    pairs = np.array([[0, 1], [1, 2], [2, 3], [3, 4], [0, 4]])
+    _found, least = _solve(centers, pairs, separation=35.0)
+    # residuals +a four times and -b once, b the least that separation allows
+    b = 2.0 * np.arccos((72.0 - 35.0) / 40.0)
+    a = (np.pi + b) / 4.0
+    assert least.min() >= 35.0
+    assert abs(least.max() - (72.0 - 40.0 * np.cos(a / 2.0))) < 2e-3
+
+
+def test_a_plan_that_breaks_separation_says_between_whom_and_when() -> None:
+    made = plan(
+        small(
+            formation={"centers_m": [[0, 0], [10, 0]], "links": []},
+            min_separation_m=15.0,
+            orbit={"radius_m": 20.0, "angular_rate_rad_s": 0.2, "direction": ["ccw", "cw"]},
+        )
+    )
+    assert made.too_close or (made.approach is not None and made.approach.distance >= 15.0)
+    impossible = plan(
+        small(
+            formation={"centers_m": [[0, 0], [0, 0]], "links": []},
+            min_separation_m=15.0,
+            orbit={"radius_m": [20.0, 21.0], "angular_rate_rad_s": 0.2, "direction": ["ccw", "cw"]},
+        )
+    )
+    assert len(impossible.too_close) == 1
+    close = impossible.too_close[0]
+    assert {close.a, close.b} == {0, 1}
+    assert abs(close.distance - 1.0) < 1e-9
+
+
+def test_desync_is_an_offset_from_the_exact_rule() -> None:
+    scenario = example("paper-grid-alternate")
+    orbit = scenario.orbit.model_copy(update={"desync_rad": 0.1})
+    shifted = plan(scenario.model_copy(update={"orbit": orbit}))
+    exact = plan(scenario)
+    np.testing.assert_allclose(shifted.orbits.phases - exact.orbits.phases, 0.1, atol=1e-12)
+    assert all(abs(abs(link.residual) - 0.2) < 1e-12 for link in shifted.links)
+    assert shifted.observable
+    assert not exact.observable
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_the_least_distance_of_a_residual_is_that_of_the_orbits(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    centers = generator.uniform(-50.0, 50.0, (2, 2))
+    radii = generator.uniform(5.0, 30.0, 2) if seed % 2 else np.full(2, 12.0)
+    senses = generator.choice([-1.0, 1.0], 2)
+    phases = generator.uniform(0.0, 2.0 * np.pi, 2)
+    pairs = np.array([[0, 1]])
+    rules = rules_of(centers, radii, senses, np.full(2, 50.0), pairs)
+    closed = float(closest_distance(rules, residuals(rules, senses * phases))[0])
+    exact = closest_approach(Orbits(centers, radii, senses, phases, 1.0))
+    assert exact is not None
+    tau = np.linspace(0.0, 2.0 * np.pi, 20001)[:, None]
+    places = centers + radii[:, None] * np.stack(
+        [np.cos(phases + senses * tau), np.sin(phases + senses * tau)], axis=-1
+    )
+    sampled = float(np.min(np.hypot(*(places[:, 1] - places[:, 0]).T)))
+    assert abs(closed - exact.distance) < 1e-9
+    assert 0.0 <= sampled - exact.distance + 1e-12 < 0.02
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_the_closest_approach_over_all_pairs_is_the_smallest_of_each(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    count = int(generator.integers(2, 9))
+    orbits = Orbits(
+        generator.uniform(-80.0, 80.0, (count, 2)),
+        generator.uniform(5.0, 30.0, count),
+        generator.choice([-1.0, 1.0], count),
+        generator.uniform(0.0, 6.28, count),
+        1.0,
+    )
+    nearest = closest_approach(orbits)
+    assert nearest is not None
+    each = pairs_nearer_than(orbits, np.inf)
+    assert len(each) == count * (count - 1) // 2
+    assert nearest.distance == min(item.distance for item in each)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_the_number_of_alternating_links_is_the_largest(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    count = int(generator.integers(2, 8))
+    edges = [pair for pair in itertools.combinations(range(count), 2) if generator.random() < 0.6]
+    senses, proven = alternating_senses(count, edges, [])
+    cut = sum(senses[a] != senses[b] for a, b in edges)
+    best = max(
+        sum(side[a] != side[b] for a, b in edges)
+        for side in itertools.product([0, 1], repeat=count)
+    )
+    assert proven
+    assert cut == best
+    assert senses[0] == 1.0
+
+
+def test_vehicles_that_share_a_circle_share_their_sense() -> None:
+    scenario = small(
+        formation={"centers_m": [[0, 0], [0, 0], [70, 0]]},
+        orbit={"radius_m": 20.0, "angular_rate_rad_s": 0.2, "direction": "alternate"},
+    )
+    made = plan(scenario)
+    assert made.orbits.senses[0] == made.orbits.senses[1]
+    assert made.orbits.senses[2] != made.orbits.senses[0]
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_a_graph_has_two_colours_or_an_odd_cycle(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    count = int(generator.integers(1, 10))
+    edges = [pair for pair in itertools.combinations(range(count), 2) if generator.random() < 0.3]
+    colour, cycle = two_colouring(count, edges), odd_cycle(count, edges)
+    if colour is not None:
+        assert not cycle
+        assert all(colour[a] != colour[b] for a, b in edges)
+    else:
+        assert len(cycle) % 2 == 1
+        ring = zip(cycle, [*cycle[1:], cycle[0]], strict=True)
+        assert all((min(a, b), max(a, b)) in edges for a, b in ring)
+        assert len(set(cycle)) == len(cycle)
+
+
+def test_a_mixed_team_takes_each_link_by_its_two_senses() -> None:
+    made = plan(
+        small(
+            formation={"shape": "line", "count": 3, "spacing_m": 70.0},
+            orbit={
+                "radius_m": 20.0,
+                "angular_rate_rad_s": 0.2,
+                "direction": ["ccw", "ccw", "cw"],
+            },
+        )
+    )
+    assert [link.min_distance for link in made.links] == pytest.approx([30.0, 30.0])
+    turns = made.orbits.senses.tolist()
+    assert turns == [1.0, 1.0, -1.0]
+
+
+def test_an_even_cycle_that_does_not_close_shares_its_residual() -> None:
+    scenario = small(
+        formation={"centers_m": [[0, 0], [70, 0], [80, 65], [5, 72]]},
+        orbit={"radius_m": 20.0, "angular_rate_rad_s": 0.2, "direction": "alternate"},
+    )
+    made = plan(scenario)
+    assert len(made.links) == 4
+    worst = max(abs(link.residual) for link in made.links)
+    assert worst > 1e-3
+    assert not made.dropped_links
+
+
+def test_the_document_helper_makes_a_valid_scenario() -> None:
+    assert small().size == len(document()["formation"]["centers_m"])
+
+
+@pytest.mark.parametrize("count", [2, 3, 4, 5])
+def test_vehicles_on_one_circle_spread_out(count: int) -> None:
+    made = plan(small(formation={"centers_m": [[0, 0]] * count}))
+    assert made.approach is not None
+    even = 40.0 * np.sin(np.pi / count)
+    assert made.approach.distance > 0.9 * even
+    assert not made.dropped_links
+
+
+def test_circles_are_shared_whatever_lies_between_them_in_order() -> None:
+    made = plan(
+        small(
+            formation={"centers_m": [[0, 0], [50, 0], [0, 0]]},
+            orbit={
+                "radius_m": [20.0, 20.0 + 1e-12, 20.0 + 2e-12],
+                "angular_rate_rad_s": 0.2,
+                "direction": "alternate",
+            },
+        )
+    )
+    assert made.orbits.senses[0] == made.orbits.senses[2]
+
+
+def test_a_grid_of_a_thousand_has_its_least_separation_between_neighbours() -> None:
+    count = 1000
+    centers = shape_centers("grid", count, 70.0, 40)
+    colour = np.array([(k % 40 + k // 40) % 2 for k in range(count)])
+    orbits = Orbits(centers, np.full(count, 20.0), np.ones(count), np.pi * colour + 0.3, 0.2)
+    nearest = closest_approach(orbits)
+    assert nearest is not None
+    assert abs(nearest.distance - 30.0) < 1e-9
+
+
+def test_vehicles_on_one_circle_keep_in_contact_with_room_to_spare() -> None:
+    for count in (2, 3):
+        made = plan(
+            small(
+                formation={"centers_m": [[0, 0]] * count},
+                sensor={"range_m": 15.0},
+            )
+        )
+        assert not made.dropped_links
+        assert len(made.links) == count * (count - 1) // 2
+        assert all(link.tolerance > 0.03 for link in made.links)
+        assert made.approach is not None
+        assert made.approach.distance > 3.0
+
+
+@pytest.mark.parametrize(
+    ("centers", "radii", "reach"),
+    [
+        ([[0, 0], [0, 0]], [50.0, 10.0], 50.0),
+        ([[0, 0], [5, 0]], [50.0, 10.0], 50.0),
+        ([[0, 0], [10, 0]], [20.0, 20.0], 20.0),
+    ],
+)
+def test_contact_of_crossing_circles_does_not_hang_on_its_limit(
+    centers: list[list[float]], radii: list[float], reach: float
+) -> None:
+    made = plan(
+        small(
+            formation={"centers_m": centers},
+            orbit={"radius_m": radii, "angular_rate_rad_s": 0.2},
+            sensor={"range_m": reach},
+        )
+    )
+    assert made.links[0].tolerance > 0.05
+
+
+def test_separation_holds_between_components_of_opposite_senses() -> None:
+    centers = [[0, 0], [70, 0], [13.562158, 35.594416], [90.463662, 59.271268]]
+    for first in (0.0, 2.0, 5.893433):
+        made = plan(
+            small(
+                formation={"centers_m": centers, "links": [["v1", "v2"], ["v3", "v4"]]},
+                orbit={
+                    "radius_m": 20.0,
+                    "angular_rate_rad_s": 0.2,
+                    "direction": ["ccw", "ccw", "cw", "cw"],
+                    "first_phase_rad": first,
+                },
+                min_separation_m=8.0,
+            )
+        )
+        assert made.approach is not None
+        assert made.approach.distance >= 8.0
+        assert len(made.links) == 2
+
+
+def test_a_pair_that_nothing_keeps_apart_costs_the_others_nothing() -> None:
+    made = plan(
+        small(
+            formation={
+                "centers_m": [[0, 0], [0, 0], [200, 0], [270, 0]],
+                "links": [["v3", "v4"]],
+            },
+            orbit={
+                "radius_m": [20.0, 21.0, 20.0, 20.0],
+                "angular_rate_rad_s": 0.2,
+                "direction": ["ccw", "cw", "ccw", "ccw"],
+            },
+            min_separation_m=5.0,
+        )
+    )
+    assert len(made.links) == 1
+    assert abs(made.links[0].min_distance - 30.0) < 1e-6
+    assert len(made.too_close) == 1
+
+
+def test_the_first_vehicle_starts_at_its_phase_whatever_its_sense() -> None:
+    for senses in (["cw", "cw"], ["cw", "ccw"]):
+        made = plan(
+            small(
+                orbit={
+                    "radius_m": 20.0,
+                    "angular_rate_rad_s": 0.2,
+                    "direction": senses,
+                    "first_phase_rad": 0.7,
+                }
+            )
+        )
+        assert abs(made.orbits.phases[0] - 0.7) < 1e-12
+
+
+def test_the_longer_of_two_ranges_makes_the_link() -> None:
+    made = plan(
+        small(
+            sensor=[{"range_m": 5.0}, {"range_m": 50.0}],
+        )
+    )
+    assert len(made.links) == 1
+    assert made.links[0].forward.size == 0
+    assert made.links[0].backward.size == 2
+    assert made.links[0].windows.shape == (1, 2)
+    assert made.synchronisation is not None
+    assert made.synchronisation.margin == pytest.approx(20.0)
+
+
+@settings(max_examples=12, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_three_linked_vehicles_reach_brute_force_and_stay_below_the_bound(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    angle = generator.uniform(1.2, 2.0)
+    sides = generator.uniform(50.0, 62.0, 2)
+    corner = sides[1] * np.array([np.cos(angle), np.sin(angle)])
+    centers = np.array([[0.0, 0.0], [sides[0], 0.0], corner])
+    radii = generator.uniform(15.0, 24.0, 3) if seed % 2 else np.full(3, 20.0)
+    senses = generator.choice([-1.0, 1.0], 3)
+    pairs, reach = np.array([[0, 1], [1, 2], [0, 2]]), np.full(3, 100.0)
+    found = synchronise(centers, radii, senses, reach, pairs, 0.3)
+    rules = rules_of(centers, radii, senses, reach, pairs)
+    steps = np.linspace(-np.pi, np.pi, 90, endpoint=False)
+    second, third = (grid.ravel() for grid in np.meshgrid(steps, steps))
+    residual = np.stack(
+        [
+            -second - rules.offset[0],
+            second - third - rules.offset[1],
+            -third - rules.offset[2],
+        ]
+    )
+    best = float(np.max(np.min(reach[:, None] - closest_distance(rules, residual), axis=0)))
+    assert found.margin is not None
+    crossing = np.any(rules.distance < rules.radius_a + rules.radius_b)
+    if not crossing:
+        assert found.margin >= best - 0.3
+    if found.bound is not None:
+        assert found.bound >= best - 1e-6
+        assert found.margin <= found.bound + 1e-4
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_phase_tolerance_is_where_contact_is_lost(seed: int) -> None:
+    """Slip the second vehicle both ways, look for windows, compare with the tolerance told."""
+    generator = np.random.default_rng(seed)
+    view = 360.0 if seed % 3 == 0 else float(generator.uniform(40.0, 200.0))
+    scenario = small(
+        formation={"centers_m": [[0, 0], [float(generator.uniform(50, 75)), 0]]},
+        orbit={
+            "radius_m": [20.0, float(generator.uniform(12, 22))],
+            "angular_rate_rad_s": 0.2,
+            "direction": ["ccw", str(generator.choice(["ccw", "cw"]))],
+            "desync_rad": [0.0, float(generator.uniform(-0.5, 0.5))],
+        },
+        sensor={"range_m": 50.0, "fov_deg": view},
+    )
+    made = plan(scenario)
+    if not made.links:
+        return
+    tolerance = made.links[0].tolerance
+
+    def met(slip: float) -> bool:
+        orbits = made.orbits
+        late = Orbits(
+            orbits.centers,
+            orbits.radii,
+            orbits.senses,
+            orbits.phases + np.array([0.0, slip]),
+            orbits.rate,
+        )
+        tau = np.linspace(0.0, orbits.period, 4000)
+        places = position(late, tau)
+        for a, b in ((0, 1), (1, 0)):
+            away = places[:, b] - places[:, a]
+            bearing = np.arctan2(away[:, 1], away[:, 0]) - heading(late, tau)[:, a]
+            near = np.hypot(*away.T) <= 50.0
+            if np.any(near & (np.abs(wrap(bearing)) <= np.radians(view) / 2.0)):
+                return True
+        return False
+
+    for slip in np.linspace(0.0, 0.97 * tolerance, 12):
+        assert met(slip)
+        assert met(-slip)
+    if tolerance < np.pi - 0.1:
+        assert not (met(tolerance + 0.03) and met(-tolerance - 0.03))
+
+
+def test_unlisted_pairs_are_kept_apart_too() -> None:
+    # v1-v2 and v3-v4 are linked; v1 and v3 pass each other at 7 m unless phases prevent it
+    for first in np.linspace(0.0, 6.0, 9):
+        made = plan(
+            small(
+                formation={
+                    "centers_m": [[0, 0], [70, 0], [0, 47], [70, 117]],
+                    "links": [["v1", "v2"], ["v3", "v4"]],
+                },
+                orbit={
+                    "radius_m": 20.0,
+                    "angular_rate_rad_s": 0.2,
+                    "direction": ["ccw", "ccw", "cw", "ccw"],
+                    "first_phase_rad": float(first),
+                },
+                sensor={"range_m": 70.0},
+                min_separation_m=10.0,
+            )
+        )
+        assert made.approach is not None
+        assert made.approach.distance >= 10.0
+        assert len(made.links) == 2

@@ -1,0 +1,86 @@
+"""Servers with several owners, and what their answers must hold whatever was asked."""
+
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import httpx2
+
+from api.problems import Problem
+from tests.tools.serving import Server, running, settings_of
+
+__all__ = ["Event", "events_of", "key_of", "operations_of", "problem", "serving", "speaking"]
+
+_METHODS = {"delete", "get", "head", "options", "patch", "post", "put", "trace"}
+
+
+def key_of(owner: str) -> str:
+    """Return the API key of an owner."""
+    return f"{owner}-0123456789abcdef"
+
+
+@contextmanager
+def serving(folder: Path, owners: str, *arguments: str, **settings: str) -> Iterator[Server]:
+    """A server for these owners, stopped at the end."""
+    keys = ",".join(f"{owner}:{key_of(owner)}" for owner in owners.split())
+    given = {"SYNCPLAN_API_KEYS": keys, **settings_of(folder / "data"), **settings}
+    server = Server(folder / "log", *arguments, port=None, **given)
+    with running(server):
+        yield server
+
+
+def speaking(server: Server, owner: str) -> httpx2.Client:
+    """A connection to a server with an owner's key."""
+    headers = {"authorization": f"Bearer {key_of(owner)}"}
+    return httpx2.Client(base_url=server.url, headers=headers, timeout=30.0)
+
+
+def operations_of(document: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return (method, path) of every operation of an OpenAPI document."""
+    return [
+        (method.upper(), path)
+        for path, found in document["paths"].items()
+        for method in found
+        if method in _METHODS
+    ]
+
+
+def problem(answer: httpx2.Response, status: int) -> Problem:
+    """Return the problem that an answer must be."""
+    assert answer.status_code == status, answer.text
+    assert answer.headers["content-type"] == "application/problem+json"
+    told = Problem.model_validate_json(answer.content)
+    assert told.status == status
+    assert told.request_id == answer.headers["x-request-id"]
+    assert told.instance == answer.request.url.path
+    assert "Traceback" not in answer.text
+    return told
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """An event of a job's stream."""
+
+    id: int
+    state: str
+    done: int
+
+
+def events_of(answer: httpx2.Response) -> Iterator[Event]:
+    """Yield the events of a stream as they come, until it ends."""
+    assert answer.status_code == 200
+    assert answer.headers["content-type"].startswith("text/event-stream")
+    fields: dict[str, str] = {}
+    for line in answer.iter_lines():
+        if line and not line.startswith(":"):
+            name, _, value = line.partition(": ")
+            fields[name] = value
+        elif not line and fields:
+            assert fields.pop("event") == "job"
+            told: dict[str, Any] = json.loads(fields.pop("data"))
+            yield Event(int(fields.pop("id")), told["state"], told["progress"]["done"])
+            assert not fields
+    assert not fields

@@ -1,0 +1,113 @@
+"""Random teams, a good part of them close to degenerate, for searches and property tests."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from syncplan.observability.certificate import Certificate, certify
+from syncplan.observability.rank import Observability, assess, link_information
+from syncplan.orbits.circles import Orbits
+from syncplan.orbits.contacts import Sensors, find_windows
+from syncplan.orbits.sightings import Sightings, sample_sightings
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Team:
+    """A drawn team and what it sees with."""
+
+    orbits: Orbits
+    landmarks: Array
+    sensors: Sensors
+
+
+def draw_team(generator: np.random.Generator) -> Team:
+    """Return a team of 1 to 5 vehicles along a random tree, with 1 to 4 landmarks.
+
+    Near-degenerate on purpose, each with a probability of about a half: radii equal up to
+    1e-10..1e-1, phases on the exact rule up to a residual of 1e-10..1, landmarks as near to each
+    other as 1e-4 radii, fields of view narrow, one-way ranges, and the one-way degenerate ratio.
+    """
+    count = int(generator.integers(1, 6))
+    size = 10.0 ** generator.uniform(-1.0, 2.0)
+    radii = size * (
+        generator.uniform(0.4, 1.6, count)
+        if generator.random() < 0.4
+        else 1.0 + _tiny(generator, count)
+    )
+    senses = generator.choice([-1.0, 1.0], count)
+    if generator.random() < 0.3:
+        senses[:] = senses[0]
+    centers = np.zeros((count, 2))
+    phases = generator.uniform(0.0, 2.0 * np.pi, count)
+    for k in range(1, count):
+        parent = int(generator.integers(0, k))
+        bearing = generator.choice([0.0, 0.5, 1.0, 1.5]) * np.pi
+        if generator.random() < 0.5:
+            bearing = generator.uniform(0.0, 2.0 * np.pi)
+        gap = size * generator.uniform(-0.5, 2.0)
+        reach = radii[k] + radii[parent] + gap
+        centers[k] = centers[parent] + reach * np.array([np.cos(bearing), np.sin(bearing)])
+        if generator.random() < 0.7:
+            same = senses[k] == senses[parent]
+            rule = phases[parent] + np.pi if same else 2.0 * bearing + np.pi - phases[parent]
+            phases[k] = rule + float(_tiny(generator, 1)[0])
+        elif generator.random() < 0.5 and radii[k] < radii[parent] and senses[k] == senses[parent]:
+            phases[k] = phases[parent] + np.arccos(radii[k] / radii[parent])
+    return Team(
+        Orbits(centers, radii, senses, phases, rate=1.0),
+        _landmarks(generator, centers, radii, size),
+        _sensors(generator, count, size),
+    )
+
+
+def sightings_of(team: Team, last_step: int) -> Sightings:
+    """Return what the team sees from step 0 to `last_step`."""
+    windows = find_windows(team.orbits, team.landmarks, team.sensors)
+    return sample_sightings(windows, team.orbits.period, team.sensors.sample_time, 0, last_step)
+
+
+def judge_team(team: Team) -> tuple[Certificate, Observability]:
+    """Return the certificate and the verdict over one period."""
+    orbits = team.orbits
+    last = int(np.ceil(orbits.period / team.sensors.sample_time - 1e-9)) - 1
+    sightings = sightings_of(team, last)
+    links = link_information(orbits, team.landmarks, team.sensors, sightings)
+    verdict = assess(orbits, links)
+    return certify(orbits.count, team.landmarks, verdict, links), verdict
+
+
+def _tiny(generator: np.random.Generator, count: int) -> Array:
+    sizes = 10.0 ** generator.uniform(-10.0, -0.5, count)
+    return np.asarray(generator.choice([-1.0, 1.0], count) * sizes)
+
+
+def _landmarks(generator: np.random.Generator, centers: Array, radii: Array, size: float) -> Array:
+    number = int(generator.integers(1, 5))
+    near = generator.integers(0, len(radii), number)
+    angle = generator.uniform(0.0, 2.0 * np.pi, number)
+    distance = generator.uniform(0.0, 2.5, number) * size
+    places = centers[near] + distance[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    if number > 1 and generator.random() < 0.5:
+        offset = 10.0 ** generator.uniform(-4.0, 0.0) * size
+        turn = generator.uniform(0.0, 2.0 * np.pi)
+        places[1] = places[0] + offset * np.array([np.cos(turn), np.sin(turn)])
+    return np.asarray(places)
+
+
+def _sensors(generator: np.random.Generator, count: int, size: float) -> Sensors:
+    ranges = size * generator.uniform(0.5, 4.0, count)
+    if generator.random() < 0.5:
+        ranges[:] = ranges[0]
+    view = np.full(count, 2.0 * np.pi)
+    if generator.random() < 0.3:
+        view = generator.uniform(0.2, 2.0 * np.pi, count)
+    return Sensors(
+        ranges=ranges,
+        fields_of_view=view,
+        boresights=generator.uniform(-np.pi, np.pi, count),
+        bearing_sigmas=generator.uniform(0.01, 0.2, count),
+        sample_time=2.0 * np.pi / generator.uniform(15.0, 120.0),
+    )

@@ -1,0 +1,224 @@
+"""Record the worked examples of the OpenAPI document from the real service.
+
+    python -m tests.tools.record_examples
+
+Writes api/examples/<operation>.json: requests, and the answers they got. Run it when an answer has
+changed, and look at the difference.
+"""
+
+import json
+import tempfile
+import time
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import httpx2
+
+from syncplan.planning.plan_files import StatedOrbit
+from tests.tools.serving import ROOT, Server, running
+
+__all__ = ["FOLDER", "KEY", "SCENARIO", "main"]
+
+FOLDER = ROOT / "api" / "examples"
+KEY = "example-key-0123456789"
+UNKNOWN = "019a2b3c-4d5e-7f60-8123-456789abcdef"
+REQUEST_ID = "5b1f0c52a7c14f7e9d4b8a1a6f0b6f0e"
+METRICS = 3
+BINARY = ("application/octet-stream", "application/zip")
+
+SCENARIO: dict[str, Any] = {
+    "name": "survey",
+    "orbit": {"radius_m": 20.0, "angular_rate_rad_s": 0.2, "direction": "ccw"},
+    "formation": {"shape": "line", "count": 3, "spacing_m": 70.0},
+    "landmarks_m": [[0.0, 40.0], [70.0, -40.0], [140.0, 40.0]],
+    "sensor": {"range_m": 50.0, "bearing_sigma_rad": 0.1, "sample_time_s": 0.2},
+    "duration_s": 60.0,
+}
+
+Tree = dict[str, Any]
+
+
+class _Recorder:
+    """A client that keeps what it sends and gets, by operation."""
+
+    def __init__(self, url: str) -> None:
+        headers = {"authorization": f"Bearer {KEY}", "x-request-id": REQUEST_ID}
+        self.client = httpx2.Client(base_url=url, headers=headers, timeout=60.0)
+        self.kept: dict[str, Tree] = defaultdict(lambda: {"request": {}, "responses": {}})
+
+    def request(self, operation: str, name: str, summary: str, value: Tree) -> Tree:
+        self.kept[operation]["request"][name] = {"summary": summary, "value": value}
+        return value
+
+    def ask(
+        self, operation: str, name: str, summary: str, method: str, path: str, **options: Any
+    ) -> Any:
+        """Send a request and keep its answer as an example."""
+        response = self.client.request(method, path, **options)
+        medium = response.headers.get("content-type", "")
+        value: Any = response.json() if "json" in medium else response.text
+        if medium.startswith("text/event-stream"):
+            value = _last_event(value)
+        if operation == "readMetrics":
+            value = "".join(value.splitlines(keepends=True)[:METRICS])
+        if operation.endswith("Schema"):
+            # the document has them in full
+            value = {k: v for k, v in value.items() if k not in ("$defs", "properties")}
+        kept = self.kept[operation]["responses"].setdefault(str(response.status_code), {})
+        if response.content and medium not in BINARY:
+            kept[name] = {"summary": summary, "value": value}
+        return value
+
+    def job(self, operation: str, name: str, summary: str, path: str, body: Tree) -> str:
+        """Hand in a job, wait for its end and return its path."""
+        job = self.ask(operation, name, summary, "POST", path, json=body)
+        found = f"/v1/jobs/{job['id']}"
+        while self.client.get(found).json()["state"] in ("queued", "running"):
+            time.sleep(0.1)
+        return found
+
+    def write(self) -> None:
+        FOLDER.mkdir(exist_ok=True)
+        for operation, kept in sorted(self.kept.items()):
+            kept["responses"] = {k: v for k, v in sorted(kept["responses"].items()) if v}
+            text = json.dumps({k: v for k, v in kept.items() if v}, indent=1)
+            (FOLDER / f"{operation}.json").write_text(text + "\n", encoding="utf-8")
+
+
+def _last_event(stream: str) -> Tree:
+    """The last event of a stream, as its schema describes one."""
+    lines = stream.strip().split("\n\n")[-1].splitlines()
+    return {name: value for name, _, value in (line.partition(": ") for line in lines)}
+
+
+def main() -> None:
+    """Run a service, ask it everything once, and write the examples."""
+    with tempfile.TemporaryDirectory() as folder:
+        server = Server(
+            Path(folder) / "log",
+            SYNCPLAN_DATA_DIR=folder,
+            SYNCPLAN_API_KEYS=f"planner:{KEY}",
+            SYNCPLAN_MAX_QUEUED_JOBS="1",
+        )
+        with running(server):
+            recorder = _Recorder(server.url)
+            plan = _plans(recorder)
+            _jobs(recorder, f"/v1/plans/{plan}")
+            _others(recorder)
+            recorder.write()
+
+
+def _plans(recorder: _Recorder) -> str:
+    scenario = recorder.request(
+        "createPlan", "survey", "Three vehicles in a line, three landmarks", SCENARIO
+    )
+    plan = recorder.ask("createPlan", "survey", "The plan", "POST", "/v1/plans", json=scenario)
+    wrong = {**SCENARIO, "sensor": {**SCENARIO["sensor"], "range_m": -5}, "radius": 3}
+    recorder.ask("createPlan", "faults", "Faults of a scenario", "POST", "/v1/plans", json=wrong)
+    given = {"scenario": SCENARIO, "vehicles": [_stated(one) for one in plan["vehicles"]]}
+    recorder.request("createPlan", "given", "A plan: its own orbits are judged", given)
+    recorder.request("previewScenario", "survey", "The same three vehicles", SCENARIO)
+    recorder.request("previewScenario", "given", "A plan: its own orbits are judged", given)
+    for name, summary, body in (
+        ("survey", "The plan and a figure", SCENARIO),
+        ("faults", "Faults of a scenario", wrong),
+    ):
+        previews = "/v1/previews?quick=true&figure=prediction"
+        recorder.ask("previewScenario", name, summary, "POST", previews, json=body)
+    path = f"/v1/plans/{plan['id']}"
+    recorder.ask("readPlanFigure", "prediction", "A figure", "GET", f"{path}/figures/prediction")
+    recorder.ask("readPlanFigure", "parent", "Not refined", "GET", f"{path}/figures/comparison")
+    recorder.ask("exportPlan", "origin", "No geo_origin", "GET", f"{path}/exports/qgc")
+    recorder.ask("readPlan", "survey", "The plan", "GET", path)
+    recorder.ask("listPlans", "page", "The only page", "GET", "/v1/plans")
+    missing = f"/v1/plans/{UNKNOWN}"
+    recorder.ask("readPlan", "unknown", "No such plan", "GET", missing)
+    recorder.ask("deletePlan", "unknown", "No such plan", "DELETE", missing)
+    recorder.ask("exportPlan", "unknown", "No such plan", "GET", f"{missing}/exports/csv")
+    tag = {"if-match": '"another"'}
+    recorder.ask("deletePlan", "changed", "Another tag", "DELETE", path, headers=tag)
+    for operation, last in (("refinePlan", "refinements"), ("validatePlan", "validations")):
+        recorder.ask(operation, "unknown", "No such plan", "POST", f"{missing}/{last}")
+    return str(plan["id"])
+
+
+def _stated(vehicle: Tree) -> Tree:
+    """What is read of a vehicle of a plan."""
+    return {key: vehicle[key] for key in StatedOrbit.model_fields}
+
+
+def _jobs(recorder: _Recorder, plan: str) -> None:
+    validating = recorder.request(
+        "validatePlan", "short", "Two hundred trials of a minute", {"trials": 200, "seed": 1}
+    )
+    refining = recorder.request(
+        "refinePlan",
+        "centers",
+        "Let the centres move by three metres",
+        {"vary": ["phases", "centers"], "center_box_m": 3.0, "starts": 2, "time_limit_s": 30.0},
+    )
+    sweeping = recorder.request(
+        "sweepScenario",
+        "rates",
+        "Two angular rates",
+        {"scenario": SCENARIO, "angular_rate_rad_s": [0.2, 0.4], "trials": 50},
+    )
+    job = recorder.job("validatePlan", "queued", "Queued", f"{plan}/validations", validating)
+    recorder.ask("readJob", "validation", "A validation that has ended", "GET", job)
+    recorder.ask("followJob", "validation", "The last event", "GET", f"{job}/events")
+    recorder.ask("readJobResult", "validation", "A validation", "GET", f"{job}/result")
+    recorder.ask("readJobFigure", "accuracy", "A figure", "GET", f"{job}/figures/accuracy")
+    recorder.ask("readJobFigure", "errors", "No series", "GET", f"{job}/figures/errors")
+    recorder.ask("cancelJob", "ended", "Too late", "POST", f"{job}/cancel")
+    job = recorder.job("refinePlan", "queued", "Queued", f"{plan}/refinements", refining)
+    recorder.ask("readJob", "refinement", "A refinement that has ended", "GET", job)
+    recorder.ask("readJobResult", "refinement", "A refined plan", "GET", f"{job}/result")
+    recorder.ask("readJobTrials", "refinement", "Not a validation", "GET", f"{job}/trials")
+    recorder.ask("readJobFigure", "refinement", "Not a report", "GET", f"{job}/figures/accuracy")
+    job = recorder.job("sweepScenario", "queued", "Queued", "/v1/sweeps", sweeping)
+    recorder.ask("readJobResult", "sweep", "A sweep", "GET", f"{job}/result")
+    _refused(recorder, plan)
+    recorder.ask("listJobs", "page", "The first page", "GET", "/v1/jobs?limit=2")
+
+
+def _refused(recorder: _Recorder, plan: str) -> None:
+    """Requests that one unfinished job, the most this service takes, stands in the way of."""
+    long = recorder.client.post(f"{plan}/validations", json={"trials": 100_000}).json()["id"]
+    job = f"/v1/jobs/{long}"
+    recorder.ask("readJobResult", "running", "Not ended yet", "GET", f"{job}/result")
+    sweep = {"scenario": SCENARIO, "range_m": [50.0]}
+    recorder.ask("sweepScenario", "many", "Enough jobs", "POST", "/v1/sweeps", json=sweep)
+    for operation, last in (("refinePlan", "refinements"), ("validatePlan", "validations")):
+        recorder.ask(operation, "many", "Enough jobs", "POST", f"{plan}/{last}", json={})
+    recorder.ask("cancelJob", "cancelled", "Cancelled", "POST", f"{job}/cancel")
+    for operation, path, body in (
+        ("refinePlan", f"{plan}/refinements", {"vary": []}),
+        ("validatePlan", f"{plan}/validations", {"trials": 0}),
+        ("sweepScenario", "/v1/sweeps", {"scenario": SCENARIO}),
+    ):
+        recorder.ask(operation, "faults", "Faults of a request", "POST", path, json=body)
+    missing = f"/v1/jobs/{UNKNOWN}"
+    for operation, method, last in (
+        ("readJob", "GET", ""),
+        ("followJob", "GET", "/events"),
+        ("cancelJob", "POST", "/cancel"),
+        ("readJobResult", "GET", "/result"),
+        ("readJobTrials", "GET", "/trials"),
+        ("readJobFigure", "GET", "/figures/accuracy"),
+    ):
+        accept = {"accept": "*/*"}
+        path = f"{missing}{last}"
+        recorder.ask(operation, "unknown", "No such job", method, path, headers=accept)
+
+
+def _others(recorder: _Recorder) -> None:
+    recorder.ask("readScenarioSchema", "schema", "The schema", "GET", "/v1/schemas/scenario")
+    recorder.ask("readPlanSchema", "schema", "The schema", "GET", "/v1/schemas/plan")
+    recorder.ask("checkHealth", "alive", "It is", "GET", "/healthz")
+    recorder.ask("checkReadiness", "ready", "It is", "GET", "/readyz")
+    recorder.ask("readMetrics", "some", "Some of them", "GET", "/metrics")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,269 @@
+"""Records what syncplan prints and writes, and compares two recordings byte for byte.
+
+    python -m tests.tools.record_outputs record build/before [--syncplan PROGRAM] [FOLDER ...]
+    python -m tests.tools.record_outputs compare build/before build/after
+
+`record` runs the command line over every scenario of the folders given (examples/scenarios if none
+is) and over a few formations without coordinates, and writes one folder per command: standard
+output, standard error, exit status and all files. `compare` lists what differs and exits with 1 if
+anything does. Version numbers are left out; a refinement that reaches its time limit may differ.
+"""
+
+import argparse
+import difflib
+import json
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+_MOST_LINES = 12
+_PASSING = re.compile(rb"syncplan: compiling [^\n]*\n")
+_VERSION = re.compile(rb'("?version"?\s*[:=]?\s*)"?\d+\.\d+\.\d+"?')
+
+OPENAPI = (
+    "import json; from api.main import create_app; from api.settings import load_settings;"
+    "print(json.dumps(create_app(load_settings(data_dir='/nowhere')).openapi(), indent=1))"
+)
+
+CANDIDATES = {"candidates_m": [[-45.0, 0.0], [35.0, -45.0], [105.0, 115.0], [190.0, 35.0]]}
+
+FORMATIONS = {
+    "courtyard": {
+        "name": "courtyard",
+        "orbit": {"radius_m": 15.0, "angular_rate_rad_s": 0.25, "direction": "ccw"},
+        "formation": {
+            "links": [["a", "b"], ["b", "c"], ["c", "d"], ["d", "a"], ["c", "e"], ["e", "f"]]
+        },
+        "landmarks_m": {"gate": [10.0, 100.0], "mast": [10.0, 140.0]},
+        "sensor": {"range_m": 40.0, "bearing_sigma_rad": 0.05},
+        "area_m": [[0.0, 0.0], [240.0, 0.0], [240.0, 200.0], [0.0, 200.0]],
+        "keep_out_m": [[[110.0, 80.0], [130.0, 80.0], [130.0, 120.0], [110.0, 120.0]]],
+        "min_separation_m": 5.0,
+        "refine": {"center_box_m": 20.0, "starts": 1, "objective": "logdet"},
+    },
+    "gaps": {
+        "name": "gaps",
+        "orbit": {"radius_m": [10.0, 12.0, 9.0, 14.0, 10.0, 11.0], "speed_mps": 3.0},
+        "formation": {"shape": "hex", "count": 6, "columns": 3, "gap_m": 12.0},
+        "landmarks_m": [[0.0, -30.0], [60.0, -30.0]],
+        "sensor": {"range_m": 30.0, "fov_deg": 200.0, "bearing_sigma_rad": 0.05},
+        "min_separation_m": 4.0,
+        "limits": {"speed_mps": [2.0, 4.0]},
+        "refine": {"vary": ["phases", "centers", "radii"], "radius_m": [8.0, 15.0], "starts": 1},
+        "geo_origin": {"lat_deg": 47.3977, "lon_deg": 8.5456, "alt_m": 488.0},
+        "start_time": "2026-05-01T09:00:00Z",
+    },
+    "no-such-drawing": {
+        "name": "no-such-drawing",
+        "orbit": {"radius_m": 15.0, "angular_rate_rad_s": 0.25},
+        "formation": {"links": [[f"h{k}", f"v{j}"] for k in range(3) for j in range(9)]},
+        "sensor": {"range_m": 20.0, "bearing_sigma_rad": 0.05},
+        "min_separation_m": 10.0,
+    },
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """A command whose outputs are recorded; `{out}` in an argument is its own folder."""
+
+    name: str
+    arguments: str
+    program: str = "syncplan"
+
+
+def runs(scenarios: list[Path], given: Path) -> Iterator[Run]:
+    """Yield all that is recorded; `given` holds the files made for it."""
+    yield Run("openapi", f"-c {shlex.quote(OPENAPI)}", program="python")
+    for contract in ("scenario", "plan", "sites", "validation", "replay", "sync"):
+        yield Run(f"schema-{contract}", f"schema {contract}")
+    commands = "plan refine place landmarks validate sweep replay plot export schema serve worker"
+    for command in ("", *commands.split()):
+        yield Run(f"help-{command or 'syncplan'}", f"{command} --help")
+    for scenario in scenarios:
+        yield from _of_scenario(f"{scenario.parent.name}-{scenario.stem}", scenario, given)
+    for name in FORMATIONS:
+        yield from _of_scenario(f"made-{name}", given / f"{name}.json", given)
+    grid = next(path for path in scenarios if path.stem == "paper-grid-same")
+    ring = next(path for path in scenarios if path.stem == "five-ring")
+    for objective in ("worst_predicted_rms", "logdet", "min_eigenvalue", "trace"):
+        options = f"--objective {objective} --starts 1 --time-limit-s 240"
+        yield Run(f"refine-{objective}", f"refine {grid} {options}")
+    for name, options in {
+        "range": f"{grid} --range 50,55",
+        "radius": f"{grid} --radius 18,20",
+        "spacing": f"{ring} --spacing 70,72",
+        "connected-table": f"{grid} --angular-rate 0.2,0.4 --connected --format table",
+        "nothing": f"{grid}",
+    }.items():
+        yield Run(f"sweep-{name}", f"sweep {options} --trials 5 --seed 3")
+    for name, options in {
+        "euler": "--model euler --substeps 4",
+        "gate": "--gate 0.99",
+        "series": "--series",
+        "wrong-model": "--model rk4",
+    }.items():
+        yield Run(f"validate-{name}", f"validate {grid} --trials 5 {options}")
+
+
+def _of_scenario(name: str, file: Path, given: Path) -> Iterator[Run]:
+    yield Run(f"{name}/plan", f"plan {file}")
+    yield Run(f"{name}/plan-table", f"plan {file} --format table --steady")
+    yield Run(f"{name}/place", f"place {file}")
+    if file.parent.name in {"bad", "world"}:
+        return
+    yield Run(f"{name}/validate", f"validate {file} --trials 40 --seed 1")
+    yield Run(f"{name}/validate-table", f"validate {file} --trials 40 --seed 1 --format table")
+    yield Run(f"{name}/refine", f"refine {file} --starts 1 --time-limit-s 240")
+    yield Run(
+        f"{name}/refine-table",
+        f"refine {file} --starts 1 --time-limit-s 240 --objective logdet --format table",
+    )
+    sites = f"landmarks {file} --candidates {given / 'sites.json'} --choose 2"
+    yield Run(f"{name}/landmarks", sites)
+    yield Run(f"{name}/landmarks-table", f"{sites} --format table")
+    yield Run(f"{name}/sweep", f"sweep {file} --angular-rate 0.2,0.3 --trials 5")
+    origin = _with_origin(file, given)
+    for form, options in {
+        "all": "--format all",
+        "px4": "--format qgc --autopilot px4",
+        "plane": "--format ardupilot --vehicle fixed_wing --snap-radius --altitude-step-m 5",
+        "turns": "--format csv --turns 3 --sample-time-s 0.5",
+    }.items():
+        yield Run(f"{name}/export-{form}", f"export {origin} {options} -o {{out}}/files")
+    yield Run(f"{name}/plot", f"plot {file} -o {{out}}/plan.html")
+
+
+def _with_origin(path: Path, given: Path) -> Path:
+    """A copy of a scenario with a geographic origin, in YAML or JSON as it was."""
+    copy = given / f"origin-{path.parent.name}-{path.name}"
+    text = path.read_text()
+    if path.suffix == ".json":
+        document = json.loads(text)
+        document.setdefault("geo_origin", {"lat_deg": 47.4, "lon_deg": 8.5, "alt_m": 488.0})
+        copy.write_text(json.dumps(document))
+    else:
+        copy.write_text(f"{text}\ngeo_origin: {{lat_deg: 47.4, lon_deg: 8.5, alt_m: 488}}\n")
+    return copy
+
+
+def record(into: Path, syncplan: Path, folders: list[Path], processes: int) -> None:
+    """Run everything with the `syncplan` given and write what it did below `into`."""
+    shutil.rmtree(into, ignore_errors=True)
+    # the same place for every recording: messages and plans name their files
+    given = Path("/tmp/syncplan-record-outputs")
+    shutil.rmtree(given, ignore_errors=True)
+    given.mkdir(parents=True)
+    (given / "sites.json").write_text(json.dumps(CANDIDATES))
+    for name, document in FORMATIONS.items():
+        (given / f"{name}.json").write_text(json.dumps(document))
+    scenarios = []
+    for folder in folders:
+        for path in sorted(folder.rglob("*.yaml")):
+            kept = given / folder.name / path.relative_to(folder)
+            kept.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(path, kept)
+            scenarios.append(kept)
+    chosen = list(runs(scenarios, given))
+
+    def one(run: Run) -> str:
+        _perform(run, into / run.name, syncplan)
+        return run.name
+
+    with ThreadPoolExecutor(processes) as pool:
+        for number, name in enumerate(pool.map(one, chosen), 1):
+            if sys.stderr.isatty():
+                print(f"\r{number} of {len(chosen)} {name:60}", end="", file=sys.stderr)
+    print(f"{len(chosen)} commands recorded in {into}")
+
+
+def _perform(run: Run, folder: Path, syncplan: Path) -> None:
+    folder.mkdir(parents=True)
+    # recorded under one name wherever the recording lies: outputs may say where they were written
+    scratch = Path("/tmp/syncplan-record-outputs/out") / run.name
+    scratch.mkdir(parents=True)
+    arguments = shlex.split(run.arguments.replace("{out}", str(scratch)))
+    done = subprocess.run(
+        [str(syncplan.parent / run.program), *arguments],
+        capture_output=True,
+        check=False,
+        stdin=subprocess.DEVNULL,
+        cwd=ROOT,
+        env={**os.environ, "COLUMNS": "100", "OPENBLAS_NUM_THREADS": "1"},
+    )
+    for name, data in (("stdout", done.stdout), ("stderr", done.stderr)):
+        (folder / name).write_bytes(data)
+    (folder / "status").write_text(f"{done.returncode}\n")
+    if any(scratch.iterdir()):
+        shutil.move(scratch, folder / "files")
+
+
+def compare(before: Path, after: Path) -> int:
+    """Print what differs between two recordings; return the number of files that do."""
+    names = sorted(
+        {
+            str(path.relative_to(root))
+            for root in (before, after)
+            for path in root.rglob("*")
+            if path.is_file()
+        }
+    )
+    different = 0
+    for name in names:
+        old, new = before / name, after / name
+        if not old.exists() or not new.exists():
+            print(f"{name}: only {'after' if new.exists() else 'before'}")
+            different += 1
+            continue
+        a, b = (_PASSING.sub(b"", _VERSION.sub(rb"\1", one.read_bytes())) for one in (old, new))
+        if a != b:
+            different += 1
+            print(f"{name}: differs")
+            _show(a, b)
+    print(f"{different} of {len(names)} files differ")
+    return different
+
+
+def _show(a: bytes, b: bytes) -> None:
+    try:
+        old, new = a.decode().splitlines(), b.decode().splitlines()
+    except UnicodeDecodeError:
+        return
+    shown = [
+        line[:200]
+        for line in difflib.unified_diff(old, new, lineterm="", n=0)
+        if not line.startswith(("---", "+++", "@@"))
+    ]
+    print("\n".join(f"    {line}" for line in shown[:_MOST_LINES]))
+
+
+def main() -> int:
+    """Record or compare, as the arguments say."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    actions = parser.add_subparsers(dest="action", required=True)
+    recording = actions.add_parser("record", help="run the commands, write what they do")
+    recording.add_argument("into", type=Path)
+    recording.add_argument("folders", type=Path, nargs="*", help="folders of scenarios")
+    recording.add_argument("--syncplan", type=Path, default=ROOT / ".venv/bin/syncplan")
+    recording.add_argument("--processes", type=int, default=os.cpu_count() or 1)
+    comparing = actions.add_parser("compare", help="list what two recordings differ in")
+    comparing.add_argument("before", type=Path)
+    comparing.add_argument("after", type=Path)
+    chosen = parser.parse_args()
+    if chosen.action == "compare":
+        return 1 if compare(chosen.before, chosen.after) else 0
+    folders = chosen.folders or [ROOT / "examples" / "scenarios"]
+    record(chosen.into, chosen.syncplan.absolute(), folders, chosen.processes)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,168 @@
+"""Real servers for tests: the service, its workers, and PostgreSQL, each a process of its own."""
+
+import contextlib
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+
+import httpx2
+
+ROOT = Path(__file__).parents[2]
+QUICK = {"SYNCPLAN_HEARTBEAT_S": "0.5", "SYNCPLAN_DEAD_AFTER_S": "2"}
+"""Settings under which a dead process is found out in three seconds."""
+
+
+class Process:
+    """A `syncplan` command that goes on until it is stopped."""
+
+    def __init__(self, command: str, *arguments: str, log: Path, **settings: str) -> None:
+        environment = {k: v for k, v in os.environ.items() if not k.startswith("SYNCPLAN_")}
+        self.log = log
+        with log.open("ab") as errors:
+            self.popen = subprocess.Popen(
+                [sys.executable, "-m", "syncplan", command, *arguments],
+                cwd=ROOT,
+                env={**environment, **settings},
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=errors,
+            )
+
+    def kill(self) -> None:
+        """Kill the process as a power cut would: kill -9."""
+        self.popen.kill()
+        self.popen.wait()
+
+    def stop(self) -> int:
+        """Ask the process to end and return its exit status."""
+        self.popen.terminate()
+        return self.popen.wait(timeout=20.0)
+
+
+class Server(Process):
+    """A running `syncplan serve`, ready for requests at `url`."""
+
+    def __init__(
+        self, log: Path, *arguments: str, port: int | None = None, **settings: str
+    ) -> None:
+        self.port = free_port() if port is None else port
+        self.url = f"http://127.0.0.1:{self.port}"
+        super().__init__("serve", "--port", str(self.port), *arguments, log=log, **settings)
+        try:
+            wait_until(self._ready, 30.0, lambda: f"no service: {log.read_text()[-3000:]}")
+        except BaseException:
+            self.kill()
+            raise
+
+    def _ready(self) -> bool:
+        assert self.popen.poll() is None, f"ended: {self.log.read_text()[-3000:]}"
+        with contextlib.suppress(httpx2.TransportError):
+            return httpx2.get(f"{self.url}/readyz").status_code == 200
+        return False
+
+
+class Postgres:
+    """A PostgreSQL of the test's own, on a free port of this machine."""
+
+    def __init__(self, folder: Path) -> None:
+        self._programs = _postgres_programs()
+        self._folder = folder
+        self._port = free_port()
+        self.url = f"postgresql://syncplan@127.0.0.1:{self._port}/postgres"
+        folder.mkdir(parents=True, exist_ok=True)
+        self._user = _unprivileged(folder)
+        self._run("initdb", "--auth=trust", "--username=syncplan", "--no-sync", "-D", self._data)
+        self.start()
+
+    @property
+    def _data(self) -> str:
+        return str(self._folder / "data")
+
+    def start(self) -> None:
+        """Start the server and wait until it takes connections."""
+        options = f"-h 127.0.0.1 -p {self._port} -k {self._folder}"
+        log = str(self._folder / "log")
+        self._run("pg_ctl", "-D", self._data, "-l", log, "-w", "-o", options, "start")
+
+    def stop(self) -> None:
+        """Stop the server at once: connections are cut."""
+        self._run("pg_ctl", "-D", self._data, "-m", "immediate", "-w", "stop")
+
+    def folder_for(self, folder: Path) -> Path:
+        """Make a folder that PostgreSQL may write to, and return it."""
+        folder.mkdir()
+        if self._user:
+            shutil.chown(folder, "postgres")
+        return folder
+
+    def _run(self, program: str, *arguments: str) -> None:
+        subprocess.run(
+            [str(self._programs / program), *arguments],
+            check=True,
+            cwd=self._folder,
+            stdout=subprocess.DEVNULL,
+            timeout=60.0,
+            user=self._user,
+            group=self._user,
+            extra_groups=None if self._user is None else [],
+        )
+
+
+def _postgres_programs() -> Path:
+    """Where PostgreSQL's programs are: Debian keeps them off the path."""
+    found = sorted(Path("/usr/lib/postgresql").glob("*/bin/initdb"))
+    named = shutil.which("initdb")
+    places = [Path(named), *found] if named else found
+    assert places, "no PostgreSQL here; install Debian's package postgresql"
+    return places[-1].parent
+
+
+def _unprivileged(folder: Path) -> str | None:
+    """Whom to run it as where this is root, whom PostgreSQL refuses."""
+    if os.geteuid() != 0:
+        return None
+    shutil.chown(folder, "postgres")
+    for parent in folder.parents:
+        mode = parent.stat().st_mode
+        if parent.owner() == "root" and not mode & 0o001 and parent != Path("/"):
+            parent.chmod(mode | 0o011)
+    return "postgres"
+
+
+def free_port() -> int:
+    """Return a port of this machine that nobody listens at."""
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        return int(taken.getsockname()[1])
+
+
+def wait_until(
+    condition: Callable[[], bool], seconds: float, otherwise: Callable[[], str] | None = None
+) -> None:
+    """Wait for a condition, and fail if it does not come true in time."""
+    deadline = time.monotonic() + seconds
+    while not condition():
+        problem = otherwise() if otherwise is not None else f"not in {seconds} s"
+        assert time.monotonic() < deadline, problem
+        time.sleep(0.05)
+
+
+@contextlib.contextmanager
+def running(*processes: Process) -> Iterator[None]:
+    """Kill the processes at the end, whatever happens."""
+    try:
+        yield
+    finally:
+        for process in processes:
+            process.kill()
+
+
+def settings_of(data: Path, database_url: str | None = None) -> Mapping[str, str]:
+    """Return the settings of a service that keeps its data in a folder, or in PostgreSQL."""
+    given = {"SYNCPLAN_DATA_DIR": str(data), "SYNCPLAN_DATABASE_URL": database_url}
+    return {key: value for key, value in given.items() if value is not None}

@@ -1,0 +1,384 @@
+"""A service under which processes are killed: what it is asked, and what must come of it.
+
+What must come of a job is what the library makes of the same scenario and seed, to the byte.
+"""
+
+import contextlib
+import json
+import os
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Literal, Self
+from uuid import uuid4
+
+import httpx2
+import psycopg
+from dbos import DBOSClient
+
+from api.jobs.queue import APPLICATION
+from api.settings import load_settings
+from syncplan.planning.planner import Plan, plan
+from syncplan.planning.sweeps import sweep
+from syncplan.planning.validation import validate
+from syncplan.refinement.refiner import refine
+from syncplan.reports.plan_report import plan_document
+from syncplan.reports.validation_report import sweep_document, validation_document
+from syncplan.runtime.files import as_text
+from tests.tools.scenarios import FILES, document, example, small
+from tests.tools.serving import QUICK, Postgres, Process, Server, settings_of, wait_until
+
+ORPHANS_GONE_S = 2.0
+_PATIENCE_S = 90.0
+_GRID = (FILES / "paper-grid-same.yaml").read_text()
+_PAIR = {"landmarks_m": [[0.0, 40.0], [70.0, 40.0]]}
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """A job to hand in, and the bytes it must come to."""
+
+    kind: Literal["validation", "sweep", "refinement"]
+    body: Mapping[str, Any]
+    expected: str
+
+
+@lru_cache(maxsize=1)
+def grid() -> Plan:
+    """Return the library's plan of the six vehicles in a grid."""
+    return plan(example("paper-grid-same"))
+
+
+@lru_cache(maxsize=1)
+def pair() -> Plan:
+    """Return the library's plan of two vehicles with landmarks."""
+    return plan(small(**_PAIR))
+
+
+@lru_cache
+def validation(trials: int, seed: int) -> Order:
+    """Return the order to validate the grid."""
+    report = validation_document(validate(grid(), trials=trials, seed=seed))
+    return Order("validation", {"trials": trials, "seed": seed}, as_text(report.as_json()))
+
+
+@lru_cache
+def sweep_of_ranges(trials: int, seed: int) -> Order:
+    """Return the order to sweep the range of the grid's sensor."""
+    ranges = [45.0, 55.0]
+    scenario = example("paper-grid-same")
+    rows = sweep(scenario, "range", ranges, trials=trials, seed=seed)
+    reports = [validation_document(row.validation) for row in rows]
+    body = {
+        "scenario": scenario.model_dump(mode="json", exclude_none=True),
+        "range_m": ranges,
+        "trials": trials,
+        "seed": seed,
+    }
+    expected = as_text(sweep_document("range", rows, reports))
+    return Order("sweep", body, expected)
+
+
+@lru_cache
+def refinement(seed: int) -> Order:
+    """Return the order to refine the pair."""
+    body = {"vary": ["phases", "centers"], "starts": 2, "seed": seed}
+    better = refine(pair(), vary=["phases", "centers"], starts=2, seed=seed)
+    return Order("refinement", body, as_text(plan_document(better).as_json()))
+
+
+class Site:
+    """A service of a test's own: its data, its processes, what it has accepted.
+
+    Parameters
+    ----------
+    folder : of the data and the logs
+    database_url : of PostgreSQL; SQLite in the folder if None
+    """
+
+    def __init__(self, folder: Path, database_url: str | None = None, **settings: str) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self.folder = folder
+        self._settings = {**settings_of(folder / "data", database_url), **settings}
+        self._port: int | None = None
+        self._processes: list[Process] = []
+        self._marks: dict[Process, str] = {}
+        self.url = ""
+        self.plans: dict[str, str] = {}
+        self.jobs: dict[str, Order] = {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        for process in self._processes:
+            process.kill()
+
+    @property
+    def database(self) -> str:
+        """The address of the database, as the service takes it."""
+        return load_settings(
+            data_dir=Path(self._settings["SYNCPLAN_DATA_DIR"]),
+            database_url=self._settings.get("SYNCPLAN_DATABASE_URL"),
+        ).database
+
+    # --- processes ---
+
+    def serve(self, *arguments: str) -> Server:
+        """Start the server, always at the same port, and wait until it is ready."""
+        mark = uuid4().hex
+        log = self.folder / "server.log"
+        server = Server(log, *arguments, port=self._port, **self._settings, SURVIVAL_MARK=mark)
+        self._port, self.url = server.port, server.url
+        self._keep(server, mark)
+        return server
+
+    def work(self) -> Process:
+        """Start a worker."""
+        return self.begin("worker")
+
+    def begin(self, command: str, *arguments: str) -> Process:
+        """Start a process without waiting for it."""
+        mark = uuid4().hex
+        log = self.folder / f"{command}.log"
+        process = Process(command, *arguments, log=log, **self._settings, SURVIVAL_MARK=mark)
+        self._keep(process, mark)
+        return process
+
+    def _keep(self, process: Process, mark: str) -> None:
+        self._processes.append(process)
+        self._marks[process] = mark
+
+    def oldest(self, kind: Literal["server", "worker"]) -> Process:
+        """Return the server, or the worker that has lived longest."""
+        wanted = Server if kind == "server" else Process
+        return next(
+            one for one in self._processes if type(one) is wanted and one.popen.returncode is None
+        )
+
+    def family(self, process: Process) -> set[int]:
+        """Return the living processes that a process, or a child of it, has started."""
+        return _marked(self._marks[process]) - {process.popen.pid}
+
+    def kill(self, process: Process) -> None:
+        """Kill a process, and see to it that it takes all it had started with it."""
+        process.kill()
+        self.see_family_gone(process)
+
+    def see_family_gone(self, process: Process) -> None:
+        """Fail if anything that a process has started outlives it for long."""
+        wait_until(
+            lambda: not self.family(process),
+            ORPHANS_GONE_S,
+            lambda: f"left behind: {sorted(self.family(process))}",
+        )
+
+    # --- requests ---
+
+    def ask(self, method: str, path: str, **options: Any) -> httpx2.Response:
+        """Return the answer to a request, whatever its status."""
+        return httpx2.request(method, f"{self.url}{path}", timeout=30.0, **options)
+
+    def ask_until_up(self, path: str) -> httpx2.Response:
+        """Return the answer to a GET, asked again while the server is down."""
+        deadline = time.monotonic() + 60.0
+        while True:
+            try:
+                return self.ask("GET", path)
+            except httpx2.TransportError:
+                assert time.monotonic() < deadline, self.logs()
+                time.sleep(0.05)
+
+    def hand_in_plan(self, of: Literal["grid", "pair"] = "grid") -> str:
+        """Hand in a plan and return its identifier."""
+        if of == "grid":
+            content, kind = _GRID, "application/yaml"
+        else:
+            content, kind = json.dumps(document(**_PAIR)), "application/json"
+        answer = self.ask("POST", "/v1/plans", content=content, headers={"content-type": kind})
+        assert answer.status_code == 201, answer.text
+        plan_id = str(answer.json()["id"])
+        self.plans[plan_id] = answer.text
+        return plan_id
+
+    def hand_in(self, order: Order, plan_id: str | None = None) -> str:
+        """Hand in a job, on a new plan if none is given, and return its identifier."""
+        path = "/v1/sweeps"
+        if order.kind != "sweep":
+            of: Literal["grid", "pair"] = "grid" if order.kind == "validation" else "pair"
+            path = f"/v1/plans/{plan_id or self.hand_in_plan(of)}/{order.kind}s"
+        answer = self.ask("POST", path, json=dict(order.body))
+        assert answer.status_code == 202, answer.text
+        job_id = str(answer.json()["id"])
+        self.jobs[job_id] = order
+        return job_id
+
+    def job(self, job_id: str) -> dict[str, Any]:
+        """Return a job as the service shows it."""
+        answer = self.ask("GET", f"/v1/jobs/{job_id}")
+        assert answer.status_code == 200, answer.text
+        shown: dict[str, Any] = answer.json()
+        return shown
+
+    def events(self, job_id: str) -> list[dict[str, Any]]:
+        """Return all events of a job that has ended."""
+        accept = {"accept": "text/event-stream"}
+        lines = self.ask("GET", f"/v1/jobs/{job_id}/events", headers=accept).text.splitlines()
+        numbers = [int(line[3:]) for line in lines if line.startswith("id:")]
+        assert numbers == list(range(1, len(numbers) + 1))
+        return [json.loads(line[5:]) for line in lines if line.startswith("data:")]
+
+    # --- what must hold ---
+
+    def wait_for(self, job_id: str, *states: str, seconds: float = _PATIENCE_S) -> dict[str, Any]:
+        """Return a job once it is in one of the states."""
+        last: dict[str, Any] = {}
+
+        def there() -> bool:
+            last.update(self.job(job_id))
+            return last["state"] in states
+
+        wait_until(there, seconds, lambda: f"{last}\n{self.logs()}")
+        return last
+
+    def see_all_done(self) -> None:
+        """Fail unless all that was accepted is there, each job ended once, with its bytes."""
+        for job_id, order in self.jobs.items():
+            shown = self.wait_for(job_id, "succeeded", "failed", "cancelled")
+            assert shown["state"] == "succeeded", f"{shown}\n{self.logs()}"
+            assert shown["progress"]["done"] == shown["progress"]["total"]
+            result = self.ask("GET", shown["result"]).text
+            made = _without_storage(result) if order.kind == "refinement" else result
+            assert made == order.expected, f"{order.kind} {job_id} came to something else"
+            self.see_ended_once(job_id, "succeeded")
+        for plan_id, text in self.plans.items():
+            assert self.ask("GET", f"/v1/plans/{plan_id}").text == text
+        refined = sum(order.kind == "refinement" for order in self.jobs.values())
+        assert self.count("jobs") == len(self.jobs)
+        assert self.count("plans") == len(self.plans) + refined
+        self.see_nothing_left()
+
+    def see_ended_once(self, job_id: str, state: str) -> None:
+        """Fail unless a job has ended once, and in this state."""
+        told = [event["state"] for event in self.events(job_id)]
+        assert [one for one in told if one not in ("queued", "running")] == [state]
+        assert told[-1] == state
+
+    def held_by(self, process: Process) -> list[str]:
+        """Return the workflows that a process has begun and not ended."""
+        with self._dbos() as client:
+            begun = client.list_workflows(status="PENDING")
+        number = f"-{process.popen.pid}-"
+        return [one.workflow_id for one in begun if number in (one.executor_id or "")]
+
+    def see_nothing_left(self) -> None:
+        """Fail if workflows stay behind that are not done."""
+        with self._dbos() as client:
+            left: list[Any] = []
+
+            def nothing() -> bool:
+                left[:] = client.list_workflows(status=["PENDING", "ENQUEUED"])
+                return not left
+
+            wait_until(nothing, 60.0, lambda: f"{left}\n{self.logs()}")
+
+    @contextlib.contextmanager
+    def _dbos(self) -> Iterator[DBOSClient]:
+        client = DBOSClient(system_database_url=self.database, application_name=APPLICATION)
+        try:
+            yield client
+        finally:
+            client.destroy()
+
+    def count(self, what: Literal["plans", "jobs"]) -> int:
+        """Return how many plans or jobs the service lists."""
+        path, number = f"/v1/{what}?limit=200", 0
+        while path:
+            page = self.ask("GET", path).json()
+            number += len(page["items"])
+            path = page["next"]
+        return number
+
+    def log_lines(self) -> list[str]:
+        """Return what all processes have logged."""
+        return [line for one in self.folder.glob("*.log") for line in one.read_text().splitlines()]
+
+    def logs(self) -> str:
+        """Return the ends of the logs, for a failure's message."""
+        return "\n".join(
+            f"--- {one.name}\n{one.read_text()[-3000:]}"
+            for one in sorted(self.folder.glob("*.log"))
+        )
+
+
+def new_database(postgres: Postgres, folder: Path | None = None) -> str:
+    """Return the address of an empty database of its own, its tables in a folder if one is given.
+
+    Whoever PostgreSQL runs as must own the folder.
+    """
+    name = f"syncplan_{uuid4().hex}"
+    with psycopg.connect(postgres.url, autocommit=True) as connection:
+        if folder is None:
+            connection.execute(f"CREATE DATABASE {name}")
+        else:
+            connection.execute(f"CREATE TABLESPACE {name} LOCATION '{folder}'")
+            connection.execute(f"CREATE DATABASE {name} TABLESPACE {name}")
+    return postgres.url.rpartition("/")[0] + f"/{name}"
+
+
+def kill_at(
+    site: Site,
+    orders: Sequence[Order],
+    waits_s: Sequence[float],
+    victim: Literal["server", "worker"],
+) -> float:
+    """Hand in jobs, kill the server or one of two workers after each wait, see that all is well.
+
+    What was killed is started anew at once. Returns the seconds from the last kill to the end of
+    the last job.
+    """
+    site.serve(*(["--no-worker"] if victim == "worker" else []))
+    if victim == "worker":
+        site.work()
+        site.work()
+    for order in orders:
+        site.hand_in(order)
+    for wait_s in waits_s:
+        time.sleep(wait_s)
+        site.kill(site.oldest(victim))
+        killed = time.monotonic()
+        _ = site.serve() if victim == "server" else site.work()
+    for job_id in site.jobs:
+        site.wait_for(job_id, "succeeded", "failed", "cancelled")
+    recovered = time.monotonic() - killed
+    site.see_all_done()
+    return recovered
+
+
+def quick(folder: Path, database_url: str | None = None, **settings: str) -> Site:
+    """Return a site where the dead are found out soon and jobs are cut into many parts."""
+    return Site(folder, database_url, **{**QUICK, "SYNCPLAN_BATCH_S": "0.4", **settings})
+
+
+def _without_storage(text: str) -> str:
+    """A stored plan as the library writes it, without the three keys that storing added."""
+    return "{" + text.split(",", 3)[3]
+
+
+def _marked(mark: str) -> set[int]:
+    """Living processes with a mark in their environment."""
+    wanted = f"SURVIVAL_MARK={mark}".encode()
+    found = set()
+    for number in (int(name) for name in os.listdir("/proc") if name.isdigit()):
+        with contextlib.suppress(OSError):
+            if wanted in Path(f"/proc/{number}/environ").read_bytes():
+                found.add(number)
+    return found
