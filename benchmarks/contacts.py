@@ -17,17 +17,15 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks import Figure, print_figures
+from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import Orbits, heading, position
 from syncplan.orbits.contacts import Sensors, Windows, find_windows, reachable_pairs
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
-Flags = NDArray[np.bool_]
+Flags = Flags
 
 COLUMNS, ROWS = 40, 25
 SPACING_M, RADIUS_M, RANGE_M, RATE = 70.0, 20.0, 50.0, 0.2

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
-from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from syncplan.arrays import Array
 from syncplan.estimation import batched_filter
 from syncplan.estimation.montecarlo import run_trials
 from syncplan.orbits.circles import Orbits, heading, position, wrap
@@ -23,7 +23,6 @@ from syncplan.orbits.contacts import Sensors, find_windows
 from syncplan.orbits.noise import Noise
 from syncplan.orbits.sightings import Sightings, sample_sightings
 
-Array = NDArray[np.float64]
 Scene = tuple[Orbits, Array, Sensors, Noise, Sightings, int]
 
 STEPS = 2000

@@ -29,17 +29,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks import Figure, print_figures
+from syncplan.arrays import Array
 from syncplan.observability.rank import RANK_TOLERANCE, assess, link_information
 from syncplan.orbits.circles import Orbits, heading, position, wrap
 from syncplan.orbits.contacts import Sensors, find_windows
 from syncplan.orbits.sightings import Sightings, sample_sightings
-
-Array = NDArray[np.float64]
 
 SAMPLE_TIME_S = 0.1
 SIGMA_RAD = 0.1

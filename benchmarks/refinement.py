@@ -22,13 +22,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import BFGS, Bounds, NonlinearConstraint, OptimizeResult, minimize
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks import Figure, print_figures
 from benchmarks.vectorised_team import VectorisedTeam
+from syncplan.arrays import Array
 from syncplan.planning.planner import plan
 from syncplan.refinement.ipopt import StagedSolver
 from syncplan.refinement.measures import Measurement, measure
@@ -38,8 +38,6 @@ from syncplan.refinement.problem_setup import problem_of
 from syncplan.refinement.refiner import options_for
 from syncplan.runtime.blas import single_threaded_blas
 from syncplan.scenario.loading import scenario_from
-
-Array = NDArray[np.float64]
 
 ROOT = Path(__file__).resolve().parents[1]
 COLUMNS = {6: 3, 12: 4, 24: 6, 50: 10}

@@ -11,10 +11,10 @@ sparse matrix then adds all of them into the team's.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.special import expit, logsumexp
 
+from syncplan.arrays import Array, Flags, Index
 from syncplan.observability.rank import NEAREST
 from syncplan.refinement.nlp import CONTACT_SAMPLES, Stage
 from syncplan.refinement.problem import RefineProblem
@@ -23,8 +23,6 @@ from syncplan.refinement.smooth_team import sighted_pairs
 
 __all__ = ["VectorisedTeam"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 _SHIFT = 1e-9
 _CONTACT_WIDTH, _SAFETY_WIDTHS = 0.25, 3.0
@@ -79,7 +77,7 @@ class VectorisedTeam:
 
     problem: RefineProblem
     stage: Stage
-    free: NDArray[np.bool_]
+    free: Flags
     fixed: Array
     lower: Array
     upper: Array

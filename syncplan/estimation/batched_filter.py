@@ -26,6 +26,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from syncplan.arrays import Array, Index
+
 __all__ = [
     "Course",
     "Drive",
@@ -41,8 +43,6 @@ __all__ = [
     "predict_lanes",
 ]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 Work = tuple[Array, Array, Array, Array]
 Lanes = NDArray[np.int8] | tuple[int]
 Function = TypeVar("Function", bound=Callable[..., Any])

@@ -12,8 +12,8 @@ Positions are in mean radii until the end. How rows are brought in: syncplan.est
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array
 from syncplan.errors import NoSolutionError
 from syncplan.estimation.covariances import Run, variances_along
 from syncplan.observability.rank import Observability, bearing_rows
@@ -30,7 +30,6 @@ __all__ = [
     "window_bound",
 ]
 
-Array = NDArray[np.float64]
 
 _DOUBLINGS = 60
 _SETTLED, _SETTLED_BY_ROUNDING = 1e-12, 1e-8

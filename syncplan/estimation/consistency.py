@@ -16,11 +16,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+
+from syncplan.arrays import Array
 
 __all__ = ["Consistency", "anees", "chi_square_band", "coverage", "gate_threshold", "nis"]
 
-Array = NDArray[np.float64]
 Verdict = Literal["consistent", "optimistic", "conservative", "unknown"]
 
 BAND_PROBABILITY = 0.95

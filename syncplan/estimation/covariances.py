@@ -24,12 +24,11 @@ sample by sample, and so they do where the sigmas span many orders of magnitude.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from syncplan.arrays import Array, Index
 
 __all__ = ["Run", "variances_along"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 GROUPED_VEHICLES = 20
 """Up to this many vehicles rows come in by groups, above by samples."""

@@ -15,8 +15,8 @@ from dataclasses import dataclass, fields, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.estimation import batched_filter
 from syncplan.estimation.consistency import gate_threshold
@@ -35,8 +35,6 @@ from syncplan.orbits.sightings import Sightings
 from syncplan.runtime.cores import usable_cores
 
 __all__ = ["run_trials"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,14 +21,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array, Index
 from syncplan.errors import InputError
 
 __all__ = ["Log", "RobotLog", "load_log"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 NOBODY = -1
 """Subject of a reading whose barcode nobody carries."""

@@ -18,8 +18,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array
 from syncplan.orbits.circles import perpendicular, unit, wrap
 
 __all__ = [
@@ -30,8 +30,6 @@ __all__ = [
     "predict_bearing",
     "update",
 ]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

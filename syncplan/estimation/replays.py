@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from threading import Thread
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array, Index
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation import batched_filter
 from syncplan.estimation.consistency import Consistency, anees, coverage, gate_threshold, nis
@@ -31,8 +31,6 @@ from syncplan.scenario.rules import excess
 
 __all__ = ["GROUND_ROBOTS", "Replay", "longest_gap", "replay"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 GROUND_ROBOTS = Noise(
     speed_sigma=0.15, turn_rate_sigma=0.5, position_sigma=0.01, heading_sigma=0.01

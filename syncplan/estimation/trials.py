@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.estimation import batched_filter
 
@@ -32,7 +32,6 @@ __all__ = [
     "tallied",
 ]
 
-Array = NDArray[np.float64]
 
 CHUNK_TRIALS = 16
 """A run may be cut into parts at multiples of this many trials."""

@@ -7,8 +7,8 @@ first. Source: `uav_trajectory.py` of Crazyswarm2's package crazyflie_py.
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.exporting.exported_files import ExportedFile, Written
 from syncplan.exporting.flight import Flight
@@ -16,7 +16,6 @@ from syncplan.orbits.circles import Orbits, heading
 
 __all__ = ["arc_pieces", "write_crazyswarm"]
 
-Array = NDArray[np.float64]
 
 TOLERANCE_M = 1e-4
 """Largest distance between a piece and its arc: a tenth of what is asked for."""

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.exporting.export_options import ExportOptions
 from syncplan.exporting.geodesy import geodetic
@@ -27,7 +27,6 @@ __all__ = [
     "start_second",
 ]
 
-Array = NDArray[np.float64]
 
 MOST_POINTS = 2_000_000
 """Most poses, waypoints or pieces of all vehicles together that are written."""

@@ -1,14 +1,13 @@
 """Places on Earth of points of the plane, which touches the WGS 84 ellipsoid at its origin."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.scenario.georeference import GeoOrigin
 
 __all__ = ["geodetic", "ground_error"]
 
-Array = NDArray[np.float64]
 
 EARTH_RADIUS_M = 6.371e6
 WIDEST_M = 1e6

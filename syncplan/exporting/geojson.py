@@ -2,9 +2,7 @@
 
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from syncplan.arrays import Array
 from syncplan.exporting.exported_files import ExportedFile, Written
 from syncplan.exporting.flight import Flight
 from syncplan.exporting.map_tracks import landmark_places, parted, tracks_of
@@ -12,7 +10,6 @@ from syncplan.runtime.files import as_text
 
 __all__ = ["write_geojson"]
 
-Array = NDArray[np.float64]
 
 DIGITS = 9
 """Of degrees: a tenth of a millimetre."""

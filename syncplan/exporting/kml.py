@@ -3,8 +3,8 @@
 from xml.etree import ElementTree as Xml
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array
 from syncplan.exporting.exported_files import ExportedFile, Written
 from syncplan.exporting.flight import Flight, moment, start_of
 from syncplan.exporting.geodesy import geodetic
@@ -13,7 +13,6 @@ from syncplan.orbits.circles import position
 
 __all__ = ["write_kml"]
 
-Array = NDArray[np.float64]
 
 KML = "http://www.opengis.net/kml/2.2"
 GOOGLE = "http://www.google.com/kml/ext/2.2"

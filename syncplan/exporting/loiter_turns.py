@@ -16,8 +16,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.exporting.flight import Flight
 from syncplan.exporting.geodesy import geodetic
@@ -32,7 +32,6 @@ from syncplan.orbits.circles import position
 
 __all__ = ["loiter_missions", "snapped_radii"]
 
-Array = NDArray[np.float64]
 
 WHOLE_METRES_UP_TO = 255.0
 TENS_UP_TO = 2550.0

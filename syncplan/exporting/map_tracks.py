@@ -3,15 +3,14 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array
 from syncplan.exporting.flight import Flight
 from syncplan.exporting.geodesy import geodetic
 from syncplan.orbits.circles import position, unit
 
 __all__ = ["VehicleTrack", "landmark_places", "parted", "tracks_of"]
 
-Array = NDArray[np.float64]
 
 POINTS_PER_TURN = 180
 

@@ -2,9 +2,7 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from syncplan.arrays import Array
 from syncplan.exporting.flight import Flight, start_second
 
 __all__ = [
@@ -19,7 +17,6 @@ __all__ = [
     "waypoint_item",
 ]
 
-Array = NDArray[np.float64]
 Parameters = tuple[float | None, float, float, float | None]
 
 WAYPOINT, LOITER_TURNS, DELAY, CHANGE_SPEED = 16, 18, 93, 178

@@ -11,8 +11,8 @@ dare (FlightTaskAutoLineSmoothVel, TrajMath), which is worked out here; the othe
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.exporting.flight import Flight, check_amount
 from syncplan.exporting.geodesy import geodetic
@@ -26,7 +26,6 @@ from syncplan.orbits.circles import Orbits, unit
 
 __all__ = ["px4_corner_speed", "waypoint_missions"]
 
-Array = NDArray[np.float64]
 
 FEWEST_LEGS = 6
 MOST_ITEMS = 65_535

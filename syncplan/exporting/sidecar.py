@@ -4,8 +4,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array
 from syncplan.exporting.exported_files import ExportedFile, Written
 from syncplan.exporting.flight import Flight, moment, places_of, start_of
 from syncplan.exporting.joining import procedure
@@ -23,8 +23,6 @@ from syncplan.runtime.files import as_text
 from syncplan.synchronisation.phase_tolerance import safe_slips
 
 __all__ = ["sidecar_file", "sync_document"]
-
-Array = NDArray[np.float64]
 
 
 def sidecar_file(flight: Flight, format_: str, written: Written) -> ExportedFile:

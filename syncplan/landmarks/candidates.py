@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, ValidationError
 from pydantic_core import PydanticCustomError
 
+from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.scenario.loading import parse_values, read_text, validation_fault
 from syncplan.scenario.quantities import ListedOrNamed, Point, Section
@@ -16,8 +16,6 @@ from syncplan.scenario.rules import check_landmarks, check_names
 from syncplan.scenario.specification import Scenario
 
 __all__ = ["CandidateSites", "load_candidates", "named_candidates", "new_sites"]
-
-Array = NDArray[np.float64]
 
 
 class CandidateSites(Section):

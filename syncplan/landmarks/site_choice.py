@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array, Index
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.landmarks.candidates import new_sites
 from syncplan.landmarks.site_information import candidate_information, evaluate
@@ -23,9 +23,6 @@ from syncplan.scenario.quantities import Point
 from syncplan.scenario.specification import Scenario
 
 __all__ = ["SiteChoice", "choose_sites"]
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)

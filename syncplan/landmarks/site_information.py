@@ -17,8 +17,8 @@ inaccurate U may be, and finite where F(x) is singular and the precision zero.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array, Index
 from syncplan.observability.rank import RANK_TOLERANCE, link_information, stacked_rows
 from syncplan.orbits.contacts import find_windows, reachable_pairs
 from syncplan.orbits.sightings import Sightings, sample_sightings, samples_before
@@ -26,8 +26,6 @@ from syncplan.planning.planner import Plan
 
 __all__ = ["Cuts", "Evaluation", "SiteInformation", "candidate_information", "evaluate"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 MOST_CUTS = 8
 """Cuts are made for this many vehicles, those of least precision, unless fewer are asked for."""

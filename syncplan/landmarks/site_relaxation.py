@@ -18,13 +18,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array
 from syncplan.landmarks.site_information import Cuts, SiteInformation, evaluate
 
 __all__ = ["Relaxation", "relax"]
 
-Array = NDArray[np.float64]
 
 ROUNDS = 200
 """Most linear programs; the bound is true after any of them."""

@@ -12,15 +12,13 @@ from itertools import combinations
 from math import comb
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array, Index
 from syncplan.landmarks.site_information import Cuts, SiteInformation, evaluate
 from syncplan.landmarks.site_relaxation import Relaxation
 
 __all__ = ["best_sites"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 MOST_LISTED = 50_000
 """Choices are tried exhaustively, less those ruled out, up to this many."""

@@ -20,14 +20,13 @@ team's rank, judged at RANK_TOLERANCE of the largest of all, falls short of what
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array
 from syncplan.observability.rank import LINK_TOLERANCE, LinkInformation, Observability
 from syncplan.orbits.graphs import components, spanning_forest
 
 __all__ = ["DISTINCT_LANDMARKS", "Certificate", "WitnessTree", "certify", "counts"]
 
-Array = NDArray[np.float64]
 
 DISTINCT_LANDMARKS = 0.1
 """Two landmarks count as distinct when further apart than this share of the mean radius."""

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array, Flags, Index
 from syncplan.observability.certificate import DISTINCT_LANDMARKS
 from syncplan.observability.rank import LINK_TOLERANCE, pair_rows
 from syncplan.orbits.circles import Orbits
@@ -14,8 +14,6 @@ from syncplan.orbits.sightings import sample_sightings, steps_within
 
 __all__ = ["connectivity_period"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 SEARCHED_PERIODS = 2
 
@@ -88,7 +86,7 @@ class _Starts:
     room: Index  # (s,) rows from there to the pair's last
     needed: Index  # (s,) rank asked for
 
-    def only(self, chosen: NDArray[np.bool_] | Index) -> "_Starts":
+    def only(self, chosen: Flags | Index) -> "_Starts":
         """Return the chosen starts."""
         return _Starts(
             self.rows, self.pair[chosen], self.row[chosen], self.room[chosen], self.needed[chosen]
@@ -147,7 +145,7 @@ def _searched(starts: _Starts, largest: float) -> Index:
         low = np.where(wide & ~full, middle, low)
 
 
-def _certified(starts: _Starts, lengths: Index, largest: float) -> NDArray[np.bool_]:
+def _certified(starts: _Starts, lengths: Index, largest: float) -> Flags:
     """Whether the windows of these lengths have the rank, many at once by length."""
     result = np.zeros(len(lengths), dtype=bool)
     for length in np.unique(lengths):
@@ -160,14 +158,14 @@ def _certified(starts: _Starts, lengths: Index, largest: float) -> NDArray[np.bo
     return result
 
 
-def _distinct_landmarks(landmarks: Array, distance: float) -> NDArray[np.bool_]:
+def _distinct_landmarks(landmarks: Array, distance: float) -> Flags:
     """(m, m) whether two landmarks count as distinct."""
     apart = landmarks[:, None] - landmarks[None]
     return np.asarray(np.hypot(apart[..., 0], apart[..., 1]) > distance)
 
 
 def _first_certified(
-    pairs: list[tuple[int, int]], ready: Index, count: int, distinct: NDArray[np.bool_]
+    pairs: list[tuple[int, int]], ready: Index, count: int, distinct: Flags
 ) -> int | None:
     """The step by which the certificate holds when each pair counts from its own step on."""
     merged = disjoint_sets(count)
@@ -193,6 +191,6 @@ def _first_certified(
     return None
 
 
-def _holds(anchors: set[int], distinct: NDArray[np.bool_]) -> int:
+def _holds(anchors: set[int], distinct: Flags) -> int:
     numbers = list(anchors)
     return int(distinct[np.ix_(numbers, numbers)].any()) if len(numbers) > 1 else 0

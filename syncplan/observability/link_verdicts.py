@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array, Index
 from syncplan.observability.certificate import counts
 from syncplan.observability.rank import LinkInformation
 from syncplan.observability.unobservable_modes import lost_bearing
@@ -15,8 +15,6 @@ from syncplan.synchronisation.phase_tolerance import phase_tolerances, rule_resi
 
 __all__ = ["Meeting", "landmark_meetings", "vehicle_meetings"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 _TOO_WEAK = "of full rank by itself, but too weak beside the team's other sightings"
 

@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array, Index
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import Sensors, body_paths
 from syncplan.orbits.sightings import Sightings
@@ -39,8 +39,6 @@ __all__ = [
     "stacked_rows",
 ]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 RANK_TOLERANCE = 1e-8
 """A singular value of the whole matrix counts above this share of the largest."""

@@ -8,15 +8,14 @@ a stretch along lines of sight that never turn. What is left over is told by its
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array
 from syncplan.observability.rank import LinkInformation, Observability
 from syncplan.orbits.circles import Orbits, perpendicular, position, unit
 from syncplan.orbits.graphs import components
 
 __all__ = ["UnobservableMotion", "lost_bearing", "name_motions"]
 
-Array = NDArray[np.float64]
 
 MATCH_TOLERANCE = 1e-3
 """Share of a named motion that may lie outside the null space."""

@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from syncplan.arrays import Array
 
 __all__ = ["Orbits", "heading", "perpendicular", "phase", "position", "transition", "unit", "wrap"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

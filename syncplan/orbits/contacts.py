@@ -15,8 +15,8 @@ For two vehicles of one sense, and for landmarks, second harmonics vanish identi
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import Orbits, perpendicular, unit
 from syncplan.orbits.trigonometric_polynomials import real_roots
 
@@ -33,8 +33,6 @@ __all__ = [
     "relative_motion",
 ]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 SMALLEST_STEP_RAD = 1e-11
 """Roots nearer than this count as one."""
@@ -80,7 +78,7 @@ class RelativeMotion:
     offset: Array
     cosine: Array
     sine: Array
-    circular: NDArray[np.bool_]
+    circular: Flags
 
     def at(self, tau: Array) -> Array:
         """Return the relative positions (p, k, 2) at tau (p, k) or (k,) rad."""
@@ -206,7 +204,7 @@ def _neighbours(orbits: Orbits, centers: Array, radius: float) -> tuple[Index, I
 
 def in_contact(
     orbits: Orbits, motion: RelativeMotion, sensors: Sensors, observers: Index, tau: Array
-) -> NDArray[np.bool_]:
+) -> Flags:
     """Return (p, k) whether each observer sees its target at tau (p, k) or (k,) rad."""
     q = motion.at(tau)
     distance = np.hypot(q[..., 0], q[..., 1])

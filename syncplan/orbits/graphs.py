@@ -5,8 +5,8 @@ from typing import Any
 
 import networkx as nx
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array
 from syncplan.orbits.contacts import Windows
 
 __all__ = [
@@ -112,7 +112,7 @@ def traversal(count: int, edges: Sequence[Edge]) -> list[tuple[int, int, int]]:
     ]
 
 
-def bottleneck(lengths: NDArray[np.float64]) -> float:
+def bottleneck(lengths: Array) -> float:
     """Return the longest edge of a shortest spanning tree, from (n, n) lengths.
 
     The range at which all vertices are connected; 0 for a single vertex. Infinite lengths are no
@@ -143,9 +143,7 @@ def contraction(count: int, same: Iterable[Edge]) -> list[int]:
     return label
 
 
-def drawings(
-    count: int, edges: Iterable[Edge], amount: int, seed: int
-) -> Iterator[NDArray[np.float64]]:
+def drawings(count: int, edges: Iterable[Edge], amount: int, seed: int) -> Iterator[Array]:
     """Yield `amount` drawings (count, 2) of a connected graph, in no unit; the likeliest first.
 
     Kamada-Kawai, the same begun at a planar drawing where there is one, spectral, then springs

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array, Index
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import (
     DENSE_LIMIT,
@@ -17,8 +17,6 @@ from syncplan.orbits.trigonometric_polynomials import derivative, real_roots
 
 __all__ = ["Approach", "closest_approach", "least_distances", "pairs_nearer_than"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 _NO_LANDMARKS = np.zeros((0, 2))
 

@@ -3,13 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Index
 from syncplan.orbits.contacts import Windows
 
 __all__ = ["Sightings", "sample_sightings", "samples_before", "steps_within"]
 
-Index = NDArray[np.int64]
 
 _ROUNDING = 1e-9
 """Share of a sample time by which an edge or a duration may miss a sample and still meet it."""

@@ -9,11 +9,12 @@ at infinity. Polynomials without a second harmonic take the arccosine instead.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from syncplan.arrays import Array
 
 __all__ = ["derivative", "evaluate", "real_roots", "rotate"]
 
-Array = NDArray[np.float64]
 
 NEARLY_REAL = 1e-3
 """Imaginary part, relative to 1 + u^2, up to which a quartic's root is kept as a candidate."""

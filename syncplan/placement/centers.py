@@ -8,8 +8,8 @@ circles all keep apart, and that serves landmarks and areas. From a shape: neigh
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array, Index
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.orbits.graphs import components
 from syncplan.placement.demands import Demands, circle_gaps, shortfalls, sightings
@@ -24,8 +24,6 @@ from syncplan.scenario.specification import Scenario, per_vehicle
 
 __all__ = ["MARGIN_SHARE", "Placement", "place"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 MARGIN_SHARE = 0.02
 """Share of the range by which links stay within it where no margin is given."""

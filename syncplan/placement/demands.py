@@ -10,14 +10,11 @@ All is recomputed here in NumPy; nothing rests on a solver's word.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array, Index
 from syncplan.scenario.areas import Area
 
 __all__ = ["Demands", "Shortfalls", "circle_gaps", "others", "shortfalls", "sightings"]
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)

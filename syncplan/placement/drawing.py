@@ -8,8 +8,8 @@ the trust region follows how well the two agree.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array, Index
 from syncplan.placement.demands import Demands, circle_gaps, others, shortfalls, sightings
 from syncplan.placement.layout_qp import (
     APART_WEIGHT,
@@ -23,8 +23,6 @@ from syncplan.placement.layout_qp import (
 
 __all__ = ["Drawing", "improve"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 _ALL_PAIRS = 40
 """Number of circles up to which every pair is in the programme; beyond it, those nearby."""

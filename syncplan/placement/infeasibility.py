@@ -8,14 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array, Index
 from syncplan.placement.demands import Demands, Shortfalls, circle_gaps, sightings
 
 __all__ = ["Names", "complaint", "obstacle"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 _SHOWN = 3
 _REMEDY = "give a longer range, smaller circles or fewer links"

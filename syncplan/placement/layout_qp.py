@@ -18,14 +18,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array, Index
 from syncplan.placement.demands import Demands, sightings
 
 __all__ = ["APART_WEIGHT", "FIRM", "PRICE", "Programme", "compiled", "fill", "solved"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 PRICE = 50.0
 """Price of missing a link by a typical distance."""

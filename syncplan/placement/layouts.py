@@ -10,15 +10,13 @@ from dataclasses import replace
 from itertools import islice
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array, Index
 from syncplan.orbits.graphs import drawings
 from syncplan.placement.demands import Demands, circle_gaps, shortfalls
 
 __all__ = ["starting_layouts"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 _POSES = 300
 """Poses that are tried for each component."""

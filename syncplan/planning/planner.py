@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array, Index
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.bounds import posterior_bound, steady_bound, window_bound
 from syncplan.observability.certificate import Certificate, certify
@@ -36,8 +36,6 @@ __all__ = [
     "plan",
 ]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 BoundChoice = Literal["auto", "always", "never"]
 
 BOUND_WORK_LIMIT = 4e10

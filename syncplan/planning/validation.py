@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.bounds import posterior_bound
 from syncplan.estimation.consistency import Consistency, anees, coverage, nis
@@ -30,7 +30,6 @@ __all__ = [
     "validate",
 ]
 
-Array = NDArray[np.float64]
 
 MAX_TRIALS = 1_000_000
 

@@ -1,21 +1,12 @@
 """One period, animated: where everybody is, and who sees whom at that moment."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array, Index
 from syncplan.orbits.circles import heading, position
 from syncplan.orbits.contacts import Windows
 from syncplan.planning.planner import Plan
-from syncplan.plotting.canvas import (
-    Array,
-    Spec,
-    compass,
-    decimals,
-    escaped,
-    gapped,
-    layout,
-    numbers,
-)
+from syncplan.plotting.canvas import Spec, compass, decimals, escaped, gapped, layout, numbers
 from syncplan.plotting.link_styles import Standing, body_names, grouped
 from syncplan.plotting.map_layers import (
     circle_traces,
@@ -30,7 +21,6 @@ from syncplan.plotting.palette import INK
 
 __all__ = ["FRAMES", "animation_spec", "live"]
 
-Index = NDArray[np.int64]
 
 FRAMES = 60
 """Moments shown of one period."""

@@ -10,8 +10,9 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from syncplan.arrays import Array
 from syncplan.plotting.palette import GRID, INK, MUTED
 
 __all__ = [
@@ -29,7 +30,6 @@ __all__ = [
     "panel_title",
 ]
 
-Array = NDArray[np.float64]
 Spec = dict[str, Any]
 
 CLEAR = "rgba(0,0,0,0)"

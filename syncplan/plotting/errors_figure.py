@@ -5,8 +5,9 @@ from itertools import chain
 
 import numpy as np
 
+from syncplan.arrays import Array
 from syncplan.errors import InputError
-from syncplan.plotting.canvas import Array, Spec, axis, escaped, layout, numbers, panel_title
+from syncplan.plotting.canvas import Spec, axis, escaped, layout, numbers, panel_title
 from syncplan.plotting.palette import INK, SKY, VERMILLION, translucent
 from syncplan.reports.schemas import ReplayDocument, Series, ValidationDocument, VehicleSeries
 

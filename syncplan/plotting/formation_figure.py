@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from syncplan.arrays import Array
 from syncplan.observability.unobservable_modes import UnobservableMotion
 from syncplan.orbits.circles import heading, position, unit
 from syncplan.planning.planner import DroppedLink, Plan
 from syncplan.plotting.canvas import (
-    Array,
     Spec,
     compass,
     decimals,

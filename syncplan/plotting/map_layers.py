@@ -4,9 +4,10 @@ from typing import Any
 
 import numpy as np
 
+from syncplan.arrays import Array
 from syncplan.orbits.circles import unit
 from syncplan.planning.planner import Plan
-from syncplan.plotting.canvas import Array, Spec, axis, compass, gapped, numbers
+from syncplan.plotting.canvas import Spec, axis, compass, gapped, numbers
 from syncplan.plotting.palette import BLUE, INK, ORANGE
 
 __all__ = [

@@ -9,16 +9,14 @@ samples, is below the true least distance everywhere.
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array, Index
 from syncplan.orbits.contacts import relative_motion
 from syncplan.refinement.constraint_blocks import Blocks, pair_blocks, single_blocks, stacked_blocks
 from syncplan.refinement.problem import RefineProblem
 
 __all__ = ["area_clearances", "separations"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 _SAMPLES = 120
 _SHARPNESS = 200.0

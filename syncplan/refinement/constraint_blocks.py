@@ -10,12 +10,10 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
+
+from syncplan.arrays import Array, Index
 
 __all__ = ["Blocks", "pair_blocks", "single_blocks", "stacked_blocks"]
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,14 +10,13 @@ leave what is only a dent. Only what violates nothing is ever taken.
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array
 from syncplan.refinement.measures import Measurement, measure
 from syncplan.refinement.problem import RefineProblem, orbits_of
 
 __all__ = ["improved_nearby"]
 
-Array = NDArray[np.float64]
 
 _FIRST_STEP, _LEAST_STEP = 0.2, 0.002
 """In rad for phases, in the plan's mean radius for lengths."""

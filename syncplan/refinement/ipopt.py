@@ -12,14 +12,13 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array
 from syncplan.refinement.nlp import Program, Stage, program_of, stages_of
 from syncplan.refinement.problem import RefineProblem
 
 __all__ = ["SolverProgress", "SolverRun", "StagedSolver", "Steering"]
 
-Array = NDArray[np.float64]
 
 _FEASIBLE = 1e-6
 _NAMED = 4

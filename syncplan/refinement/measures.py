@@ -9,7 +9,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from syncplan.errors import NoSolutionError
 from syncplan.estimation.bounds import posterior_bound, window_bound
@@ -24,8 +23,6 @@ from syncplan.refinement.problem import RefineProblem
 
 __all__ = ["WINDOW_BOUND", "Measurement", "Slack", "measure"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 WINDOW_BOUND = "window bound of the worst vehicle"
 

@@ -5,8 +5,8 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array, Index
 from syncplan.refinement.clearances import area_clearances, separations
 from syncplan.refinement.constraint_blocks import Blocks, stacked_blocks
 from syncplan.refinement.problem import RefineProblem
@@ -17,7 +17,6 @@ from syncplan.refinement.smooth_team import SmoothTeam
 
 __all__ = ["CONTACT_SAMPLES", "Program", "Stage", "program_of", "stages_of"]
 
-Array = NDArray[np.float64]
 
 _LEAST_WIDTH, _LARGEST_WIDTH = 0.002, 0.05
 _STEP_OF_SPACING = 0.25
@@ -201,7 +200,7 @@ def _units(problem: RefineProblem) -> Array:
     return np.array([[scale], [scale], [scale], [1.0]])
 
 
-def _circles(problem: RefineProblem, chosen: ca.MX, free: NDArray[np.int64]) -> ca.MX:
+def _circles(problem: RefineProblem, chosen: ca.MX, free: Index) -> ca.MX:
     """Scaled circles (4, n), those values that may change taken from `chosen`."""
     freedom = problem.freedom
     fixed = np.where(freedom.free, 0.0, freedom.lower / _units(problem)).ravel(order="F")

@@ -16,8 +16,8 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array
 from syncplan.errors import SyncplanError
 from syncplan.refinement.exact_search import improved_nearby
 from syncplan.refinement.ipopt import SolverProgress, SolverRun, StagedSolver, Steering
@@ -27,8 +27,6 @@ from syncplan.refinement.starting_points import starting_circles
 from syncplan.runtime.child_processes import ChildProcess, connect_to_parent
 
 __all__ = ["Attempt", "RefineTask", "rank_of", "run_starts", "searched_nearby"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

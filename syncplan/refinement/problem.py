@@ -7,8 +7,8 @@ refined (`scale`), which stays fixed while radii change, so that figures can be 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import Sensors
 from syncplan.orbits.noise import Noise
@@ -16,9 +16,6 @@ from syncplan.scenario.areas import Area
 from syncplan.scenario.refine_options import Objective
 
 __all__ = ["Freedom", "RefineProblem", "circles_of", "orbits_of"]
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +31,7 @@ class Freedom:
     upper: Array
 
     @property
-    def free(self) -> NDArray[np.bool_]:
+    def free(self) -> Flags:
         """(4, n) whether a value may change."""
         return np.asarray(self.lower < self.upper)
 

@@ -8,8 +8,8 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array, Index
 from syncplan.errors import NoSolutionError
 from syncplan.orbits.sightings import sample_sightings, samples_before
 from syncplan.planning.planner import Plan
@@ -20,8 +20,6 @@ from syncplan.scenario.refine_options import DEFAULT_BOX_M, Objective, RefineOpt
 
 __all__ = ["problem_of", "refuse_conflicts"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 PAIR_SAMPLES, ANCHOR_SAMPLES = 3, 2
 """Samples in contact that rank 3 of a vehicle link, rank 2 of a landmark link need."""

@@ -13,9 +13,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import reachable_pairs
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 
 __all__ = ["RefineProgress", "options_for", "refine"]
 
-Array = NDArray[np.float64]
 RefineProgress = Callable[[int, int, float], None]
 """Told of (start, iteration, the objective as the solver sees it)."""
 

@@ -9,15 +9,14 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Index
 from syncplan.estimation.bounds import arc_noise_gain
 from syncplan.refinement.problem import RefineProblem
 from syncplan.refinement.sample_times import SampleTimes
 
 __all__ = ["CoarseRun", "coarse_run", "smooth_rms"]
 
-Array = NDArray[np.float64]
 
 _STEPS_A_TURN = 32
 _MOST_TURNS = 60.0
@@ -35,7 +34,7 @@ class CoarseRun:
     """
 
     times: SampleTimes
-    turn_of_step: NDArray[np.int64]
+    turn_of_step: Index
 
 
 def coarse_run(problem: RefineProblem) -> CoarseRun:

@@ -18,15 +18,13 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array, Index
 from syncplan.orbits.contacts import Sensors
 from syncplan.refinement.sample_times import SampleTimes
 
 __all__ = ["ANCHOR_SUMS", "PAIR_SUMS", "Paths", "anchor_information", "pair_information"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 PAIR_SUMS = 10
 ANCHOR_SUMS = 6

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array, Index
 from syncplan.refinement.constraint_blocks import Blocks, pair_blocks, single_blocks, stacked_blocks
 from syncplan.refinement.problem import RefineProblem
 from syncplan.refinement.sample_times import SampleTimes
@@ -25,8 +25,6 @@ from syncplan.refinement.smooth_sightings import (
 
 __all__ = ["Sighted", "SmoothTeam", "sighted_pairs"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 _ALL_ROUND = 1e3
 """Half a view in rad that no bearing comes near the edge of."""

@@ -8,14 +8,13 @@ stage's own objective and constraints.
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array
 from syncplan.refinement.nlp import Program
 from syncplan.refinement.problem import RefineProblem, circles_of
 
 __all__ = ["starting_circles"]
 
-Array = NDArray[np.float64]
 
 _NUDGE_RAD = 0.1
 _DESYNC_RAD = 0.4

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array
 from syncplan.observability.link_verdicts import Meeting
 from syncplan.orbits.circles import heading, position
 from syncplan.planning.planner import Plan
@@ -37,7 +37,6 @@ NEAR_MISS = 0.05
 
 GIVEN = "the phases were given and judged as they are"
 
-Array = NDArray[np.float64]
 Point = tuple[float, float]
 
 

@@ -3,8 +3,8 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array
 from syncplan.estimation.replays import Replay, longest_gap
 from syncplan.estimation.trials import Accuracy
 from syncplan.reports.schemas import ReadingCounts, ReplayDocument, ReplayFilter, RobotFigures
@@ -12,7 +12,6 @@ from syncplan.reports.validation_report import series_of, spread_of
 
 __all__ = ["replay_document"]
 
-Array = NDArray[np.float64]
 
 LONG_GAP_S = 0.5
 """A gap of the truth worth telling."""

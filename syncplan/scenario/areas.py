@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from syncplan.arrays import Array
 
 __all__ = ["Area", "polygon_fault"]
 
-Array = NDArray[np.float64]
 
 _ARC_SEGMENTS = 64
 _ARC_ERROR = 1e-4

@@ -10,29 +10,27 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
+
+from syncplan.arrays import Array, Index
 
 __all__ = ["SHAPES", "gap_centers", "neighbours", "shape_centers"]
 
-Centers = NDArray[np.float64]
-Pairs = NDArray[np.int64]
 
-
-def _line(count: int, spacing: float, columns: int) -> Centers:
+def _line(count: int, spacing: float, columns: int) -> Array:
     return np.column_stack([spacing * np.arange(count), np.zeros(count)])
 
 
-def _grid(count: int, spacing: float, columns: int) -> Centers:
+def _grid(count: int, spacing: float, columns: int) -> Array:
     row, column = np.divmod(np.arange(count), columns)
     return spacing * np.column_stack([column, row]).astype(float)
 
 
-def _hexagonal(count: int, spacing: float, columns: int) -> Centers:
+def _hexagonal(count: int, spacing: float, columns: int) -> Array:
     row, column = np.divmod(np.arange(count), columns)
     return spacing * np.column_stack([column + 0.5 * (row % 2), row * math.sqrt(3.0) / 2.0])
 
 
-def _ring(count: int, spacing: float, columns: int) -> Centers:
+def _ring(count: int, spacing: float, columns: int) -> Array:
     if count == 1:
         return np.zeros((1, 2))
     angle = 2.0 * math.pi * np.arange(count) / count
@@ -40,7 +38,7 @@ def _ring(count: int, spacing: float, columns: int) -> Centers:
     return circumradius * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
-SHAPES: dict[str, Callable[[int, float, int], Centers]] = {
+SHAPES: dict[str, Callable[[int, float, int], Array]] = {
     "line": _line,
     "grid": _grid,
     "hex": _hexagonal,
@@ -48,7 +46,7 @@ SHAPES: dict[str, Callable[[int, float, int], Centers]] = {
 }
 
 
-def shape_centers(shape: str, count: int, spacing: float, columns: int | None = None) -> Centers:
+def shape_centers(shape: str, count: int, spacing: float, columns: int | None = None) -> Array:
     """Return the (count, 2) centres of a named shape, neighbours `spacing` metres apart.
 
     `columns` is the width of grid and hex rows; without it the shape is made nearly square.
@@ -57,9 +55,7 @@ def shape_centers(shape: str, count: int, spacing: float, columns: int | None = 
     return SHAPES[shape](count, spacing, _width(count, columns))
 
 
-def gap_centers(
-    shape: str, radii: Centers, gap: float, columns: int | None = None
-) -> Centers | None:
+def gap_centers(shape: str, radii: Array, gap: float, columns: int | None = None) -> Array | None:
     """Return the (n, 2) centres of a shape whose neighbouring circles lie `gap` metres apart.
 
     In closed form for equal radii (n,), and for lines and rings of any; None for others. An
@@ -74,7 +70,7 @@ def gap_centers(
     return _inscribed(sides) if shape == "ring" else None
 
 
-def neighbours(shape: str, count: int, columns: int | None = None) -> Pairs:
+def neighbours(shape: str, count: int, columns: int | None = None) -> Index:
     """Return the (e, 2) pairs a < b of a shape that lie one spacing apart."""
     if shape == "line":
         return np.column_stack([np.arange(count - 1), np.arange(1, count)])
@@ -100,7 +96,7 @@ def _width(count: int, columns: int | None) -> int:
     return columns if columns is not None else math.ceil(math.sqrt(count))
 
 
-def _inscribed(sides: Centers) -> Centers:
+def _inscribed(sides: Array) -> Array:
     """Corners (n, 2) m, counter-clockwise from +x, of the polygon with these sides in a circle.
 
     With k the longest side over the diameter, a side s takes half its arc asin(k s / longest).

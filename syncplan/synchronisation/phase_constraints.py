@@ -10,15 +10,13 @@ point.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import wrap
 from syncplan.synchronisation.phase_rules import Rules, closest_distance, residuals
 
 __all__ = ["Servable", "Slack", "largest_margin", "servable"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 _LIMIT_SHARE = 0.5
 _SAMPLES = 513
@@ -87,7 +85,7 @@ class Slack:
             self.cost[links],
         )
 
-    def intervals(self, margin: float, current: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+    def intervals(self, margin: float, current: Array) -> tuple[Array, Array, Flags]:
         """Return (low, high, possible), each (e,): the allowed residuals nearest the current ones.
 
         Allowed is a residual whose least distance respects the floor and, for a link, whose cost

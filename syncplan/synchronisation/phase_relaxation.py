@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from syncplan.arrays import Array
 from syncplan.orbits.circles import wrap
 from syncplan.synchronisation.phase_rules import Rules, closest_distance
 
 __all__ = ["Relaxation", "relax", "rounded"]
 
-Array = NDArray[np.float64]
 
 _SAMPLES = 2049
 _LINES = 96

@@ -13,16 +13,13 @@ its residual alone.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import perpendicular, unit, wrap
 from syncplan.orbits.contacts import RelativeMotion
 from syncplan.orbits.separation import least_distances
 
 __all__ = ["Rules", "closest_distance", "residuals", "rules_of"]
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +38,7 @@ class Rules:
     a: Index
     b: Index
     offset: Array
-    same: NDArray[np.bool_]
+    same: Flags
     distance: Array
     radius_a: Array
     radius_b: Array
@@ -50,7 +47,7 @@ class Rules:
     def __len__(self) -> int:
         return len(self.a)
 
-    def only(self, chosen: NDArray[np.bool_] | Index) -> "Rules":
+    def only(self, chosen: Flags | Index) -> "Rules":
         """Return the rules of the chosen links."""
         return Rules(
             self.a[chosen],

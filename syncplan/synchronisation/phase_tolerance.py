@@ -7,16 +7,14 @@ the two slips here: where both do, they share what is allowed.
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import Orbits, phase, wrap
 from syncplan.orbits.contacts import Sensors, find_windows
 from syncplan.synchronisation.phase_rules import closest_distance, rules_of
 
 __all__ = ["phase_tolerances", "rule_residuals", "safe_slips"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 _SLIPS = 64
 _BISECTIONS = 36
@@ -64,7 +62,7 @@ def phase_tolerances(orbits: Orbits, sensors: Sensors, pairs: Index) -> Array:
 
 def _contact_when_slipped(
     orbits: Orbits, sensors: Sensors, pairs: Index
-) -> Callable[[Array], NDArray[np.bool_]]:
+) -> Callable[[Array], Flags]:
     """Whether pairs still meet when the second vehicle's phase slips, (e, k) of slip (e, k)."""
     if not np.all(sensors.fields_of_view >= 2.0 * np.pi):
         return lambda slip: _seen_when_slipped(orbits, sensors, pairs, slip)
@@ -73,9 +71,7 @@ def _contact_when_slipped(
     return lambda slip: np.asarray(closest_distance(rules, residual + slip) <= rules.reach[:, None])
 
 
-def _seen_when_slipped(
-    orbits: Orbits, sensors: Sensors, pairs: Index, slip: Array
-) -> NDArray[np.bool_]:
+def _seen_when_slipped(orbits: Orbits, sensors: Sensors, pairs: Index, slip: Array) -> Flags:
     """(e, k) whether a pair has a contact window either way."""
     number = slip.shape[1]
     first, second = np.repeat(pairs[:, 0], number), np.repeat(pairs[:, 1], number)

@@ -16,8 +16,8 @@ Separation enters as further difference constraints on pairs that could meet.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array, Index
 from syncplan.orbits.circles import wrap
 from syncplan.orbits.graphs import components, odd_cycle, traversal
 from syncplan.synchronisation.phase_constraints import Slack, largest_margin, servable
@@ -25,8 +25,6 @@ from syncplan.synchronisation.phase_rules import Rules, closest_distance, residu
 
 __all__ = ["RELAXATION_LIMIT", "Dropped", "Synchronisation", "synchronise"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 RELAXATION_LIMIT = 40
 """Largest team whose phases are bounded by the semidefinite relaxation."""

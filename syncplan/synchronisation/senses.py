@@ -3,8 +3,8 @@
 from collections import Counter
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array
 from syncplan.orbits.graphs import contraction, two_colouring
 
 __all__ = ["alternating_senses"]
@@ -18,9 +18,7 @@ _TIME_LIMIT_S = 5.0
 _RESTARTS = 20
 
 
-def alternating_senses(
-    count: int, edges: list[Edge], shared: list[Edge]
-) -> tuple[NDArray[np.float64], bool]:
+def alternating_senses(count: int, edges: list[Edge], shared: list[Edge]) -> tuple[Array, bool]:
     """Return (senses (n,) of +1 and -1, whether the number of alternating links is proven largest).
 
     `shared` are pairs on one circle: opposite senses would collide there, so each such group is

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array
 from syncplan.estimation import batched_filter
 from syncplan.estimation.reference_filter import (
     Motion,
@@ -16,8 +16,6 @@ from syncplan.estimation.reference_filter import (
     update,
 )
 from syncplan.orbits.circles import Orbits, heading, position, transition, unit, wrap
-
-Array = NDArray[np.float64]
 
 LANDMARKS = np.array([[60.0, -5.0], [-30.0, 70.0]])
 ORBITS = Orbits(

@@ -6,8 +6,8 @@ from typing import Any, Literal
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.estimation import montecarlo
 from syncplan.estimation.consistency import anees, chi_square_band, coverage, gate_threshold, nis
@@ -19,7 +19,6 @@ from syncplan.orbits.contacts import Sensors, find_windows
 from syncplan.orbits.noise import Noise
 from syncplan.orbits.sightings import Sightings, sample_sightings
 
-Array = NDArray[np.float64]
 Scene = tuple[Orbits, Array, Sensors, Noise, Sightings, int]
 
 CENTERS = np.array([[0, 0], [70, 0], [140, 0], [140, 70], [70, 70], [0, 70]], dtype=float)

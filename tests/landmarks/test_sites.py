@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from rich.console import Console
 
+from syncplan.arrays import Array
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.bounds import window_bound
 from syncplan.landmarks.candidates import load_candidates, named_candidates
@@ -25,8 +25,6 @@ from syncplan.reports.sites_report import show_sites, sites_document
 from syncplan.scenario.quantities import Point
 from syncplan.scenario.specification import Scenario
 from tests.tools.scenarios import example, small
-
-Array = NDArray[np.float64]
 
 TEAMS = ("paper-grid-same", "mixed-radii-camera", "five-ring", "triangle-lattice")
 

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array
 from syncplan.planning.planner import Plan, plan
 from syncplan.refinement.measures import Measurement, measure
 from syncplan.refinement.problem import RefineProblem, circles_of, orbits_of
@@ -14,8 +14,6 @@ from syncplan.refinement.problem_setup import problem_of
 from syncplan.refinement.refiner import options_for, refine
 from syncplan.scenario.refine_options import Objective
 from tests.tools.scenarios import small
-
-Array = NDArray[np.float64]
 
 OBJECTIVES: tuple[Objective, ...] = (
     "logdet",

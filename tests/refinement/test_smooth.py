@@ -6,8 +6,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array
 from syncplan.estimation.bounds import posterior_bound
 from syncplan.observability.rank import bearing_rows
 from syncplan.orbits.contacts import find_windows, relative_motion
@@ -24,8 +24,6 @@ from syncplan.refinement.smooth_bound import coarse_run, smooth_rms
 from syncplan.refinement.smooth_team import SmoothTeam
 from syncplan.scenario.refine_options import Objective
 from tests.tools.scenarios import example, small
-
-Array = NDArray[np.float64]
 
 OBJECTIVES: tuple[Objective, ...] = (
     "logdet",

@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array
 from syncplan.planning.planner import Plan, plan
 from syncplan.refinement.refiner import refine
 from syncplan.scenario.loading import scenario_from
@@ -24,7 +24,6 @@ from syncplan.scenario.specification import Scenario
 
 __all__ = ["Finding", "draw_scenario", "faults_of", "main", "search_one"]
 
-Array = NDArray[np.float64]
 
 INSTANTS = 20_000
 BOX_M = 5.0

@@ -3,15 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array
 from syncplan.observability.certificate import Certificate, certify
 from syncplan.observability.rank import Observability, assess, link_information
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import Sensors, find_windows
 from syncplan.orbits.sightings import Sightings, sample_sightings
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

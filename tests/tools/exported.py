@@ -4,15 +4,14 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from syncplan.arrays import Array
 from syncplan.exporting.formats import Export
 from syncplan.planning.planner import Plan, plan
 from tests.tools.scenarios import small
 
 __all__ = ["ORIGIN", "contents", "mixed_team", "team", "to_plane"]
 
-Array = NDArray[np.float64]
 
 ORIGIN = {"lat_deg": 47.3977, "lon_deg": 8.5456, "alt_m": 488.0}
 START = "2026-05-01T11:00:00.25+02:00"
