@@ -23,7 +23,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from benchmarks import Figure, print_figures
 from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import Orbits, heading, position
-from syncplan.orbits.contacts import Sensors, Windows, find_windows, reachable_pairs
+from syncplan.orbits.contacts import Windows, find_windows, reachable_pairs
+from syncplan.orbits.sensors import Sensors
 
 Flags = Flags
 

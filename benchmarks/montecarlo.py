@@ -19,8 +19,9 @@ from syncplan.arrays import Array
 from syncplan.estimation import batched_filter
 from syncplan.estimation.montecarlo import run_trials
 from syncplan.orbits.circles import Orbits, heading, position, wrap
-from syncplan.orbits.contacts import Sensors, find_windows
+from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.noise import Noise
+from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import Sightings, sample_sightings
 
 Scene = tuple[Orbits, Array, Sensors, Noise, Sightings, int]

@@ -36,7 +36,8 @@ from benchmarks import Figure, print_figures
 from syncplan.arrays import Array
 from syncplan.observability.rank import RANK_TOLERANCE, assess, link_information
 from syncplan.orbits.circles import Orbits, heading, position, wrap
-from syncplan.orbits.contacts import Sensors, find_windows
+from syncplan.orbits.contacts import find_windows
+from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import Sightings, sample_sightings
 
 SAMPLE_TIME_S = 0.1

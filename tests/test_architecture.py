@@ -117,7 +117,7 @@ def test_packages_list_their_modules() -> None:
 
 
 def test_public_names_are_sorted_documented_and_few() -> None:
-    faults = []
+    faults: list[str] = []
     for name, module in MODULES.items():
         if not _is_package(module) or hasattr(module, "__all__"):
             faults += _faults_of_public_names(name, module)

@@ -18,8 +18,9 @@ from syncplan.errors import NoSolutionError
 from syncplan.estimation.covariances import Run, variances_along
 from syncplan.observability.rank import Observability, bearing_rows
 from syncplan.orbits.circles import Orbits, perpendicular, phase, unit
-from syncplan.orbits.contacts import Sensors, Windows
+from syncplan.orbits.contacts import Windows
 from syncplan.orbits.noise import Noise
+from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import sample_sightings, steps_within
 
 __all__ = [

@@ -29,8 +29,8 @@ from syncplan.estimation.trials import (
     tallied,
 )
 from syncplan.orbits.circles import Orbits, heading, position
-from syncplan.orbits.contacts import Sensors
 from syncplan.orbits.noise import Noise
+from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import Sightings
 from syncplan.runtime.cores import usable_cores
 

@@ -8,8 +8,9 @@ from syncplan.arrays import Array, Flags, Index
 from syncplan.observability.certificate import DISTINCT_LANDMARKS
 from syncplan.observability.rank import LINK_TOLERANCE, pair_rows
 from syncplan.orbits.circles import Orbits
-from syncplan.orbits.contacts import Sensors, Windows
+from syncplan.orbits.contacts import Windows
 from syncplan.orbits.graphs import disjoint_sets
+from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import sample_sightings, steps_within
 
 __all__ = ["connectivity_period"]

@@ -9,7 +9,8 @@ from syncplan.observability.certificate import counts
 from syncplan.observability.rank import LinkInformation
 from syncplan.observability.unobservable_modes import lost_bearing
 from syncplan.orbits.circles import Orbits, wrap
-from syncplan.orbits.contacts import Sensors, Windows, merge_windows, relative_motion
+from syncplan.orbits.contacts import Windows, merge_windows, relative_motion
+from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.separation import least_distances
 from syncplan.synchronisation.phase_tolerance import phase_tolerances, rule_residuals
 

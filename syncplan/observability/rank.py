@@ -22,7 +22,8 @@ import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.orbits.circles import Orbits
-from syncplan.orbits.contacts import Sensors, body_paths
+from syncplan.orbits.contacts import body_paths
+from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import Sightings
 
 __all__ = [

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from syncplan.arrays import Array
+from syncplan.arrays import Array, Index
 
 __all__ = ["Orbits", "heading", "perpendicular", "phase", "position", "transition", "unit", "wrap"]
 
@@ -48,6 +48,16 @@ class Orbits:
     def turn_rates(self) -> Array:
         """(n,) signed turn rate of each vehicle in rad/s."""
         return self.rate * self.senses
+
+    def only(self, vehicles: Index) -> "Orbits":
+        """Return the orbits of the vehicles (k,), in that order; a vehicle may stand twice."""
+        return Orbits(
+            self.centers[vehicles],
+            self.radii[vehicles],
+            self.senses[vehicles],
+            self.phases[vehicles],
+            self.rate,
+        )
 
 
 def unit(angle: ArrayLike) -> Array:

@@ -18,11 +18,11 @@ import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import Orbits, perpendicular, unit
+from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.trigonometric_polynomials import real_roots
 
 __all__ = [
     "RelativeMotion",
-    "Sensors",
     "Windows",
     "body_paths",
     "find_windows",
@@ -42,26 +42,6 @@ BOUNDARY_SLACK = 1e-12
 
 DENSE_LIMIT = 500
 """Up to this many bodies all pairs are tried; above, a k-d tree proposes them."""
-
-
-@dataclass(frozen=True, slots=True)
-class Sensors:
-    """What each of n vehicles can see, and how well.
-
-    Attributes
-    ----------
-    ranges : (n,) m
-    fields_of_view : (n,) rad, full angle; 2 pi or more sees all round
-    boresights : (n,) rad, from the heading, counter-clockwise
-    bearing_sigmas : (n,) rad
-    sample_time : s, common to all
-    """
-
-    ranges: Array
-    fields_of_view: Array
-    boresights: Array
-    bearing_sigmas: Array
-    sample_time: float
 
 
 @dataclass(frozen=True, slots=True)

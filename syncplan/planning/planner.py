@@ -14,8 +14,9 @@ from syncplan.observability.link_verdicts import Meeting, landmark_meetings, veh
 from syncplan.observability.rank import Observability, assess, link_information
 from syncplan.observability.unobservable_modes import UnobservableMotion, name_motions
 from syncplan.orbits.circles import Orbits
-from syncplan.orbits.contacts import Sensors, Windows, find_windows, reachable_pairs
+from syncplan.orbits.contacts import Windows, find_windows, reachable_pairs
 from syncplan.orbits.noise import Noise
+from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.separation import Approach, closest_approach, pairs_nearer_than
 from syncplan.orbits.sightings import sample_sightings, samples_before
 from syncplan.placement.centers import Placement, place

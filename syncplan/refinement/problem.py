@@ -10,8 +10,8 @@ import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import Orbits
-from syncplan.orbits.contacts import Sensors
 from syncplan.orbits.noise import Noise
+from syncplan.orbits.sensors import Sensors
 from syncplan.scenario.areas import Area
 from syncplan.scenario.refine_options import Objective
 

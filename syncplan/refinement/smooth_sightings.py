@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.orbits.contacts import Sensors
+from syncplan.orbits.sensors import Sensors
 from syncplan.refinement.sample_times import SampleTimes
 
 __all__ = ["ANCHOR_SUMS", "PAIR_SUMS", "Paths", "anchor_information", "pair_information"]

@@ -10,7 +10,8 @@ import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import Orbits, phase, wrap
-from syncplan.orbits.contacts import Sensors, find_windows
+from syncplan.orbits.contacts import find_windows
+from syncplan.orbits.sensors import Sensors
 from syncplan.synchronisation.phase_rules import closest_distance, rules_of
 
 __all__ = ["phase_tolerances", "rule_residuals", "safe_slips"]

@@ -12,8 +12,9 @@ from syncplan.estimation.bounds import (
 )
 from syncplan.observability.rank import assess, bearing_rows, link_information
 from syncplan.orbits.circles import Orbits, heading, position
-from syncplan.orbits.contacts import Sensors, find_windows
+from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.noise import Noise
+from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import sample_sightings, steps_within
 from syncplan.planning.planner import Plan, plan
 from syncplan.scenario.loading import scenario_from

@@ -15,8 +15,9 @@ from syncplan.estimation.montecarlo import run_trials
 from syncplan.estimation.reference_filter import Motion, predict, update
 from syncplan.estimation.trials import MonteCarloResult, accuracy, merge, series
 from syncplan.orbits.circles import Orbits, heading, position, wrap
-from syncplan.orbits.contacts import Sensors, find_windows
+from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.noise import Noise
+from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import Sightings, sample_sightings
 
 Scene = tuple[Orbits, Array, Sensors, Noise, Sightings, int]

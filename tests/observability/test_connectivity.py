@@ -9,7 +9,8 @@ from syncplan.observability.certificate import certify
 from syncplan.observability.connectivity import SEARCHED_PERIODS, connectivity_period
 from syncplan.observability.rank import Observability, assess, link_information
 from syncplan.orbits.circles import Orbits
-from syncplan.orbits.contacts import Sensors, Windows, find_windows
+from syncplan.orbits.contacts import Windows, find_windows
+from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import Sightings, sample_sightings, samples_before, steps_within
 from tests.tools.draws import Team, draw_team
 

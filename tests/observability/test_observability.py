@@ -15,8 +15,8 @@ from syncplan.observability.rank import (
 )
 from syncplan.observability.unobservable_modes import name_motions
 from syncplan.orbits.circles import Orbits, heading, position
-from syncplan.orbits.contacts import Sensors
 from syncplan.orbits.graphs import rpmg_at, union_over
+from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import sample_sightings
 from syncplan.planning.planner import Plan, judge, plan
 from syncplan.reports.plan_report import plan_document

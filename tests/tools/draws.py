@@ -8,7 +8,8 @@ from syncplan.arrays import Array
 from syncplan.observability.certificate import Certificate, certify
 from syncplan.observability.rank import Observability, assess, link_information
 from syncplan.orbits.circles import Orbits
-from syncplan.orbits.contacts import Sensors, find_windows
+from syncplan.orbits.contacts import find_windows
+from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import Sightings, sample_sightings
 
 

@@ -18,6 +18,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -25,6 +26,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 _MOST_LINES = 12
+_PLACE = "worked_in"
 _PASSING = re.compile(rb"syncplan: compiling [^\n]*\n")
 _VERSION = re.compile(rb'("?version"?\s*[:=]?\s*)"?\d+\.\d+\.\d+"?')
 
@@ -155,13 +157,13 @@ def _with_origin(path: Path, given: Path) -> Path:
     return copy
 
 
-def record(into: Path, syncplan: Path, folders: list[Path], processes: int) -> None:
+def record(into: Path, syncplan: Path, folders: list[Path], only: str, processes: int) -> None:
     """Run everything with the `syncplan` given and write what it did below `into`."""
     shutil.rmtree(into, ignore_errors=True)
-    # the same place for every recording: messages and plans name their files
-    given = Path("/tmp/syncplan-record-outputs")
-    shutil.rmtree(given, ignore_errors=True)
-    given.mkdir(parents=True)
+    into.mkdir(parents=True)
+    given = Path(tempfile.mkdtemp(prefix="syncplan-record-"))
+    # messages name their files: `compare` knows where those were
+    (into / _PLACE).write_text(str(given))
     (given / "sites.json").write_text(json.dumps(CANDIDATES))
     for name, document in FORMATIONS.items():
         (given / f"{name}.json").write_text(json.dumps(document))
@@ -172,23 +174,22 @@ def record(into: Path, syncplan: Path, folders: list[Path], processes: int) -> N
             kept.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(path, kept)
             scenarios.append(kept)
-    chosen = list(runs(scenarios, given))
+    chosen = [run for run in runs(scenarios, given) if re.search(only, run.name)]
 
     def one(run: Run) -> str:
-        _perform(run, into / run.name, syncplan)
+        _perform(run, into / run.name, given / "out" / run.name, syncplan)
         return run.name
 
     with ThreadPoolExecutor(processes) as pool:
         for number, name in enumerate(pool.map(one, chosen), 1):
             if sys.stderr.isatty():
                 print(f"\r{number} of {len(chosen)} {name:60}", end="", file=sys.stderr)
+    shutil.rmtree(given)
     print(f"{len(chosen)} commands recorded in {into}")
 
 
-def _perform(run: Run, folder: Path, syncplan: Path) -> None:
+def _perform(run: Run, folder: Path, scratch: Path, syncplan: Path) -> None:
     folder.mkdir(parents=True)
-    # recorded under one name wherever the recording lies: outputs may say where they were written
-    scratch = Path("/tmp/syncplan-record-outputs/out") / run.name
     scratch.mkdir(parents=True)
     arguments = shlex.split(run.arguments.replace("{out}", str(scratch)))
     done = subprocess.run(
@@ -206,7 +207,7 @@ def _perform(run: Run, folder: Path, syncplan: Path) -> None:
         shutil.move(scratch, folder / "files")
 
 
-def compare(before: Path, after: Path) -> int:
+def compare(before: Path, after: Path, only: str = "") -> int:
     """Print what differs between two recordings; return the number of files that do."""
     names = sorted(
         {
@@ -214,6 +215,8 @@ def compare(before: Path, after: Path) -> int:
             for root in (before, after)
             for path in root.rglob("*")
             if path.is_file()
+            and path.name != _PLACE
+            and re.search(only, str(path.relative_to(root)))
         }
     )
     different = 0
@@ -223,13 +226,19 @@ def compare(before: Path, after: Path) -> int:
             print(f"{name}: only {'after' if new.exists() else 'before'}")
             different += 1
             continue
-        a, b = (_PASSING.sub(b"", _VERSION.sub(rb"\1", one.read_bytes())) for one in (old, new))
+        a, b = _comparable(old, before), _comparable(new, after)
         if a != b:
             different += 1
             print(f"{name}: differs")
             _show(a, b)
     print(f"{different} of {len(names)} files differ")
     return different
+
+
+def _comparable(path: Path, recording: Path) -> bytes:
+    """The bytes of a file without version numbers and the folder that was worked in."""
+    worked_in = (recording / _PLACE).read_bytes()
+    return _PASSING.sub(b"", _VERSION.sub(rb"\1", path.read_bytes().replace(worked_in, b"FOLDER")))
 
 
 def _show(a: bytes, b: bytes) -> None:
@@ -252,16 +261,18 @@ def main() -> int:
     recording = actions.add_parser("record", help="run the commands, write what they do")
     recording.add_argument("into", type=Path)
     recording.add_argument("folders", type=Path, nargs="*", help="folders of scenarios")
+    recording.add_argument("--only", default="", help="regular expression for names of commands")
     recording.add_argument("--syncplan", type=Path, default=ROOT / ".venv/bin/syncplan")
     recording.add_argument("--processes", type=int, default=os.cpu_count() or 1)
     comparing = actions.add_parser("compare", help="list what two recordings differ in")
     comparing.add_argument("before", type=Path)
     comparing.add_argument("after", type=Path)
+    comparing.add_argument("--only", default="", help="regular expression for names of commands")
     chosen = parser.parse_args()
     if chosen.action == "compare":
-        return 1 if compare(chosen.before, chosen.after) else 0
+        return 1 if compare(chosen.before, chosen.after, chosen.only) else 0
     folders = chosen.folders or [ROOT / "examples" / "scenarios"]
-    record(chosen.into, chosen.syncplan.absolute(), folders, chosen.processes)
+    record(chosen.into, chosen.syncplan.absolute(), folders, chosen.only, chosen.processes)
     return 0
 
 

@@ -1,0 +1,37 @@
+"""Sensors: what each vehicle can see, and how well."""
+
+from dataclasses import dataclass
+
+from syncplan.arrays import Array, Index
+
+__all__ = ["Sensors"]
+
+
+@dataclass(frozen=True, slots=True)
+class Sensors:
+    """What each of n vehicles can see, and how well.
+
+    Attributes
+    ----------
+    ranges : (n,) m
+    fields_of_view : (n,) rad, full angle; 2 pi or more sees all round
+    boresights : (n,) rad, from the heading, counter-clockwise
+    bearing_sigmas : (n,) rad
+    sample_time : s, common to all
+    """
+
+    ranges: Array
+    fields_of_view: Array
+    boresights: Array
+    bearing_sigmas: Array
+    sample_time: float
+
+    def only(self, vehicles: Index) -> "Sensors":
+        """Return the sensors of the vehicles (k,), in that order; a vehicle may stand twice."""
+        return Sensors(
+            self.ranges[vehicles],
+            self.fields_of_view[vehicles],
+            self.boresights[vehicles],
+            self.bearing_sigmas[vehicles],
+            self.sample_time,
+        )

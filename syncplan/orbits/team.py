@@ -1,0 +1,40 @@
+"""The team: vehicles on their circles with their sensors and noise, and the landmarks they know."""
+
+from dataclasses import dataclass, replace
+
+from syncplan.arrays import Array, Index
+from syncplan.orbits.circles import Orbits
+from syncplan.orbits.noise import Noise
+from syncplan.orbits.sensors import Sensors
+
+__all__ = ["Team"]
+
+
+@dataclass(frozen=True, slots=True)
+class Team:
+    """n vehicles and m landmarks; bodies from n on are landmarks.
+
+    Attributes
+    ----------
+    orbits : of the vehicles
+    landmarks : (m, 2) m
+    sensors, noise : of the vehicles
+    """
+
+    orbits: Orbits
+    landmarks: Array
+    sensors: Sensors
+    noise: Noise
+
+    @property
+    def count(self) -> int:
+        """Number of vehicles."""
+        return self.orbits.count
+
+    def only(self, vehicles: Index) -> "Team":
+        """Return the team of the vehicles (k,), in that order, with all landmarks."""
+        return replace(self, orbits=self.orbits.only(vehicles), sensors=self.sensors.only(vehicles))
+
+    def on(self, orbits: Orbits) -> "Team":
+        """Return the same team on other orbits."""
+        return replace(self, orbits=orbits)
