@@ -24,7 +24,7 @@ REASONS: dict[str, str] = {}
 DEGREES_AT_THE_EDGE = {
     "syncplan.cli.terminal_tables",
     "syncplan.observability.unobservable_modes",
-    "syncplan.planning.planner",
+    "syncplan.orbits.scenario_arrays",
     "syncplan.plotting.canvas",
     "syncplan.reports.schemas",
     "syncplan.scenario.specification",

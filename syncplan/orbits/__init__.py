@@ -2,6 +2,9 @@
 
 circles                     positions, headings, transition of errors
 noise                       sigmas of motion and of the start
+sensors                     what each vehicle can see
+team                        orbits, landmarks, sensors and noise together
+scenario_arrays             a scenario as arrays
 trigonometric_polynomials   their real roots, many at once
 contacts                    when who sees whom
 separation                  how near vehicles come

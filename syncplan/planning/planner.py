@@ -16,9 +16,11 @@ from syncplan.observability.unobservable_modes import UnobservableMotion, name_m
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import Windows, find_windows, reachable_pairs
 from syncplan.orbits.noise import Noise
+from syncplan.orbits.scenario_arrays import radii_of, sensors_of, team_of
 from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.separation import Approach, closest_approach, pairs_nearer_than
 from syncplan.orbits.sightings import sample_sightings, samples_before
+from syncplan.orbits.team import Team
 from syncplan.placement.centers import Placement, place
 from syncplan.planning.refinement_record import RefinementRecord
 from syncplan.runtime.blas import single_threaded_blas
@@ -77,7 +79,7 @@ class Plan:
     Attributes
     ----------
     scenario : as resolved
-    orbits, landmarks (m, 2), sensors, noise, windows : what the judgement rests on
+    team, windows : what the judgement rests on
     synchronisation : how the phases were found; None for a plan whose phases were given
     alternating_proven : whether the number of alternating links is proven largest; None where
         the senses were given
@@ -89,10 +91,7 @@ class Plan:
     """
 
     scenario: Scenario
-    orbits: Orbits
-    landmarks: Array
-    sensors: Sensors
-    noise: Noise
+    team: Team
     windows: Windows
     synchronisation: Synchronisation | None
     alternating_proven: bool | None
@@ -109,6 +108,26 @@ class Plan:
     prediction: Prediction
     refinement: RefinementRecord | None = None
     placement: Placement | None = None
+
+    @property
+    def orbits(self) -> Orbits:
+        """The team's orbits."""
+        return self.team.orbits
+
+    @property
+    def landmarks(self) -> Array:
+        """(m, 2) m: the landmarks that the team knows."""
+        return self.team.landmarks
+
+    @property
+    def sensors(self) -> Sensors:
+        """The team's sensors."""
+        return self.team.sensors
+
+    @property
+    def noise(self) -> Noise:
+        """The team's noise."""
+        return self.team.noise
 
     @property
     def observable(self) -> bool:
@@ -138,8 +157,8 @@ def plan(
     placed = None if scenario.formation.placed else place(scenario)
     resolved = (scenario if placed is None else placed.scenario).resolved()
     centers = np.array(resolved.centers, dtype=float)
-    radii = _radii(resolved)
-    sensors = _sensors(resolved)
+    radii = radii_of(resolved)
+    sensors = sensors_of(resolved)
     pairs = _listed_pairs(resolved, centers, radii, sensors)
     senses, proven = _senses(resolved, centers, radii, pairs)
     found = synchronise(
@@ -171,8 +190,8 @@ def judge(
 ) -> Plan:
     """Return the plan of given orbits, judged afresh: nothing is taken over from who made them."""
     resolved = scenario.resolved()
-    landmarks = np.array(resolved.landmarks, dtype=float).reshape(-1, 2)
-    sensors, noise = _sensors(resolved), _noise(resolved)
+    team = team_of(resolved, orbits)
+    landmarks, sensors = team.landmarks, team.sensors
     pairs = given
     if pairs is None:
         pairs = _listed_pairs(resolved, orbits.centers, orbits.radii, sensors)
@@ -189,10 +208,7 @@ def judge(
     names, landmark_names = resolved.vehicle_names, resolved.landmark_names
     return Plan(
         scenario=resolved,
-        orbits=orbits,
-        landmarks=landmarks,
-        sensors=sensors,
-        noise=noise,
+        team=team,
         windows=windows,
         synchronisation=None,
         alternating_proven=None,
@@ -212,37 +228,11 @@ def judge(
                 verdict, orbits, landmarks, sensors.ranges, information, names, landmark_names
             )
         ),
-        prediction=_predict(
-            resolved, orbits, landmarks, sensors, windows, noise, verdict, bound, steady
-        ),
+        prediction=_predict(resolved, team, windows, verdict, bound, steady),
     )
 
 
 # --- the scenario as arrays ---------------------------------------------------------------------
-
-
-def _radii(scenario: Scenario) -> Array:
-    return np.array(per_vehicle(scenario.orbit.radius_m, scenario.size), dtype=float)
-
-
-def _sensors(scenario: Scenario) -> Sensors:
-    sensors = scenario.sensors
-    return Sensors(
-        ranges=np.array([sensor.range_m for sensor in sensors]),
-        fields_of_view=np.radians([sensor.fov_deg for sensor in sensors]),
-        boresights=np.radians([sensor.boresight_deg for sensor in sensors]),
-        bearing_sigmas=np.array([sensor.bearing_sigma_rad for sensor in sensors]),
-        sample_time=scenario.sample_time,
-    )
-
-
-def _noise(scenario: Scenario) -> Noise:
-    return Noise(
-        speed_sigma=scenario.motion.speed_sigma_mps,
-        turn_rate_sigma=scenario.motion.turn_rate_sigma_rad_s,
-        position_sigma=scenario.initial_sigma.position_m,
-        heading_sigma=scenario.initial_sigma.heading_rad,
-    )
 
 
 def _listed_pairs(scenario: Scenario, centers: Array, radii: Array, sensors: Sensors) -> Index:
@@ -312,16 +302,7 @@ def _dropped(
 
 
 def _why_never_in_contact(orbits: Orbits, sensors: Sensors, a: int, b: int) -> str:
-    near = pairs_nearer_than(
-        Orbits(
-            orbits.centers[[a, b]],
-            orbits.radii[[a, b]],
-            orbits.senses[[a, b]],
-            orbits.phases[[a, b]],
-            orbits.rate,
-        ),
-        np.inf,
-    )[0].distance
+    near = pairs_nearer_than(orbits.only(np.array([a, b])), np.inf)[0].distance
     reach = float(max(sensors.ranges[a], sensors.ranges[b]))
     if near > reach:
         return f"comes no nearer than {near:.4g} m with these phases, range {reach:.4g} m"
@@ -343,15 +324,13 @@ def bound_is_affordable(count: int, duration: float, sample_time: float) -> bool
 
 def _predict(
     scenario: Scenario,
-    orbits: Orbits,
-    landmarks: Array,
-    sensors: Sensors,
+    team: Team,
     windows: Windows,
-    noise: Noise,
     verdict: Observability,
     bound: BoundChoice,
     steady: bool,
 ) -> Prediction:
+    orbits, landmarks, sensors, noise = team.orbits, team.landmarks, team.sensors, team.noise
     rms, note = None, "the posterior bound was not asked for"
     affordable = bound_is_affordable(orbits.count, scenario.duration_s, sensors.sample_time)
     if bound == "auto" and not affordable:
