@@ -8,7 +8,7 @@ from pydantic import BaseModel
 from api.requests import RefinementRequest, SweepRequest, ValidationRequest
 from api.responses import StoredPlan
 from syncplan.planning.plan_files import PlanFile
-from syncplan.reports.schemas import SweepReport, ValidationDocument
+from syncplan.reports.run_schemas import SweepReport, ValidationDocument
 from syncplan.scenario.specification import Scenario
 
 __all__ = ["ANSWERS", "BODIES", "FOLLOWING", "HEADERS", "REQUEST_ID", "RESULTS", "SENT", "Body"]

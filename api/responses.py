@@ -6,7 +6,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from api.storage.job_records import JobRow, State
-from syncplan.reports.schemas import PlanDocument
+from syncplan.reports.plan_schemas import PlanDocument
 
 __all__ = [
     "FigureValues",

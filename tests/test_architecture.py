@@ -26,7 +26,6 @@ DEGREES_AT_THE_EDGE = {
     "syncplan.observability.unobservable_modes",
     "syncplan.orbits.scenario_arrays",
     "syncplan.plotting.canvas",
-    "syncplan.reports.schemas",
     "syncplan.scenario.specification",
 }
 """Where degrees are turned to radians or back, besides other programs' formats."""

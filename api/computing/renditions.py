@@ -39,7 +39,7 @@ def plan_figure(text: str, name: str, theme: "Theme", parent_text: str | None) -
     With its parent's text, `comparison` shows the parent beside it.
     """
     from syncplan.plotting.catalogue import specs_of
-    from syncplan.reports.schemas import RefinementResult
+    from syncplan.reports.refinement_schemas import RefinementResult
 
     if name == "comparison" and parent_text is not None:
         specs = specs_of(_judged(parent_text), [name], theme=theme, after=_judged(text))
@@ -52,7 +52,7 @@ def plan_figure(text: str, name: str, theme: "Theme", parent_text: str | None) -
 def report_figure(text: str, kind: str, name: str, theme: "Theme") -> str:
     """Return a figure of the report of a validation or a sweep as JSON; raises InputError."""
     from syncplan.plotting.catalogue import specs_of
-    from syncplan.reports.schemas import SweepReport, ValidationDocument
+    from syncplan.reports.run_schemas import SweepReport, ValidationDocument
 
     model = SweepReport if kind == "sweep" else ValidationDocument
     return _compact(specs_of(model.model_validate_json(text), [name], theme=theme)[name])

@@ -154,7 +154,7 @@ def finished_report(spec: JobSpec, parts: Sequence[tuple[Cut, bytes]]) -> tuple[
     Beside it, the figures of each trial of a validation, packed.
     """
     from syncplan.estimation.trial_archive import pack, unpack
-    from syncplan.planning.sweeps import SweepRow
+    from syncplan.planning.sweeps import ValidatedRow
     from syncplan.planning.validation import conclude
     from syncplan.reports.validation_report import sweep_document, validation_document
     from syncplan.runtime.files import as_text
@@ -170,10 +170,10 @@ def finished_report(spec: JobSpec, parts: Sequence[tuple[Cut, bytes]]) -> tuple[
         return as_text(reports[0].as_json()), pack(concluded[0].result)
     request = SweepRequest.model_validate_json(spec.request)
     rows = [
-        SweepRow(row.label, row.value, one)
+        ValidatedRow(row.label, row.value, one)
         for row, one in zip(_planned(spec), concluded, strict=True)
     ]
-    return as_text(sweep_document(request.swept()[0], rows, reports)), None
+    return as_text(sweep_document(request.swept()[0], rows, reports).as_json()), None
 
 
 @lru_cache(maxsize=2)

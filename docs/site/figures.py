@@ -12,7 +12,7 @@ from syncplan.planning.planner import Plan
 from syncplan.plotting.canvas import Spec, axis, layout, numbers
 from syncplan.plotting.catalogue import specs_of
 from syncplan.plotting.palette import BLUE, GREEN, ORANGE, VERMILLION
-from syncplan.reports.schemas import ValidationDocument
+from syncplan.reports.run_schemas import ValidationDocument
 
 __all__ = ["DRAWN", "Drawn", "final_error", "sight_direction"]
 

@@ -1,7 +1,8 @@
 """The command line.
 
 console             standard output and standard error
-terminal_tables     tables for people
+terminal_tables     tables of plans and runs for people
+site_tables         tables of landmark sites
 arguments           arguments that commands share
 plan_commands       plan, refine, place, landmarks
 run_commands        validate, sweep, replay

@@ -87,10 +87,10 @@ class Contract(StrEnum):
 
 DOCUMENTS = {
     Contract.scenario: ("syncplan.scenario.specification", "Scenario", "validation"),
-    Contract.plan: ("syncplan.reports.schemas", "PlanDocument", "serialization"),
-    Contract.sites: ("syncplan.reports.sites_report", "SitesDocument", "serialization"),
-    Contract.validation: ("syncplan.reports.schemas", "ValidationDocument", "serialization"),
-    Contract.replay: ("syncplan.reports.schemas", "ReplayDocument", "serialization"),
+    Contract.plan: ("syncplan.reports.plan_schemas", "PlanDocument", "serialization"),
+    Contract.sites: ("syncplan.reports.site_schemas", "SitesDocument", "serialization"),
+    Contract.validation: ("syncplan.reports.run_schemas", "ValidationDocument", "serialization"),
+    Contract.replay: ("syncplan.reports.run_schemas", "ReplayDocument", "serialization"),
     Contract.sync: ("syncplan.exporting.sync_document", "SyncDocument", "serialization"),
 }
 """Module, model and Pydantic's mode of each; loaded where asked for."""

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from syncplan.planning.planner import Plan
-    from syncplan.reports.schemas import PlanDocument
+    from syncplan.reports.plan_schemas import PlanDocument
 
 __all__ = ["plans"]
 
@@ -215,7 +215,7 @@ def _landmarks(
     from syncplan.landmarks.candidates import load_candidates, new_sites
     from syncplan.landmarks.site_choice import choose_sites
     from syncplan.planning.plan_files import load, plan_of
-    from syncplan.reports.sites_report import show_sites, sites_document
+    from syncplan.reports.sites_report import sites_document
     from syncplan.scenario.models import MAX_VEHICLES
 
     refuse_overwriting(subject, output)
@@ -226,6 +226,8 @@ def _landmarks(
     document = sites_document(choose_sites(plan_of(loaded), sites, choose, seed=seed))
 
     def show(console: "Console") -> None:
+        from syncplan.cli.site_tables import show_sites
+
         show_sites(document, console)
 
     if deliver(document.as_json(), output, format_, show) is Format.json:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from syncplan.planning.planner import Plan
     from syncplan.plotting.canvas import Spec
     from syncplan.plotting.catalogue import Subject
-    from syncplan.reports.schemas import RefinementResult
+    from syncplan.reports.refinement_schemas import RefinementResult
 
 __all__ = ["plots"]
 
@@ -124,12 +124,8 @@ def _drawn(
 def _read(file: str, most: int) -> "tuple[Subject, RefinementResult | None, str]":
     """What a file holds, the record of its refinement, and its title."""
     from syncplan.planning.plan_files import loaded_from, plan_of
-    from syncplan.reports.schemas import (
-        RefinementResult,
-        ReplayDocument,
-        SweepReport,
-        ValidationDocument,
-    )
+    from syncplan.reports.refinement_schemas import RefinementResult
+    from syncplan.reports.run_schemas import ReplayDocument, SweepReport, ValidationDocument
     from syncplan.scenario.loading import is_plan, parse_document, read_text
 
     source, text = read_text(file)

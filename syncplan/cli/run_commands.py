@@ -173,7 +173,7 @@ def _sweep(
 
         show_sweep(name.replace("_", " "), [row.label for row in rows], reports, console)
 
-    deliver(sweep_document(name, rows, reports), output, format_, show)
+    deliver(sweep_document(name, rows, reports).as_json(), output, format_, show)
     return 0
 
 

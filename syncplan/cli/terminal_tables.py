@@ -9,16 +9,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from syncplan.placement.centers import Placement
-from syncplan.reports.schemas import (
-    ErrorFigures,
-    LandmarkLink,
-    Link,
-    PlanDocument,
-    RefinementResult,
-    ReplayDocument,
-    Spread,
-    ValidationDocument,
-)
+from syncplan.reports.plan_schemas import LandmarkLink, Link, PlanDocument
+from syncplan.reports.refinement_schemas import RefinementResult
+from syncplan.reports.run_schemas import ErrorFigures, ReplayDocument, Spread, ValidationDocument
 
 __all__ = ["show_placement", "show_plan", "show_replay", "show_sweep", "show_validation"]
 

@@ -1,22 +1,16 @@
 """The JSON contract of the sidecar: what the exported files can't say, phase above all."""
 
-from typing import Any, Literal
+from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from syncplan.reports.document_base import DocumentPart, Point, VersionedDocument, Window
 from syncplan.scenario.georeference import GeoOrigin
 
 __all__ = ["EntryPoint", "LandmarkSighting", "SyncDocument", "SyncedVehicle", "VehicleMeeting"]
 
-Point = tuple[float, float]
-Window = tuple[float, float]
 
-
-class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class EntryPoint(_Part):
+class EntryPoint(DocumentPart):
     """Where a vehicle joins its circle, and when: at time_s, and again every period."""
 
     position_m: Point
@@ -29,7 +23,7 @@ class EntryPoint(_Part):
     time: str | None = Field(description="The same as a moment in UTC; null without a start_time")
 
 
-class SyncedVehicle(_Part):
+class SyncedVehicle(DocumentPart):
     """One vehicle: its file, its circle, how it joins it and what it holds from then on."""
 
     name: str
@@ -64,7 +58,7 @@ class SyncedVehicle(_Part):
     )
 
 
-class VehicleMeeting(_Part):
+class VehicleMeeting(DocumentPart):
     """When two vehicles are in contact, in each period."""
 
     a: str
@@ -77,7 +71,7 @@ class VehicleMeeting(_Part):
     )
 
 
-class LandmarkSighting(_Part):
+class LandmarkSighting(DocumentPart):
     """When a vehicle sees a landmark, in each period."""
 
     vehicle: str
@@ -86,10 +80,9 @@ class LandmarkSighting(_Part):
     windows_s: list[Window]
 
 
-class SyncDocument(_Part):
+class SyncDocument(VersionedDocument):
     """What goes with exported files: start, phases, speeds, who meets whom and when."""
 
-    version: str
     name: str
     format: str
     start_time: str | None = Field(description="Moment of time 0 in UTC; null: agree on one")
@@ -103,7 +96,3 @@ class SyncDocument(_Part):
     meetings: list[VehicleMeeting]
     landmark_sightings: list[LandmarkSighting]
     notes: list[str]
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the document as JSON values."""
-        return self.model_dump(mode="json")

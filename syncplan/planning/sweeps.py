@@ -14,7 +14,7 @@ from syncplan.planning.validation import Validation, validate
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario
 
-__all__ = ["SWEEPABLE", "PlannedRow", "SweepRow", "connected_range", "planned_rows", "sweep"]
+__all__ = ["SWEEPABLE", "PlannedRow", "ValidatedRow", "connected_range", "planned_rows", "sweep"]
 
 SWEEPABLE = {
     "angular_rate": "orbit.angular_rate_rad_s",
@@ -38,7 +38,7 @@ class PlannedRow:
 
 
 @dataclass(frozen=True, slots=True)
-class SweepRow:
+class ValidatedRow:
     """One value of a sweep: its label, plan and validation."""
 
     label: str
@@ -57,14 +57,14 @@ def sweep(
     connected: bool = False,
     threads: int | None = None,
     progress: Callable[[int], None] | None = None,
-) -> list[SweepRow]:
+) -> list[ValidatedRow]:
     """Return a row for each value of `name` (see SWEEPABLE).
 
     `connected` adds a last row: the last value again, with the sensor's range raised until the
     team is connected at every instant. All values are planned before the first is validated, so
     that a bad value costs nothing. `progress` is called with the number of trials done in all.
     """
-    rows: list[SweepRow] = []
+    rows: list[ValidatedRow] = []
     for one in planned_rows(scenario, name, values, connected=connected):
         validation = validate(
             one.plan,
@@ -74,7 +74,7 @@ def sweep(
             threads=threads,
             progress=_shifted(progress, len(rows) * trials),
         )
-        rows.append(SweepRow(one.label, one.value, validation))
+        rows.append(ValidatedRow(one.label, one.value, validation))
     return rows
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from syncplan.planning.planner import Plan
 from syncplan.plotting.canvas import Spec, axis, escaped, layout, message, numbers
 from syncplan.plotting.palette import BLUE, GREEN, INK, ORANGE, SKY
-from syncplan.reports.schemas import ReplayDocument, ValidationDocument
+from syncplan.reports.run_schemas import ReplayDocument, ValidationDocument
 
 __all__ = ["accuracy_spec", "bars", "prediction_spec", "replay_spec"]
 

@@ -19,13 +19,9 @@ from syncplan.plotting.spectrum_figure import spectrum_spec
 from syncplan.plotting.sweep_figure import sweep_spec
 from syncplan.plotting.timeline_figure import timeline_spec
 from syncplan.reports.refinement_report import refinement_result
+from syncplan.reports.refinement_schemas import RefinementResult
 from syncplan.reports.replay_report import replay_document
-from syncplan.reports.schemas import (
-    RefinementResult,
-    ReplayDocument,
-    SweepReport,
-    ValidationDocument,
-)
+from syncplan.reports.run_schemas import ReplayDocument, SweepReport, ValidationDocument
 from syncplan.reports.validation_report import validation_document
 
 __all__ = ["ENTRIES", "Entry", "Run", "Subject", "makers", "report_of", "specs_of"]

@@ -19,7 +19,7 @@ from syncplan.plotting.canvas import (
 from syncplan.plotting.link_styles import body_names
 from syncplan.plotting.map_layers import circle_points, landmark_traces, map_height, view_box
 from syncplan.plotting.palette import BLUE, INK, MUTED, ORANGE
-from syncplan.reports.schemas import FiguresOfMerit, RefinementResult
+from syncplan.reports.refinement_schemas import FiguresOfMerit, RefinementResult
 
 __all__ = ["comparison_spec", "refinement_spec"]
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from syncplan.plotting.canvas import Spec, axis, escaped, layout, numbers, panel_title
 from syncplan.plotting.palette import BLUE, INK, MUTED, SKY, VERMILLION
-from syncplan.reports.schemas import ReplayDocument, Spread, ValidationDocument
+from syncplan.reports.run_schemas import ReplayDocument, Spread, ValidationDocument
 
 __all__ = ["consistency_spec"]
 

@@ -9,7 +9,7 @@ from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.plotting.canvas import Spec, axis, escaped, layout, numbers, panel_title
 from syncplan.plotting.palette import INK, SKY, VERMILLION, translucent
-from syncplan.reports.schemas import ReplayDocument, Series, ValidationDocument, VehicleSeries
+from syncplan.reports.run_schemas import ReplayDocument, Series, ValidationDocument, VehicleSeries
 
 __all__ = ["MOST_VEHICLES", "errors_spec"]
 

@@ -17,7 +17,7 @@ from syncplan.plotting.canvas import Spec
 from syncplan.plotting.catalogue import Run, Subject, report_of, specs_of
 from syncplan.plotting.errors_figure import errors_spec
 from syncplan.plotting.palette import Theme, themed
-from syncplan.reports.schemas import SweepReport
+from syncplan.reports.run_schemas import SweepReport
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure

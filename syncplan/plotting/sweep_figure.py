@@ -6,7 +6,7 @@ import numpy as np
 
 from syncplan.plotting.canvas import Spec, axis, escaped, layout, numbers
 from syncplan.plotting.palette import BLUE, GREEN, INK, ORANGE, VERMILLION
-from syncplan.reports.schemas import SweepReport, SweepRow
+from syncplan.reports.run_schemas import SweepReport, SweepRow
 
 __all__ = ["sweep_spec"]
 

@@ -1,6 +1,10 @@
 """Plans and runs as JSON documents, with what their figures mean in words.
 
-schemas             models of the documents
+document_base       what all documents share
+refinement_schemas  the JSON contract of refinements
+plan_schemas        of plans
+site_schemas        of choices of landmark sites
+run_schemas         of validations, replays and sweeps
 refinement_report   refinements
 plan_report         plans
 sites_report        choices of landmark sites

@@ -5,12 +5,13 @@ from typing import Literal
 
 import numpy as np
 
+from syncplan import __version__
 from syncplan.arrays import Array
 from syncplan.observability.link_verdicts import Meeting
 from syncplan.orbits.circles import heading, position
 from syncplan.planning.planner import Plan
-from syncplan.reports.refinement_report import refinement_result
-from syncplan.reports.schemas import (
+from syncplan.reports.document_base import Window, finite_or_none
+from syncplan.reports.plan_schemas import (
     CertificateVerdict,
     CloseApproach,
     DirectedContact,
@@ -25,10 +26,9 @@ from syncplan.reports.schemas import (
     Unobservable,
     VehicleMotion,
     VehicleOrbit,
-    Window,
     Witness,
-    finite_or_none,
 )
+from syncplan.reports.refinement_report import refinement_result
 
 __all__ = ["certificate_reason", "plan_document", "separation_notes"]
 
@@ -42,8 +42,6 @@ Point = tuple[float, float]
 
 def plan_document(plan: Plan) -> PlanDocument:
     """Return the document of a plan; angles in [0, 2 pi), infinities as null."""
-    from syncplan import __version__
-
     names, landmarks = plan.scenario.vehicle_names, plan.scenario.landmark_names
     return PlanDocument(
         version=__version__,

@@ -2,7 +2,8 @@
 
 from syncplan.planning.figures_of_merit import Figures
 from syncplan.planning.refinement_record import RefinementRecord, StartRecord
-from syncplan.reports.schemas import FiguresOfMerit, RefinementResult, StartResult, finite_or_none
+from syncplan.reports.document_base import finite_or_none
+from syncplan.reports.refinement_schemas import FiguresOfMerit, RefinementResult, StartResult
 
 __all__ = ["refinement_result"]
 

@@ -4,10 +4,11 @@ from typing import Any
 
 import numpy as np
 
+from syncplan import __version__
 from syncplan.arrays import Array
 from syncplan.estimation.replays import Replay, longest_gap
 from syncplan.estimation.trials import Accuracy
-from syncplan.reports.schemas import ReadingCounts, ReplayDocument, ReplayFilter, RobotFigures
+from syncplan.reports.run_schemas import ReadingCounts, ReplayDocument, ReplayFilter, RobotFigures
 from syncplan.reports.validation_report import series_of, spread_of
 
 __all__ = ["replay_document"]
@@ -33,8 +34,6 @@ OTHER_CAUSES = "clocks, units or places do not fit"
 
 def replay_document(replayed: Replay) -> ReplayDocument:
     """Return the report of the filter on a recording."""
-    from syncplan import __version__
-
     names = [robot.name for robot in replayed.log.robots]
     result, overall = replayed.result, replayed.accuracy.overall()
     return ReplayDocument(

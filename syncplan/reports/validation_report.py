@@ -5,16 +5,19 @@ from typing import Any
 
 import numpy as np
 
+from syncplan import __version__
 from syncplan.estimation.consistency import Consistency
 from syncplan.estimation.trials import Accuracy, MonteCarloResult, series
-from syncplan.planning.sweeps import SWEEPABLE, SweepRow
+from syncplan.planning.sweeps import SWEEPABLE, ValidatedRow
 from syncplan.planning.validation import Validation
 from syncplan.reports.plan_report import separation_notes
-from syncplan.reports.schemas import (
+from syncplan.reports.run_schemas import (
     ErrorFigures,
     FilterRecord,
     Series,
     Spread,
+    SweepReport,
+    SweepRow,
     ValidationDocument,
     VehicleFigures,
     VehicleSeries,
@@ -25,8 +28,6 @@ __all__ = ["series_of", "spread_of", "sweep_document", "validation_document"]
 
 def validation_document(validation: Validation) -> ValidationDocument:
     """Return the report of a Monte Carlo run."""
-    from syncplan import __version__
-
     plan = validation.plan
     names = plan.scenario.vehicle_names
     result, predicted = validation.result, validation.predicted
@@ -71,26 +72,30 @@ def validation_document(validation: Validation) -> ValidationDocument:
 
 
 def sweep_document(
-    name: str, rows: Sequence[SweepRow], reports: Sequence[ValidationDocument]
-) -> dict[str, Any]:
-    """Return the JSON values of a sweep: a row of labels, verdict and report for each value."""
-    return {
-        "swept": SWEEPABLE[name],
-        "rows": [
-            {
-                "label": row.label,
-                "value": row.value,
-                "range_m": [float(value) for value in row.validation.plan.sensors.ranges],
-                "rank": row.validation.plan.observability.rank,
-                "state_dim": row.validation.plan.observability.state_dim,
-                "connectivity_period_s": row.validation.plan.connectivity_period,
-                "mean_rms_x_m": float(np.mean([v.rms_x_m for v in report.vehicles])),
-                "mean_rms_y_m": float(np.mean([v.rms_y_m for v in report.vehicles])),
-                "validation": report.as_json(),
-            }
-            for row, report in zip(rows, reports, strict=True)
-        ],
-    }
+    name: str, rows: Sequence[ValidatedRow], reports: Sequence[ValidationDocument]
+) -> SweepReport:
+    """Return the report of a sweep of `name`: label, verdict and validation for each value."""
+    return SweepReport.model_validate(
+        {
+            "swept": SWEEPABLE[name],
+            "rows": [_row(row, report) for row, report in zip(rows, reports, strict=True)],
+        }
+    )
+
+
+def _row(row: ValidatedRow, report: ValidationDocument) -> SweepRow:
+    plan = row.validation.plan
+    return SweepRow(
+        label=row.label,
+        value=row.value,
+        range_m=[float(value) for value in plan.sensors.ranges],
+        rank=plan.observability.rank,
+        state_dim=plan.observability.state_dim,
+        connectivity_period_s=plan.connectivity_period,
+        mean_rms_x_m=float(np.mean([v.rms_x_m for v in report.vehicles])),
+        mean_rms_y_m=float(np.mean([v.rms_y_m for v in report.vehicles])),
+        validation=report,
+    )
 
 
 def _figures(

@@ -11,6 +11,7 @@ import pytest
 from rich.console import Console
 
 from syncplan.arrays import Array
+from syncplan.cli.site_tables import show_sites
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.bounds import window_bound
 from syncplan.landmarks.candidates import load_candidates, named_candidates
@@ -21,7 +22,7 @@ from syncplan.observability.rank import assess, link_information
 from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.sightings import sample_sightings
 from syncplan.planning.planner import Plan, plan
-from syncplan.reports.sites_report import show_sites, sites_document
+from syncplan.reports.sites_report import sites_document
 from syncplan.scenario.quantities import Point
 from syncplan.scenario.specification import Scenario
 from tests.tools.scenarios import example, small

@@ -20,7 +20,7 @@ from api.openapi import operations
 from api.requests import RefinementRequest, SweepRequest, ValidationRequest
 from api.settings import load_settings
 from syncplan.planning.plan_files import PlanFile
-from syncplan.reports.schemas import SweepReport
+from syncplan.reports.run_schemas import SweepReport
 from syncplan.scenario.loading import is_plan
 from syncplan.scenario.specification import Scenario
 from tests.tools.record_examples import BINARY, SCENARIO

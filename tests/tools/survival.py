@@ -78,7 +78,7 @@ def sweep_of_ranges(trials: int, seed: int) -> Order:
         "trials": trials,
         "seed": seed,
     }
-    expected = as_text(sweep_document("range", rows, reports))
+    expected = as_text(sweep_document("range", rows, reports).as_json())
     return Order("sweep", body, expected)
 
 

@@ -1,0 +1,189 @@
+"""The JSON contract of plans, shared by command line, files and service."""
+
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from syncplan.reports.document_base import DocumentPart, Point, VersionedDocument, Window
+from syncplan.reports.refinement_schemas import RefinementResult
+from syncplan.scenario.specification import Scenario
+
+__all__ = ["PlanDocument"]
+
+
+class VehicleOrbit(DocumentPart):
+    """One vehicle's circle and its pose at time 0."""
+
+    name: str
+    center_m: Point
+    radius_m: float
+    direction: Literal["ccw", "cw"]
+    speed_mps: float
+    phase_rad: float = Field(description="Angle from +x about the centre, in [0, 2 pi)")
+    position_m: Point
+    heading_rad: float = Field(description="Direction of flight from +x, in [0, 2 pi)")
+
+
+class DirectedContact(DocumentPart):
+    """When one vehicle sees the other."""
+
+    from_: str = Field(alias="from", serialization_alias="from")
+    to: str
+    windows_s: list[Window]
+    contact_s: float
+
+
+class Link(DocumentPart):
+    """A meeting of two vehicles, once a period."""
+
+    a: str
+    b: str
+    rule: Literal["same", "opposite"]
+    phase_residual_rad: float
+    min_distance_m: float
+    contact_s: float
+    windows_s: list[Window] = Field(description="Union of both ways; an end may pass the period")
+    directed: list[DirectedContact]
+    phase_tolerance_rad: float = Field(
+        description="How far either phase may slip before contact is lost; pi if it never is"
+    )
+    phase_tolerance_s: float = Field(description="The same as time: how late a vehicle may be")
+    rank: int
+    certified: bool
+    reason: str
+
+
+class LandmarkLink(DocumentPart):
+    """When a vehicle sees a landmark."""
+
+    vehicle: str
+    landmark: str
+    min_distance_m: float
+    windows_s: list[Window]
+    contact_s: float
+    rank: int
+    certified: bool
+    reason: str
+
+
+class DroppedLink(DocumentPart):
+    """A listed link that never comes into contact."""
+
+    a: str
+    b: str
+    reason: str
+
+
+class CloseApproach(DocumentPart):
+    """The nearest two vehicles come, and when first."""
+
+    min_m: float
+    between: tuple[str, str]
+    time_s: float
+
+
+class Separation(DocumentPart):
+    """Least separation over all pairs, and the pairs below the least allowed."""
+
+    min_m: float | None
+    between: tuple[str, str] | None
+    time_s: float | None
+    required_m: float
+    violations: list[CloseApproach]
+
+
+class CertificateVerdict(DocumentPart):
+    """The corrected Theorem 3.3."""
+
+    holds: bool
+    reason: str
+
+
+class VehicleMotion(DocumentPart):
+    """How one vehicle moves in an unobservable motion."""
+
+    vehicle: str
+    shift_m: Point
+    turn_rad: float
+
+
+class Unobservable(DocumentPart):
+    """A motion of the team that no sighting tells."""
+
+    description: str
+    vehicles: list[str]
+    motion: list[VehicleMotion]
+    cure: str
+
+
+class ObservabilityVerdict(DocumentPart):
+    """Rank and conditioning of the windowed matrix, positions in mean radii."""
+
+    rank: int
+    state_dim: int
+    observable: bool
+    window_s: float
+    rank_gap: float | None = Field(
+        description="Last counted singular value over the first not counted; null if none is left"
+    )
+    certificate: CertificateVerdict
+    condition_number: float | None
+    min_eigenvalue: float = Field(
+        description="Smallest eigenvalue of the windowed information, positions in mean radii; "
+        "0 where unobservable"
+    )
+    singular_values: list[float]
+    unobservable: list[Unobservable]
+
+
+class Witness(DocumentPart):
+    """One component of the certificate: two landmark links and a tree of rank-3 links."""
+
+    vehicles: list[str]
+    landmark_links: list[tuple[str, str]]
+    vehicle_links: list[tuple[str, str]]
+
+
+class ErrorPrediction(DocumentPart):
+    """Predicted RMS position error: per vehicle and over all."""
+
+    overall: float | None
+    vehicles: dict[str, float | None]
+    note: str = ""
+
+
+class SynchronisationRecord(DocumentPart):
+    """How the phases were found."""
+
+    method: str
+    smallest_margin_m: float | None
+    bound_m: float | None
+    bound_note: str
+    odd_cycle: list[str]
+    alternating_proven_largest: bool | None
+
+
+class PlanDocument(VersionedDocument):
+    """A plan: orbits, meetings and the verdict on observability."""
+
+    left_out_if_none: ClassVar[frozenset[str]] = frozenset({"refinement"})
+
+    scenario: Scenario
+    period_s: float
+    vehicles: list[VehicleOrbit]
+    links: list[Link]
+    landmark_links: list[LandmarkLink]
+    incidental_links: list[Link]
+    dropped_links: list[DroppedLink]
+    synchronisation: SynchronisationRecord
+    connectivity_period_s: float | None
+    separation: Separation
+    observability: ObservabilityVerdict
+    witness: list[Witness]
+    predicted_rms_m: ErrorPrediction
+    steady_rms_m: ErrorPrediction | None
+    window_bound_m: ErrorPrediction
+    refinement: RefinementResult | None = Field(
+        default=None, description="How the plan was refined, where it was"
+    )
+    notes: list[str]

@@ -1,0 +1,205 @@
+"""The JSON contracts of runs of the filter: validations, replays and sweeps."""
+
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from syncplan.reports.document_base import Document, DocumentPart, VersionedDocument
+
+__all__ = [
+    "ErrorFigures",
+    "FilterRecord",
+    "ReadingCounts",
+    "ReplayDocument",
+    "ReplayFilter",
+    "RobotFigures",
+    "Series",
+    "Spread",
+    "SweepReport",
+    "SweepRow",
+    "ValidationDocument",
+    "VehicleFigures",
+    "VehicleSeries",
+]
+
+
+class Spread(DocumentPart):
+    """A normalised squared error: its mean, the 95 % band it should lie in, and what that says."""
+
+    value: float | None
+    band: tuple[float, float] | None = Field(description="Two-sided 95 % chi-square band")
+    verdict: Literal["consistent", "optimistic", "conservative", "unknown"]
+    count: int = Field(description="Degrees of freedom the band rests on")
+
+
+class _Errors(DocumentPart):
+    """Errors over all trials; RMS over the samples after time 0."""
+
+    rms_m: float
+    rms_second_half_m: float
+    rms_x_m: float
+    rms_y_m: float
+    rms_heading_rad: float
+    final_error_m: float = Field(description="RMS over the trials at the last sample")
+    coverage_3sigma: float = Field(description="Share of coordinates within 3 sigma; ideal 0.9973")
+
+
+class ErrorFigures(_Errors):
+    """Errors over all trials; RMS over the samples after time 0."""
+
+    predicted_rms_m: float | None
+    rms_over_predicted: float | None = Field(description="Second-half RMS over predicted RMS")
+
+
+class VehicleFigures(ErrorFigures):
+    """Errors of one vehicle."""
+
+    name: str
+
+
+class FilterRecord(DocumentPart):
+    """The filter that was run."""
+
+    model: Literal["arc", "euler"]
+    substeps: int
+    gate_probability: float | None
+    gated: int = Field(description="Bearings rejected by the gate")
+    used: int = Field(description="Bearings used")
+
+
+class VehicleSeries(DocumentPart):
+    """Errors of one vehicle over time: RMS, mean and the filter's own sigma over the trials."""
+
+    name: str
+    rms_m: list[float]
+    rms_x_m: list[float]
+    rms_y_m: list[float]
+    rms_heading_rad: list[float]
+    mean_x_m: list[float]
+    mean_y_m: list[float]
+    mean_heading_rad: list[float]
+    sigma_m: list[float] = Field(description="The filter's own position sigma")
+    sigma_x_m: list[float]
+    sigma_y_m: list[float]
+    sigma_heading_rad: list[float]
+
+
+class Series(DocumentPart):
+    """Errors over time."""
+
+    time_s: list[float]
+    vehicles: list[VehicleSeries]
+
+
+class _RunReport(VersionedDocument):
+    """A report of a run, which may hold `series`."""
+
+    left_out_if_none: ClassVar[frozenset[str]] = frozenset({"series"})
+
+    name: str
+
+
+class ValidationDocument(_RunReport):
+    """A Monte Carlo run of the filter on a plan."""
+
+    trials: int
+    seed: int
+    duration_s: float
+    filter: FilterRecord
+    observable: bool
+    vehicles: list[VehicleFigures]
+    overall: ErrorFigures
+    anees: Spread
+    nis: Spread
+    series: Series | None = None
+    notes: list[str]
+
+    @property
+    def run(self) -> str:
+        """How much was run, in words."""
+        return f"{self.trials} trials of {self.duration_s:g} s, seed {self.seed}"
+
+
+class RobotFigures(_Errors):
+    """Errors of one robot of a recording: a single trial."""
+
+    name: str
+
+
+class ReplayFilter(DocumentPart):
+    """What the filter was told of a recording; sigmas of motion are per sample."""
+
+    bearing_sigma_rad: float
+    speed_sigma_mps: float
+    turn_rate_sigma_rad_s: float
+    position_sigma_m: float = Field(description="Of the start, which is at the truth")
+    heading_sigma_rad: float = Field(description="Of the start, which is at the truth")
+    sample_time_s: float
+    gate_probability: float = Field(description="Of the innovation gate; 1 accepts all")
+
+
+class ReadingCounts(DocumentPart):
+    """What became of the readings of bearings."""
+
+    used: int
+    rejected: int = Field(description="Rejected by the gate")
+    unknown: int = Field(description="Of a barcode that nobody carries")
+    not_asked_for: int = Field(description="Of landmarks or robots left out on purpose")
+    outside: int = Field(description="Asked for, but from before or after the run")
+
+
+class ReplayDocument(_RunReport):
+    """The filter on a recording of real robots, beside where they truly were."""
+
+    begin_s: float = Field(description="When the run begins by the recording's clock")
+    duration_s: float
+    landmarks: list[int] = Field(description="Numbers of those whose bearings were asked for")
+    meetings: bool = Field(description="Whether bearings that robots took of each other were")
+    filter: ReplayFilter
+    position_rmse_m: float = Field(description="Over all robots and samples after the first")
+    heading_rmse_rad: float
+    robots: list[RobotFigures]
+    coverage_3sigma: float
+    anees: Spread
+    nis: Spread
+    readings: ReadingCounts
+    series: Series | None = None
+    notes: list[str]
+
+    @property
+    def run(self) -> str:
+        """How much was run, in words."""
+        return f"a recording of {self.duration_s:g} s"
+
+    @property
+    def vehicles(self) -> list[RobotFigures]:
+        """The robots, as figures of any run know them."""
+        return self.robots
+
+    @property
+    def trials(self) -> int:
+        """One: a recording is a single trial."""
+        return 1
+
+
+class SweepRow(Document):
+    """One value of a sweep: what came of its plan, and of the trials."""
+
+    label: str = Field(examples=["0.4"])
+    value: float = Field(description="What the swept key was set to", examples=[0.4])
+    range_m: list[float] = Field(description="Range of each vehicle's sensor")
+    rank: int
+    state_dim: int
+    connectivity_period_s: float | None
+    mean_rms_x_m: float
+    mean_rms_y_m: float
+    validation: ValidationDocument
+
+
+class SweepReport(Document):
+    """A sweep: a row for each value."""
+
+    swept: Literal[
+        "orbit.angular_rate_rad_s", "sensor.range_m", "orbit.radius_m", "formation.spacing_m"
+    ]
+    rows: list[SweepRow] = Field(min_length=1)
