@@ -1,48 +1,80 @@
-"""What the README says of the service is so: its settings, its routes, its Python."""
+"""What README and documentation say of the service, the targets and the figure is so."""
 
 import re
+from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
+import syncplan
 from api.main import create_app
 from api.settings import PREFIX, Settings
-from docs.site.service_pages import settings_table
+from syncplan import figures
 from tests.tools.serving import ROOT
 
-README = (ROOT / "README.md").read_text()
+README = (ROOT / "README.md").read_text("utf-8")
+SERVICE = (ROOT / "docs" / "how-to" / "service.md").read_text("utf-8")
+PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
+LONGEST_README = 170
 
 
-def test_the_settings_are_those_of_the_service() -> None:
-    assert settings_table() in README
+def test_the_readme_is_short() -> None:
+    assert len(README.splitlines()) <= LONGEST_README
 
 
-def test_no_variable_is_named_that_is_no_setting() -> None:
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_no_variable_is_named_that_is_no_setting(page: Path) -> None:
     known = {name.upper() for name in Settings.model_fields} | {"DEBUG", "DATABASE_PASSWORD"}
-    assert set(re.findall(rf"\b{PREFIX}(\w+)", README)) <= known
+    assert set(re.findall(rf"\b{PREFIX}(\w+)", page.read_text("utf-8"))) <= known
 
 
-def test_every_route_is_told_and_no_other() -> None:
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_every_link_to_a_file_leads_somewhere(page: Path) -> None:
+    """The builder of the site checks its own links, not those of the README."""
+    targets = re.findall(r"\]\(([\w./-]+)(?:#[\w-]+)?\)", page.read_text("utf-8"))
+    generated = {"reference", "speed.md"}
+    missing = [
+        target
+        for target in targets
+        if not (page.parent / target).exists() and not generated & set(Path(target).parts)
+    ]
+    assert missing == []
+
+
+def test_every_route_is_listed_and_no_other() -> None:
     names = {"figure": "NAME", "format": "FORMAT"}
     paths = {
         re.sub(r"\{(\w+)\}", lambda found: names.get(found[1], "ID"), path)
         for path in create_app().openapi()["paths"]
     }
-    section = README[README.index("## The service") : README.index("### Settings")]
-    table = section[section.index("| request |") : section.index("Errors are problem documents")]
-    told: set[str] = {"/openapi.json"}
+    table = SERVICE[SERVICE.index("| request |") : SERVICE.index("Errors are problem documents")]
+    listed: set[str] = {"/openapi.json"}
     for cell in (row.split("|")[1] for row in table.splitlines() if row.startswith("|")):
         first = ""
         for path in re.findall(r"(?:\.\.\.)?/[\w/.]+", cell):
             # "..." stands for the path before it, up to its identifier
             whole = first + path.removeprefix("...") if path.startswith("...") else path
             first = whole[: whole.index("/ID") + 3] if "/ID" in whole else first
-            told.add(whole)
-    assert told == paths | {"/openapi.json"}
+            listed.add(whole)
+    assert listed == paths | {"/openapi.json"}
 
 
 @pytest.mark.parametrize(
     "word", ["make serve", "make check", "make container-steps", "make demo", "make docs"]
 )
 def test_every_target_named_is_there(word: str) -> None:
-    assert word in README
+    assert word in README + SERVICE
     assert f"\n{word.split()[1]}:" in (ROOT / "Makefile").read_text()
+
+
+def test_the_readme_shows_the_plan_it_speaks_of() -> None:
+    """The image holds every word of the figure that its command draws; fonts may differ."""
+    image = ElementTree.parse(ROOT / "docs" / "assets" / "formation.svg").getroot()
+    shown = {text for element in image.iter() for text in element.itertext()}
+    scenario = syncplan.load_scenario(ROOT / "examples" / "scenarios" / "paper-grid-same.yaml")
+    figure = figures.formation(syncplan.plan(scenario))
+    legend = {trace.name for trace in figure.data if trace.name and trace.showlegend is not False}
+    names = {*scenario.vehicle_names, "L1", "L2"}
+    assert legend
+    assert legend | names <= shown
+    assert re.sub(r"<[^>]*>", "", figure.layout.title.text.split("<br>")[0]) in shown
