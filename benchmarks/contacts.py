@@ -24,7 +24,10 @@ from benchmarks import Figure, print_figures
 from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import Orbits, heading, position
 from syncplan.orbits.contacts import Windows, find_windows, reachable_pairs
+from syncplan.orbits.noise import Noise
+from syncplan.orbits.paths import NO_LANDMARKS
 from syncplan.orbits.sensors import Sensors
+from syncplan.orbits.team import Team
 
 Flags = Flags
 
@@ -45,7 +48,6 @@ PAIRS_AT_ONCE, LOOKS_AT_ONCE = 64, 500
 PAIRS_ONE_BY_ONE = 400
 """Pairs that are sampled one by one; the time is scaled to all of them."""
 
-NO_LANDMARKS = np.zeros((0, 2))
 CASES = {
     "ccw": ("one sense", False, 360.0),
     "alternate": ("alternating", True, 360.0),
@@ -82,7 +84,7 @@ def grid(alternating: bool, fov_deg: float) -> tuple[Orbits, Sensors]:
 
 def sampled_windows(orbits: Orbits, sensors: Sensors, samples: int) -> Windows:
     """Return the windows found by `samples` looks a period and bisection to ACCURACY_S."""
-    a, b = reachable_pairs(orbits, NO_LANDMARKS, sensors.ranges)
+    a, b = reachable_pairs(orbits, sensors.ranges)
     step = orbits.period / samples
     at_first = _sight(orbits, sensors, a, b, np.zeros(len(a)))
     found = []
@@ -102,7 +104,7 @@ def sampled_windows(orbits: Orbits, sensors: Sensors, samples: int) -> Windows:
 
 def windows_pair_by_pair(orbits: Orbits, sensors: Sensors, samples: int, pairs: int) -> Windows:
     """Return the windows of the first `pairs` pairs, each sampled and bisected by itself."""
-    a, b = (side[:pairs] for side in reachable_pairs(orbits, NO_LANDMARKS, sensors.ranges))
+    a, b = (side[:pairs] for side in reachable_pairs(orbits, sensors.ranges))
     step = orbits.period / samples
     times: Array = np.arange(samples + 1, dtype=float) * step
     at_first = np.zeros(len(a), dtype=bool)
@@ -246,8 +248,9 @@ def _best(function: Callable[[], Windows], repeats: int) -> tuple[float, Windows
 def _compare(alternating: bool, fov_deg: float, repeats: int) -> dict[str, float]:
     """Figures of one case; sampling gets denser until it finds every window."""
     orbits, sensors = grid(alternating, fov_deg)
-    find_windows(orbits, NO_LANDMARKS, sensors)
-    seconds, exact = _best(lambda: find_windows(orbits, NO_LANDMARKS, sensors), repeats)
+    team = Team(orbits, NO_LANDMARKS, sensors, Noise(0.1, 0.01, 5.0, 0.1))
+    find_windows(team)
+    seconds, exact = _best(lambda: find_windows(team), repeats)
     result = {
         "exact_s": seconds,
         "pairs": float(len(exact.observers)),
@@ -273,7 +276,7 @@ def _compare(alternating: bool, fov_deg: float, repeats: int) -> dict[str, float
         lambda: windows_pair_by_pair(orbits, sensors, int(result["enough"]), PAIRS_ONE_BY_ONE), 1
     )
     some = (exact.observers[:PAIRS_ONE_BY_ONE], exact.targets[:PAIRS_ONE_BY_ONE])
-    wrong, _ = mismatches(find_windows(orbits, NO_LANDMARKS, sensors, some), found, orbits.period)
+    wrong, _ = mismatches(find_windows(team, some), found, orbits.period)
     scaled = slow * len(exact.observers) / PAIRS_ONE_BY_ONE
     result |= {"ratio_pairwise": scaled / seconds, "wrong_pairwise": float(wrong)}
     return result

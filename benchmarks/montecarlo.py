@@ -23,6 +23,7 @@ from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.noise import Noise
 from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import Sightings, sample_sightings
+from syncplan.orbits.team import Team
 
 Scene = tuple[Orbits, Array, Sensors, Noise, Sightings, int]
 
@@ -37,9 +38,10 @@ def paper_grid_same() -> Scene:
     opposite = np.pi * np.array([0.0, 1.0, 0.0, 1.0, 0.0, 1.0])
     orbits = Orbits(centers, np.full(6, 20.0), np.ones(6), 0.3 + opposite, 0.2)
     sensors = Sensors(np.full(6, 50.0), np.full(6, 2 * np.pi), np.zeros(6), np.full(6, 0.1), 0.1)
-    windows = find_windows(orbits, landmarks, sensors)
+    noise = Noise(0.1, 0.01, 5.0, 0.1)
+    windows = find_windows(Team(orbits, landmarks, sensors, noise))
     sightings = sample_sightings(windows, orbits.period, sensors.sample_time, 1, STEPS)
-    return orbits, landmarks, sensors, Noise(0.1, 0.01, 5.0, 0.1), sightings, STEPS
+    return orbits, landmarks, sensors, noise, sightings, STEPS
 
 
 class TeamFilter(ExtendedKalmanFilter):  # type: ignore[misc]

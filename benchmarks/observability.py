@@ -37,8 +37,10 @@ from syncplan.arrays import Array
 from syncplan.observability.rank import RANK_TOLERANCE, assess, link_information
 from syncplan.orbits.circles import Orbits, heading, position, wrap
 from syncplan.orbits.contacts import find_windows
+from syncplan.orbits.noise import Noise
 from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import Sightings, sample_sightings
+from syncplan.orbits.team import Team
 
 SAMPLE_TIME_S = 0.1
 SIGMA_RAD = 0.1
@@ -51,12 +53,10 @@ LABELS = {"pair": "2 vehicles", "same": "6 vehicles", "alternate": "6 vehicles a
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """A team, its landmarks and sensors, and every bearing of the window."""
+    """A team and every bearing of the window."""
 
     key: str
-    orbits: Orbits
-    landmarks: Array
-    sensors: Sensors
+    team: Team
     sightings: Sightings
     samples: int
 
@@ -103,10 +103,11 @@ def _scene(
         bearing_sigmas=np.full(count, SIGMA_RAD),
         sample_time=SAMPLE_TIME_S,
     )
-    windows = find_windows(orbits, landmarks, sensors)
+    team = Team(orbits, landmarks, sensors, Noise(0.1, 0.01, 5.0, 0.1))
+    windows = find_windows(team)
     last = math.ceil(orbits.period / SAMPLE_TIME_S) - 1
     sightings = sample_sightings(windows, orbits.period, SAMPLE_TIME_S, 0, last)
-    return Scene(key, orbits, landmarks, sensors, sightings, last + 1)
+    return Scene(key, team, sightings, last + 1)
 
 
 # --- the two matrices ----------------------------------------------------------------------------
@@ -126,8 +127,8 @@ def closed_form(scene: Scene, repeats: int) -> Judgement:
     seconds = float("inf")
     for _ in range(repeats):
         begin = time.perf_counter()
-        links = link_information(scene.orbits, scene.landmarks, scene.sensors, scene.sightings)
-        verdict = assess(scene.orbits, links)
+        links = link_information(scene.team, scene.sightings)
+        verdict = assess(scene.team, links)
         seconds = min(seconds, time.perf_counter() - begin)
     return Judgement(verdict.rank, verdict.singular_values, seconds)
 
@@ -136,7 +137,7 @@ def empirical(scene: Scene, discrete: bool) -> tuple[Judgement, int]:
     """Return the judgement of pybounds, and how many bearings in sight jump at the branch cut."""
     from pybounds import EmpiricalObservabilityMatrix
 
-    orbits, sightings = scene.orbits, scene.sightings
+    orbits, sightings = scene.team.orbits, scene.sightings
     ways = list(zip(sightings.observers.tolist(), sightings.targets.tolist(), strict=True))
     pairs = sorted(set(ways))
     team = simulator(scene, pairs, discrete)
@@ -146,7 +147,7 @@ def empirical(scene: Scene, discrete: bool) -> tuple[Judgement, int]:
     place = {pair: k for k, pair in enumerate(pairs)}
     measured = np.array([place[way] for way in ways])
     columns = np.tile([orbits.radii.mean(), orbits.radii.mean(), 1.0], orbits.count)
-    weights = columns / scene.sensors.bearing_sigmas[sightings.observers, None]
+    weights = columns / scene.team.sensors.bearing_sigmas[sightings.observers, None]
     begin = time.perf_counter()
     found = EmpiricalObservabilityMatrix(team, start, inputs)
     change = (found.y_plus - found.y_minus)[sightings.steps, :, measured]
@@ -165,7 +166,7 @@ def simulator(scene: Scene, pairs: list[tuple[int, int]], discrete: bool) -> Any
         import casadi
         import pybounds
 
-    n, landmarks = scene.orbits.count, scene.landmarks.tolist()
+    n, landmarks = scene.team.orbits.count, scene.team.landmarks.tolist()
 
     def flow(X: Any, U: Any) -> list[Any]:
         rates = []
@@ -210,7 +211,7 @@ def _compare(scene: Scene, repeats: int) -> dict[str, float]:
     tolerance, it counts as rank: a deficient rank is compared only where the noise is below.
     """
     ours = closed_form(scene, repeats)
-    size = 3 * scene.orbits.count
+    size = 3 * scene.team.orbits.count
     result = {
         "exact_s": ours.seconds,
         "rank": float(ours.rank),

@@ -22,6 +22,7 @@ from syncplan.orbits.contacts import Windows
 from syncplan.orbits.noise import Noise
 from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import sample_sightings, steps_within
+from syncplan.orbits.team import Team
 
 __all__ = [
     "PosteriorBound",
@@ -176,7 +177,7 @@ class _ReferredSystem:
         moved = (orbits.radii / scale)[:, None] * (arm - arm[..., :1])
         run = Run(
             noise=_referred_noise(orbits, noise, sample_time, arm, moved, scale),
-            rows=bearing_rows(orbits, landmarks, sensors, sightings),
+            rows=bearing_rows(Team(orbits, landmarks, sensors, noise), sightings),
             observers=sightings.observers,
             targets=np.where(targets < orbits.count, targets, 0),
             first=sightings.first_of_steps(steps),

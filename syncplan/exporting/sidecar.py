@@ -16,7 +16,7 @@ from syncplan.exporting.sync_document import (
     SyncedVehicle,
     VehicleMeeting,
 )
-from syncplan.observability.link_verdicts import Meeting
+from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.orbits.circles import heading, position
 from syncplan.orbits.contacts import reachable_pairs
 from syncplan.runtime.files import as_text
@@ -112,11 +112,11 @@ def _vehicles(flight: Flight, written: Written) -> list[SyncedVehicle]:
     ]
 
 
-def _meetings_of(flight: Flight, k: int) -> list[Meeting]:
+def _meetings_of(flight: Flight, k: int) -> list[LinkVerdict]:
     return [item for item in flight.plan.links if k in (item.a, item.b)]
 
 
-def _tolerance(flight: Flight, meetings: Sequence[Meeting]) -> float | None:
+def _tolerance(flight: Flight, meetings: Sequence[LinkVerdict]) -> float | None:
     """Least time in s by which a phase may slip; None where no meeting can be lost."""
     least = min((item.tolerance for item in meetings), default=math.pi)
     return None if least >= math.pi else least / flight.plan.orbits.rate
@@ -125,7 +125,7 @@ def _tolerance(flight: Flight, meetings: Sequence[Meeting]) -> float | None:
 def _separation_tolerances(flight: Flight) -> list[float | None]:
     """Each vehicle's slip in s that brings it too near to another; None where none does."""
     orbits, apart = flight.plan.orbits, flight.plan.scenario.min_separation_m
-    a, b = reachable_pairs(orbits, np.zeros((0, 2)), np.full(orbits.count, apart))
+    a, b = reachable_pairs(orbits, np.full(orbits.count, apart))
     pairs = np.column_stack([a, b])[a < b]
     slips, safe = np.full(orbits.count, np.pi), safe_slips(orbits, pairs, apart)
     for column in (0, 1):

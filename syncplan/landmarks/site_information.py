@@ -14,14 +14,14 @@ with equality where U = F(x)^-1 E_i. Such a cut is a sum of squares: no cancella
 inaccurate U may be, and finite where F(x) is singular and the precision zero.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.observability.rank import RANK_TOLERANCE, link_information, stacked_rows
 from syncplan.orbits.contacts import find_windows, reachable_pairs
-from syncplan.orbits.sightings import Sightings, sample_sightings, samples_before
+from syncplan.orbits.sightings import sightings_over
 from syncplan.planning.planner import Plan
 
 __all__ = ["Cuts", "Evaluation", "SiteInformation", "candidate_information", "evaluate"]
@@ -127,18 +127,15 @@ class Evaluation:
 
 def candidate_information(plan: Plan, candidates: Array) -> SiteInformation:
     """Return what candidates (S, 2) m would add to what the sightings of a plan tell."""
-    orbits, sensors = plan.orbits, plan.sensors
-    last = samples_before(plan.scenario.window, sensors.sample_time) - 1
-    seen = sample_sightings(plan.windows, orbits.period, sensors.sample_time, 0, last)
-    links = link_information(orbits, plan.landmarks, sensors, seen)
-    fixed = stacked_rows(links, orbits.count)
-    if len(fixed) > 3 * orbits.count:
+    team, window = plan.team, plan.scenario.window
+    links = link_information(team, sightings_over(team, plan.windows, window))
+    fixed = stacked_rows(links, team.count)
+    if len(fixed) > 3 * team.count:
         fixed = np.asarray(np.linalg.qr(fixed, mode="r"))
-    a, b = reachable_pairs(orbits, candidates, sensors.ranges)
-    pairs = a[b >= orbits.count], b[b >= orbits.count]
-    windows = find_windows(orbits, candidates, sensors, pairs)
-    would: Sightings = sample_sightings(windows, orbits.period, sensors.sample_time, 0, last)
-    added = link_information(orbits, candidates, sensors, would)
+    beside = replace(team, landmarks=candidates)
+    a, b = reachable_pairs(team.orbits, team.sensors.ranges, candidates)
+    windows = find_windows(beside, (a[b >= team.count], b[b >= team.count]))
+    added = link_information(beside, sightings_over(beside, windows, window))
     blocks = np.zeros((len(added), 3, 3))
     for k, link in enumerate(added):
         told = link.singular_values[:3, None] * link.directions[:3, :3]
@@ -147,8 +144,8 @@ def candidate_information(plan: Plan, candidates: Array) -> SiteInformation:
         fixed=fixed,
         blocks=blocks,
         vehicles=np.array([link.a for link in added], dtype=np.int64),
-        sites=np.array([link.b - orbits.count for link in added], dtype=np.int64),
-        count=orbits.count,
+        sites=np.array([link.b - team.count for link in added], dtype=np.int64),
+        count=team.count,
         site_count=len(candidates),
         scale=plan.observability.scale,
     )

@@ -24,6 +24,7 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.observability.rank import LINK_TOLERANCE, LinkInformation, Observability
 from syncplan.orbits.graphs import components, spanning_forest
+from syncplan.orbits.team import Team
 
 __all__ = ["DISTINCT_LANDMARKS", "Certificate", "WitnessTree", "certify", "counts"]
 
@@ -75,13 +76,12 @@ def counts(link: LinkInformation, needed: int, largest: float) -> bool:
     return bool(values[needed - 1] > LINK_TOLERANCE * max(float(values[0]), largest))
 
 
-def certify(
-    count: int, landmarks: Array, verdict: Observability, links: list[LinkInformation]
-) -> Certificate:
-    """Return the certificate for `count` vehicles, from the links of one window and its verdict.
+def certify(team: Team, verdict: Observability, links: list[LinkInformation]) -> Certificate:
+    """Return the certificate of a team, from the links of one window and its verdict.
 
     Landmarks in the result are numbered from zero.
     """
+    count = team.count
     largest = float(verdict.singular_values[0])
     rigid = [link for link in links if link.b < count and counts(link, 3, largest)]
     held = [link for link in links if link.b >= count and counts(link, 2, largest)]
@@ -92,7 +92,7 @@ def certify(
     for part in components(count, edges):
         inside = set(part)
         anchors = [(link.a, link.b - count) for link in held if link.a in inside]
-        pair = _distinct_pair(anchors, landmarks, DISTINCT_LANDMARKS * verdict.scale)
+        pair = _distinct_pair(anchors, team.landmarks, DISTINCT_LANDMARKS * verdict.scale)
         if pair is None:
             found = tuple(sorted({landmark for _, landmark in anchors}))
             return Certificate(False, (), tuple(part), found)

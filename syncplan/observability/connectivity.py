@@ -7,11 +7,10 @@ import numpy as np
 from syncplan.arrays import Array, Flags, Index
 from syncplan.observability.certificate import DISTINCT_LANDMARKS
 from syncplan.observability.rank import LINK_TOLERANCE, pair_rows
-from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import Windows
 from syncplan.orbits.graphs import disjoint_sets
-from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import sample_sightings, steps_within
+from syncplan.orbits.team import Team
 
 __all__ = ["connectivity_period"]
 
@@ -22,9 +21,7 @@ _NEVER = np.iinfo(np.int64).max // 4
 _BATCH = 20_000
 
 
-def connectivity_period(
-    orbits: Orbits, landmarks: Array, sensors: Sensors, windows: Windows, largest: float
-) -> float | None:
+def connectivity_period(team: Team, windows: Windows, largest: float) -> float | None:
     """Return the connectivity period in s, or None if no window of two periods certifies.
 
     `largest` is the largest singular value of the team's matrix over the scenario's window, what
@@ -36,37 +33,33 @@ def connectivity_period(
     the answer. Between two starts where no pair's earliest sample jumps, the window only shrinks,
     so the graph is looked at where one jumps.
     """
-    samples = steps_within(orbits.period, sensors.sample_time) + 1
-    ready = _ready_steps(orbits, landmarks, sensors, windows, samples, largest)
+    orbits, sample_time = team.orbits, team.sensors.sample_time
+    samples = steps_within(orbits.period, sample_time) + 1
+    ready = _ready_steps(team, windows, samples, largest)
     if not ready:
         return None
     table = np.array(list(ready.values()))
     jumps = np.flatnonzero(np.r_[True, (np.diff(table, axis=1) >= 2).any(axis=0)])
-    distinct = _distinct_landmarks(landmarks, DISTINCT_LANDMARKS * float(orbits.radii.mean()))
+    distinct = _distinct_landmarks(team.landmarks, DISTINCT_LANDMARKS * float(orbits.radii.mean()))
     worst = 0
     for start in jumps:
         end = _first_certified(list(ready), table[:, start], orbits.count, distinct)
         if end is None or end - start + 1 > SEARCHED_PERIODS * samples:
             return None
         worst = max(worst, end - int(start) + 1)
-    return round(worst * sensors.sample_time, 9)
+    return round(worst * sample_time, 9)
 
 
 def _ready_steps(
-    orbits: Orbits,
-    landmarks: Array,
-    sensors: Sensors,
-    windows: Windows,
-    samples: int,
-    largest: float,
+    team: Team, windows: Windows, samples: int, largest: float
 ) -> dict[tuple[int, int], Index]:
     """For each pair (a, b): the step by which it certifies when watched from step k on, (k,)."""
     last = (1 + SEARCHED_PERIODS) * samples
-    sightings = sample_sightings(windows, orbits.period, sensors.sample_time, 0, last)
-    pairs = list(pair_rows(orbits, landmarks, sensors, sightings))
+    sightings = sample_sightings(windows, team.orbits.period, team.sensors.sample_time, 0, last)
+    pairs = list(pair_rows(team, sightings))
     starts = [np.searchsorted(pair.steps, np.arange(samples)) for pair in pairs]
     used = [np.unique(of[of < len(pair.steps)]) for pair, of in zip(pairs, starts, strict=True)]
-    needed = [2 if pair.b >= orbits.count else 3 for pair in pairs]
+    needed = [2 if pair.b >= team.count else 3 for pair in pairs]
     lengths = _shortest_certified([pair.rows for pair in pairs], used, needed, largest)
     ready = {}
     for pair, of, row, length in zip(pairs, starts, used, lengths, strict=True):

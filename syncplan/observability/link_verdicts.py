@@ -1,4 +1,4 @@
-"""Meetings: for each pair, when and how near it meets, how far it may slip, and its own rank."""
+"""Link verdicts: when and how near a pair meets, how far a phase may slip, and the pair's rank."""
 
 from dataclasses import dataclass
 
@@ -9,20 +9,21 @@ from syncplan.observability.certificate import counts
 from syncplan.observability.rank import LinkInformation
 from syncplan.observability.unobservable_modes import lost_bearing
 from syncplan.orbits.circles import Orbits, wrap
-from syncplan.orbits.contacts import Windows, merge_windows, relative_motion
-from syncplan.orbits.sensors import Sensors
+from syncplan.orbits.contacts import Windows, merge_windows
+from syncplan.orbits.paths import relative_motion
 from syncplan.orbits.separation import least_distances
+from syncplan.orbits.team import Team
 from syncplan.synchronisation.phase_tolerance import phase_tolerances, rule_residuals
 
-__all__ = ["Meeting", "landmark_meetings", "vehicle_meetings"]
+__all__ = ["LinkVerdict", "landmark_verdicts", "vehicle_verdicts"]
 
 
 _TOO_WEAK = "of full rank by itself, but too weak beside the team's other sightings"
 
 
 @dataclass(frozen=True, slots=True)
-class Meeting:
-    """How a pair meets over one period.
+class LinkVerdict:
+    """How a pair meets over one period, and what its sightings determine.
 
     Attributes
     ----------
@@ -55,18 +56,18 @@ class Meeting:
         return float(np.sum(self.windows[:, 1] - self.windows[:, 0]))
 
 
-def vehicle_meetings(
-    orbits: Orbits,
-    sensors: Sensors,
+def vehicle_verdicts(
+    team: Team,
     windows: Windows,
     information: list[LinkInformation],
     largest: float,
     pairs: Index,
-) -> list[Meeting]:
-    """Return the meetings of the (e, 2) vehicle pairs, each a < b, in the order given.
+) -> list[LinkVerdict]:
+    """Return the verdicts on the (e, 2) vehicle pairs, each a < b, in the order given.
 
     `largest` is the largest singular value of the whole team's matrix.
     """
+    orbits = team.orbits
     nothing = np.zeros((0, 2))
     told = {(link.a, link.b): link for link in information}
     way = {
@@ -75,9 +76,9 @@ def vehicle_meetings(
             zip(windows.observers.tolist(), windows.targets.tolist(), strict=True)
         )
     }
-    least, _ = least_distances(relative_motion(orbits, nothing, pairs[:, 0], pairs[:, 1]))
+    least, _ = least_distances(relative_motion(orbits, pairs[:, 0], pairs[:, 1]))
     residual = rule_residuals(orbits, pairs)
-    tolerance = phase_tolerances(orbits, sensors, pairs)
+    tolerance = phase_tolerances(team, pairs)
     found = []
     for k, (a, b) in enumerate(pairs.tolist()):
         forward = windows.of(way[a, b]) if (a, b) in way else nothing
@@ -85,7 +86,7 @@ def vehicle_meetings(
         link = told.get((a, b))
         met = merge_windows(np.concatenate([forward, backward]), orbits.period)
         found.append(
-            Meeting(
+            LinkVerdict(
                 a=a,
                 b=b,
                 min_distance=float(least[k]),
@@ -102,25 +103,24 @@ def vehicle_meetings(
     return found
 
 
-def landmark_meetings(
-    orbits: Orbits,
-    landmarks: Array,
+def landmark_verdicts(
+    team: Team,
     windows: Windows,
     information: list[LinkInformation],
     largest: float,
-) -> list[Meeting]:
-    """Return the meetings of vehicles with the landmarks they see, ordered by (a, b)."""
+) -> list[LinkVerdict]:
+    """Return the verdicts on vehicles and the landmarks they see, ordered by (a, b)."""
     told = {(link.a, link.b): link for link in information}
-    to_landmark = windows.targets >= orbits.count
+    to_landmark = windows.targets >= team.count
     seen = np.flatnonzero(to_landmark & (np.diff(windows.first) > 0))
     a, b = windows.observers[seen], windows.targets[seen]
-    least, _ = least_distances(relative_motion(orbits, landmarks, a, b))
+    least, _ = least_distances(relative_motion(team.orbits, a, b, team.landmarks))
     found = []
     for row, pair in enumerate(seen):
         link = told.get((int(a[row]), int(b[row])))
         met = windows.of(int(pair))
         found.append(
-            Meeting(
+            LinkVerdict(
                 a=int(a[row]),
                 b=int(b[row]),
                 min_distance=float(least[row]),
@@ -134,7 +134,7 @@ def landmark_meetings(
                 tolerance=np.pi,
             )
         )
-    return sorted(found, key=lambda meeting: (meeting.a, meeting.b))
+    return sorted(found, key=lambda verdict: (verdict.a, verdict.b))
 
 
 def _why_short_of_three(

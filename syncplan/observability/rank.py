@@ -21,10 +21,9 @@ from itertools import pairwise
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.orbits.circles import Orbits
-from syncplan.orbits.contacts import body_paths
-from syncplan.orbits.sensors import Sensors
+from syncplan.orbits.paths import body_paths
 from syncplan.orbits.sightings import Sightings
+from syncplan.orbits.team import Team
 
 __all__ = [
     "LINK_TOLERANCE",
@@ -145,13 +144,7 @@ class Observability:
         return float(self.singular_values[-1] ** 2) if self.observable else 0.0
 
 
-def bearing_rows(
-    orbits: Orbits,
-    landmarks: Array,
-    sensors: Sensors,
-    sightings: Sightings,
-    scale: float | None = None,
-) -> Array:
+def bearing_rows(team: Team, sightings: Sightings, scale: float | None = None) -> Array:
     """Return (s, 6) bearing rows referred to time 0, over sigma: observer's three, target's three.
 
     Positions in mean radii, or in `scale` m; a landmark's three are zero. A sighting from nearer
@@ -159,13 +152,14 @@ def bearing_rows(
     estimate can follow, and one such row would drown all others in rounding. At distance zero
     there is no bearing.
     """
+    orbits, sensors = team.orbits, team.sensors
     observers, targets = sightings.observers, sightings.targets
     # of all samples in turn: sightings share them
     first = int(sightings.steps.min(initial=0))
     samples = np.arange(first, int(sightings.steps.max(initial=0)) + 1)
     tau = samples * (orbits.rate * sensors.sample_time)
     cos, sin = np.stack([np.cos(tau), np.sin(tau)]).take(sightings.steps - first, axis=1)
-    ways = [np.ascontiguousarray(part.T) for part in body_paths(orbits, landmarks)]
+    ways = [np.ascontiguousarray(part.T) for part in body_paths(orbits, team.landmarks)]
     here, here_cos, here_sin = (part.take(observers, axis=1) for part in ways)
     there, there_cos, there_sin = (part.take(targets, axis=1) for part in ways)
     q = (there - here) + (there_cos - here_cos) * cos + (there_sin - here_sin) * sin
@@ -189,16 +183,10 @@ def bearing_rows(
     return rows
 
 
-def pair_rows(
-    orbits: Orbits,
-    landmarks: Array,
-    sensors: Sensors,
-    sightings: Sightings,
-    scale: float | None = None,
-) -> Iterator[PairRows]:
+def pair_rows(team: Team, sightings: Sightings, scale: float | None = None) -> Iterator[PairRows]:
     """Yield the rows of each pair that is sighted at least once, ordered by (a, b)."""
-    rows = bearing_rows(orbits, landmarks, sensors, sightings, scale)
-    swapped = (sightings.targets < orbits.count) & (sightings.targets < sightings.observers)
+    rows = bearing_rows(team, sightings, scale)
+    swapped = (sightings.targets < team.count) & (sightings.targets < sightings.observers)
     rows = np.where(swapped[:, None], rows[:, [3, 4, 5, 0, 1, 2]], rows)
     a = np.where(swapped, sightings.targets, sightings.observers)
     b = np.where(swapped, sightings.observers, sightings.targets)
@@ -218,18 +206,14 @@ def pair_rows(
 
 
 def link_information(
-    orbits: Orbits,
-    landmarks: Array,
-    sensors: Sensors,
-    sightings: Sightings,
-    scale: float | None = None,
+    team: Team, sightings: Sightings, scale: float | None = None
 ) -> list[LinkInformation]:
     """Return what each pair that is sighted at least once tells, ordered by (a, b).
 
     Positions in mean radii, or in `scale` m, which `assess` is then to be told too.
     """
     links = []
-    for pair in pair_rows(orbits, landmarks, sensors, sightings, scale):
+    for pair in pair_rows(team, sightings, scale):
         _, values, directions = np.linalg.svd(pair.rows, full_matrices=False)
         links.append(
             LinkInformation(pair.a, pair.b, len(pair.rows), pair.one_way, values, directions)
@@ -237,12 +221,10 @@ def link_information(
     return links
 
 
-def assess(
-    orbits: Orbits, links: list[LinkInformation], scale: float | None = None
-) -> Observability:
+def assess(team: Team, links: list[LinkInformation], scale: float | None = None) -> Observability:
     """Return rank, gap and unobservable directions of the windowed matrix."""
-    size = 3 * orbits.count
-    matrix = stacked_rows(links, orbits.count)
+    size = 3 * team.count
+    matrix = stacked_rows(links, team.count)
     if len(matrix) > size:
         matrix = np.asarray(np.linalg.qr(matrix, mode="r"))
     values, null_space, variances = _decomposed(matrix, size)
@@ -255,7 +237,7 @@ def assess(
         gap=float(values[rank - 1] / below) if rank and below > 0.0 else float("inf"),
         null_space=null_space,
         variances=variances,
-        scale=float(orbits.radii.mean()) if scale is None else scale,
+        scale=float(team.orbits.radii.mean()) if scale is None else scale,
     )
 
 

@@ -13,8 +13,9 @@ from syncplan.arrays import Array
 from syncplan.observability.rank import LinkInformation, Observability
 from syncplan.orbits.circles import Orbits, perpendicular, position, unit
 from syncplan.orbits.graphs import components
+from syncplan.orbits.team import Team
 
-__all__ = ["UnobservableMotion", "lost_bearing", "name_motions"]
+__all__ = ["UnobservableMode", "lost_bearing", "name_modes"]
 
 
 MATCH_TOLERANCE = 1e-3
@@ -26,7 +27,7 @@ _MOST_NAMED = 6
 
 
 @dataclass(frozen=True, slots=True)
-class UnobservableMotion:
+class UnobservableMode:
     """One direction in which the team's state can't be told apart.
 
     Attributes
@@ -45,17 +46,20 @@ class UnobservableMotion:
 
 
 @dataclass(frozen=True, slots=True)
-class _Team:
-    """What naming needs to know of the team."""
+class _Naming:
+    """A team with what naming its modes needs besides."""
 
-    orbits: Orbits
+    team: Team
     places: Array  # (n, 2) m, at time 0
-    landmarks: Array
-    reach: Array
     names: list[str]
     landmark_names: list[str]
     links: list[LinkInformation]
     scale: float
+
+    @property
+    def count(self) -> int:
+        """Number of vehicles."""
+        return self.team.count
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,24 +69,22 @@ class _Candidate:
     cure: str
 
 
-def name_motions(
+def name_modes(
+    team: Team,
     result: Observability,
-    orbits: Orbits,
-    landmarks: Array,
-    reach: Array,
     links: list[LinkInformation],
     names: list[str],
     landmark_names: list[str],
-) -> list[UnobservableMotion]:
-    """Return a named motion for each dimension of the null space; `reach` is (n,) m of range."""
+) -> list[UnobservableMode]:
+    """Return a named mode for each dimension of the null space."""
     missing = len(result.null_space)
     if missing == 0:
         return []
-    places = position(orbits, 0.0)
-    team = _Team(orbits, places, landmarks, reach, names, landmark_names, links, result.scale)
+    places = position(team.orbits, 0.0)
+    naming = _Naming(team, places, names, landmark_names, links, result.scale)
     chosen: list[_Candidate] = []
     basis = np.zeros((0, result.state_dim))
-    for candidate in _candidates(team):
+    for candidate in _candidates(naming):
         if len(chosen) == missing:
             break
         vector = candidate.vector / np.linalg.norm(candidate.vector)
@@ -94,8 +96,8 @@ def name_motions(
             chosen.append(candidate)
             basis = np.vstack([basis, new / np.linalg.norm(new)])
     for vector in _left_over(result.null_space, basis):
-        chosen.append(_joint_motion(team, vector))
-    return [_motion(team, candidate) for candidate in chosen]
+        chosen.append(_joint_mode(naming, vector))
+    return [_mode(naming, candidate) for candidate in chosen]
 
 
 def lost_bearing(orbits: Orbits, link: LinkInformation) -> float | None:
@@ -130,59 +132,59 @@ def _null_of(link: LinkInformation) -> Array:
     return vectors[link.rank :]
 
 
-def _candidates(team: _Team) -> list[_Candidate]:
+def _candidates(naming: _Naming) -> list[_Candidate]:
     """Motions with a name, simplest first."""
-    count = team.orbits.count
-    seen = [(link.a, link.b) for link in team.links if link.b < count]
-    rigid = [(link.a, link.b) for link in team.links if link.b < count and link.rank >= 3]
+    count = naming.count
+    seen = [(link.a, link.b) for link in naming.links if link.b < count]
+    rigid = [(link.a, link.b) for link in naming.links if link.b < count and link.rank >= 3]
     held: dict[int, set[int]] = {k: set() for k in range(count)}
-    for link in team.links:
+    for link in naming.links:
         if link.b >= count:
             held[link.a].add(link.b - count)
     whole = components(count, seen)
     parts = [part for part in components(count, rigid) if part not in whole]
     parts += [[k] for k in range(count) if [k] not in whole + parts]
     return (
-        [motion for part in whole for motion in _rigid_motions(team, part, held)]
-        + _stretches(team, held)
-        + [motion for part in parts for motion in _rigid_motions(team, part, held)]
+        [motion for part in whole for motion in _rigid_modes(naming, part, held)]
+        + _stretches(naming, held)
+        + [motion for part in parts for motion in _rigid_modes(naming, part, held)]
     )
 
 
-def _rigid_motions(team: _Team, part: list[int], held: dict[int, set[int]]) -> list[_Candidate]:
+def _rigid_modes(naming: _Naming, part: list[int], held: dict[int, set[int]]) -> list[_Candidate]:
     anchors = sorted(set().union(*(held[k] for k in part)))
-    turns = [_turn_about(team, part, landmark) for landmark in anchors]
-    return turns if anchors else _free_motions(team, part)
+    turns = [_turn_about(naming, part, landmark) for landmark in anchors]
+    return turns if anchors else _free_modes(naming, part)
 
 
-def _free_motions(team: _Team, part: list[int]) -> list[_Candidate]:
-    who = _who(team, part)
-    cure = _grounding(team, part, "sightings of two landmarks")
+def _free_modes(naming: _Naming, part: list[int]) -> list[_Candidate]:
+    who = _who(naming, part)
+    cure = _grounding(naming, part, "sightings of two landmarks")
     shifts = [
-        _Candidate(f"shift of {who} along {axis}", _shift(team, part, angle), cure)
+        _Candidate(f"shift of {who} along {axis}", _shift(naming, part, angle), cure)
         for axis, angle in (("x", 0.0), ("y", np.pi / 2.0))
     ]
-    middle = team.places[part].mean(axis=0)
+    middle = naming.places[part].mean(axis=0)
     about = "itself" if len(part) == 1 else "their middle"
-    return [*shifts, _Candidate(f"turn of {who} about {about}", _turn(team, part, middle), cure)]
+    return [*shifts, _Candidate(f"turn of {who} about {about}", _turn(naming, part, middle), cure)]
 
 
-def _turn_about(team: _Team, part: list[int], landmark: int) -> _Candidate:
-    name = team.landmark_names[landmark]
+def _turn_about(naming: _Naming, part: list[int], landmark: int) -> _Candidate:
+    name = naming.landmark_names[landmark]
     return _Candidate(
-        f"turn of {_who(team, part)} about {name}",
-        _turn(team, part, team.landmarks[landmark]),
-        _grounding(team, part, f"a sighting of a landmark other than {name}", landmark),
+        f"turn of {_who(naming, part)} about {name}",
+        _turn(naming, part, naming.team.landmarks[landmark]),
+        _grounding(naming, part, f"a sighting of a landmark other than {name}", landmark),
     )
 
 
-def _stretches(team: _Team, held: dict[int, set[int]]) -> list[_Candidate]:
+def _stretches(naming: _Naming, held: dict[int, set[int]]) -> list[_Candidate]:
     """Shifts along lines of sight that never turn: one direction after the other."""
-    count = team.orbits.count
+    count = naming.count
     lost = []
-    for link in team.links:
+    for link in naming.links:
         if link.b < count and link.rank == 2:
-            bearing = lost_bearing(team.orbits, link)
+            bearing = lost_bearing(naming.team.orbits, link)
             if bearing is not None:
                 lost.append((bearing, link))
     found = []
@@ -193,64 +195,66 @@ def _stretches(team: _Team, held: dict[int, set[int]]) -> list[_Candidate]:
         stretched = {(link.a, link.b) for _, link in along}
         kept = [
             (link.a, link.b)
-            for link in team.links
+            for link in naming.links
             if link.b < count and (link.a, link.b) not in stretched
         ]
         for part in components(count, kept):
             if not any(held[k] for k in part):
-                found.append(_stretch(team, part, bearing, [link for _, link in along]))
+                found.append(_stretch(naming, part, bearing, [link for _, link in along]))
     return sorted(found, key=lambda item: int(np.count_nonzero(item.vector)))
 
 
 def _stretch(
-    team: _Team, part: list[int], bearing: float, links: list[LinkInformation]
+    naming: _Naming, part: list[int], bearing: float, links: list[LinkInformation]
 ) -> _Candidate:
     inside = set(part)
     cut = [link for link in links if (link.a in inside) != (link.b in inside)]
-    pairs = ", ".join(f"{team.names[link.a]}-{team.names[link.b]}" for link in cut[:_MOST_NAMED])
+    pairs = ", ".join(
+        f"{naming.names[link.a]}-{naming.names[link.b]}" for link in cut[:_MOST_NAMED]
+    )
     degrees = np.degrees(bearing)
     return _Candidate(
         f"stretch of {pairs or 'links'} along {degrees:.1f} deg: "
-        f"{_who(team, part)} shift{'s' if len(part) == 1 else ''}",
-        _shift(team, part, bearing),
+        f"{_who(naming, part)} shift{'s' if len(part) == 1 else ''}",
+        _shift(naming, part, bearing),
         f"let the line of sight of {pairs or 'these links'} turn: a small desynchronisation "
         "by orbit.desync_rad, unequal radii, or refinement",
     )
 
 
-def _grounding(team: _Team, part: list[int], wanted: str, besides: int | None = None) -> str:
+def _grounding(naming: _Naming, part: list[int], wanted: str, besides: int | None = None) -> str:
     """What would tie these vehicles down: the nearest landmark and the nearest other vehicle."""
     choices = []
-    for number, place in enumerate(team.landmarks):
+    for number, place in enumerate(naming.team.landmarks):
         if number != besides:
-            gap, k = min((_gap_to_point(team, k, place), k) for k in part)
+            gap, k = min((_gap_to_point(naming, k, place), k) for k in part)
             choices.append(
-                f"{team.landmark_names[number]} from {team.names[k]} {_beyond(team, gap, k)}"
+                f"{naming.landmark_names[number]} from {naming.names[k]} {_beyond(naming, gap, k)}"
             )
-    others = [k for k in range(team.orbits.count) if k not in set(part)]
-    links = sorted((_gap(team, a, b), a, b) for a in part for b in others)[:1]
+    others = [k for k in range(naming.count) if k not in set(part)]
+    links = sorted((_gap(naming, a, b), a, b) for a in part for b in others)[:1]
     text = wanted + (f" ({'; '.join(choices[:2])})" if choices else "")
     for gap, a, b in links:
         text += (
             f", or a rank-3 link to a located vehicle "
-            f"({team.names[a]}-{team.names[b]} {_beyond(team, gap, a)})"
+            f"({naming.names[a]}-{naming.names[b]} {_beyond(naming, gap, a)})"
         )
     return text
 
 
-def _gap(team: _Team, a: int, b: int) -> float:
-    centers, radii = team.orbits.centers, team.orbits.radii
+def _gap(naming: _Naming, a: int, b: int) -> float:
+    centers, radii = naming.team.orbits.centers, naming.team.orbits.radii
     distance = float(np.hypot(*(centers[a] - centers[b])))
     return float(max(distance - radii[a] - radii[b], abs(radii[a] - radii[b]) - distance, 0.0))
 
 
-def _gap_to_point(team: _Team, vehicle: int, place: Array) -> float:
-    distance = float(np.hypot(*(team.orbits.centers[vehicle] - place)))
-    return float(abs(distance - team.orbits.radii[vehicle]))
+def _gap_to_point(naming: _Naming, vehicle: int, place: Array) -> float:
+    distance = float(np.hypot(*(naming.team.orbits.centers[vehicle] - place)))
+    return float(abs(distance - naming.team.orbits.radii[vehicle]))
 
 
-def _beyond(team: _Team, gap: float, vehicle: int) -> str:
-    excess = gap - float(team.reach[vehicle])
+def _beyond(naming: _Naming, gap: float, vehicle: int) -> str:
+    excess = gap - float(naming.team.sensors.ranges[vehicle])
     near = f"comes to {gap:.3g} m"
     return f"{near}, {excess:.3g} m out of range" if excess > 0.0 else f"{near}, within range"
 
@@ -262,17 +266,17 @@ def _left_over(null_space: Array, basis: Array) -> Array:
     return np.asarray(vectors[: len(null_space) - len(basis)])
 
 
-def _joint_motion(team: _Team, vector: Array) -> _Candidate:
-    motion = _scaled(team, vector)
+def _joint_mode(naming: _Naming, vector: Array) -> _Candidate:
+    motion = _scaled(naming, vector)
     size = np.hypot(motion[:, 0], motion[:, 1])
     order = [k for k in np.argsort(-size, kind="stable") if size[k] > _MOVES][:3]
     parts = [
-        f"{team.names[k]} {size[k]:.2f} m toward "
+        f"{naming.names[k]} {size[k]:.2f} m toward "
         f"{np.degrees(np.arctan2(motion[k, 1], motion[k, 0])):.0f} deg"
         for k in order
     ]
     turns = [k for k in range(len(motion)) if k not in order and abs(motion[k, 2]) > _MOVES][:3]
-    parts += [f"{team.names[k]} turning {np.degrees(motion[k, 2]):.1f} deg" for k in turns]
+    parts += [f"{naming.names[k]} turning {np.degrees(motion[k, 2]):.1f} deg" for k in turns]
     return _Candidate(
         f"joint motion: {', '.join(parts)}",
         vector,
@@ -281,40 +285,40 @@ def _joint_motion(team: _Team, vector: Array) -> _Candidate:
     )
 
 
-def _motion(team: _Team, candidate: _Candidate) -> UnobservableMotion:
-    motion = _scaled(team, candidate.vector)
+def _mode(naming: _Naming, candidate: _Candidate) -> UnobservableMode:
+    motion = _scaled(naming, candidate.vector)
     moving = np.flatnonzero(np.max(np.abs(motion), axis=1) > _MOVES)
-    return UnobservableMotion(
+    return UnobservableMode(
         candidate.description, tuple(int(k) for k in moving), motion, candidate.cure
     )
 
 
-def _scaled(team: _Team, vector: Array) -> Array:
+def _scaled(naming: _Naming, vector: Array) -> Array:
     """(n, 3) in m and rad with the largest displacement 1 m, or the largest turn 1 rad."""
-    motion = vector.reshape(-1, 3) * np.array([team.scale, team.scale, 1.0])
+    motion = vector.reshape(-1, 3) * np.array([naming.scale, naming.scale, 1.0])
     largest = np.max(np.hypot(motion[:, 0], motion[:, 1]))
-    if largest < 1e-9 * team.scale:
+    if largest < 1e-9 * naming.scale:
         largest = np.max(np.abs(motion[:, 2]))
     return np.asarray(motion / largest)
 
 
-def _shift(team: _Team, part: list[int], angle: float) -> Array:
-    vector = np.zeros((team.orbits.count, 3))
+def _shift(naming: _Naming, part: list[int], angle: float) -> Array:
+    vector = np.zeros((naming.count, 3))
     vector[part, :2] = unit(angle)
     return vector.ravel()
 
 
-def _turn(team: _Team, part: list[int], pivot: Array) -> Array:
-    vector = np.zeros((team.orbits.count, 3))
-    vector[part, :2] = perpendicular(team.places[part] - pivot) / team.scale
+def _turn(naming: _Naming, part: list[int], pivot: Array) -> Array:
+    vector = np.zeros((naming.count, 3))
+    vector[part, :2] = perpendicular(naming.places[part] - pivot) / naming.scale
     vector[part, 2] = 1.0
     return vector.ravel()
 
 
-def _who(team: _Team, part: list[int]) -> str:
-    if len(part) == team.orbits.count and len(part) > 1:
+def _who(naming: _Naming, part: list[int]) -> str:
+    if len(part) == naming.count and len(part) > 1:
         return "everything"
-    named = [team.names[k] for k in part]
+    named = [naming.names[k] for k in part]
     if len(named) > _MOST_NAMED:
         return f"{', '.join(named[:_MOST_NAMED])} and {len(named) - _MOST_NAMED} more"
     return ", ".join(named[:-1]) + (" and " if len(named) > 1 else "") + named[-1]

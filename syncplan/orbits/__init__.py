@@ -1,6 +1,7 @@
 """Circles, and what follows from them exactly: contact windows, least distances, sightings.
 
 circles                     positions, headings, transition of errors
+paths                       circles as trigonometric polynomials in time
 noise                       sigmas of motion and of the start
 sensors                     what each vehicle can see
 team                        orbits, landmarks, sensors and noise together

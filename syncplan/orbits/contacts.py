@@ -18,19 +18,18 @@ import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import Orbits, perpendicular, unit
+from syncplan.orbits.paths import NO_LANDMARKS, RelativeMotion, relative_motion
 from syncplan.orbits.sensors import Sensors
+from syncplan.orbits.team import Team
 from syncplan.orbits.trigonometric_polynomials import real_roots
 
 __all__ = [
-    "RelativeMotion",
     "Windows",
-    "body_paths",
     "find_windows",
     "in_contact",
     "merge_windows",
     "range_polynomial",
     "reachable_pairs",
-    "relative_motion",
 ]
 
 
@@ -42,30 +41,6 @@ BOUNDARY_SLACK = 1e-12
 
 DENSE_LIMIT = 500
 """Up to this many bodies all pairs are tried; above, a k-d tree proposes them."""
-
-
-@dataclass(frozen=True, slots=True)
-class RelativeMotion:
-    """Position of targets relative to observers, offset + cosine cos(tau) + sine sin(tau), in m.
-
-    Attributes
-    ----------
-    offset, cosine, sine : (p, 2) m
-    circular : (p,) whether cosine and sine are equally long and square to each other, exactly:
-        vehicles of one sense, and landmarks
-    """
-
-    offset: Array
-    cosine: Array
-    sine: Array
-    circular: Flags
-
-    def at(self, tau: Array) -> Array:
-        """Return the relative positions (p, k, 2) at tau (p, k) or (k,) rad."""
-        cos, sin = np.cos(tau)[..., None], np.sin(tau)[..., None]
-        return np.asarray(
-            self.offset[:, None] + self.cosine[:, None] * cos + self.sine[:, None] * sin
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,32 +65,6 @@ class Windows:
         """Return the (k, 2) windows in s of one pair."""
         chosen = slice(self.first[pair], self.first[pair + 1])
         return np.column_stack([self.starts[chosen], self.ends[chosen]])
-
-
-def body_paths(orbits: Orbits, landmarks: Array) -> tuple[Array, Array, Array]:
-    """Return (center, cosine, sine), each (n + m, 2) in m: vehicles, then landmarks.
-
-    A body's position is center + cosine cos(tau) + sine sin(tau), with tau = omega t.
-    """
-    still = np.zeros((len(landmarks), 2))
-    arm = orbits.radii[:, None] * unit(orbits.phases)
-    return (
-        np.concatenate([orbits.centers, landmarks.reshape(-1, 2)]),
-        np.concatenate([arm, still]),
-        np.concatenate([orbits.senses[:, None] * perpendicular(arm), still]),
-    )
-
-
-def relative_motion(orbits: Orbits, landmarks: Array, a: Index, b: Index) -> RelativeMotion:
-    """Return the motion of bodies `b` relative to vehicles `a`; bodies from n on are landmarks."""
-    center, cosine, sine = body_paths(orbits, landmarks)
-    senses = np.concatenate([orbits.senses, np.zeros(len(landmarks))])
-    return RelativeMotion(
-        offset=center[b] - center[a],
-        cosine=cosine[b] - cosine[a],
-        sine=sine[b] - sine[a],
-        circular=(b >= orbits.count) | (senses[a] == senses[b]),
-    )
 
 
 def range_polynomial(motion: RelativeMotion, ranges: Array | float = 0.0) -> Array:
@@ -151,7 +100,9 @@ def _edge_polynomial(motion: RelativeMotion, edge: Array, sense: Array) -> Array
     )
 
 
-def reachable_pairs(orbits: Orbits, landmarks: Array, reach: Array) -> tuple[Index, Index]:
+def reachable_pairs(
+    orbits: Orbits, reach: Array, landmarks: Array = NO_LANDMARKS
+) -> tuple[Index, Index]:
     """Return directed pairs (observer, target) whose circles come within the observer's reach.
 
     `reach` is (n,) in m. The circles' least distance is D - R_i - R_j outside each other and
@@ -200,21 +151,17 @@ def in_contact(
     return np.asarray(seen)
 
 
-def find_windows(
-    orbits: Orbits,
-    landmarks: Array,
-    sensors: Sensors,
-    pairs: tuple[Index, Index] | None = None,
-) -> Windows:
-    """Return the exact contact windows of all directed pairs that can come within range.
+def find_windows(team: Team, pairs: tuple[Index, Index] | None = None) -> Windows:
+    """Return a team's exact contact windows: of all directed pairs that can come within range.
 
     `pairs` restricts the search to given (observers, targets). Boundaries are good to about
     1e-15 times the polynomial's size over its slope there: below 1e-9 s unless the crossing is
     nearly tangent. A window shorter than about 1e-7 of a period, opened by such a near-tangency,
     may be absent.
     """
-    a, b = reachable_pairs(orbits, landmarks, sensors.ranges) if pairs is None else pairs
-    motion = relative_motion(orbits, landmarks, a, b)
+    orbits, sensors = team.orbits, team.sensors
+    a, b = reachable_pairs(orbits, sensors.ranges, team.landmarks) if pairs is None else pairs
+    motion = relative_motion(orbits, a, b, team.landmarks)
     splits = _splits(orbits, motion, sensors, a, b)
     return _classified(orbits, motion, sensors, a, b, splits)
 
@@ -228,12 +175,7 @@ def _splits(orbits: Orbits, motion: RelativeMotion, sensors: Sensors, a: Index, 
     reached |= np.hypot(start[:, 0], start[:, 1]) <= sensors.ranges[a] * (1.0 + BOUNDARY_SLACK)
     limited = np.flatnonzero((half < np.pi) & reached)
     if len(limited):
-        part = RelativeMotion(
-            motion.offset[limited],
-            motion.cosine[limited],
-            motion.sine[limited],
-            motion.circular[limited],
-        )
+        part = motion.only(limited)
         sense = orbits.senses[a[limited]]
         axis = (orbits.phases + orbits.senses * np.pi / 2.0 + sensors.boresights)[a[limited]]
         for side in (-1.0, 1.0):

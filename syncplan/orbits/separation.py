@@ -8,17 +8,13 @@ from syncplan.arrays import Array, Index
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import (
     DENSE_LIMIT,
-    RelativeMotion,
     range_polynomial,
     reachable_pairs,
-    relative_motion,
 )
+from syncplan.orbits.paths import RelativeMotion, relative_motion
 from syncplan.orbits.trigonometric_polynomials import derivative, real_roots
 
 __all__ = ["Approach", "closest_approach", "least_distances", "pairs_nearer_than"]
-
-
-_NO_LANDMARKS = np.zeros((0, 2))
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +53,7 @@ def closest_approach(orbits: Orbits) -> Approach | None:
         return None
     a, b = _neighbour_pairs(orbits)
     a, b = np.minimum(a, b), np.maximum(a, b)
-    bound, tau = least_distances(relative_motion(orbits, _NO_LANDMARKS, a, b))
+    bound, tau = least_distances(relative_motion(orbits, a, b))
     nearest = int(np.argmin(bound))
     rivals = pairs_nearer_than(orbits, float(bound[nearest]))
     if rivals:
@@ -69,9 +65,9 @@ def closest_approach(orbits: Orbits) -> Approach | None:
 
 def pairs_nearer_than(orbits: Orbits, distance: float) -> list[Approach]:
     """Return every pair of vehicles that comes as near as `distance` m, nearest first."""
-    a, b = reachable_pairs(orbits, _NO_LANDMARKS, np.full(orbits.count, distance))
+    a, b = reachable_pairs(orbits, np.full(orbits.count, distance))
     a, b = a[a < b], b[a < b]
-    least, tau = least_distances(relative_motion(orbits, _NO_LANDMARKS, a, b))
+    least, tau = least_distances(relative_motion(orbits, a, b))
     order = np.argsort(least, kind="stable")
     return [
         Approach(int(a[k]), int(b[k]), float(least[k]), float(tau[k] / orbits.rate))

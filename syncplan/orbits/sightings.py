@@ -6,8 +6,9 @@ import numpy as np
 
 from syncplan.arrays import Index
 from syncplan.orbits.contacts import Windows
+from syncplan.orbits.team import Team
 
-__all__ = ["Sightings", "sample_sightings", "samples_before", "steps_within"]
+__all__ = ["Sightings", "sample_sightings", "samples_before", "sightings_over", "steps_within"]
 
 
 _ROUNDING = 1e-9
@@ -42,6 +43,12 @@ def steps_within(duration: float, sample_time: float) -> int:
 def samples_before(duration: float, sample_time: float) -> int:
     """Return how many samples k Ts with k >= 0 fall into [0, duration) s."""
     return int(np.ceil(duration / sample_time - _ROUNDING))
+
+
+def sightings_over(team: Team, windows: Windows, span: float) -> Sightings:
+    """Return what a team sees at the samples k Ts with k >= 0 in [0, span) s."""
+    last = samples_before(span, team.sensors.sample_time) - 1
+    return sample_sightings(windows, team.orbits.period, team.sensors.sample_time, 0, last)
 
 
 def sample_sightings(

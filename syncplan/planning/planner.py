@@ -10,16 +10,16 @@ from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.bounds import posterior_bound, steady_bound, window_bound
 from syncplan.observability.certificate import Certificate, certify
 from syncplan.observability.connectivity import connectivity_period
-from syncplan.observability.link_verdicts import Meeting, landmark_meetings, vehicle_meetings
+from syncplan.observability.link_verdicts import LinkVerdict, landmark_verdicts, vehicle_verdicts
 from syncplan.observability.rank import Observability, assess, link_information
-from syncplan.observability.unobservable_modes import UnobservableMotion, name_motions
+from syncplan.observability.unobservable_modes import UnobservableMode, name_modes
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import Windows, find_windows, reachable_pairs
 from syncplan.orbits.noise import Noise
 from syncplan.orbits.scenario_arrays import radii_of, sensors_of, team_of
 from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.separation import Approach, closest_approach, pairs_nearer_than
-from syncplan.orbits.sightings import sample_sightings, samples_before
+from syncplan.orbits.sightings import sightings_over
 from syncplan.orbits.team import Team
 from syncplan.placement.centers import Placement, place
 from syncplan.planning.refinement_record import RefinementRecord
@@ -95,16 +95,16 @@ class Plan:
     windows: Windows
     synchronisation: Synchronisation | None
     alternating_proven: bool | None
-    links: tuple[Meeting, ...]
-    incidental_links: tuple[Meeting, ...]
-    landmark_links: tuple[Meeting, ...]
+    links: tuple[LinkVerdict, ...]
+    incidental_links: tuple[LinkVerdict, ...]
+    landmark_links: tuple[LinkVerdict, ...]
     dropped_links: tuple[DroppedLink, ...]
     connectivity_period: float | None
     approach: Approach | None
     too_close: tuple[Approach, ...]
     observability: Observability
     certificate: Certificate
-    unobservable: tuple[UnobservableMotion, ...]
+    unobservable: tuple[UnobservableMode, ...]
     prediction: Prediction
     refinement: RefinementRecord | None = None
     placement: Placement | None = None
@@ -191,15 +191,13 @@ def judge(
     """Return the plan of given orbits, judged afresh: nothing is taken over from who made them."""
     resolved = scenario.resolved()
     team = team_of(resolved, orbits)
-    landmarks, sensors = team.landmarks, team.sensors
+    sensors = team.sensors
     pairs = given
     if pairs is None:
         pairs = _listed_pairs(resolved, orbits.centers, orbits.radii, sensors)
-    windows = find_windows(orbits, landmarks, sensors)
-    last = samples_before(resolved.window, sensors.sample_time) - 1
-    sightings = sample_sightings(windows, orbits.period, sensors.sample_time, 0, last)
-    information = link_information(orbits, landmarks, sensors, sightings)
-    verdict = assess(orbits, information)
+    windows = find_windows(team)
+    information = link_information(team, sightings_over(team, windows, resolved.window))
+    verdict = assess(team, information)
     met = _met_pairs(orbits, windows)
     listed = {(a, b) for a, b in pairs.tolist()}
     kept = _as_pairs([(a, b) for a, b in pairs.tolist() if (a, b) in met])
@@ -212,22 +210,16 @@ def judge(
         windows=windows,
         synchronisation=None,
         alternating_proven=None,
-        links=tuple(vehicle_meetings(orbits, sensors, windows, information, largest, kept)),
-        incidental_links=tuple(
-            vehicle_meetings(orbits, sensors, windows, information, largest, others)
-        ),
-        landmark_links=tuple(landmark_meetings(orbits, landmarks, windows, information, largest)),
+        links=tuple(vehicle_verdicts(team, windows, information, largest, kept)),
+        incidental_links=tuple(vehicle_verdicts(team, windows, information, largest, others)),
+        landmark_links=tuple(landmark_verdicts(team, windows, information, largest)),
         dropped_links=tuple(_dropped(resolved, orbits, sensors, pairs, met, found)),
-        connectivity_period=connectivity_period(orbits, landmarks, sensors, windows, largest),
+        connectivity_period=connectivity_period(team, windows, largest),
         approach=closest_approach(orbits),
         too_close=_too_close(orbits, resolved.min_separation_m),
         observability=verdict,
-        certificate=certify(orbits.count, landmarks, verdict, information),
-        unobservable=tuple(
-            name_motions(
-                verdict, orbits, landmarks, sensors.ranges, information, names, landmark_names
-            )
-        ),
+        certificate=certify(team, verdict, information),
+        unobservable=tuple(name_modes(team, verdict, information, names, landmark_names)),
         prediction=_predict(resolved, team, windows, verdict, bound, steady),
     )
 
@@ -243,7 +235,7 @@ def _listed_pairs(scenario: Scenario, centers: Array, radii: Array, sensors: Sen
         listed = [sorted((index[a], index[b])) for a, b in links]
         return np.array(listed, dtype=np.int64).reshape(-1, 2)
     still = Orbits(centers, radii, np.ones(len(radii)), np.zeros(len(radii)), 1.0)
-    a, b = reachable_pairs(still, np.zeros((0, 2)), sensors.ranges)
+    a, b = reachable_pairs(still, sensors.ranges)
     return np.unique(np.column_stack([np.minimum(a, b), np.maximum(a, b)]), axis=0)
 
 
@@ -263,7 +255,7 @@ def _senses(
 def _sharing_a_circle(centers: Array, radii: Array) -> list[tuple[int, int]]:
     """Pairs of vehicles whose circles are the same, to SAME_PLACE_M in centre and radius."""
     still = Orbits(centers, radii, np.ones(len(radii)), np.zeros(len(radii)), 1.0)
-    a, b = reachable_pairs(still, np.zeros((0, 2)), np.full(len(radii), SAME_PLACE_M))
+    a, b = reachable_pairs(still, np.full(len(radii), SAME_PLACE_M))
     apart = np.hypot(*(centers[a] - centers[b]).T)
     same = (apart <= SAME_PLACE_M) & (np.abs(radii[a] - radii[b]) <= SAME_PLACE_M) & (a < b)
     return list(zip(a[same].tolist(), b[same].tolist(), strict=True))

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.observability.unobservable_modes import UnobservableMotion
+from syncplan.observability.unobservable_modes import UnobservableMode
 from syncplan.orbits.circles import heading, position, unit
 from syncplan.planning.planner import DroppedLink, Plan
 from syncplan.plotting.canvas import (
@@ -187,7 +187,7 @@ def _motion_traces(plan: Plan, names: list[str], places: int) -> list[Spec]:
 
 
 def _motion_trace(
-    plan: Plan, motion: UnobservableMotion, names: list[str], places: int, number: int
+    plan: Plan, motion: UnobservableMode, names: list[str], places: int, number: int
 ) -> Spec:
     """Arrows at the vehicles that move, to one scale; an arc for one that only turns."""
     radius = float(plan.orbits.radii.mean())

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from syncplan.observability.link_verdicts import Meeting
+from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.planning.planner import Plan
 from syncplan.plotting.canvas import escaped
 from syncplan.plotting.palette import GREEN, MUTED, SKY, VERMILLION
@@ -36,7 +36,7 @@ _KINDS = {"link": 3.0, "incidental": 1.3, "landmark": 1.8}
 _WORDS = {"link": "link", "incidental": "incidental link", "landmark": "landmark link"}
 
 
-def standing_of(plan: Plan, meeting: Meeting, *, incidental: bool = False) -> Standing:
+def standing_of(plan: Plan, meeting: LinkVerdict, *, incidental: bool = False) -> Standing:
     """Return what a meeting is worth for observability: certified, too weak, or short of rank."""
     to_landmark = meeting.b >= plan.orbits.count
     kind = "landmark" if to_landmark else "incidental" if incidental else "link"
@@ -52,9 +52,9 @@ def standing_of(plan: Plan, meeting: Meeting, *, incidental: bool = False) -> St
     return Standing(f"{kind}-rank-{meeting.rank}", text, VERMILLION, "dash", width, "/")
 
 
-def grouped(plan: Plan) -> dict[Standing, list[Meeting]]:
+def grouped(plan: Plan) -> dict[Standing, list[LinkVerdict]]:
     """Return all meetings by what they are worth: links, incidental ones, those with landmarks."""
-    found: dict[Standing, list[Meeting]] = {}
+    found: dict[Standing, list[LinkVerdict]] = {}
     for meetings, incidental in (
         (plan.links, False),
         (plan.incidental_links, True),
@@ -70,7 +70,7 @@ def body_names(plan: Plan) -> list[str]:
     return [escaped(n) for n in plan.scenario.vehicle_names + plan.scenario.landmark_names]
 
 
-def hover(meeting: Meeting, names: list[str], shown: Standing) -> str:
+def hover(meeting: LinkVerdict, names: list[str], shown: Standing) -> str:
     """Return what a meeting says when pointed at; `names` escaped."""
     lines = [
         f"{names[meeting.a]}-{names[meeting.b]}, {shown.text}",

@@ -7,7 +7,7 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.observability.certificate import DISTINCT_LANDMARKS
-from syncplan.observability.link_verdicts import Meeting
+from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.orbits.graphs import disjoint_sets
 from syncplan.planning.planner import Plan
 from syncplan.plotting.canvas import Spec, axis, escaped, layout, numbers, panel_title
@@ -29,7 +29,7 @@ class Row:
     observer: int
     target: int
     windows: Array
-    meeting: Meeting
+    meeting: LinkVerdict
     shown: Standing
 
 

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.orbits.contacts import relative_motion
+from syncplan.orbits.paths import relative_motion
 from syncplan.refinement.constraint_blocks import Blocks, pair_blocks, single_blocks, stacked_blocks
 from syncplan.refinement.problem import RefineProblem
 
@@ -80,7 +80,7 @@ def _clear(
 
 def _sides(problem: RefineProblem, pairs: Index) -> Array:
     """+1 where the relative circle leaves the origin outside, -1 where it goes round it."""
-    motion = relative_motion(problem.orbits, np.zeros((0, 2)), pairs[:, 0], pairs[:, 1])
+    motion = relative_motion(problem.orbits, pairs[:, 0], pairs[:, 1])
     return np.where(np.hypot(*motion.offset.T) >= np.hypot(*motion.cosine.T), 1.0, -1.0)
 
 

@@ -15,9 +15,10 @@ from syncplan.estimation.bounds import posterior_bound, window_bound
 from syncplan.observability.certificate import certify
 from syncplan.observability.rank import assess, link_information
 from syncplan.orbits.circles import Orbits
-from syncplan.orbits.contacts import find_windows, relative_motion
+from syncplan.orbits.contacts import find_windows
+from syncplan.orbits.paths import relative_motion
 from syncplan.orbits.separation import closest_approach, least_distances
-from syncplan.orbits.sightings import Sightings, sample_sightings, samples_before
+from syncplan.orbits.sightings import Sightings, sightings_over
 from syncplan.planning.figures_of_merit import Figures
 from syncplan.refinement.problem import RefineProblem
 
@@ -79,36 +80,34 @@ class Measurement:
 
 def measure(problem: RefineProblem, orbits: Orbits, *, predict: bool = True) -> Measurement:
     """Return the figures and slacks of orbits; `predict` computes the posterior bound."""
-    landmarks, sensors, scale = problem.landmarks, problem.sensors, problem.scale
-    windows = find_windows(orbits, landmarks, sensors)
-    last = samples_before(problem.window, sensors.sample_time) - 1
-    sightings = sample_sightings(windows, orbits.period, sensors.sample_time, 0, last)
+    team, scale = problem.team.on(orbits), problem.scale
+    windows = find_windows(team)
+    sightings = sightings_over(team, windows, problem.window)
     # judged as the plan is, in its own mean radius; measured in that of the plan refined
-    information = link_information(orbits, landmarks, sensors, sightings)
-    judged = assess(orbits, information)
+    information = link_information(team, sightings)
+    judged = assess(team, information)
     verdict = judged
     if judged.scale != scale:
-        measured = link_information(orbits, landmarks, sensors, sightings, scale)
-        verdict = assess(orbits, measured, scale)
+        measured = link_information(team, sightings, scale)
+        verdict = assess(team, measured, scale)
     bound = window_bound(judged)
     squared = verdict.singular_values**2
     rms = np.full(orbits.count, np.nan)
     if predict:
         try:
             rms = posterior_bound(
-                orbits, landmarks, sensors, windows, problem.noise, problem.duration
+                orbits, team.landmarks, team.sensors, windows, team.noise, problem.duration
             ).rms_second_half()
         except NoSolutionError:
             rms = np.full(orbits.count, np.inf)
     nearest = closest_approach(orbits)
     seen = sightings
     if problem.contact_span > problem.window:
-        last = samples_before(problem.contact_span, sensors.sample_time) - 1
-        seen = sample_sightings(windows, orbits.period, sensors.sample_time, 0, last)
+        seen = sightings_over(team, windows, problem.contact_span)
     margins = contact_margins(problem, orbits, seen)
     figures = Figures(
         rank=judged.rank,
-        certified=certify(orbits.count, landmarks, judged, information).holds,
+        certified=certify(team, judged, information).holds,
         logdet=float(np.sum(np.log(squared))) if judged.observable else -math.inf,
         min_eigenvalue=float(squared[-1]) if judged.observable else 0.0,
         trace=float(squared.sum()),
@@ -136,7 +135,7 @@ def contact_margins(problem: RefineProblem, orbits: Orbits, sightings: Sightings
     a = np.minimum(sightings.observers, sightings.targets)
     b = np.maximum(sightings.observers, sightings.targets)
     tau = sightings.steps.astype(float) * (orbits.rate * sensors.sample_time)
-    motion = relative_motion(orbits, problem.landmarks, sightings.observers, sightings.targets)
+    motion = relative_motion(orbits, sightings.observers, sightings.targets, problem.landmarks)
     away = motion.at(tau[:, None])[:, 0]
     room = sensors.ranges[sightings.observers] - np.hypot(away[:, 0], away[:, 1])
     bodies = n + len(problem.landmarks)
@@ -179,7 +178,7 @@ def _separation_slacks(problem: RefineProblem, orbits: Orbits) -> list[Slack]:
     pairs = problem.guarded_pairs()
     if len(pairs) == 0:
         return []
-    motion = relative_motion(orbits, np.zeros((0, 2)), pairs[:, 0], pairs[:, 1])
+    motion = relative_motion(orbits, pairs[:, 0], pairs[:, 1])
     least, _ = least_distances(motion)
     return [
         Slack(

@@ -12,6 +12,7 @@ from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.noise import Noise
 from syncplan.orbits.sensors import Sensors
+from syncplan.orbits.team import Team
 from syncplan.scenario.areas import Area
 from syncplan.scenario.refine_options import Objective
 
@@ -51,8 +52,7 @@ class RefineProblem:
     Attributes
     ----------
     names : of the vehicles, then of the landmarks
-    orbits : the plan's; its senses and rate are kept
-    landmarks : (m, 2) m
+    team : the plan's; senses and rate of its orbits are kept
     window, duration : s
     pairs : (e, 2) vehicles a < b whose contact is kept
     anchors : (k, 2) vehicle, landmark (from n on) whose contact is kept
@@ -67,10 +67,7 @@ class RefineProblem:
     """
 
     names: tuple[str, ...]
-    orbits: Orbits
-    landmarks: Array
-    sensors: Sensors
-    noise: Noise
+    team: Team
     window: float
     duration: float
     freedom: Freedom
@@ -86,6 +83,26 @@ class RefineProblem:
     area: Area
     objective: Objective
     window_limit: float
+
+    @property
+    def orbits(self) -> Orbits:
+        """The plan's orbits."""
+        return self.team.orbits
+
+    @property
+    def landmarks(self) -> Array:
+        """(m, 2) m: the landmarks that the team knows."""
+        return self.team.landmarks
+
+    @property
+    def sensors(self) -> Sensors:
+        """The team's sensors."""
+        return self.team.sensors
+
+    @property
+    def noise(self) -> Noise:
+        """The team's noise."""
+        return self.team.noise
 
     @property
     def contact_span(self) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.errors import NoSolutionError
-from syncplan.orbits.sightings import sample_sightings, samples_before
+from syncplan.orbits.sightings import sightings_over
 from syncplan.planning.planner import Plan
 from syncplan.refinement.measures import Measurement, measure
 from syncplan.refinement.problem import Freedom, RefineProblem, circles_of
@@ -51,10 +51,7 @@ def _problem_as_asked(given: Plan, options: RefineOptions) -> RefineProblem:
     reach = sensors.ranges[pairs].max(axis=1) if len(pairs) else np.zeros(0)
     return RefineProblem(
         names=(*scenario.vehicle_names, *scenario.landmark_names),
-        orbits=given.orbits,
-        landmarks=given.landmarks,
-        sensors=sensors,
-        noise=given.noise,
+        team=given.team,
         window=scenario.window,
         duration=scenario.duration_s,
         freedom=_freedom(given, options, area),
@@ -81,10 +78,8 @@ def _objective(options: RefineOptions, count: int) -> Objective:
 
 def _samples_in_contact(given: Plan) -> dict[tuple[int, int], int]:
     """Moments at which each pair (a < b) is in contact, over the window or at least a period."""
-    time = given.sensors.sample_time
     span = max(given.scenario.window, given.orbits.period)
-    last = samples_before(span, time) - 1
-    seen = sample_sightings(given.windows, given.orbits.period, time, 0, last)
+    seen = sightings_over(given.team, given.windows, span)
     a, b = np.minimum(seen.observers, seen.targets), np.maximum(seen.observers, seen.targets)
     moments = np.unique(np.column_stack([a, b, seen.steps]), axis=0)
     pairs, counts = np.unique(moments[:, :2], axis=0, return_counts=True)

@@ -265,7 +265,7 @@ def _active(after: Measurement) -> tuple[str, ...]:
 
 def _still_reachable(given: Plan, orbits: Orbits) -> list[tuple[int, int]]:
     """Links, kept and dropped, whose circles still come within range."""
-    a, b = reachable_pairs(orbits, np.zeros((0, 2)), given.sensors.ranges)
+    a, b = reachable_pairs(orbits, given.sensors.ranges)
     near = {(min(i, j), max(i, j)) for i, j in zip(a.tolist(), b.tolist(), strict=True)}
     listed = [(one.a, one.b) for one in given.links]
     listed += [(one.a, one.b) for one in given.dropped_links]

@@ -7,7 +7,7 @@ import numpy as np
 
 from syncplan import __version__
 from syncplan.arrays import Array
-from syncplan.observability.link_verdicts import Meeting
+from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.orbits.circles import heading, position
 from syncplan.planning.planner import Plan
 from syncplan.reports.document_base import Window, finite_or_none
@@ -117,7 +117,7 @@ def _vehicles(plan: Plan, names: list[str]) -> list[VehicleOrbit]:
     ]
 
 
-def _link(plan: Plan, item: Meeting, names: list[str]) -> Link:
+def _link(plan: Plan, item: LinkVerdict, names: list[str]) -> Link:
     a, b = names[item.a], names[item.b]
     same = plan.orbits.senses[item.a] == plan.orbits.senses[item.b]
     ways = ((a, b, item.forward), (b, a, item.backward))
@@ -147,7 +147,7 @@ def _link(plan: Plan, item: Meeting, names: list[str]) -> Link:
 
 
 def _landmark_link(
-    plan: Plan, item: Meeting, names: list[str], landmarks: list[str]
+    plan: Plan, item: LinkVerdict, names: list[str], landmarks: list[str]
 ) -> LandmarkLink:
     return LandmarkLink(
         vehicle=names[item.a],

@@ -16,7 +16,7 @@ import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import perpendicular, unit, wrap
-from syncplan.orbits.contacts import RelativeMotion
+from syncplan.orbits.paths import RelativeMotion
 from syncplan.orbits.separation import least_distances
 
 __all__ = ["Rules", "closest_distance", "residuals", "rules_of"]

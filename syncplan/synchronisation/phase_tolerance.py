@@ -5,13 +5,15 @@ the two slips here: where both do, they share what is allowed.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import Orbits, phase, wrap
 from syncplan.orbits.contacts import find_windows
-from syncplan.orbits.sensors import Sensors
+from syncplan.orbits.paths import NO_LANDMARKS
+from syncplan.orbits.team import Team
 from syncplan.synchronisation.phase_rules import closest_distance, rules_of
 
 __all__ = ["phase_tolerances", "rule_residuals", "safe_slips"]
@@ -36,7 +38,7 @@ def rule_residuals(orbits: Orbits, pairs: Index) -> Array:
     return wrap(asked - np.pi)
 
 
-def phase_tolerances(orbits: Orbits, sensors: Sensors, pairs: Index) -> Array:
+def phase_tolerances(team: Team, pairs: Index) -> Array:
     """Return (e,) rad: the smallest slip of either phase, either way, that loses all contact.
 
     Slipping one phase or the other is the same up to a shift of time. Pi where no slip does. The
@@ -48,11 +50,11 @@ def phase_tolerances(orbits: Orbits, sensors: Sensors, pairs: Index) -> Array:
     slips = np.linspace(0.0, np.pi, _SLIPS + 1)
     sides = np.array([1.0, -1.0])
     both = np.broadcast_to((sides[:, None] * slips).ravel(), (len(pairs), 2 * len(slips)))
-    kept = _contact_when_slipped(orbits, sensors, pairs)(both).reshape(len(pairs), 2, -1)
+    kept = _contact_when_slipped(team, pairs)(both).reshape(len(pairs), 2, -1)
     pair, side = np.nonzero(~kept.all(axis=2))
     first = np.argmin(kept[pair, side], axis=1)
     low, high = slips[np.maximum(first - 1, 0)], slips[first]
-    in_contact = _contact_when_slipped(orbits, sensors, pairs[pair])
+    in_contact = _contact_when_slipped(team, pairs[pair])
     for _ in range(_BISECTIONS if len(pair) else 0):
         middle = 0.5 * (low + high)
         held = in_contact((sides[side] * middle)[:, None])[:, 0]
@@ -61,40 +63,27 @@ def phase_tolerances(orbits: Orbits, sensors: Sensors, pairs: Index) -> Array:
     return tolerance
 
 
-def _contact_when_slipped(
-    orbits: Orbits, sensors: Sensors, pairs: Index
-) -> Callable[[Array], Flags]:
+def _contact_when_slipped(team: Team, pairs: Index) -> Callable[[Array], Flags]:
     """Whether pairs still meet when the second vehicle's phase slips, (e, k) of slip (e, k)."""
+    orbits, sensors = team.orbits, team.sensors
     if not np.all(sensors.fields_of_view >= 2.0 * np.pi):
-        return lambda slip: _seen_when_slipped(orbits, sensors, pairs, slip)
+        return lambda slip: _seen_when_slipped(team, pairs, slip)
     rules = rules_of(orbits.centers, orbits.radii, orbits.senses, sensors.ranges, pairs)
     residual = rule_residuals(orbits, pairs)[:, None]
     return lambda slip: np.asarray(closest_distance(rules, residual + slip) <= rules.reach[:, None])
 
 
-def _seen_when_slipped(orbits: Orbits, sensors: Sensors, pairs: Index, slip: Array) -> Flags:
+def _seen_when_slipped(team: Team, pairs: Index, slip: Array) -> Flags:
     """(e, k) whether a pair has a contact window either way."""
     number = slip.shape[1]
     first, second = np.repeat(pairs[:, 0], number), np.repeat(pairs[:, 1], number)
     index = np.concatenate([first, second])
     late = np.concatenate([np.zeros(len(first)), slip.ravel()])
-    slipped = Orbits(
-        orbits.centers[index],
-        orbits.radii[index],
-        orbits.senses[index],
-        orbits.phases[index] + late,
-        orbits.rate,
-    )
-    copies = Sensors(
-        sensors.ranges[index],
-        sensors.fields_of_view[index],
-        sensors.boresights[index],
-        sensors.bearing_sigmas[index],
-        sensors.sample_time,
-    )
+    copies = team.only(index)
+    slipped = replace(copies.orbits, phases=copies.orbits.phases + late)
     one, other = np.arange(len(first)), len(first) + np.arange(len(first))
     ways = (np.concatenate([one, other]), np.concatenate([other, one]))
-    found = find_windows(slipped, np.zeros((0, 2)), copies, ways)
+    found = find_windows(replace(copies, orbits=slipped, landmarks=NO_LANDMARKS), ways)
     met = np.diff(found.first) > 0
     return (met[: len(first)] | met[len(first) :]).reshape(slip.shape)
 

@@ -1,5 +1,7 @@
 """The bounds against independent recursions in other coordinates."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -14,7 +16,6 @@ from syncplan.observability.rank import assess, bearing_rows, link_information
 from syncplan.orbits.circles import Orbits, heading, position
 from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.noise import Noise
-from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import sample_sightings, steps_within
 from syncplan.planning.planner import Plan, plan
 from syncplan.scenario.loading import scenario_from
@@ -109,9 +110,9 @@ def test_without_motion_noise_the_posterior_tends_to_the_window_bound(grid: Plan
     sightings = sample_sightings(
         grid.windows, grid.orbits.period, grid.sensors.sample_time, 1, steps
     )
-    links = link_information(grid.orbits, grid.landmarks, grid.sensors, sightings)
-    window = window_bound(assess(grid.orbits, links))
-    rows = bearing_rows(grid.orbits, grid.landmarks, grid.sensors, sightings)
+    links = link_information(grid.team, sightings)
+    window = window_bound(assess(grid.team, links))
+    rows = bearing_rows(grid.team, sightings)
     dense = np.zeros((len(rows), 18))
     for s, (a, b) in enumerate(zip(sightings.observers, sightings.targets, strict=True)):
         dense[s, 3 * a : 3 * a + 3] += rows[s, :3]
@@ -155,14 +156,8 @@ def test_the_noise_gain_is_the_derivative_of_a_step() -> None:
 
 
 def test_a_better_sensor_never_raises_the_bound(grid: Plan) -> None:
-    sharper = Sensors(
-        grid.sensors.ranges,
-        grid.sensors.fields_of_view,
-        grid.sensors.boresights,
-        0.5 * grid.sensors.bearing_sigmas,
-        grid.sensors.sample_time,
-    )
-    windows = find_windows(grid.orbits, grid.landmarks, sharper)
+    sharper = replace(grid.sensors, bearing_sigmas=0.5 * grid.sensors.bearing_sigmas)
+    windows = find_windows(replace(grid.team, sensors=sharper))
     before = posterior_bound(grid.orbits, grid.landmarks, grid.sensors, grid.windows, NOISE, 100.0)
     after = posterior_bound(grid.orbits, grid.landmarks, sharper, windows, NOISE, 100.0)
     assert np.all(after.position_variance <= before.position_variance * (1.0 + 1e-9))

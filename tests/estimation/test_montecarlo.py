@@ -19,6 +19,7 @@ from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.noise import Noise
 from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import Sightings, sample_sightings
+from syncplan.orbits.team import Team
 
 Scene = tuple[Orbits, Array, Sensors, Noise, Sightings, int]
 
@@ -39,7 +40,7 @@ def paper_grid(steps: int, bearing_sigma: float = 0.1, noise: Noise = NOISE) -> 
         bearing_sigmas=np.full(n, bearing_sigma),
         sample_time=0.1,
     )
-    windows = find_windows(orbits, LANDMARKS, sensors)
+    windows = find_windows(Team(orbits, LANDMARKS, sensors, noise))
     sightings = sample_sightings(windows, orbits.period, sensors.sample_time, 1, steps)
     return orbits, LANDMARKS, sensors, noise, sightings, steps
 

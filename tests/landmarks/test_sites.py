@@ -2,6 +2,7 @@
 
 import io
 import json
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -43,12 +44,11 @@ def _scattered(made: Plan, count: int, seed: int) -> Array:
 
 def _worst(made: Plan, places: Array) -> float:
     """Worst vehicle's window bound in m by the code that judges plans; infinite if undetermined."""
-    landmarks = np.concatenate([made.landmarks, places])
-    orbits, sensors = made.orbits, made.sensors
-    windows = find_windows(orbits, landmarks, sensors)
-    last = int(np.ceil(made.scenario.window / sensors.sample_time - 1e-9)) - 1
-    seen = sample_sightings(windows, orbits.period, sensors.sample_time, 0, last)
-    bound = window_bound(assess(orbits, link_information(orbits, landmarks, sensors, seen)))
+    team = replace(made.team, landmarks=np.concatenate([made.landmarks, places]))
+    windows = find_windows(team)
+    last = int(np.ceil(made.scenario.window / made.sensors.sample_time - 1e-9)) - 1
+    seen = sample_sightings(windows, made.orbits.period, made.sensors.sample_time, 0, last)
+    bound = window_bound(assess(team, link_information(team, seen)))
     return float("inf") if np.isnan(bound).any() else float(bound.max())
 
 

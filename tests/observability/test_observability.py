@@ -13,7 +13,7 @@ from syncplan.observability.rank import (
     bearing_rows,
     link_information,
 )
-from syncplan.observability.unobservable_modes import name_motions
+from syncplan.observability.unobservable_modes import name_modes
 from syncplan.orbits.circles import Orbits, heading, position
 from syncplan.orbits.graphs import rpmg_at, union_over
 from syncplan.orbits.sensors import Sensors
@@ -91,7 +91,7 @@ def test_bearing_rows_are_the_derivative_by_the_initial_poses(seed: int) -> None
     team = draw_team(np.random.default_rng(seed))
     orbits, landmarks, sensors = team.orbits, team.landmarks, team.sensors
     sightings = sightings_of(team, 40)
-    rows = bearing_rows(orbits, landmarks, sensors, sightings)
+    rows = bearing_rows(team, sightings)
     scale = orbits.radii.mean()
     poses = np.column_stack([position(orbits, 0.0), heading(orbits, 0.0)])
     for s in range(0, len(rows), max(len(rows) // 10, 1)):
@@ -120,15 +120,15 @@ def test_bearing_rows_are_the_derivative_by_the_initial_poses(seed: int) -> None
 @given(st.integers(0, 2**32 - 1))
 def test_reducing_each_link_leaves_the_singular_values_alone(seed: int) -> None:
     team = draw_team(np.random.default_rng(seed))
-    orbits, landmarks, sensors = team.orbits, team.landmarks, team.sensors
+    orbits = team.orbits
     sightings = sightings_of(team, 100)
-    rows = bearing_rows(orbits, landmarks, sensors, sightings)
+    rows = bearing_rows(team, sightings)
     dense = np.zeros((len(rows), 3 * orbits.count))
     for s, (a, b) in enumerate(zip(sightings.observers, sightings.targets, strict=True)):
         dense[s, 3 * a : 3 * a + 3] += rows[s, :3]
         if b < orbits.count:
             dense[s, 3 * b : 3 * b + 3] += rows[s, 3:]
-    verdict = assess(orbits, link_information(orbits, landmarks, sensors, sightings))
+    verdict = assess(team, link_information(team, sightings))
     values = np.linalg.svd(dense, compute_uv=False)
     largest = max(float(values.max(initial=0.0)), 1e-300)
     count = min(len(values), verdict.state_dim)
@@ -298,8 +298,8 @@ def _certified_from(made: Plan, start: int, length: float) -> bool:
     sample_time = made.sensors.sample_time
     last = start - 1 + round(length / sample_time)
     sightings = sample_sightings(made.windows, made.orbits.period, sample_time, start, last)
-    links = link_information(made.orbits, made.landmarks, made.sensors, sightings)
-    return certify(made.orbits.count, made.landmarks, made.observability, links).holds
+    links = link_information(made.team, sightings)
+    return certify(made.team, made.observability, links).holds
 
 
 def test_the_rpmg_switches_and_its_union_grows(plans: dict[str, Plan]) -> None:
@@ -351,19 +351,17 @@ def test_a_sensor_can_be_given_for_each_vehicle() -> None:
 @given(st.integers(0, 2**32 - 1))
 def test_the_motions_named_span_the_null_space(seed: int) -> None:
     team = draw_team(np.random.default_rng(seed))
-    orbits, landmarks, sensors = team.orbits, team.landmarks, team.sensors
+    orbits = team.orbits
     sightings = sightings_of(team, 20)
-    links = link_information(orbits, landmarks, sensors, sightings)
-    verdict = assess(orbits, links)
+    links = link_information(team, sightings)
+    verdict = assess(team, links)
     names = [f"v{k}" for k in range(orbits.count)]
-    motions = name_motions(
+    motions = name_modes(
+        team,
         verdict,
-        orbits,
-        landmarks,
-        sensors.ranges,
         links,
         names,
-        [f"L{k}" for k in range(len(landmarks))],
+        [f"L{k}" for k in range(len(team.landmarks))],
     )
     assert len(motions) == verdict.state_dim - verdict.rank
     vectors = []

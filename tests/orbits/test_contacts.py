@@ -9,7 +9,9 @@ from syncplan.orbits.circles import Orbits, heading, position, wrap
 from syncplan.orbits.contacts import find_windows, merge_windows, reachable_pairs
 from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import sample_sightings
+from syncplan.orbits.team import Team
 from syncplan.planning.planner import plan
+from tests.tools.draws import NOISE
 from tests.tools.scenarios import example as scenario_example
 
 SAMPLES = 3000
@@ -61,7 +63,7 @@ def _changes(seen, low: float, high: float) -> float:  # type: ignore[no-untyped
 
 def check(orbits: Orbits, landmarks: np.ndarray, sensors: Sensors) -> None:
     """Compare every pair's windows with dense sampling, both ways."""
-    windows = find_windows(orbits, landmarks, sensors)
+    windows = find_windows(Team(orbits, landmarks, sensors, NOISE))
     found = {
         (int(a), int(b)): windows.of(k)
         for k, (a, b) in enumerate(zip(windows.observers, windows.targets, strict=True))
@@ -208,7 +210,7 @@ def test_concentric_circles(senses: tuple[float, float]) -> None:
 
 def test_permanent_contact_is_one_window_of_a_period() -> None:
     orbits, landmarks, sensors = _pair(70.0, reach=500.0)
-    windows = find_windows(orbits, landmarks, sensors)
+    windows = find_windows(Team(orbits, landmarks, sensors, NOISE))
     for pair in range(len(windows.observers)):
         np.testing.assert_allclose(windows.of(pair), [[0.0, orbits.period]])
 
@@ -216,13 +218,13 @@ def test_permanent_contact_is_one_window_of_a_period() -> None:
 def test_contact_exactly_at_the_range_limit_all_the_time_counts() -> None:
     # same circle radius and phase: the distance is constant and equal to the range
     orbits, landmarks, sensors = _pair(50.0, phases=(0.7, 0.7), reach=50.0)
-    windows = find_windows(orbits, landmarks, sensors)
+    windows = find_windows(Team(orbits, landmarks, sensors, NOISE))
     np.testing.assert_allclose(windows.of(0), [[0.0, orbits.period]])
 
 
 def test_a_tangent_of_the_range_opens_no_more_than_an_instant() -> None:
     orbits, landmarks, sensors = _pair(70.0, phases=(0.0, np.pi), reach=30.0)
-    windows = find_windows(orbits, landmarks, sensors)
+    windows = find_windows(Team(orbits, landmarks, sensors, NOISE))
     vehicle = windows.of(0)
     assert np.sum(vehicle[:, 1] - vehicle[:, 0]) < 1e-5
 
@@ -230,7 +232,7 @@ def test_a_tangent_of_the_range_opens_no_more_than_an_instant() -> None:
 def test_same_sense_range_windows_have_their_closed_form() -> None:
     # |q|^2 = D^2 + m^2 - 2 D m cos(tau - tau0), m = 40, D = 70: half width arccos(0.7142857...)
     orbits, landmarks, sensors = _pair(70.0)
-    start, end = find_windows(orbits, landmarks, sensors).of(0)[0]
+    start, end = find_windows(Team(orbits, landmarks, sensors, NOISE)).of(0)[0]
     half = np.arccos((70.0**2 + 40.0**2 - 50.0**2) / (2.0 * 70.0 * 40.0))
     assert abs((end - start) - 2.0 * half) < 1e-12
 
@@ -247,7 +249,7 @@ def test_the_spatial_index_finds_the_same_pairs_as_all_pairs() -> None:
     )
     landmarks = generator.uniform(0.0, 900.0, (20, 2))
     reach = generator.uniform(5.0, 60.0, count)
-    a, b = reachable_pairs(orbits, landmarks, reach)
+    a, b = reachable_pairs(orbits, reach, landmarks)
     centers = np.concatenate([orbits.centers, landmarks])
     radii = np.concatenate([orbits.radii, np.zeros(20)])
     distance = np.hypot(*(centers[None] - centers[:count, None]).transpose(2, 0, 1))
@@ -270,7 +272,7 @@ def test_merged_windows_cover_what_their_parts_cover() -> None:
 @given(st.integers(0, 2**32 - 1))
 def test_sightings_are_the_samples_inside_windows(seed: int) -> None:
     orbits, landmarks, sensors = _team(seed)
-    windows = find_windows(orbits, landmarks, sensors)
+    windows = find_windows(Team(orbits, landmarks, sensors, NOISE))
     steps = 400
     sightings = sample_sightings(windows, orbits.period, sensors.sample_time, 1, steps)
     taken = set(
@@ -297,7 +299,7 @@ def test_a_pair_exactly_at_reach_is_found_in_large_teams_too() -> None:
     def pairs(count: int) -> set[tuple[int, int]]:
         centers = np.column_stack([9.03 * np.arange(count), np.zeros(count)])
         orbits = Orbits(centers, np.full(count, 2.01), np.ones(count), np.zeros(count), 1.0)
-        a, b = reachable_pairs(orbits, np.zeros((0, 2)), np.full(count, 5.01))
+        a, b = reachable_pairs(orbits, np.full(count, 5.01))
         return set(zip(a.tolist(), b.tolist(), strict=True))
 
     assert {pair for pair in pairs(600) if max(pair) < 400} == pairs(400)
@@ -311,7 +313,7 @@ def test_a_sample_on_a_windows_edge_counts_in_every_turn(rate: float) -> None:
     sensors = Sensors(
         np.array([reach]), np.array([2.0 * np.pi]), np.zeros(1), np.full(1, 0.1), sample_time
     )
-    windows = find_windows(orbits, np.array([[40.0, 0.0]]), sensors)
+    windows = find_windows(Team(orbits, np.array([[40.0, 0.0]]), sensors, NOISE))
     turns = 20
     sightings = sample_sightings(windows, orbits.period, sample_time, 1, 12 * turns)
     assert set((sightings.steps % 12).tolist()) == {0, 1, 11}

@@ -10,7 +10,8 @@ import pytest
 from syncplan.arrays import Array
 from syncplan.estimation.bounds import posterior_bound
 from syncplan.observability.rank import bearing_rows
-from syncplan.orbits.contacts import find_windows, relative_motion
+from syncplan.orbits.contacts import find_windows
+from syncplan.orbits.paths import relative_motion
 from syncplan.orbits.separation import least_distances
 from syncplan.orbits.sightings import sample_sightings
 from syncplan.planning.planner import plan
@@ -81,9 +82,9 @@ def _smooth_information(problem: RefineProblem, width: float, most: int = 10_000
 def _exact_information(problem: RefineProblem) -> Array:
     orbits, sensors, n = problem.orbits, problem.sensors, problem.orbits.count
     last = int(np.ceil(problem.window / sensors.sample_time - 1e-9)) - 1
-    windows = find_windows(orbits, problem.landmarks, sensors)
+    windows = find_windows(problem.team)
     seen = sample_sightings(windows, orbits.period, sensors.sample_time, 0, last)
-    rows = bearing_rows(orbits, problem.landmarks, sensors, seen)
+    rows = bearing_rows(problem.team, seen)
     total = np.zeros((3 * n, 3 * n))
     for row, observer, target in zip(rows, seen.observers, seen.targets, strict=True):
         dense = np.zeros(3 * n)
@@ -234,7 +235,7 @@ def test_a_separation_that_the_solver_sees_kept_is_kept(senses: list[str]) -> No
             moved[:2] += generator.uniform(-5.0, 5.0, (2, 2))
             moved[3] += generator.uniform(-np.pi, np.pi, 2)
             orbits = orbits_of(moved, problem.orbits)
-            motion = relative_motion(orbits, np.zeros((0, 2)), np.array([0]), np.array([1]))
+            motion = relative_motion(orbits, np.array([0]), np.array([1]))
             least = float(least_distances(motion)[0][0])
             moved[:3] /= problem.scale
             seen = float(value(moved))
@@ -260,7 +261,7 @@ def test_the_smooth_separation_of_opposite_senses_is_close_to_the_true_one() -> 
     for gap in np.linspace(-1.0, 3.0, 9):
         moved[0, 1] = (49.0 + gap) / problem.scale
         orbits = orbits_of(moved * np.array([[20.0], [20.0], [20.0], [1.0]]), problem.orbits)
-        motion = relative_motion(orbits, np.zeros((0, 2)), np.array([0]), np.array([1]))
+        motion = relative_motion(orbits, np.array([0]), np.array([1]))
         ratio = float(least_distances(motion)[0][0]) / 8.0
         assert ratio**2 - 0.08 <= float(value(moved)) <= ratio**2
 
@@ -277,7 +278,7 @@ def _smooth_rms(problem: RefineProblem, width: float) -> Array:
 
 def _exact_rms(problem: RefineProblem) -> Array:
     orbits, sensors = problem.orbits, problem.sensors
-    windows = find_windows(orbits, problem.landmarks, sensors)
+    windows = find_windows(problem.team)
     return posterior_bound(
         orbits, problem.landmarks, sensors, windows, problem.noise, problem.duration
     ).rms_second_half()
@@ -310,7 +311,7 @@ def test_the_smooth_error_follows_radii_that_change(
     problem = _problem("predicted_rms", RADII, sensor=sensor, motion=motion)
     wider = circles_of(problem.orbits)
     wider[2] *= [1.15, 0.9, 1.1]
-    moved = replace(problem, orbits=orbits_of(wider, problem.orbits))
+    moved = replace(problem, team=problem.team.on(orbits_of(wider, problem.orbits)))
     run = coarse_run(problem)
     team = SmoothTeam.of(problem, run.times)
     circles = ca.MX.sym("X", 4, 3)

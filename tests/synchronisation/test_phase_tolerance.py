@@ -6,7 +6,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from syncplan.orbits.circles import Orbits
-from syncplan.orbits.contacts import relative_motion
+from syncplan.orbits.paths import relative_motion
 from syncplan.orbits.separation import least_distances
 from syncplan.synchronisation.phase_tolerance import safe_slips
 
@@ -40,7 +40,7 @@ def apart_when_slipped(orbits: Orbits, slips: np.ndarray) -> np.ndarray:
         orbits.rate,
     )
     first = 2 * np.arange(count)
-    return least_distances(relative_motion(many, np.zeros((0, 2)), first, first + 1))[0]
+    return least_distances(relative_motion(many, first, first + 1))[0]
 
 
 @settings(deadline=None)

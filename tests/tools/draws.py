@@ -1,7 +1,5 @@
 """Random teams, a good part of them close to degenerate, for searches and property tests."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from syncplan.arrays import Array
@@ -9,17 +7,12 @@ from syncplan.observability.certificate import Certificate, certify
 from syncplan.observability.rank import Observability, assess, link_information
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import find_windows
+from syncplan.orbits.noise import Noise
 from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import Sightings, sample_sightings
+from syncplan.orbits.team import Team
 
-
-@dataclass(frozen=True, slots=True)
-class Team:
-    """A drawn team and what it sees with."""
-
-    orbits: Orbits
-    landmarks: Array
-    sensors: Sensors
+NOISE = Noise(speed_sigma=0.1, turn_rate_sigma=0.01, position_sigma=5.0, heading_sigma=0.1)
 
 
 def draw_team(generator: np.random.Generator) -> Team:
@@ -59,23 +52,23 @@ def draw_team(generator: np.random.Generator) -> Team:
         Orbits(centers, radii, senses, phases, rate=1.0),
         _landmarks(generator, centers, radii, size),
         _sensors(generator, count, size),
+        NOISE,
     )
 
 
 def sightings_of(team: Team, last_step: int) -> Sightings:
     """Return what the team sees from step 0 to `last_step`."""
-    windows = find_windows(team.orbits, team.landmarks, team.sensors)
+    windows = find_windows(team)
     return sample_sightings(windows, team.orbits.period, team.sensors.sample_time, 0, last_step)
 
 
 def judge_team(team: Team) -> tuple[Certificate, Observability]:
     """Return the certificate and the verdict over one period."""
-    orbits = team.orbits
-    last = int(np.ceil(orbits.period / team.sensors.sample_time - 1e-9)) - 1
+    last = int(np.ceil(team.orbits.period / team.sensors.sample_time - 1e-9)) - 1
     sightings = sightings_of(team, last)
-    links = link_information(orbits, team.landmarks, team.sensors, sightings)
-    verdict = assess(orbits, links)
-    return certify(orbits.count, team.landmarks, verdict, links), verdict
+    links = link_information(team, sightings)
+    verdict = assess(team, links)
+    return certify(team, verdict, links), verdict
 
 
 def _tiny(generator: np.random.Generator, count: int) -> Array:
