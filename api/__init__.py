@@ -5,12 +5,14 @@ Thin over syncplan, which does all the numbers. Modules, each using only those b
     keys, settings                     what an operator can set
     logs, problems.*, metrics          JSON lines, RFC 9457 documents, Prometheus
     negotiation, security, telemetry   media types, who asks, OpenTelemetry
-    limits, requests                   what may be asked for
+    limits, plan_texts                 the most a request may ask for; scenarios and plans as sent
+    job_kinds.*                        one table of job kinds: requests, tasks, results
     computing.*                        the numbers, in child processes
     storage.*                          plans, jobs, answers given: SQLite or PostgreSQL
-    jobs.*                             durable workflows, heartbeats, what the dead left
-    answers, service, calls            what responses hold, what routes work with
-    routes.*, operations, openapi      the routes, what their document tells beside them
+    jobs.*                             durable workflows, heartbeats, what dead processes left
+    responses, service, idempotency    what responses hold, what routes work with
+    assets, routes.*                   the page's files, the routes
+    operations, openapi                what the OpenAPI document adds to the routes
     main, protocol, server             the application, HTTP below it, serving both
 
 A request is read, checked and computed in a child process, so that nothing ever holds up the

@@ -5,14 +5,14 @@ from dataclasses import dataclass
 from syncplan.errors import InputError
 from syncplan.scenario.specification import Scenario
 
-__all__ = ["Limits", "check_at_most", "check_size", "check_trials"]
+__all__ = ["RequestLimits", "check_at_most", "check_size", "check_trials"]
 
 TRIALS_OF_VEHICLES = 10
 """A run may hold this many times as many trials of one vehicle as it may hold trials."""
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class RequestLimits:
     """The most a request may ask for.
 
     Attributes
@@ -41,14 +41,14 @@ def check_at_most(key: str, value: float, limit: float, unit: str = "") -> None:
         )
 
 
-def check_size(scenario: Scenario, limits: Limits) -> None:
+def check_size(scenario: Scenario, limits: RequestLimits) -> None:
     """Raise InputError if planning a scenario is more than the service does in one request."""
     check_at_most("formation", scenario.size, limits.vehicles, " vehicles")
     for key, length in (("duration_s", scenario.duration_s), ("window_s", scenario.window)):
         check_at_most(key, length / scenario.sample_time, limits.samples, " samples")
 
 
-def check_trials(trials: int, vehicles: int, limits: Limits) -> None:
+def check_trials(trials: int, vehicles: int, limits: RequestLimits) -> None:
     """Raise InputError if a run holds more figures than the service keeps."""
     check_at_most("trials", trials, limits.trials, " trials")
     check_at_most(

@@ -13,7 +13,15 @@ from api.logs import RequestLog
 from api.metrics import Metrics, RequestMetrics
 from api.openapi import document_operations
 from api.problems import install_handlers
-from api.routes import exports, figures, health, jobs, page, plans, schemas
+from api.routes import (
+    export_routes,
+    figure_routes,
+    health_routes,
+    job_routes,
+    page_routes,
+    plan_routes,
+    schema_routes,
+)
 from api.security import Keyring
 from api.service import Ending, Service, limits_of
 from api.settings import Settings, load_settings
@@ -54,13 +62,10 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.state.ending = Ending()
     install_handlers(app)
     document_operations(app)
-    app.include_router(plans.router, prefix="/v1")
-    app.include_router(jobs.router, prefix="/v1")
-    app.include_router(figures.router, prefix="/v1")
-    app.include_router(exports.router, prefix="/v1")
-    app.include_router(schemas.router, prefix="/v1")
-    app.include_router(health.router)
-    app.include_router(page.router)
+    for routes in (plan_routes, job_routes, figure_routes, export_routes, schema_routes):
+        app.include_router(routes.router, prefix="/v1")
+    app.include_router(health_routes.router)
+    app.include_router(page_routes.router)
     app.add_middleware(RequestMetrics, metrics=app.state.metrics)
     app.add_middleware(RequestLog)
     return app

@@ -14,6 +14,7 @@ from fastapi import FastAPI
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
+from api.job_kinds.job_table import JOB_KINDS
 from api.operations import (
     ANSWERS,
     BODIES,
@@ -27,6 +28,7 @@ from api.operations import (
 from api.problems import problem_responses
 from api.problems.openapi_problems import REFERENCE
 from api.responses import JobEvent
+from api.service import limits_of
 from api.settings import Settings
 
 __all__ = ["document_operations", "operations"]
@@ -151,10 +153,10 @@ def _schemas(settings: Settings) -> Tree:
         [(model, "validation") for model in models], ref_template=REFERENCE
     )
     schemas: Tree = definitions["$defs"]
-    for name in ("SweepRequest", "ValidationRequest"):
-        _bound(schemas[name], "trials", settings.max_trials)
-        _bound(schemas[name], "duration_s", settings.max_run_s)
-    _bound(schemas["RefinementRequest"], "time_limit_s", settings.max_refine_s)
+    limits = limits_of(settings)
+    for kind in JOB_KINDS.values():
+        for key, limit in kind.request.limited.items():
+            _bound(schemas[kind.request.__name__], key, getattr(limits, limit))
     return schemas
 
 

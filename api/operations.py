@@ -5,10 +5,9 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from api.requests import RefinementRequest, SweepRequest, ValidationRequest
+from api.job_kinds.job_table import JOB_KINDS
 from api.responses import StoredPlan
 from syncplan.planning.plan_files import PlanFile
-from syncplan.reports.run_schemas import SweepReport, ValidationDocument
 from syncplan.scenario.specification import Scenario
 
 __all__ = ["ANSWERS", "BODIES", "FOLLOWING", "HEADERS", "REQUEST_ID", "RESULTS", "SENT", "Body"]
@@ -23,6 +22,8 @@ class Body:
     description: str
 
 
+_JOB_OPERATIONS = tuple(kind.operation.id for kind in JOB_KINDS.values())
+
 _PLANNED = Body(
     (Scenario, PlanFile),
     True,
@@ -32,12 +33,11 @@ _PLANNED = Body(
 
 BODIES = {
     "createPlan": _PLANNED,
-    "refinePlan": Body(
-        (RefinementRequest,), False, "What changes of the plan's own options; nothing if empty"
-    ),
     "previewScenario": _PLANNED,
-    "validatePlan": Body((ValidationRequest,), False, "How to fly; defaults if empty"),
-    "sweepScenario": Body((SweepRequest,), True, "The scenario, what is varied, and how to fly"),
+    **{
+        one.operation.id: Body((one.request,), one.operation.body_required, one.operation.body)
+        for one in JOB_KINDS.values()
+    },
 }
 """What operations take; the others take no body."""
 
@@ -46,9 +46,7 @@ ANSWERS = {
     "listPlans": "A page of plans",
     "readPlan": "The plan",
     "deletePlan": "Deleted",
-    "refinePlan": "The job",
-    "validatePlan": "The job",
-    "sweepScenario": "The job",
+    **dict.fromkeys(_JOB_OPERATIONS, "The job"),
     "listJobs": "A page of jobs",
     "readJob": "The job",
     "followJob": "The job's events, from the first one on or after the one named",
@@ -67,7 +65,7 @@ ANSWERS = {
 }
 """What an operation answers when all goes well."""
 
-RESULTS = (StoredPlan, ValidationDocument, SweepReport)
+RESULTS = tuple(dict.fromkeys(kind.report or StoredPlan for kind in JOB_KINDS.values()))
 """What readJobResult answers: one of these."""
 
 HEADERS: dict[str, dict[str, Any]] = {
@@ -112,9 +110,7 @@ SENT: dict[tuple[str, str], dict[str, str]] = {
     ("createPlan", "201"): {"Location": "Location", "ETag": "ETag"},
     ("readPlan", "200"): {"ETag": "ETag"},
     ("readPlan", "304"): {"ETag": "ETag"},
-    ("refinePlan", "202"): {"Location": "Location"},
-    ("validatePlan", "202"): {"Location": "Location"},
-    ("sweepScenario", "202"): {"Location": "Location"},
+    **{(name, "202"): {"Location": "Location"} for name in _JOB_OPERATIONS},
     ("readJobResult", "200"): {"ETag": "Result-ETag", "Content-Location": "Content-Location"},
 }
 """Headers of an operation's answers, each with its entry in HEADERS."""
@@ -134,7 +130,7 @@ FOLLOWING: dict[tuple[str, str], dict[str, str]] = {
     ),
     **{
         (name, "202"): dict.fromkeys(("readJob", "followJob", "cancelJob"), "job_id")
-        for name in ("refinePlan", "validatePlan", "sweepScenario")
+        for name in _JOB_OPERATIONS
     },
 }
 """What can be asked next, each with the parameter that takes the answer's id."""

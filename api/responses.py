@@ -1,11 +1,12 @@
 """What answers hold, where it is not a contract of syncplan itself."""
 
 import json
-from typing import Any, Literal
+from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from api.storage.job_records import JobRow, State
+from api.storage.job_records import JobRow
+from syncplan.reports.job_contract import JobKindName, JobState
 from syncplan.reports.plan_schemas import PlanDocument
 
 __all__ = [
@@ -91,8 +92,8 @@ class Job(_Answer):
     """A job: its state, how far it is, and where its result is."""
 
     id: str = Field(examples=[_ID])
-    kind: Literal["refinement", "validation", "sweep"]
-    state: State
+    kind: JobKindName
+    state: JobState
     progress: Progress
     request: dict[str, Any] | None = Field(
         description="What was asked, defaults filled in; null in lists"
@@ -116,7 +117,7 @@ class JobPage(_Answer):
 class JobEvent(_Answer):
     """A change of a job, as the event stream tells it."""
 
-    state: State
+    state: JobState
     progress: Progress
     at: str = Field(description="RFC 3339, UTC", examples=[_TIME])
 

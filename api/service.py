@@ -8,7 +8,7 @@ from fastapi import Depends, Request
 
 from api.computing.pool import Pool
 from api.jobs.queue import JobQueue
-from api.limits import Limits
+from api.limits import RequestLimits
 from api.settings import Settings
 from api.storage.database import Database
 
@@ -31,12 +31,12 @@ class Service:
     database: Database
     pool: Pool
     queue: JobQueue
-    limits: Limits
+    limits: RequestLimits
 
 
-def limits_of(settings: Settings) -> Limits:
+def limits_of(settings: Settings) -> RequestLimits:
     """Return the limits on requests that the settings state."""
-    return Limits(
+    return RequestLimits(
         vehicles=settings.max_vehicles,
         samples=settings.max_samples,
         trials=settings.max_trials,

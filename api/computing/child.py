@@ -15,7 +15,7 @@ from syncplan.runtime.child_processes import ChildProcess, connect_to_parent
 __all__ = ["Child", "ChildGoneError", "TaskFailedError", "TooSlowError", "serve"]
 
 _PROGRESS_EVERY_S = 0.2
-_WITH_PROGRESS = {"flown_part", "refined_plan"}
+_WITH_PROGRESS = {"computed_batch", "computed_job"}
 _POLITE = 10
 """How far work in the background stands back for requests (nice)."""
 

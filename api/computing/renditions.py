@@ -5,8 +5,10 @@ from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-from api.computing.inputs import Syntax, loaded_body, loaded_plan
-from api.limits import Limits
+from api.job_kinds.job_table import JOB_KINDS
+from api.limits import RequestLimits
+from api.plan_texts import Syntax, loaded_body, loaded_plan
+from syncplan.reports.job_contract import JobKindName
 
 if TYPE_CHECKING:
     from syncplan.planning.planner import Plan
@@ -21,7 +23,12 @@ def ready() -> None:
 
 
 def previewed(
-    body: bytes, syntax: Syntax, limits: Limits, quick: bool, names: Sequence[str], theme: "Theme"
+    body: bytes,
+    syntax: Syntax,
+    limits: RequestLimits,
+    quick: bool,
+    names: Sequence[str],
+    theme: "Theme",
 ) -> str:
     """Return a plan as made_plan makes it with figures of it, as JSON; raises as that does."""
     from syncplan.planning.plan_files import plan_of
@@ -49,13 +56,14 @@ def plan_figure(text: str, name: str, theme: "Theme", parent_text: str | None) -
     return _compact(specs_of(_judged(text), [name], theme=theme, refined=refined)[name])
 
 
-def report_figure(text: str, kind: str, name: str, theme: "Theme") -> str:
-    """Return a figure of the report of a validation or a sweep as JSON; raises InputError."""
+def report_figure(text: str, kind: JobKindName, name: str, theme: "Theme") -> str:
+    """Return a figure of a job's report as JSON; raises InputError."""
     from syncplan.plotting.catalogue import specs_of
-    from syncplan.reports.run_schemas import SweepReport, ValidationDocument
 
-    model = SweepReport if kind == "sweep" else ValidationDocument
-    return _compact(specs_of(model.model_validate_json(text), [name], theme=theme)[name])
+    model = JOB_KINDS[kind].report
+    assert model is not None
+    report: Any = model.model_validate_json(text)
+    return _compact(specs_of(report, [name], theme=theme)[name])
 
 
 def exported(text: str, name: str, options: Mapping[str, Any]) -> tuple[bytes, tuple[str, ...]]:

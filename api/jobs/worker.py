@@ -13,7 +13,7 @@ from api.jobs import dbos_runtime
 from api.jobs.dbos_runtime import Runtime
 from api.jobs.guard import Guard
 from api.jobs.queue import APPLICATION, JOBS_QUEUE, WORKFLOWS_VERSION, JobQueue
-from api.jobs.workflows import PARTS_QUEUE
+from api.jobs.workflows import BATCHES_QUEUE
 from api.settings import Settings
 from api.storage.database import Database
 
@@ -41,9 +41,9 @@ class Worker:
         # first: what is begun by a process that is not on the list is taken up by others
         self._guard.start()
         DBOS(config=_config(settings, self.executor_id))
-        DBOS.listen_queues([JOBS_QUEUE, PARTS_QUEUE])
+        DBOS.listen_queues([JOBS_QUEUE, BATCHES_QUEUE])
         DBOS.launch()
-        for name in (JOBS_QUEUE, PARTS_QUEUE):
+        for name in (JOBS_QUEUE, BATCHES_QUEUE):
             DBOS.register_queue(
                 name,
                 worker_concurrency=size,

@@ -1,11 +1,13 @@
-"""The durable workflows: a job, and a part of its trials.
+"""The durable workflows: a job, and a batch of its trials.
 
-    run_job:  start --> cut into parts --> run_part on any worker, each --> conclude
-              start --> refine --> conclude
+    run_job:  start --> divide into batches --> run_batch on any worker, each --> conclude
+              start --> compute whole --> conclude
 
 Workflows only order steps. A step may run twice, on two workers even, when one of them is taken
 for dead: what it writes is the same, and written once. What ends a job is its row in the database:
 a step that finds its job ended does nothing.
+
+Names of workflows, steps and queues are in the database of every job begun: they stay as they are.
 """
 
 import asyncio
@@ -18,31 +20,34 @@ from sqlalchemy import Connection
 
 from api.computing.child import ChildGoneError, TaskFailedError
 from api.computing.pool import GivenUpError, Ticket
-from api.computing.tasks import Cut, PlanText
-from api.jobs.batching import cuts_of
+from api.job_kinds.job_kind import JobReport, TrialTask
+from api.job_kinds.job_table import JOB_KINDS
+from api.jobs.batching import batches_of
 from api.jobs.dbos_runtime import current
 from api.jobs.queue import JOB_WORKFLOW
-from api.storage import job_queries, job_records, part_records
+from api.plan_texts import PlanText
+from api.storage import batch_records, job_queries, job_records
 from api.storage.database import patiently, unavailable
 from api.storage.plan_records import add_plan
 from api.storage.tables import new_id
 from syncplan.errors import InputError, NoSolutionError
+from syncplan.reports.job_contract import JobKindName
 
-__all__ = ["PARTS_QUEUE", "part_id", "run_job", "run_part"]
+__all__ = ["BATCHES_QUEUE", "batch_id", "run_batch", "run_job"]
 
-PARTS_QUEUE = "syncplan-parts"
+BATCHES_QUEUE = "syncplan-parts"
 
 _LOOK_EVERY_S = 0.5
 _RESULT_EVERY_S = 0.25
-_BATCH = 1000
+_DROPPED_AT_ONCE = 1000
 
 _logger = logging.getLogger("syncplan.jobs")
 
 T = TypeVar("T")
 
 
-def part_id(job_id: str, number: int | Literal[""]) -> str:
-    """Return the identifier of the workflow of a part; without a number, what all begin with."""
+def batch_id(job_id: str, number: int | Literal[""]) -> str:
+    """Return the identifier of a batch's workflow; without a number, the prefix of a job's."""
     return f"{job_id}-{number}"
 
 
@@ -51,39 +56,42 @@ async def run_job(job_id: str) -> None:
     """Do a job."""
     with current().at(job_id):
         kind = await _start(job_id)
-        if kind == "refinement":
-            await _refine(job_id)
-        elif kind is not None:
-            await _run_trials(job_id)
+        if kind is None:
+            return
+        if isinstance(JOB_KINDS[kind].task, TrialTask):
+            await _run_batches(job_id)
+        else:
+            await _compute_whole(job_id)
 
 
-async def _run_trials(job_id: str) -> None:
+async def _run_batches(job_id: str) -> None:
     handles = []
-    for number in range(await _cut(job_id)):
-        # a job's later parts wait for the first ones of others, so that none holds up all
+    for number in range(await _divide(job_id)):
+        # a job's later batches wait for the first ones of others, so that none holds up all
         turn = SetEnqueueOptions(priority=number + 1)
-        with SetWorkflowID(part_id(job_id, number)), turn:
-            handles.append(await DBOS.enqueue_workflow_async(PARTS_QUEUE, run_part, job_id, number))
+        with SetWorkflowID(batch_id(job_id, number)), turn:
+            queued = await DBOS.enqueue_workflow_async(BATCHES_QUEUE, run_batch, job_id, number)
+            handles.append(queued)
     for handle in handles:
         if not await handle.get_result(polling_interval_sec=_RESULT_EVERY_S):
-            await _drop_parts(job_id)
+            await _drop_batches(job_id)
             return
     await _conclude(job_id)
 
 
 @DBOS.workflow(name="syncplan-part", max_recovery_attempts=1000)
-async def run_part(job_id: str, number: int) -> bool:
-    """Do a part of a job's trials; return whether the job goes on."""
-    with current().at(part_id(job_id, number)):
-        return await _fly(job_id, number)
+async def run_batch(job_id: str, number: int) -> bool:
+    """Do a batch of a job's trials; return whether the job goes on."""
+    with current().at(batch_id(job_id, number)):
+        return await _compute_batch(job_id, number)
 
 
 # --- steps --------------------------------------------------------------------------------------
 
 
 @DBOS.step(name="start")
-async def _start(job_id: str) -> str | None:
-    def start(connection: Connection) -> str | None:
+async def _start(job_id: str) -> JobKindName | None:
+    def start(connection: Connection) -> JobKindName | None:
         if not job_queries.start_job(connection, job_id):
             return None
         spec = job_queries.spec_of(connection, job_id)
@@ -93,8 +101,8 @@ async def _start(job_id: str) -> str | None:
 
 
 @DBOS.step(name="cut")
-async def _cut(job_id: str) -> int:
-    """Return the number of parts, or 0 where the job has ended."""
+async def _divide(job_id: str) -> int:
+    """Return the number of batches, or 0 where the job has ended."""
     runtime = current()
     spec = await _in_transaction(lambda connection: job_queries.spec_of(connection, job_id))
     if spec is None:
@@ -102,40 +110,42 @@ async def _cut(job_id: str) -> int:
     runs = await _computed(job_id, runtime.pool.submit("measured_runs", spec))
     if runs is None:
         return 0
-    cuts: list[Cut] = cuts_of(runs, runtime.settings.batch_s, runtime.settings.process_count)
-    return await _in_transaction(lambda connection: part_records.cut_job(connection, job_id, cuts))
+    batches = batches_of(runs, runtime.settings.batch_s, runtime.settings.process_count)
+    return await _in_transaction(
+        lambda connection: batch_records.divide_job(connection, job_id, batches)
+    )
 
 
 @DBOS.step(name="fly")
-async def _fly(job_id: str, number: int) -> bool:
+async def _compute_batch(job_id: str, number: int) -> bool:
     def begin(connection: Connection) -> tuple[Any, bool]:
         goes_on = job_queries.spec_of(connection, job_id) is not None
-        return part_records.next_part(connection, job_id, number), goes_on
+        return batch_records.next_batch(connection, job_id, number), goes_on
 
     found, goes_on = await _in_transaction(begin)
     if found is None:
         return goes_on
     latest = _Latest()
-    ticket = current().pool.submit("flown_part", *found, progress=latest.take)
+    ticket = current().pool.submit("computed_batch", *found, progress=latest.take)
     data = await _computed(job_id, ticket, latest, number)
     if data is not None:
         await _in_transaction(
-            lambda connection: part_records.keep_part(connection, job_id, number, data)
+            lambda connection: batch_records.keep_batch(connection, job_id, number, data)
         )
     return data is not None
 
 
 @DBOS.step(name="drop")
-async def _drop_parts(job_id: str) -> None:
-    """Take parts out of the queue, where they would hold up those of other jobs for nothing."""
+async def _drop_batches(job_id: str) -> None:
+    """Take batches out of the queue, where they would hold up those of other jobs for nothing."""
     waiting = await DBOS.list_workflows_async(
-        workflow_id_prefix=part_id(job_id, ""),
+        workflow_id_prefix=batch_id(job_id, ""),
         status="ENQUEUED",
         load_input=False,
         load_output=False,
     )
-    for first in range(0, len(waiting), _BATCH):
-        dropped = [one.workflow_id for one in waiting[first : first + _BATCH]]
+    for first in range(0, len(waiting), _DROPPED_AT_ONCE):
+        dropped = [one.workflow_id for one in waiting[first : first + _DROPPED_AT_ONCE]]
         await DBOS.cancel_workflows_async(dropped)
 
 
@@ -143,23 +153,16 @@ async def _drop_parts(job_id: str) -> None:
 async def _conclude(job_id: str) -> None:
     def gather(connection: Connection) -> Any:
         spec = job_queries.spec_of(connection, job_id)
-        return None if spec is None else (spec, part_records.finished_parts(connection, job_id))
+        return None if spec is None else (spec, batch_records.finished_batches(connection, job_id))
 
     gathered = await _in_transaction(gather)
-    if gathered is None:
-        return
-    finished = await _computed(job_id, current().pool.submit("finished_report", *gathered))
-    if finished is not None:
-        report, trials = finished
-        await _in_transaction(
-            lambda connection: job_records.end_job(
-                connection, job_id, "succeeded", report=report, trials=trials
-            )
-        )
+    if gathered is not None:
+        result = await _computed(job_id, current().pool.submit("concluded_job", *gathered))
+        await _succeed(job_id, result)
 
 
 @DBOS.step(name="refine")
-async def _refine(job_id: str) -> None:
+async def _compute_whole(job_id: str) -> None:
     runtime = current()
     spec = await _in_transaction(lambda connection: job_queries.spec_of(connection, job_id))
     if spec is None:
@@ -167,25 +170,32 @@ async def _refine(job_id: str) -> None:
     latest = _Latest()
     # processes of its own, beside those at work for others
     workers = max(runtime.settings.process_count - runtime.pool.busy, 1)
-    ticket = runtime.pool.submit("refined_plan", spec, workers, progress=latest.take)
-    made = await _computed(job_id, ticket, latest)
-    if made is not None:
-        await _in_transaction(lambda connection: _keep_refined(connection, job_id, made))
+    ticket = runtime.pool.submit("computed_job", spec, workers, progress=latest.take)
+    await _succeed(job_id, await _computed(job_id, ticket, latest))
 
 
-def _keep_refined(connection: Connection, job_id: str, made: PlanText) -> None:
-    """End the job and store its plan, both or neither."""
-    plan_id = new_id()
-    if job_records.end_job(connection, job_id, "succeeded", plan_id=plan_id):
-        owner, parent_id = job_queries.owner_and_plan(connection, job_id)
-        add_plan(connection, owner, made, plan_id=plan_id, parent_id=parent_id)
+async def _succeed(job_id: str, result: PlanText | JobReport | None) -> None:
+    """End a job with its result, if there is one: the job and what is stored of it, or neither."""
+    if result is None:
+        return
+
+    def keep(connection: Connection) -> None:
+        if isinstance(result, JobReport):
+            job_records.end_job(connection, job_id, "succeeded", report=result)
+            return
+        plan_id = new_id()
+        if job_records.end_job(connection, job_id, "succeeded", plan_id=plan_id):
+            owner, parent_id = job_queries.owner_and_plan(connection, job_id)
+            add_plan(connection, owner, result, plan_id=plan_id, parent_id=parent_id)
+
+    await _in_transaction(keep)
 
 
 # --- computing ----------------------------------------------------------------------------------
 
 
 class _Latest:
-    """The newest progress a child has told of."""
+    """The newest progress that a child has reported."""
 
     def __init__(self) -> None:
         self.done = 0
@@ -241,7 +251,7 @@ async def _goes_on(job_id: str, done: int, number: int | None) -> bool:
 
     def note() -> bool:
         with current().database.writing() as connection:
-            return part_records.note_progress(connection, job_id, done, number)
+            return batch_records.note_progress(connection, job_id, done, number)
 
     try:
         return await asyncio.to_thread(note)

@@ -17,7 +17,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from api.logs import current_request_id, route_template
 from api.problems.openapi_problems import document_problems
 from api.problems.problem_document import MEDIA_TYPE, Problem, printable, title_of
-from api.problems.table import TABLE, Failure, Logged, failure_of
+from api.problems.table import TABLE, FailedRequest, Logged, failure_of
 
 __all__ = ["install_handlers"]
 
@@ -117,7 +117,7 @@ async def _unlogged(request: Request, error: Exception) -> Response:
     return _response(request, failure_of(error))
 
 
-def _response(request: Request, failure: Failure) -> Response:
+def _response(request: Request, failure: FailedRequest) -> Response:
     headers = failure.headers
     if failure.status in (204, 304):
         return Response(status_code=failure.status, headers=headers)

@@ -16,7 +16,7 @@ from api.problems.problem_document import FaultEntry, printable, shown
 from api.problems.service_errors import ServiceError, StorageFull, Unavailable
 from syncplan.errors import InputError, NoSolutionError, SyncplanError
 
-__all__ = ["TABLE", "Failure", "Logged", "failure_of"]
+__all__ = ["TABLE", "FailedRequest", "Logged", "failure_of"]
 
 MOST_ERRORS = 50
 """Most faults that are listed of one request."""
@@ -47,7 +47,7 @@ class Logged(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Failure:
+class FailedRequest:
     """What to answer with, and what to log; without a title the problem is its status alone."""
 
     status: int
@@ -59,11 +59,11 @@ class Failure:
     title: str = ""
 
 
-def _deliberate(error: ServiceError) -> Failure:
-    return Failure(error.status, error.detail, error.headers, error.errors)
+def _deliberate(error: ServiceError) -> FailedRequest:
+    return FailedRequest(error.status, error.detail, error.headers, error.errors)
 
 
-def _input(error: InputError) -> Failure:
+def _input(error: InputError) -> FailedRequest:
     entries = [
         FaultEntry(
             path=printable(fault.key),
@@ -72,25 +72,25 @@ def _input(error: InputError) -> Failure:
         )
         for fault in error.faults[:MOST_ERRORS]
     ]
-    return Failure(422, str(error), errors=tuple(entries))
+    return FailedRequest(422, str(error), errors=tuple(entries))
 
 
-def _no_solution(error: NoSolutionError) -> Failure:
-    return Failure(422, str(error), type=NO_SOLUTION, title="No solution")
+def _no_solution(error: NoSolutionError) -> FailedRequest:
+    return FailedRequest(422, str(error), type=NO_SOLUTION, title="No solution")
 
 
-def _on_purpose(error: SyncplanError) -> Failure:
-    return Failure(500, str(error), logged=Logged.TRACE)
+def _on_purpose(error: SyncplanError) -> FailedRequest:
+    return FailedRequest(500, str(error), logged=Logged.TRACE)
 
 
-def _invalid(error: RequestValidationError) -> Failure:
+def _invalid(error: RequestValidationError) -> FailedRequest:
     faults = error.errors()
     entries = tuple(_entry(fault) for fault in faults[:MOST_ERRORS])
     first = entries[0]
     detail = f"{first.path}: {first.message}" if first.path else first.message
     if len(faults) > 1:
         detail += f" (and {len(faults) - 1} more)"
-    return Failure(422, detail, errors=entries)
+    return FailedRequest(422, detail, errors=entries)
 
 
 def _entry(fault: dict[str, Any]) -> FaultEntry:
@@ -116,18 +116,18 @@ def _dotted(location: Iterable[int | str]) -> str:
     return printable(path)
 
 
-def _http(error: HTTPException) -> Failure:
+def _http(error: HTTPException) -> FailedRequest:
     detail = str(error.detail)
-    return Failure(
+    return FailedRequest(
         error.status_code, SENTENCES.get(detail, detail), headers=dict(error.headers or {})
     )
 
 
-def _gone(error: ClientDisconnect) -> Failure:
-    return Failure(400, "the client went away before its request was complete")
+def _gone(error: ClientDisconnect) -> FailedRequest:
+    return FailedRequest(400, "the client went away before its request was complete")
 
 
-def _database(error: DBAPIError) -> Failure:
+def _database(error: DBAPIError) -> FailedRequest:
     state = getattr(error.orig, "sqlstate", None)
     if state == _DISK_FULL or "disk is full" in str(error.orig):
         return _with_line(StorageFull())
@@ -136,29 +136,29 @@ def _database(error: DBAPIError) -> Failure:
     return _unforeseen(error)
 
 
-def _no_connection(error: PoolTimeout) -> Failure:
+def _no_connection(error: PoolTimeout) -> FailedRequest:
     return _with_line(Unavailable(NO_DATABASE))
 
 
-def _no_memory(error: MemoryError) -> Failure:
+def _no_memory(error: MemoryError) -> FailedRequest:
     return _with_line(Unavailable(NO_MEMORY))
 
 
-def _system(error: OSError) -> Failure:
+def _system(error: OSError) -> FailedRequest:
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return _with_line(StorageFull())
     return _unforeseen(error)
 
 
-def _unforeseen(error: Exception) -> Failure:
-    return Failure(500, INTERNAL, logged=Logged.TRACE)
+def _unforeseen(error: Exception) -> FailedRequest:
+    return FailedRequest(500, INTERNAL, logged=Logged.TRACE)
 
 
-def _with_line(error: ServiceError) -> Failure:
-    return Failure(error.status, error.detail, error.headers, logged=Logged.LINE)
+def _with_line(error: ServiceError) -> FailedRequest:
+    return FailedRequest(error.status, error.detail, error.headers, logged=Logged.LINE)
 
 
-TABLE: dict[type[Exception], Callable[[Any], Failure]] = {
+TABLE: dict[type[Exception], Callable[[Any], FailedRequest]] = {
     ServiceError: _deliberate,
     InputError: _input,
     NoSolutionError: _no_solution,
@@ -175,7 +175,7 @@ TABLE: dict[type[Exception], Callable[[Any], Failure]] = {
 """By the nearest class of an exception."""
 
 
-def failure_of(error: Exception) -> Failure:
+def failure_of(error: Exception) -> FailedRequest:
     """Return what to answer an exception with, by the nearest of its classes in the table."""
     kind = next(kind for kind in type(error).__mro__ if kind in TABLE)
     return TABLE[kind](error)

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 from sqlalchemy import Connection, delete, select
 
-from api.storage.job_records import UNFINISHED
 from api.storage.tables import jobs
+from syncplan.reports.job_contract import UNFINISHED
 
 __all__ = ["delete_jobs", "ended_before"]
 

@@ -2,9 +2,10 @@
 
 from sqlalchemy import Connection, func, select
 
-from api.computing.tasks import JobSpec
-from api.storage.job_records import UNFINISHED, change, state_of
+from api.job_kinds.job_kind import JobSpec
+from api.storage.job_records import change, state_of
 from api.storage.tables import job_results, jobs, moment
+from syncplan.reports.job_contract import UNFINISHED
 
 __all__ = [
     "count_by_state",

@@ -1,26 +1,24 @@
 """Jobs kept: what was asked, how far it is, what came of it, and every change as an event.
 
-    queued --> running --> succeeded | failed
-       \\__________\\______> cancelled          an ended job changes no more
-
-Each change raises the job's event number in the same transaction, so that events are numbered
-without gaps and a reader who has seen number k asks for those after it.
+syncplan.reports.job_contract has the states a job goes through. Each change raises the job's event
+number in the same transaction, so that events are numbered without gaps and a reader who has seen
+number k asks for those after it.
 """
 
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 from sqlalchemy import Connection, delete, func, insert, null, select, update
 
+from api.job_kinds.job_kind import JobReport
 from api.storage.tables import job_events, job_parts, job_results, jobs, moment, new_id
+from syncplan.reports.job_contract import UNFINISHED, EndState, JobKindName, JobState
 
 __all__ = [
-    "UNFINISHED",
     "JobRow",
-    "Kind",
-    "State",
+    "NewJob",
     "add_job",
     "change",
     "end_job",
@@ -31,19 +29,14 @@ __all__ = [
     "unfinished",
 ]
 
-Kind = Literal["refinement", "validation", "sweep"]
-State = Literal["queued", "running", "succeeded", "failed", "cancelled"]
-
-UNFINISHED: tuple[State, State] = ("queued", "running")
-
 
 @dataclass(frozen=True, slots=True)
 class JobRow:
     """A job as answers show it; `request` and `error` are JSON, lists leave the first out."""
 
     id: str
-    kind: Kind
-    state: State
+    kind: JobKindName
+    state: JobState
     request: str | None
     plan_id: str | None
     done: int
@@ -55,33 +48,39 @@ class JobRow:
     error: str | None
 
 
+@dataclass(frozen=True, slots=True)
+class NewJob:
+    """A job as it is requested; `request` is checked, `work` its amount in the kind's unit.
+
+    `plan_text` is a copy, so that the job outlives the plan.
+    """
+
+    kind: JobKindName
+    request: str
+    work: int
+    plan_id: str | None
+    plan_text: str | None
+
+
 _SHOWN = tuple(jobs.c[name] for name in JobRow.__dataclass_fields__)
 # a sweep's request holds a scenario
 _LISTED = tuple(null() if column.name == "request" else column for column in _SHOWN)
 
 
-def add_job(
-    connection: Connection,
-    owner: str,
-    kind: Kind,
-    request: str,
-    work: int,
-    plan_id: str | None,
-    plan_text: str | None,
-) -> JobRow:
+def add_job(connection: Connection, owner: str, new: NewJob) -> JobRow:
     """Enter a job as queued and return it."""
     job_id = new_id()
     connection.execute(
         insert(jobs).values(
             id=job_id,
             owner=owner,
-            kind=kind,
+            kind=new.kind,
             state="queued",
-            request=request,
-            plan_id=plan_id,
-            plan_text=plan_text,
+            request=new.request,
+            plan_id=new.plan_id,
+            plan_text=new.plan_text,
             done=0,
-            total=work,
+            total=new.work,
             created_at=moment(),
             events=0,
         )
@@ -100,7 +99,11 @@ def find_job(connection: Connection, owner: str, job_id: str) -> JobRow | None:
 
 
 def list_jobs(
-    connection: Connection, owner: str, limit: int, before: str | None, state: State | None = None
+    connection: Connection,
+    owner: str,
+    limit: int,
+    before: str | None,
+    state: JobState | None = None,
 ) -> list[JobRow]:
     """Return up to `limit` of an owner's jobs, newest first, older than `before`."""
     query = select(*_LISTED).where(jobs.c.owner == owner).order_by(jobs.c.id.desc())
@@ -125,7 +128,7 @@ def unfinished(connection: Connection, owner: str | None = None) -> list[str]:
     return list(connection.execute(query).scalars())
 
 
-def state_of(connection: Connection, job_id: str) -> State | None:
+def state_of(connection: Connection, job_id: str) -> JobState | None:
     """Return a job's state; None if there is no such job."""
     query = select(jobs.c.state).where(jobs.c.id == job_id)
     return connection.execute(query).scalar()
@@ -137,11 +140,10 @@ def state_of(connection: Connection, job_id: str) -> State | None:
 def end_job(
     connection: Connection,
     job_id: str,
-    state: Literal["succeeded", "failed", "cancelled"],
+    state: EndState,
     *,
     error: dict[str, Any] | None = None,
-    report: str | None = None,
-    trials: bytes | None = None,
+    report: JobReport | None = None,
     plan_id: str | None = None,
 ) -> bool:
     """End a job, once; return whether this was the one that ended it."""
@@ -153,15 +155,19 @@ def end_job(
     if not change(connection, job_id, **values):
         return False
     if report is not None:
-        connection.execute(insert(job_results).values(job_id=job_id, text=report, trials=trials))
+        result = {"job_id": job_id, "text": report.text, "trials": report.trials}
+        connection.execute(insert(job_results).values(result))
     connection.execute(delete(job_parts).where(job_parts.c.job_id == job_id))
     return True
 
 
 def change(
-    connection: Connection, job_id: str, *, only: Sequence[State] = UNFINISHED, **values: Any
+    connection: Connection, job_id: str, *, only: Sequence[JobState] = UNFINISHED, **values: Any
 ) -> bool:
-    """Change columns of a job in one of the states `only`, and tell of it; return if it was."""
+    """Change columns of a job in one of the states `only`; return whether it was in one.
+
+    Each change is recorded as an event.
+    """
     changed = connection.execute(
         update(jobs)
         .where(jobs.c.id == job_id, jobs.c.state.in_(only))
@@ -171,8 +177,8 @@ def change(
     if changed is None:
         return False
     number, state, done, total = changed
-    told = {"state": state, "progress": {"done": done, "total": total}, "at": moment()}
+    shown = {"state": state, "progress": {"done": done, "total": total}, "at": moment()}
     connection.execute(
-        insert(job_events).values(job_id=job_id, number=number, data=json.dumps(told))
+        insert(job_events).values(job_id=job_id, number=number, data=json.dumps(shown))
     )
     return True

@@ -7,7 +7,7 @@ from typing import Any
 
 from sqlalchemy import Connection, delete, insert, select
 
-from api.computing.tasks import PlanText
+from api.plan_texts import PlanText
 from api.storage.tables import moment, new_id, plans
 
 __all__ = ["PlanRow", "add_plan", "body_of", "delete_plan", "find_plan", "list_plans"]

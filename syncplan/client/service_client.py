@@ -22,16 +22,17 @@ from syncplan.estimation.trial_archive import unpack
 from syncplan.planning.plan_files import loaded_from, plan_of, stated
 from syncplan.planning.planner import Plan
 from syncplan.planning.validation import Validation, conclude, trial_run
+from syncplan.reports.job_contract import JobKindName, JobState, has_ended
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario
 
-__all__ = ["Client", "Job", "StoredPlan"]
+__all__ = ["Client", "RemoteJob", "RemotePlan"]
 
 _LOOK_AT_FIRST_S, _LOOK_AT_LAST_S = 0.1, 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StoredPlan(Plan):
+class RemotePlan(Plan):
     """A plan that the service keeps, judged by this library from the orbits it states.
 
     Attributes
@@ -48,7 +49,7 @@ class StoredPlan(Plan):
 
 
 @dataclass(frozen=True, slots=True)
-class Job:
+class RemoteJob:
     """A job of the service as it was when last looked at.
 
     Attributes
@@ -59,17 +60,17 @@ class Job:
     """
 
     id: str
-    kind: Literal["refinement", "validation", "sweep"]
-    state: Literal["queued", "running", "succeeded", "failed", "cancelled"]
+    kind: JobKindName
+    state: JobState
     done: int
     total: int
     document: Mapping[str, Any] = field(repr=False, compare=False)
-    plan: StoredPlan | None = field(default=None, repr=False, compare=False)
+    plan: RemotePlan | None = field(default=None, repr=False, compare=False)
 
     @property
     def ended(self) -> bool:
         """Whether the job changes no more."""
-        return self.state not in ("queued", "running")
+        return has_ended(self.state)
 
 
 class Client:
@@ -112,7 +113,7 @@ class Client:
 
     def plan(
         self, subject: Scenario | Plan | Mapping[str, Any], *, steady: bool = False
-    ) -> StoredPlan:
+    ) -> RemotePlan:
         """Return the plan of a scenario, kept by the service; see syncplan.plan.
 
         Of a plan, or the mapping that a file of one holds, the orbits stay as they are and are
@@ -120,19 +121,19 @@ class Client:
         """
         body = _as_planned(subject)
         parameters = {"steady": "true"} if steady else None
-        return _stored_plan(values_of(self._remote.send("POST", "/v1/plans", body, parameters)))
+        return _remote_plan(values_of(self._remote.send("POST", "/v1/plans", body, parameters)))
 
-    def stored(self, plan_id: str) -> StoredPlan:
+    def stored(self, plan_id: str) -> RemotePlan:
         """Return a plan that the service keeps."""
-        return _stored_plan(values_of(self._remote.send("GET", f"/v1/plans/{_id(plan_id)}")))
+        return _remote_plan(values_of(self._remote.send("GET", f"/v1/plans/{_id(plan_id)}")))
 
-    def delete(self, plan: StoredPlan | str) -> None:
+    def delete(self, plan: RemotePlan | str) -> None:
         """Delete a plan that the service keeps."""
         self._remote.send("DELETE", f"/v1/plans/{_id(plan)}")
 
     # --- jobs ---
 
-    def refine(self, plan: StoredPlan | str, **options: Any) -> Job:
+    def refine(self, plan: RemotePlan | str, **options: Any) -> RemoteJob:
         """Begin to refine a plan; options as syncplan.refine takes them. See wait."""
         return _job(
             values_of(self._remote.send("POST", f"/v1/plans/{_id(plan)}/refinements", options))
@@ -140,7 +141,7 @@ class Client:
 
     def validate(
         self,
-        plan: StoredPlan | str,
+        plan: RemotePlan | str,
         *,
         trials: int = 200,
         seed: int = 0,
@@ -149,7 +150,7 @@ class Client:
         substeps: int = 10,
         gate_probability: float | None = None,
         with_series: bool = False,
-    ) -> Job:
+    ) -> RemoteJob:
         """Begin to validate a plan; options as syncplan.validate takes them. See wait."""
         options = {
             "trials": trials,
@@ -163,62 +164,63 @@ class Client:
         given = {key: value for key, value in options.items() if value is not None}
         answer = self._remote.send("POST", f"/v1/plans/{_id(plan)}/validations", given)
         job = _job(values_of(answer))
-        return replace(job, plan=plan) if isinstance(plan, StoredPlan) else job
+        return replace(job, plan=plan) if isinstance(plan, RemotePlan) else job
 
-    def sweep(self, scenario: Scenario | Mapping[str, Any], **options: Any) -> Job:
+    def sweep(self, scenario: Scenario | Mapping[str, Any], **options: Any) -> RemoteJob:
         """Begin a sweep; options are the keys of the service's request, such as range_m."""
         body = {"scenario": _as_document(scenario), **options}
         return _job(values_of(self._remote.send("POST", "/v1/sweeps", body)))
 
-    def job(self, job_id: str) -> Job:
+    def job(self, job_id: str) -> RemoteJob:
         """Return a job as it is now."""
         return _job(values_of(self._remote.send("GET", f"/v1/jobs/{_id(job_id)}")))
 
-    def cancel(self, job: Job | str) -> Job:
+    def cancel(self, job: RemoteJob | str) -> RemoteJob:
         """Stop a job; raises RemoteError where it has ended in another way."""
         return _job(values_of(self._remote.send("POST", f"/v1/jobs/{_id(job)}/cancel", None)))
 
     def wait(
         self,
-        job: Job | str,
-        progress: Callable[[Job], None] | None = None,
+        job: RemoteJob | str,
+        progress: Callable[[RemoteJob], None] | None = None,
         *,
         timeout_s: float | None = None,
     ) -> Any:
         """Return what a job comes to, once it does.
 
-        A StoredPlan for a refinement, a Validation for a validation, the JSON values of a sweep's
+        A RemotePlan for a refinement, a Validation for a validation, the JSON values of a sweep's
         report. `progress` is called with the job whenever it has changed. Raises InputError or
         NoSolutionError where the job failed for such a reason, RemoteError where it was cancelled,
         failed otherwise or is not done in time.
         """
-        began, pause, told = time.monotonic(), _LOOK_AT_FIRST_S, None
+        began, pause, shown = time.monotonic(), _LOOK_AT_FIRST_S, None
         while True:
             now = self.job(_id(job))
-            if progress is not None and now != told:
+            if progress is not None and now != shown:
                 progress(now)
-                told = now
+                shown = now
             if now.ended:
-                return self._result(now, job.plan if isinstance(job, Job) else None)
+                return self._result(now, job.plan if isinstance(job, RemoteJob) else None)
             if timeout_s is not None and time.monotonic() - began + pause > timeout_s:
                 raise RemoteError(f"job {now.id} is {now.state} after {timeout_s:g} s; it goes on")
             time.sleep(pause)
             pause = min(1.5 * pause, _LOOK_AT_LAST_S)
 
-    def _result(self, job: Job, plan: StoredPlan | None) -> Any:
+    def _result(self, job: RemoteJob, plan: RemotePlan | None) -> Any:
         if job.state == "failed":
             failure = job.document["error"]
             raise error_of(failure, f"job {job.id} failed: {failure['detail']}", None)
         if job.state == "cancelled":
             raise RemoteError(f"job {job.id} was cancelled")
-        if job.kind == "validation":
-            return self._validation(job, plan)
-        answer = self._remote.send("GET", f"/v1/jobs/{job.id}/result")
-        if job.kind == "sweep":
-            return values_of(answer, "rows")
-        return _stored_plan(values_of(answer))
+        return _RESULTS[job.kind](self, job, plan)
 
-    def _validation(self, job: Job, plan: StoredPlan | None) -> Validation:
+    def _refined(self, job: RemoteJob, _: RemotePlan | None) -> RemotePlan:
+        return _remote_plan(values_of(self._remote.send("GET", f"/v1/jobs/{job.id}/result")))
+
+    def _rows(self, job: RemoteJob, _: RemotePlan | None) -> dict[str, Any]:
+        return values_of(self._remote.send("GET", f"/v1/jobs/{job.id}/result"), "rows")
+
+    def _validation(self, job: RemoteJob, plan: RemotePlan | None) -> Validation:
         asked = job.document["request"]
         run = trial_run(
             self.stored(job.document["plan_id"]) if plan is None else plan,
@@ -234,6 +236,14 @@ class Client:
             "GET", f"/v1/jobs/{job.id}/trials", accept="application/octet-stream"
         )
         return conclude(run, [unpack(trials.content)])
+
+
+_RESULTS: Mapping[JobKindName, Callable[[Client, RemoteJob, RemotePlan | None], Any]] = {
+    "refinement": Client._refined,
+    "validation": Client._validation,
+    "sweep": Client._rows,
+}
+"""What makes the result of a job that has succeeded, by the job's kind."""
 
 
 def _as_planned(subject: Scenario | Plan | Mapping[str, Any]) -> dict[str, Any]:
@@ -253,10 +263,10 @@ def _as_document(scenario: Scenario | Mapping[str, Any]) -> dict[str, Any]:
     return checked.model_dump(mode="json", exclude_none=True)
 
 
-def _id(item: StoredPlan | Job | str) -> str:
+def _id(item: RemotePlan | RemoteJob | str) -> str:
     if isinstance(item, str):
         return quote(item, safe="")
-    if not isinstance(item, StoredPlan | Job):
+    if not isinstance(item, RemotePlan | RemoteJob):
         raise InputError(
             f"a {type(item).__name__} is not known to the service; give what its plan(), refine() "
             "or validate() returned, or an identifier",
@@ -265,10 +275,10 @@ def _id(item: StoredPlan | Job | str) -> str:
     return item.id
 
 
-def _stored_plan(document: Mapping[str, Any]) -> StoredPlan:
+def _remote_plan(document: Mapping[str, Any]) -> RemotePlan:
     made = plan_of(loaded_from(document))
     values = {one.name: getattr(made, one.name) for one in fields(made)}
-    return StoredPlan(
+    return RemotePlan(
         **values,
         id=document["id"],
         parent_id=document["parent_id"],
@@ -277,9 +287,9 @@ def _stored_plan(document: Mapping[str, Any]) -> StoredPlan:
     )
 
 
-def _job(document: Mapping[str, Any]) -> Job:
+def _job(document: Mapping[str, Any]) -> RemoteJob:
     progress = document["progress"]
-    return Job(
+    return RemoteJob(
         id=document["id"],
         kind=document["kind"],
         state=document["state"],

@@ -5,6 +5,7 @@ refinement_schemas  the JSON contract of refinements
 plan_schemas        of plans
 site_schemas        of choices of landmark sites
 run_schemas         of validations, replays and sweeps
+job_contract        kinds and states of the service's jobs
 refinement_report   refinements
 plan_report         plans
 sites_report        choices of landmark sites

@@ -16,7 +16,7 @@ import pytest
 
 import syncplan
 from syncplan.client.connection import RemoteError
-from syncplan.client.service_client import Client, Job, StoredPlan
+from syncplan.client.service_client import Client, RemoteJob, RemotePlan
 from syncplan.planning.sweeps import sweep
 from syncplan.reports.plan_report import plan_document
 from syncplan.reports.validation_report import sweep_document, validation_document
@@ -46,7 +46,7 @@ def client(server: Server) -> Iterator[Client]:
 
 
 @pytest.fixture(scope="module")
-def stored(client: Client) -> StoredPlan:
+def stored(client: Client) -> RemotePlan:
     """The grid as the service planned it."""
     return client.plan(example("paper-grid-alternate"))
 
@@ -65,7 +65,7 @@ def http_of(server: Server) -> httpx2.Client:
 # --- the library's results ----------------------------------------------------------------------
 
 
-def test_a_plan_is_the_librarys(stored: StoredPlan, made: syncplan.Plan) -> None:
+def test_a_plan_is_the_librarys(stored: RemotePlan, made: syncplan.Plan) -> None:
     assert isinstance(stored, syncplan.Plan)
     assert stored.observability.rank == made.observability.rank == 16
     assert np.array_equal(stored.orbits.phases, made.orbits.phases)
@@ -100,7 +100,7 @@ def test_a_stored_plan_is_read_and_deleted(client: Client) -> None:
 
 
 def test_a_refinement_is_the_librarys_and_names_its_parent(
-    client: Client, stored: StoredPlan, made: syncplan.Plan
+    client: Client, stored: RemotePlan, made: syncplan.Plan
 ) -> None:
     options: dict[str, Any] = {"objective": "logdet", "starts": 2, "seed": 3, "center_box_m": 4.0}
     better = client.wait(client.refine(stored, **options))
@@ -127,7 +127,7 @@ def test_a_refinement_is_the_librarys_and_names_its_parent(
 def test_a_validation_is_the_librarys_to_the_last_byte(
     client: Client,
     server: Server,
-    stored: StoredPlan,
+    stored: RemotePlan,
     made: syncplan.Plan,
     options: dict[str, Any],
 ) -> None:
@@ -151,8 +151,8 @@ def test_a_sweep_is_the_librarys(client: Client) -> None:
 # --- jobs ---------------------------------------------------------------------------------------
 
 
-def test_progress_is_told_whenever_it_changes(client: Client, stored: StoredPlan) -> None:
-    told: list[Job] = []
+def test_progress_is_told_whenever_it_changes(client: Client, stored: RemotePlan) -> None:
+    told: list[RemoteJob] = []
     job = client.validate(stored.id, trials=1500)
     assert (job.kind, job.total, job.ended) == ("validation", 1500, False)
     client.wait(job, progress=told.append)
@@ -165,7 +165,7 @@ def test_progress_is_told_whenever_it_changes(client: Client, stored: StoredPlan
 
 
 def test_waiting_ends_in_time_and_the_job_goes_on_until_it_is_cancelled(
-    client: Client, stored: StoredPlan
+    client: Client, stored: RemotePlan
 ) -> None:
     job = client.validate(stored, trials=50_000)
     began = time.monotonic()
@@ -179,7 +179,7 @@ def test_waiting_ends_in_time_and_the_job_goes_on_until_it_is_cancelled(
         client.wait(job)
 
 
-def test_a_job_that_has_succeeded_is_not_cancelled(client: Client, stored: StoredPlan) -> None:
+def test_a_job_that_has_succeeded_is_not_cancelled(client: Client, stored: RemotePlan) -> None:
     job = client.validate(stored, trials=1, duration=1.0)
     client.wait(job)
     with pytest.raises(RemoteError, match="409: the job has ended already") as caught:
@@ -187,7 +187,7 @@ def test_a_job_that_has_succeeded_is_not_cancelled(client: Client, stored: Store
     assert caught.value.status == 409
 
 
-def test_a_job_without_solution_says_why(client: Client, stored: StoredPlan) -> None:
+def test_a_job_without_solution_says_why(client: Client, stored: RemotePlan) -> None:
     job = client.refine(stored, margin_m=80.0)
     with pytest.raises(syncplan.NoSolutionError, match=rf"job {job.id} failed.*v1-v2.*range 50 m"):
         client.wait(job)
@@ -215,7 +215,7 @@ def test_a_bad_scenario_is_refused_before_it_is_sent() -> None:
 
 
 def test_what_the_service_refuses_is_an_input_error_with_its_faults(
-    client: Client, stored: StoredPlan
+    client: Client, stored: RemotePlan
 ) -> None:
     with pytest.raises(syncplan.InputError) as caught:
         client.refine(stored, starts=0, seeds=1)
@@ -266,7 +266,7 @@ def test_a_plan_of_the_librarys_is_not_known_to_the_service(
 
 @pytest.mark.parametrize("value", [float("nan"), object()])
 def test_what_is_no_json_is_an_input_error(
-    client: Client, stored: StoredPlan, value: object
+    client: Client, stored: RemotePlan, value: object
 ) -> None:
     with pytest.raises(syncplan.InputError, match="can't be sent as JSON"):
         client.refine(stored, center_box_m=value)
@@ -406,7 +406,7 @@ def saying(status: int, body: bytes = b"", **headers: str) -> Turn:
     return lambda stand: stand.reply(status, body, **headers)
 
 
-def test_a_post_whose_answer_is_lost_is_done_once(server: Server, stored: StoredPlan) -> None:
+def test_a_post_whose_answer_is_lost_is_done_once(server: Server, stored: RemotePlan) -> None:
     with (
         http_of(server) as http,
         standing(saying(503), cut_off, cut_off, behind=server.url) as stands,
@@ -444,7 +444,7 @@ def test_each_post_has_a_key_of_its_own(server: Server) -> None:
     assert None not in keys
 
 
-def test_a_busy_service_is_asked_again_when_it_says(server: Server, stored: StoredPlan) -> None:
+def test_a_busy_service_is_asked_again_when_it_says(server: Server, stored: RemotePlan) -> None:
     busy = saying(429, retry_after="1")
     with standing(busy, behind=server.url) as stands, Client(stands.url, KEY) as client:
         began = time.monotonic()
@@ -468,7 +468,7 @@ def test_a_wait_beyond_patience_is_not_begun() -> None:
 
 
 @pytest.mark.parametrize("when", ["soon", "-3", "Wed, 21 Oct 2026 07:28:00 GMT", "nan"])
-def test_an_odd_time_to_wait_is_passed_over(server: Server, stored: StoredPlan, when: str) -> None:
+def test_an_odd_time_to_wait_is_passed_over(server: Server, stored: RemotePlan, when: str) -> None:
     with (
         standing(saying(503, retry_after=when), behind=server.url) as stands,
         Client(stands.url, KEY) as client,

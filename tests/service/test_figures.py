@@ -10,8 +10,8 @@ import httpx2
 import pytest
 
 import syncplan
-from api.routes.exports import ExportName
-from api.routes.figures import PlanFigure, ReportFigure, StoredFigure
+from api.routes.export_routes import ExportName
+from api.routes.figure_routes import PlanFigure, ReportFigure, StoredFigure
 from syncplan.exporting.formats import ALL, FORMATS, as_archive, export
 from syncplan.plotting.catalogue import ENTRIES, specs_of
 from syncplan.reports.plan_report import plan_document

@@ -7,9 +7,10 @@ import pytest
 from dbos import DBOSClient
 from sqlalchemy import text
 
+from api.job_kinds.job_kind import JobReport
 from api.jobs.guard import Guard
 from api.jobs.queue import JOBS_QUEUE, JobQueue
-from api.jobs.workflows import part_id
+from api.jobs.workflows import batch_id
 from api.storage import executors, job_records
 from api.storage.database import Database, open_database
 from api.storage.kept_answers import Answer, find_answer, keep_answer
@@ -78,15 +79,14 @@ class Bench:
     def job(self) -> str:
         """A job that waits, and its workflow."""
         with self.database.writing() as connection:
-            job_id = job_records.add_job(
-                connection, "ann", "validation", "{}", 40, "plan", "text"
-            ).id
+            new = job_records.NewJob("validation", "{}", 40, "plan", "text")
+            job_id = job_records.add_job(connection, "ann", new).id
             self.queue.enqueue(connection, job_id)
         return job_id
 
     def end(self, job_id: str) -> None:
         with self.database.writing() as connection:
-            job_records.end_job(connection, job_id, "succeeded", report="report")
+            job_records.end_job(connection, job_id, "succeeded", report=JobReport("report"))
 
     def state(self, job_id: str) -> str | None:
         with self.database.reading() as connection:
@@ -212,7 +212,7 @@ def test_old_jobs_and_answers_are_swept_with_their_workflows_and_no_others(bench
     old, waiting = bench.job(), bench.job()
     with bench.database.writing() as connection:
         keep_answer(connection, "ann", "key", Answer("digest", 201, {}, ""))
-        bench.queue.enqueue(connection, part_id(old, 0))
+        bench.queue.enqueue(connection, batch_id(old, 0))
     bench.set_workflow(old, "SUCCESS")
     bench.end(old)
     bench.look(10)
@@ -220,7 +220,7 @@ def test_old_jobs_and_answers_are_swept_with_their_workflows_and_no_others(bench
     bench.guard = bench.another("own", keep_s=-60.0)
     bench.look(10)
     assert bench.state(old) is None
-    assert bench.workflow(old) is bench.workflow(part_id(old, 0)) is None
+    assert bench.workflow(old) is bench.workflow(batch_id(old, 0)) is None
     assert bench.state(waiting) == "queued"
     assert bench.workflow(waiting) == ("ENQUEUED", JOBS_QUEUE)
     with bench.database.reading() as connection:

@@ -15,9 +15,11 @@ from hypothesis import strategies as st
 from pydantic import BaseModel, ValidationError
 from schemathesis.config import SchemathesisConfig as Config
 
+from api.job_kinds.refinement_jobs import RefinementRequest
+from api.job_kinds.sweep_jobs import SweepRequest
+from api.job_kinds.validation_jobs import ValidationRequest
 from api.main import create_app
 from api.openapi import operations
-from api.requests import RefinementRequest, SweepRequest, ValidationRequest
 from api.settings import load_settings
 from syncplan.planning.plan_files import PlanFile
 from syncplan.reports.run_schemas import SweepReport

@@ -15,9 +15,10 @@ import pytest
 
 from api.computing.child import Child, ChildGoneError, TaskFailedError, TooSlowError
 from api.computing.pool import GivenUpError, Pool, PoolFullError, Ticket
-from api.computing.tasks import Cut, JobSpec, PlanText
-from api.jobs.batching import cuts_of
-from api.limits import Limits
+from api.job_kinds.job_kind import Batch, JobSpec
+from api.jobs.batching import batches_of
+from api.limits import RequestLimits
+from api.plan_texts import PlanText
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.trials import CHUNK_TRIALS
 from syncplan.planning.planner import plan
@@ -29,7 +30,7 @@ from tests.tools.scenarios import FILES, example
 
 pytestmark = pytest.mark.alone
 
-LIMITS = Limits(
+LIMITS = RequestLimits(
     vehicles=200, samples=20_000, trials=100_000, run_s=1e5, refine_s=600.0, sweep_values=50
 )
 GRID = (FILES / "paper-grid-same.yaml").read_bytes()
@@ -59,7 +60,7 @@ def long_flight(pool: Pool, made: PlanText) -> Ticket:
     """A task that takes minutes."""
     request = '{"trials": 100000, "seed": 0, "model": "arc", "substeps": 10, "series": false}'
     spec = JobSpec("job", "validation", request, made.text)
-    return pool.submit("flown_part", spec, Cut(0, 0, 100_000))
+    return pool.submit("computed_batch", spec, Batch(0, 0, 100_000))
 
 
 def processes_of(parent: int) -> list[int]:
@@ -80,15 +81,17 @@ def test_a_fault_of_a_task_is_no_error_that_clients_are_told_of(pool: Pool) -> N
         pool.call("made_plan", None, "json", LIMITS, False)
 
 
-def test_parts_flown_by_children_come_to_the_librarys_report(pool: Pool, made: PlanText) -> None:
+def test_batches_of_children_come_to_the_librarys_report(pool: Pool, made: PlanText) -> None:
     spec = spec_of(made, pool, trials=40, seed=5, duration_s=20.0)
-    cuts = [Cut(0, 16, 24), Cut(0, 0, 16)]
-    report, trials = pool.call(
-        "finished_report", spec, [(cut, pool.call("flown_part", spec, cut)) for cut in cuts]
+    batches = [Batch(0, 16, 24), Batch(0, 0, 16)]
+    report = pool.call(
+        "concluded_job",
+        spec,
+        [(batch, pool.call("computed_batch", spec, batch)) for batch in batches],
     )
     whole = validate(example("paper-grid-same"), trials=40, seed=5, duration=20.0)
-    assert report == as_text(validation_document(whole).as_json())
-    assert trials
+    assert report.text == as_text(validation_document(whole).as_json())
+    assert report.trials
 
 
 def test_bad_input_comes_back_as_the_librarys_error(pool: Pool) -> None:
@@ -142,13 +145,13 @@ def test_a_task_given_up_before_its_turn_is_never_begun(pool: Pool, made: PlanTe
 def test_a_task_that_takes_too_long_is_stopped(pool: Pool, made: PlanText) -> None:
     spec = spec_of(made, pool, trials=100_000)
     with pytest.raises(TooSlowError):
-        pool.call("flown_part", spec, Cut(0, 0, 100_000), timeout_s=0.5)
+        pool.call("computed_batch", spec, Batch(0, 0, 100_000), timeout_s=0.5)
     assert pool.call("made_plan", GRID, "yaml", LIMITS, False) == made
 
 
 def test_a_task_whose_process_dies_is_done_by_another(pool: Pool, made: PlanText) -> None:
     spec = spec_of(made, pool, trials=1600, duration_s=200.0)
-    ticket = pool.submit("flown_part", spec, Cut(0, 0, 1600))
+    ticket = pool.submit("computed_batch", spec, Batch(0, 0, 1600))
     time.sleep(0.4)
     for one in processes_of(os.getpid()):
         os.kill(one, signal.SIGKILL)
@@ -217,30 +220,30 @@ def _alive(process: int) -> bool:
 @pytest.mark.parametrize(
     ("trials", "seconds"), [(1, 0.001), (200, 0.002), (100_000, 0.002), (5000, 3.0), (47, 0.5)]
 )
-def test_parts_cover_each_run_once_in_whole_chunks(trials: int, seconds: float) -> None:
-    cuts = cuts_of([(trials, seconds), (trials, 2 * seconds)], 7.0, 2)
+def test_batches_cover_each_run_once_in_whole_chunks(trials: int, seconds: float) -> None:
+    batches = batches_of([(trials, seconds), (trials, 2 * seconds)], 7.0, 2)
     for run in (0, 1):
-        own = [cut for cut in cuts if cut.run == run]
+        own = [batch for batch in batches if batch.run == run]
         assert own[0].first_trial == 0
-        assert all(cut.first_trial % CHUNK_TRIALS == 0 and cut.trials > 0 for cut in own)
+        assert all(one.first_trial % CHUNK_TRIALS == 0 and one.trials > 0 for one in own)
         assert all(a.first_trial + a.trials == b.first_trial for a, b in pairwise(own))
         assert own[-1].first_trial + own[-1].trials == trials
 
 
-def test_parts_of_a_long_run_take_about_what_they_should() -> None:
-    cuts = cuts_of([(100_000, 0.002)], 7.0, 2)
-    assert all(5.0 < 0.002 * cut.trials < 10.0 for cut in cuts)
+def test_batches_of_a_long_run_take_about_what_they_should() -> None:
+    batches = batches_of([(100_000, 0.002)], 7.0, 2)
+    assert all(5.0 < 0.002 * batch.trials < 10.0 for batch in batches)
 
 
-def test_a_short_run_is_cut_for_all_processes_and_a_shorter_one_is_not_cut() -> None:
-    assert len(cuts_of([(2000, 0.002)], 7.0, 2)) == 2
-    assert len(cuts_of([(200, 0.002)], 7.0, 2)) == 1
+def test_a_short_run_is_divided_for_all_processes_and_a_shorter_one_is_not() -> None:
+    assert len(batches_of([(2000, 0.002)], 7.0, 2)) == 2
+    assert len(batches_of([(200, 0.002)], 7.0, 2)) == 1
 
 
 @pytest.mark.parametrize("processes", [1, 2, 3, 8])
-def test_no_process_waits_for_a_last_part_of_another(processes: int) -> None:
+def test_no_process_waits_for_a_last_batch_of_another(processes: int) -> None:
     for trials in range(5_000, 60_000, 1_700):
-        assert len(cuts_of([(trials, 0.002)], 7.0, processes)) % processes == 0, trials
+        assert len(batches_of([(trials, 0.002)], 7.0, processes)) % processes == 0, trials
 
 
 def test_a_pool_outlives_a_system_without_room_for_a_process(

@@ -6,11 +6,13 @@ from dataclasses import replace
 import pytest
 
 from api.computing.tasks import checked_request, made_plan
-from api.limits import Limits
+from api.limits import RequestLimits
 from syncplan.errors import InputError
 from tests.tools.record_examples import SCENARIO
 
-LIMITS = Limits(vehicles=10, samples=1000, trials=100, run_s=1000.0, refine_s=5.0, sweep_values=3)
+LIMITS = RequestLimits(
+    vehicles=10, samples=1000, trials=100, run_s=1000.0, refine_s=5.0, sweep_values=3
+)
 
 
 def _plan(**refine: object) -> str:

@@ -8,8 +8,9 @@ import pytest
 from sqlalchemy import Connection, create_engine, insert, select, update
 from sqlalchemy.exc import IntegrityError, OperationalError
 
-from api.computing.tasks import Cut, PlanText
-from api.storage import executors, job_queries, job_records, part_records
+from api.job_kinds.job_kind import Batch, JobReport
+from api.plan_texts import PlanText
+from api.storage import batch_records, executors, job_queries, job_records
 from api.storage.database import Database, open_database, patiently, unavailable
 from api.storage.ended_jobs import delete_jobs, ended_before
 from api.storage.events import MOST_EVENTS, events_after
@@ -27,7 +28,7 @@ from api.storage.tables import job_parts, moment, new_id, schema_version
 from syncplan.errors import InputError
 
 MADE = PlanText('{\n "version": "1"\n}\n', "survey", 6, True, 1.5)
-CUTS = [Cut(0, 0, 32), Cut(0, 32, 8)]
+BATCHES = [Batch(0, 0, 32), Batch(0, 32, 8)]
 
 
 @pytest.fixture
@@ -45,7 +46,8 @@ def connection(database: Database) -> Iterator[Connection]:
 
 def job(connection: Connection, owner: str = "ann", work: int = 40) -> str:
     """A queued validation."""
-    return job_records.add_job(connection, owner, "validation", "{}", work, "plan", "text").id
+    new = job_records.NewJob("validation", "{}", work, "plan", "text")
+    return job_records.add_job(connection, owner, new).id
 
 
 def states(connection: Connection, job_id: str) -> list[tuple[int, str, int]]:
@@ -93,22 +95,22 @@ def test_pages_of_plans_hold_each_once_newest_first(connection: Connection) -> N
     assert first + then == made
 
 
-def test_a_job_goes_from_queued_over_its_parts_to_one_end(connection: Connection) -> None:
+def test_a_job_goes_from_queued_over_its_batches_to_one_end(connection: Connection) -> None:
     job_id = job(connection)
     assert job_queries.start_job(connection, job_id)
-    assert part_records.cut_job(connection, job_id, CUTS) == 2
-    assert part_records.next_part(connection, job_id, 1) == (
+    assert batch_records.divide_job(connection, job_id, BATCHES) == 2
+    assert batch_records.next_batch(connection, job_id, 1) == (
         job_queries.spec_of(connection, job_id),
-        CUTS[1],
+        BATCHES[1],
     )
-    assert part_records.note_progress(connection, job_id, 5, 0)
-    part_records.keep_part(connection, job_id, 1, b"late")
-    part_records.keep_part(connection, job_id, 0, b"soon")
-    assert part_records.finished_parts(connection, job_id) == [
-        (CUTS[0], b"soon"),
-        (CUTS[1], b"late"),
+    assert batch_records.note_progress(connection, job_id, 5, 0)
+    batch_records.keep_batch(connection, job_id, 1, b"late")
+    batch_records.keep_batch(connection, job_id, 0, b"soon")
+    assert batch_records.finished_batches(connection, job_id) == [
+        (BATCHES[0], b"soon"),
+        (BATCHES[1], b"late"),
     ]
-    assert job_records.end_job(connection, job_id, "succeeded", report="report", trials=b"npz")
+    assert job_records.end_job(connection, job_id, "succeeded", report=JobReport("report", b"npz"))
     assert job_queries.report_of(connection, job_id) == "report"
     assert job_queries.trials_of(connection, job_id) == b"npz"
     assert states(connection, job_id) == [
@@ -125,14 +127,14 @@ def test_a_job_goes_from_queued_over_its_parts_to_one_end(connection: Connection
 def test_an_ended_job_changes_no_more(connection: Connection) -> None:
     job_id = job(connection)
     job_queries.start_job(connection, job_id)
-    part_records.cut_job(connection, job_id, CUTS)
+    batch_records.divide_job(connection, job_id, BATCHES)
     assert job_records.end_job(connection, job_id, "cancelled")
     before = states(connection, job_id)
-    assert not job_records.end_job(connection, job_id, "succeeded", report="late")
+    assert not job_records.end_job(connection, job_id, "succeeded", report=JobReport("late"))
     assert not job_queries.start_job(connection, job_id)
-    assert not part_records.note_progress(connection, job_id, 9)
-    part_records.keep_part(connection, job_id, 0, b"late")
-    assert part_records.next_part(connection, job_id, 0) is None
+    assert not batch_records.note_progress(connection, job_id, 9)
+    batch_records.keep_batch(connection, job_id, 0, b"late")
+    assert batch_records.next_batch(connection, job_id, 0) is None
     assert job_queries.report_of(connection, job_id) is None
     assert states(connection, job_id) == before
 
@@ -141,19 +143,19 @@ def test_a_step_that_runs_again_changes_nothing(connection: Connection) -> None:
     job_id = job(connection)
     assert job_queries.start_job(connection, job_id)
     assert job_queries.start_job(connection, job_id)
-    part_records.cut_job(connection, job_id, CUTS)
-    assert part_records.cut_job(connection, job_id, [Cut(0, 0, 40)]) == 2
-    part_records.keep_part(connection, job_id, 0, b"first")
-    part_records.keep_part(connection, job_id, 0, b"second")
-    assert part_records.finished_parts(connection, job_id)[0] == (CUTS[0], b"first")
-    assert part_records.next_part(connection, job_id, 0) is None
+    batch_records.divide_job(connection, job_id, BATCHES)
+    assert batch_records.divide_job(connection, job_id, [Batch(0, 0, 40)]) == 2
+    batch_records.keep_batch(connection, job_id, 0, b"first")
+    batch_records.keep_batch(connection, job_id, 0, b"second")
+    assert batch_records.finished_batches(connection, job_id)[0] == (BATCHES[0], b"first")
+    assert batch_records.next_batch(connection, job_id, 0) is None
     assert states(connection, job_id)[-1] == (3, "running", 32)
 
 
 def test_progress_never_goes_back_nor_past_the_whole(connection: Connection) -> None:
     job_id = job(connection)
     for done in (30, 10, 99):
-        part_records.note_progress(connection, job_id, done)
+        batch_records.note_progress(connection, job_id, done)
     assert [done for _, _, done in states(connection, job_id)] == [0, 30, 40]
 
 
@@ -171,7 +173,7 @@ def test_jobs_that_ended_long_ago_are_deleted_with_all_that_hangs_on_them(
     connection: Connection,
 ) -> None:
     old, running = job(connection), job(connection)
-    job_records.end_job(connection, old, "succeeded", report="report")
+    job_records.end_job(connection, old, "succeeded", report=JobReport("report"))
     assert ended_before(connection, moment(60.0), 10) == []
     assert ended_before(connection, moment(-60.0), 10) == [old]
     assert ended_before(connection, moment(-60.0), 0) == []
@@ -318,10 +320,10 @@ def test_a_full_disk_counts_as_a_lost_connection_whoever_writes(tmp_path: Path) 
     assert unavailable(caught.value)
 
 
-def test_no_parts_are_entered_for_a_job_that_has_ended(connection: Connection) -> None:
+def test_no_batches_are_entered_for_a_job_that_has_ended(connection: Connection) -> None:
     job_id = job(connection)
     job_records.end_job(connection, job_id, "cancelled")
-    assert part_records.cut_job(connection, job_id, CUTS) == 0
+    assert batch_records.divide_job(connection, job_id, BATCHES) == 0
     assert connection.execute(select(job_parts)).all() == []
 
 
@@ -355,7 +357,7 @@ def test_the_file_of_the_database_is_its_owners_alone(tmp_path: Path) -> None:
 def test_events_are_read_some_hundreds_at_a_time(connection: Connection) -> None:
     job_id = job(connection, work=MOST_EVENTS + 100)
     for done in range(1, MOST_EVENTS + 50):
-        part_records.note_progress(connection, job_id, done)
+        batch_records.note_progress(connection, job_id, done)
     first = events_after(connection, job_id, 0)
     then = events_after(connection, job_id, first[-1][0])
     assert [number for number, _ in first + then] == list(range(1, MOST_EVENTS + 51))

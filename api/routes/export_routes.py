@@ -9,7 +9,7 @@ from starlette.concurrency import run_in_threadpool
 from api.idempotency import computed
 from api.negotiation import accepts
 from api.problems import problem_responses
-from api.routes.plans import Identifier, find_or_refuse
+from api.routes.plan_routes import Identifier, find_or_refuse
 from api.security import CurrentOwner
 from api.service import CurrentService
 

@@ -5,9 +5,9 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Header, Path, Query, Response
 from sqlalchemy import Connection
 
-from api.computing.tasks import PlanText
 from api.idempotency import CurrentCall, answer_once, computed
 from api.negotiation import accepts
+from api.plan_texts import PlanText
 from api.problems import NotFound, PreconditionFailed, problem_responses
 from api.responses import PlanPage, PlanSummary, StoredPlan
 from api.security import CurrentOwner

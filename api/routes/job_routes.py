@@ -10,18 +10,21 @@ from sqlalchemy import Connection
 from starlette.concurrency import run_in_threadpool
 
 from api.idempotency import Call, CurrentCall, EmptyCall, answer_once, computed
+from api.job_kinds.job_kind import JobKind
+from api.job_kinds.job_table import JOB_KINDS, plurals
 from api.negotiation import accepts
 from api.problems import Conflict, NotFound, TooManyRequests, problem_responses
 from api.responses import Job, JobPage, job_answer
-from api.routes.plans import Identifier, find_or_refuse
+from api.routes.plan_routes import Identifier, find_or_refuse
 from api.security import CurrentOwner
 from api.service import CurrentEnding, CurrentService, Service
 from api.storage import job_queries, job_records
 from api.storage.database import unavailable
 from api.storage.events import MOST_EVENTS, events_after
-from api.storage.job_records import JobRow, State
+from api.storage.job_records import JobRow, NewJob
 from api.storage.kept_answers import Answer
 from api.storage.plan_records import body_of
+from syncplan.reports.job_contract import JobState, has_ended
 
 __all__ = ["Owned", "router"]
 
@@ -33,46 +36,32 @@ _RETRY_AFTER_S = 5
 _LOOK_EVERY_S = 0.3
 
 
-@router.post(
-    "/plans/{plan_id}/refinements",
-    status_code=202,
-    response_model=Job,
-    dependencies=_JSON,
-    operation_id="refinePlan",
-    summary="Refine a plan",
-    responses=_HANDED_IN,
-)
-async def create_refinement(plan_id: Identifier, call: CurrentCall) -> Response:
-    """Move phases, centres and radii to the best plan near this one: a job that makes a plan."""
-    return await _hand_in(call, "refinement", plan_id)
+def _offer(kind: JobKind) -> None:
+    """Add the route that takes requests for jobs of a kind."""
+
+    async def create_about_plan(plan_id: Identifier, call: CurrentCall) -> Response:
+        return await _hand_in(call, kind, plan_id)
+
+    async def create(call: CurrentCall) -> Response:
+        return await _hand_in(call, kind, None)
+
+    operation = kind.operation
+    router.add_api_route(
+        operation.path,
+        create_about_plan if operation.about_plan else create,
+        methods=["POST"],
+        status_code=202,
+        response_model=Job,
+        dependencies=_JSON,
+        operation_id=operation.id,
+        summary=operation.summary,
+        description=operation.description,
+        responses=_HANDED_IN,
+    )
 
 
-@router.post(
-    "/plans/{plan_id}/validations",
-    status_code=202,
-    response_model=Job,
-    dependencies=_JSON,
-    operation_id="validatePlan",
-    summary="Validate a plan",
-    responses=_HANDED_IN,
-)
-async def create_validation(plan_id: Identifier, call: CurrentCall) -> Response:
-    """Fly a plan many times with the filter: a job that reports errors and consistency."""
-    return await _hand_in(call, "validation", plan_id)
-
-
-@router.post(
-    "/sweeps",
-    status_code=202,
-    response_model=Job,
-    dependencies=_JSON,
-    operation_id="sweepScenario",
-    summary="Sweep a scenario",
-    responses=_HANDED_IN,
-)
-async def create_sweep(call: CurrentCall) -> Response:
-    """Vary one key of a scenario, plan and validate each value: a job that reports them all."""
-    return await _hand_in(call, "sweep", None)
+for _kind in JOB_KINDS.values():
+    _offer(_kind)
 
 
 @router.get(
@@ -90,7 +79,7 @@ def read_jobs(
     before: Annotated[
         str | None, Query(pattern=r"^[0-9a-f-]{36}$", description="Cursor: older than this job")
     ] = None,
-    state: Annotated[State | None, Query(description="Only jobs in this state")] = None,
+    state: Annotated[JobState | None, Query(description="Only jobs in this state")] = None,
 ) -> JobPage:
     """Your jobs, newest first, a page at a time."""
     with service.database.reading() as connection:
@@ -166,12 +155,12 @@ async def follow_job(
         for number, data in found:
             told = number
             yield ServerSentEvent(id=str(number), event="job", raw_data=data)
-        ended = now not in job_records.UNFINISHED and len(found) < MOST_EVENTS
+        ended = (now is None or has_ended(now)) and len(found) < MOST_EVENTS
         if not ended:
             await asyncio.sleep(_LOOK_EVERY_S)
 
 
-def _state(service: Service, job_id: str) -> State | None:
+def _state(service: Service, job_id: str) -> JobState | None:
     with service.database.reading() as connection:
         return job_records.state_of(connection, job_id)
 
@@ -242,8 +231,9 @@ def read_result(row: Owned, service: CurrentService, owner: CurrentOwner) -> Res
 )
 def read_trials(row: Owned, service: CurrentService) -> Response:
     """The figures of each trial of a validation, NumPy arrays in an .npz archive."""
-    if row.state != "succeeded" or row.kind != "validation":
-        raise Conflict(f"the job is a {row.kind}, {row.state}; validations that succeeded have one")
+    if row.state != "succeeded" or not JOB_KINDS[row.kind].keeps_trials:
+        kinds = plurals(lambda kind: kind.keeps_trials)
+        raise Conflict(f"the job is a {row.kind}, {row.state}; {kinds} that succeeded have one")
     with service.database.reading() as connection:
         trials = job_queries.trials_of(connection, row.id)
     if trials is None:
@@ -251,21 +241,20 @@ def read_trials(row: Owned, service: CurrentService) -> Response:
     return Response(trials, media_type="application/octet-stream")
 
 
-async def _hand_in(call: Call, kind: job_records.Kind, plan_id: str | None) -> Response:
+async def _hand_in(call: Call, kind: JobKind, plan_id: str | None) -> Response:
     service = call.service
 
-    async def compute() -> tuple[str, int, str | None]:
+    async def compute() -> NewJob:
         # here, so that a request that was answered is answered again though its plan is gone
         text = None
         if plan_id is not None:
             text = (await run_in_threadpool(find_or_refuse, service, call.owner, plan_id)).text
-        request, amount = await computed(
-            service, "checked_request", kind, call.body, call.syntax, service.limits, text
+        request, work = await computed(
+            service, "checked_request", kind.name, call.body, call.syntax, service.limits, text
         )
-        return request, amount, text
+        return NewJob(kind.name, request, work, plan_id, text)
 
-    def store(connection: Connection, checked: tuple[str, int, str | None]) -> Answer:
-        request, amount, text = checked
+    def store(connection: Connection, new: NewJob) -> Answer:
         job_records.hold_owner(connection, call.owner)
         waiting = len(job_records.unfinished(connection, call.owner))
         if waiting >= service.settings.max_queued_jobs:
@@ -274,7 +263,7 @@ async def _hand_in(call: Call, kind: job_records.Kind, plan_id: str | None) -> R
                 "wait for one to end, or cancel one",
                 retry_after_s=_RETRY_AFTER_S,
             )
-        row = job_records.add_job(connection, call.owner, kind, request, amount, plan_id, text)
+        row = job_records.add_job(connection, call.owner, new)
         service.queue.enqueue(connection, row.id)
         headers = {"location": f"/v1/jobs/{row.id}"}
         return Answer(call.digest, 202, headers, job_answer(row).model_dump_json())

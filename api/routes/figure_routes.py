@@ -6,11 +6,12 @@ from fastapi import APIRouter, Depends, Query, Response
 from starlette.concurrency import run_in_threadpool
 
 from api.idempotency import CurrentCall, answer_once, computed
+from api.job_kinds.job_table import JOB_KINDS, plurals
 from api.negotiation import accepts
 from api.problems import Conflict, NotFound, problem_responses
 from api.responses import FigureValues, Preview
-from api.routes.jobs import Owned
-from api.routes.plans import Identifier, find_or_refuse
+from api.routes.job_routes import Owned
+from api.routes.plan_routes import Identifier, find_or_refuse
 from api.security import CurrentOwner
 from api.service import CurrentService, Service
 from api.storage import job_queries
@@ -99,11 +100,9 @@ async def read_job_figure(
     row: Owned, figure: ReportFigure, service: CurrentService, theme: Theme = "light"
 ) -> Response:
     """A figure of the report of a validation or a sweep."""
-    if row.state != "succeeded" or row.kind == "refinement":
-        raise Conflict(
-            f"the job is a {row.kind}, {row.state}; validations and sweeps that succeeded have "
-            "figures"
-        )
+    if row.state != "succeeded" or not JOB_KINDS[row.kind].has_figures:
+        kinds = plurals(lambda kind: kind.has_figures)
+        raise Conflict(f"the job is a {row.kind}, {row.state}; {kinds} that succeeded have figures")
 
     def report() -> str | None:
         with service.database.reading() as connection:

@@ -1,0 +1,9 @@
+"""The kinds of jobs: what each takes, computes and results in.
+
+job_kind          what a kind is made of
+filter_requests   what runs of the filter have in common
+refinement_jobs   refinements
+validation_jobs   validations
+sweep_jobs        sweeps
+job_table         all kinds by name
+"""

@@ -1,0 +1,53 @@
+"""What requests for runs of the filter have in common."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Annotated, ClassVar
+
+from pydantic import Field
+
+from api.job_kinds.job_kind import JobRequest
+from api.limits import RequestLimits, check_at_most
+from syncplan.errors import InputError
+from syncplan.planning.validation import check_duration
+from syncplan.scenario.specification import Scenario
+
+__all__ = ["FilterRequest"]
+
+_OURS = {"duration": "duration_s"}
+"""Keys of requests, by the library's argument that they set."""
+
+
+class FilterRequest(JobRequest):
+    """What runs of the filter have in common."""
+
+    limited: ClassVar[Mapping[str, str]] = {"trials": "trials", "duration_s": "run_s"}
+
+    trials: Annotated[int, Field(ge=1)] = Field(
+        default=200, description="Number of Monte Carlo trials", examples=[200]
+    )
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(
+        default=0, description="Seed of all random numbers", examples=[1]
+    )
+    duration_s: Annotated[float, Field(gt=0)] | None = Field(
+        default=None,
+        description="Length of each run; the scenario's if not given",
+        examples=[200.0],
+    )
+
+    def check_run(self, scenario: Scenario, limits: RequestLimits) -> None:
+        """Raise InputError if a run of a scenario is too long, or too short to be measured."""
+        length = scenario.duration_s if self.duration_s is None else self.duration_s
+        check_at_most("duration_s", length, limits.run_s, " s")
+        check_at_most("duration_s", length / scenario.sample_time, limits.samples, " samples")
+        with _our_keys():
+            check_duration(length, scenario.sample_time, scenario.period, scenario.size)
+
+
+@contextmanager
+def _our_keys() -> Iterator[None]:
+    """Name the request's key where the library names its own argument."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(error.problem, key=_OURS.get(error.key, error.key)) from None

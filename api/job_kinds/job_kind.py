@@ -1,0 +1,152 @@
+"""What a kind of job is made of: its request, its task and the words its operation is shown with.
+
+A task either computes a job whole or divides it into batches of trials that any worker may compute.
+Both run in child processes: plain values in, plain values out.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar, Self
+
+from pydantic import BaseModel
+
+from api.limits import RequestLimits
+from api.plan_texts import PlanText
+from syncplan.planning.plan_files import Loaded
+from syncplan.planning.validation import TrialRun, Validation
+from syncplan.reports.job_contract import JobKindName
+from syncplan.scenario.quantities import Section
+
+__all__ = [
+    "Batch",
+    "JobKind",
+    "JobOperation",
+    "JobReport",
+    "JobRequest",
+    "JobSpec",
+    "Progress",
+    "TrialTask",
+    "WholeTask",
+]
+
+Progress = Callable[[int], None]
+
+
+class JobRequest(Section):
+    """The body of a request for a job."""
+
+    limited: ClassVar[Mapping[str, str]] = {}
+    """Numbers that the service limits, each with the limit's name in RequestLimits."""
+
+    def settled(self, subject: Loaded | None, limits: RequestLimits) -> Self:
+        """Return the request with defaults of this service filled in."""
+        return self
+
+    def work(self, subject: Loaded | None, limits: RequestLimits) -> int:
+        """Return the amount of work, in the kind's unit.
+
+        Raises InputError if the request exceeds a limit.
+        """
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, slots=True)
+class JobSpec:
+    """A job to compute: its kind, its request, and its plan (None if it starts from a scenario)."""
+
+    id: str
+    kind: JobKindName
+    request: str
+    plan: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """Trials of one of a job's runs."""
+
+    run: int
+    first_trial: int
+    trials: int
+
+
+@dataclass(frozen=True, slots=True)
+class JobReport:
+    """A report as the text of its file, and the figures of each trial, packed, if it keeps them."""
+
+    text: str
+    trials: bytes | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class WholeTask:
+    """A task that one worker computes whole.
+
+    Attributes
+    ----------
+    compute : from the job, the number of processes to use and a callback for progress to the result
+    """
+
+    compute: Callable[[JobSpec, int, Progress], PlanText | JobReport]
+
+
+@dataclass(frozen=True, slots=True)
+class TrialTask:
+    """A task whose trials are divided into batches.
+
+    Attributes
+    ----------
+    runs : set-ups of the filter's runs; a child process keeps those of its last job
+    report : from the job and its runs, all trials done, to the result
+    """
+
+    runs: Callable[[JobSpec], list[TrialRun]]
+    report: Callable[[JobSpec, Sequence[Validation]], JobReport]
+
+
+@dataclass(frozen=True, slots=True)
+class JobOperation:
+    """How a job of a kind is requested.
+
+    Attributes
+    ----------
+    id : operationId in the OpenAPI document
+    path : below /v1; holds {plan_id} if the job is about a plan
+    body, body_required : what the body says, and whether there must be one
+    """
+
+    id: str
+    path: str
+    summary: str
+    description: str
+    body: str
+    body_required: bool
+
+    @property
+    def about_plan(self) -> bool:
+        """Whether the job is about a stored plan."""
+        return "{plan_id}" in self.path
+
+
+@dataclass(frozen=True, slots=True)
+class JobKind:
+    """A kind of job.
+
+    Attributes
+    ----------
+    title, plural : the kind as sentences name it
+    unit : what its work is counted in
+    report : model of the report it results in; None if it results in a plan
+    has_figures : whether figures of that report can be drawn
+    keeps_trials : whether the values of each trial can be read
+    """
+
+    name: JobKindName
+    title: str
+    plural: str
+    unit: str
+    request: type[JobRequest]
+    operation: JobOperation
+    task: WholeTask | TrialTask
+    report: type[BaseModel] | None = None
+    has_figures: bool = False
+    keeps_trials: bool = False

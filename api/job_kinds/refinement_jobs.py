@@ -1,0 +1,116 @@
+"""Refinements: phases, centres and radii moved to a better plan."""
+
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Self
+
+from pydantic import Field
+
+from api.job_kinds.job_kind import (
+    JobKind,
+    JobOperation,
+    JobRequest,
+    JobSpec,
+    Progress,
+    WholeTask,
+)
+from api.limits import RequestLimits, check_at_most
+from api.plan_texts import PlanText, as_plan_text, loaded_plan
+from syncplan.planning.plan_files import Loaded
+from syncplan.refinement.refiner import options_for
+from syncplan.scenario.chunked_validation import Many
+from syncplan.scenario.refine_options import Bounds, Objective, Variable
+
+__all__ = ["REFINEMENT", "RefinementRequest"]
+
+
+class RefinementRequest(JobRequest):
+    """What a refinement changes of the options in the plan's scenario; see its refine section."""
+
+    limited: ClassVar[Mapping[str, str]] = {"time_limit_s": "refine_s"}
+
+    vary: Many[Variable] | None = Field(
+        default=None,
+        description="What may change: phases, centers, radii",
+        examples=[["phases", "centers"]],
+    )
+    center_box_m: Annotated[float, Field(gt=0, le=1e7)] | None = Field(
+        default=None, description="How far each centre may move each way", examples=[5.0]
+    )
+    radius_m: Bounds | None = Field(
+        default=None, description="Least and largest radius", examples=[[15.0, 25.0]]
+    )
+    objective: Objective | None = Field(
+        default=None, description="What is improved", examples=["predicted_rms"]
+    )
+    margin_m: Annotated[float, Field(ge=0, le=1e7)] | None = Field(
+        default=None, description="By how much meetings stay within range", examples=[1.0]
+    )
+    time_limit_s: Annotated[float, Field(gt=0, le=1e6)] | None = Field(
+        default=None,
+        description="Wall time after which the best plan so far is taken",
+        examples=[30.0],
+    )
+    starts: Annotated[int, Field(ge=1, le=1000)] | None = Field(
+        default=None, description="Starting points", examples=[4]
+    )
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] | None = Field(
+        default=None, description="Seed of the starting points", examples=[0]
+    )
+
+    def work(self, subject: Loaded | None, limits: RequestLimits) -> int:
+        """Return the number of starts; raises InputError if the time exceeds the limit."""
+        assert subject is not None
+        options = options_for(subject.scenario, None, self.changes())
+        check_at_most("time_limit_s", options.time_limit_s, limits.refine_s, " s")
+        return options.starts
+
+    def settled(self, subject: Loaded | None, limits: RequestLimits) -> Self:
+        """Return the request, with the time this service allows where it names none of its own."""
+        assert subject is not None
+        planned = options_for(subject.scenario, None, {}).time_limit_s
+        if self.time_limit_s is not None or planned <= limits.refine_s:
+            return self
+        return self.model_copy(update={"time_limit_s": limits.refine_s})
+
+    def changes(self) -> dict[str, Any]:
+        """Return the options that are given, as syncplan.refinement.refiner.refine takes them."""
+        return self.model_dump(exclude_none=True)
+
+
+def _refined(spec: JobSpec, workers: int, progress: Progress) -> PlanText:
+    """Return the refined plan, or the plan itself with the reason why it could not be improved.
+
+    Progress counts the starts that must have ended, since others have begun.
+    """
+    from syncplan.planning.plan_files import plan_of
+    from syncplan.refinement.refiner import refine
+
+    assert spec.plan is not None
+    changes = RefinementRequest.model_validate_json(spec.request).changes()
+    begun: set[int] = set()
+
+    def heard(start: int, iteration: int, objective: float) -> None:
+        begun.add(start)
+        progress(max(len(begun) - workers, 0))
+
+    better = refine(plan_of(loaded_plan(spec.plan)), workers=workers, progress=heard, **changes)
+    return as_plan_text(better)
+
+
+REFINEMENT = JobKind(
+    name="refinement",
+    title="refinement",
+    plural="refinements",
+    unit="starts",
+    request=RefinementRequest,
+    operation=JobOperation(
+        id="refinePlan",
+        path="/plans/{plan_id}/refinements",
+        summary="Refine a plan",
+        description="Move phases, centres and radii to the best plan near this one: a job that "
+        "makes a plan.",
+        body="What changes of the plan's own options; nothing if empty",
+        body_required=False,
+    ),
+    task=WholeTask(compute=_refined),
+)

@@ -1,0 +1,96 @@
+"""Validations: Monte Carlo runs of the filter on a plan."""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from api.job_kinds.filter_requests import FilterRequest
+from api.job_kinds.job_kind import JobKind, JobOperation, JobReport, JobSpec, TrialTask
+from api.limits import RequestLimits, check_trials
+from api.plan_texts import loaded_plan
+from syncplan.planning.plan_files import Loaded
+from syncplan.planning.validation import TrialRun, Validation
+from syncplan.reports.run_schemas import ValidationDocument
+
+__all__ = ["VALIDATION", "ValidationRequest"]
+
+
+class ValidationRequest(FilterRequest):
+    """A Monte Carlo run of the filter on a plan."""
+
+    model: Literal["arc", "euler"] = Field(
+        default="arc", description="How the filter integrates its readings"
+    )
+    substeps: Annotated[int, Field(ge=1, le=1000)] = Field(
+        default=10, description="Euler sub-steps per sample"
+    )
+    gate_probability: Annotated[float, Field(gt=0, lt=1)] | None = Field(
+        default=None,
+        description="Probability of the innovation gate; no gate if not given",
+        examples=[0.999],
+    )
+    series: bool = Field(default=False, description="Add errors and sigmas over time")
+
+    def work(self, subject: Loaded | None, limits: RequestLimits) -> int:
+        """Return the number of trials; raises InputError if it exceeds a limit."""
+        assert subject is not None
+        check_trials(self.trials, subject.scenario.size, limits)
+        self.check_run(subject.scenario, limits)
+        return self.trials
+
+    def run_options(self) -> dict[str, Any]:
+        """Return the arguments of syncplan.planning.validation.trial_run."""
+        return {
+            "trials": self.trials,
+            "seed": self.seed,
+            "duration": self.duration_s,
+            "model": self.model,
+            "substeps": self.substeps,
+            "gate_probability": self.gate_probability,
+            "with_series": self.series,
+        }
+
+
+@lru_cache(maxsize=2)
+def _runs(spec: JobSpec) -> list[TrialRun]:
+    from syncplan.planning.plan_files import plan_of
+    from syncplan.planning.validation import trial_run
+
+    assert spec.plan is not None
+    options = ValidationRequest.model_validate_json(spec.request).run_options()
+    return [trial_run(plan_of(loaded_plan(spec.plan)), **options)]
+
+
+def _report(spec: JobSpec, concluded: Sequence[Validation]) -> JobReport:
+    from syncplan.estimation.trial_archive import pack
+    from syncplan.reports.validation_report import validation_document
+    from syncplan.runtime.files import as_text
+
+    (validation,) = concluded
+    return JobReport(
+        as_text(validation_document(validation).as_json()), trials=pack(validation.result)
+    )
+
+
+VALIDATION = JobKind(
+    name="validation",
+    title="validation",
+    plural="validations",
+    unit="trials",
+    request=ValidationRequest,
+    operation=JobOperation(
+        id="validatePlan",
+        path="/plans/{plan_id}/validations",
+        summary="Validate a plan",
+        description="Fly a plan many times with the filter: a job that reports errors and "
+        "consistency.",
+        body="How to fly; defaults if empty",
+        body_required=False,
+    ),
+    task=TrialTask(runs=_runs, report=_report),
+    report=ValidationDocument,
+    has_figures=True,
+    keeps_trials=True,
+)

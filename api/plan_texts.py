@@ -1,0 +1,66 @@
+"""Scenarios and plans as texts: as requests hold them, and as plans are stored."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from api.limits import RequestLimits, check_size
+from syncplan.errors import InputError
+from syncplan.scenario.loading import decoded, parse_document
+
+if TYPE_CHECKING:
+    from syncplan.planning.plan_files import Loaded
+    from syncplan.planning.planner import Plan
+
+__all__ = ["PlanText", "Syntax", "as_plan_text", "loaded_body", "loaded_plan"]
+
+Syntax = Literal["json", "yaml"]
+
+
+@dataclass(frozen=True, slots=True)
+class PlanText:
+    """A plan as the bytes of its file, and what lists show of it."""
+
+    text: str
+    name: str | None
+    vehicles: int
+    observable: bool
+    predicted_rms_m: float | None
+
+
+def loaded_body(body: bytes, syntax: Syntax, limits: RequestLimits) -> "Loaded":
+    """Return the scenario that a body holds, or the plan: a scenario with its orbits.
+
+    Raises InputError, also for what exceeds the limits.
+    """
+    from syncplan.planning.plan_files import loaded_from
+
+    document = parse_document(decoded(body, ""), "", syntax)
+    loaded = loaded_from(document, max_vehicles=limits.vehicles)
+    try:
+        check_size(loaded.scenario, limits)
+    except InputError as error:
+        raise (error if loaded.orbits is None else error.within("scenario")) from None
+    return loaded
+
+
+def loaded_plan(text: str) -> "Loaded":
+    """Return the scenario and the orbits of a stored plan."""
+    from syncplan.planning.plan_files import loaded_from
+
+    return loaded_from(parse_document(text, "", "json"))
+
+
+def as_plan_text(plan: "Plan") -> PlanText:
+    """Return a plan as it is stored."""
+    from syncplan.reports.plan_report import plan_document
+    from syncplan.runtime.files import as_text
+
+    document = plan_document(plan)
+    predicted = document.predicted_rms_m
+    return PlanText(
+        text=as_text(document.as_json()),
+        name=plan.scenario.name,
+        vehicles=plan.orbits.count,
+        observable=plan.observable,
+        predicted_rms_m=None if predicted is None else predicted.overall,
+    )
