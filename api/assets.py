@@ -1,15 +1,21 @@
-"""What the web page is made of: its own files, the example scenarios, and Plotly's script."""
+"""What the web page is made of: its own files, the library's tables, examples, and Plotly."""
 
 import gzip
 import hashlib
+import json
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
 
-__all__ = ["PAGE", "PLOTLY", "Asset", "find_asset"]
+from syncplan.exporting.autopilots import AUTOPILOTS
+from syncplan.exporting.format_table import FORMATS
+
+__all__ = ["PAGE", "PLOTLY", "TABLES", "Asset", "find_asset"]
 
 PAGE = "index.html"
 PLOTLY = "plotly.min.js"
+TABLES = "tables.js"
+"""What the library lets people choose from, as a module that the page imports."""
 
 _MEDIA = {
     "css": "text/css; charset=utf-8",
@@ -50,7 +56,7 @@ def _names() -> frozenset[str]:
     own = [one.name for one in folder.iterdir() if one.is_file()]
     examples = [f"{_EXAMPLES}/{one.name}" for one in folder.joinpath(_EXAMPLES).iterdir()]
     known = [name for name in (*own, *examples) if name.rpartition(".")[2] in _MEDIA]
-    return frozenset((*known, PLOTLY))
+    return frozenset((*known, PLOTLY, TABLES))
 
 
 @lru_cache
@@ -68,4 +74,22 @@ def _asset(name: str) -> Asset:
 def _content(name: str) -> bytes:
     if name == PLOTLY:
         return files("plotly").joinpath("package_data", PLOTLY).read_bytes()
+    if name == TABLES:
+        return _tables().encode()
     return files("api").joinpath("page", *name.split("/")).read_bytes()
+
+
+def _tables() -> str:
+    """The library's tables as JavaScript: names and words, in the order people are shown them."""
+    pilots = {
+        f"autopilot={name}&vehicle={vehicle}": title
+        for name, autopilot in AUTOPILOTS.items()
+        for vehicle, title in autopilot.titles.items()
+    }
+    tables = {
+        "FORMATS": {name: one.title for name, one in FORMATS.items()},
+        "MISSIONS": [name for name, one in FORMATS.items() if one.mission],
+        "PILOTS": pilots,
+    }
+    lines = [f"export const {name} = {json.dumps(table)};" for name, table in tables.items()]
+    return "\n".join(lines) + "\n"

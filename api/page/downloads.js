@@ -2,27 +2,7 @@
 
 import { byId, element, notice, save, shown } from "./elements.js";
 import { ask } from "./service.js";
-
-/** The formats of syncplan.exporting.formats, in words. */
-const FORMATS = {
-  qgc: "QGroundControl missions",
-  ardupilot: "ArduPilot missions (WPL 110)",
-  csv: "Timed poses (CSV)",
-  rosbag2: "ROS 2 bag (sqlite3)",
-  mcap: "ROS 2 bag (MCAP)",
-  crazyswarm: "Crazyswarm 2 trajectories",
-  geojson: "GeoJSON",
-  kml: "KML",
-};
-
-/** Whom missions are for, in words, by what is asked for. */
-const PILOTS = {
-  "autopilot=ardupilot&vehicle=multicopter": "ArduPilot Copter",
-  "autopilot=ardupilot&vehicle=fixed_wing": "ArduPilot Plane",
-  "autopilot=px4&vehicle=multicopter": "PX4 multicopter",
-  "autopilot=px4&vehicle=fixed_wing": "PX4 fixed wing",
-};
-const MISSIONS = ["qgc", "ardupilot"];
+import { FORMATS, MISSIONS, PILOTS } from "./tables.js";
 
 /** The panel of downloads. `storePlan()` resolves with the identifier of the plan on show. */
 export function offerDownloads(store, storePlan) {

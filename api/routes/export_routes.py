@@ -1,7 +1,7 @@
 """Plans as files that mission planners load, in a zip archive."""
 
 import json
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from fastapi import APIRouter, Depends, Query, Response
 from starlette.concurrency import run_in_threadpool
@@ -12,6 +12,8 @@ from api.problems import problem_responses
 from api.routes.plan_routes import Identifier, find_or_refuse
 from api.security import CurrentOwner
 from api.service import CurrentService
+from syncplan.exporting.autopilots import AutopilotName, VehicleName
+from syncplan.exporting.format_table import ALL, FORMATS
 
 __all__ = ["NOTES", "ExportName", "router"]
 
@@ -24,9 +26,10 @@ _NOTES_HEADER = {
 
 router = APIRouter(tags=["exports"], dependencies=[Depends(accepts("application/zip"))])
 
-ExportName = Literal[
-    "qgc", "ardupilot", "csv", "rosbag2", "mcap", "crazyswarm", "geojson", "kml", "all"
-]
+if TYPE_CHECKING:
+    ExportName = str
+else:
+    ExportName = Literal[*FORMATS, ALL]
 
 
 @router.get(
@@ -44,12 +47,8 @@ async def read_export(
     format: ExportName,
     service: CurrentService,
     owner: CurrentOwner,
-    autopilot: Annotated[
-        Literal["ardupilot", "px4"], Query(description="Whom missions are for")
-    ] = "ardupilot",
-    vehicle: Annotated[
-        Literal["multicopter", "fixed_wing"], Query(description="What flies the missions")
-    ] = "multicopter",
+    autopilot: Annotated[AutopilotName, Query(description="Whom missions are for")] = "ardupilot",
+    vehicle: Annotated[VehicleName, Query(description="What flies the missions")] = "multicopter",
     altitude_m: Annotated[
         float | None,
         Query(

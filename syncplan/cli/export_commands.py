@@ -1,18 +1,23 @@
 """The command that writes plans in other programs' formats: export."""
 
 import sys
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from syncplan.cli.arguments import Duration, MaxVehicles, SubjectFile
 from syncplan.cli.console import say, say_notes
 from syncplan.errors import InputError
+from syncplan.exporting.autopilots import AutopilotName, VehicleName
+from syncplan.exporting.format_table import ALL, FORMATS, default_altitudes
 
 if TYPE_CHECKING:
-    from syncplan.exporting.formats import Export
+    from syncplan.exporting.formats import Export, ExportOptions
+
+    FormatName = str
+else:
+    FormatName = Literal[*FORMATS, ALL]
 
 __all__ = ["exporters"]
 
@@ -23,33 +28,48 @@ ARCHIVE = ".zip"
 SCENARIO_KEYS = ("geo_origin", "start_time", "orbit.radius_m")
 """Keys that exports find fault with: the file is named with them."""
 
-
-class ExportFormat(StrEnum):
-    """Formats of syncplan.exporting.formats.FORMATS, and all of them."""
-
-    qgc = "qgc"
-    ardupilot = "ardupilot"
-    csv = "csv"
-    rosbag2 = "rosbag2"
-    mcap = "mcap"
-    crazyswarm = "crazyswarm"
-    geojson = "geojson"
-    kml = "kml"
-    all = "all"
-
-
-class Autopilot(StrEnum):
-    """Autopilots that missions are written for."""
-
-    ardupilot = "ardupilot"
-    px4 = "px4"
-
-
-class Vehicle(StrEnum):
-    """Kinds of vehicles."""
-
-    multicopter = "multicopter"
-    fixed_wing = "fixed_wing"
+FileFormat = Annotated[FormatName, typer.Option("--format", help="Format to write")]
+Target = Annotated[
+    Path,
+    typer.Option(
+        "-o",
+        "--output",
+        help="Folder to write the files to, or a .zip; - writes the .zip to standard output",
+    ),
+]
+Altitude = Annotated[
+    float | None,
+    typer.Option(
+        help=f"Altitude above the origin in m (default {default_altitudes()})", show_default=False
+    ),
+]
+AltitudeStep = Annotated[
+    float, typer.Option(help="Fly each vehicle this many metres higher than the last")
+]
+Turns = Annotated[
+    int | None, typer.Option(help="Whole turns to fly, instead of a duration", show_default=False)
+]
+SampleTime = Annotated[
+    float | None,
+    typer.Option(help="Time between poses in s; the scenario's if not given", show_default=False),
+]
+ForAutopilot = Annotated[
+    AutopilotName,
+    typer.Option(help="Autopilot of the missions; PX4 refuses loiter turns and gets waypoints"),
+]
+ForVehicle = Annotated[VehicleName, typer.Option(help="Kind of vehicle")]
+Waypoints = Annotated[
+    bool, typer.Option("--waypoints", help="Write missions of waypoints instead of loiter turns")
+]
+Sagitta = Annotated[
+    float, typer.Option(help="Largest distance in m from the arc to the chord of two waypoints")
+]
+SnapRadius = Annotated[
+    bool,
+    typer.Option(
+        "--snap-radius", help="Fly the nearest radii that ArduPilot can store, at the same rate"
+    ),
+]
 
 
 @exporters.command(
@@ -58,60 +78,26 @@ class Vehicle(StrEnum):
 )
 def _export(
     subject: SubjectFile,
-    format_: Annotated[ExportFormat, typer.Option("--format", help="What to write")],
-    output: Annotated[
-        Path,
-        typer.Option(
-            "-o",
-            "--output",
-            help="Folder to write the files to, or a .zip; - writes the .zip to standard output",
-        ),
-    ],
-    altitude_m: Annotated[
-        float | None,
-        typer.Option(
-            help="Height above the origin (default 50; crazyswarm 1; csv, rosbag2, mcap 0)",
-            show_default=False,
-        ),
-    ] = None,
-    altitude_step_m: Annotated[
-        float, typer.Option(help="Each vehicle so much above the one before")
-    ] = 0.0,
+    format_: FileFormat,
+    output: Target,
+    altitude_m: Altitude = None,
+    altitude_step_m: AltitudeStep = 0.0,
     duration: Duration = None,
-    turns: Annotated[
-        int | None,
-        typer.Option(help="Whole turns to fly, instead of a duration", show_default=False),
-    ] = None,
-    sample_time_s: Annotated[
-        float | None,
-        typer.Option(help="Time between poses; the scenario's if not given", show_default=False),
-    ] = None,
-    autopilot: Annotated[
-        Autopilot, typer.Option(help="Missions for; PX4 refuses loiter turns and gets waypoints")
-    ] = Autopilot.ardupilot,
-    vehicle: Annotated[Vehicle, typer.Option(help="Kind of vehicle")] = Vehicle.multicopter,
-    waypoints: Annotated[
-        bool, typer.Option("--waypoints", help="Missions of waypoints instead of loiter turns")
-    ] = False,
-    sagitta_m: Annotated[
-        float, typer.Option(help="Most between the chord of two waypoints and the arc")
-    ] = 0.5,
-    snap_radius: Annotated[
-        bool,
-        typer.Option(
-            "--snap-radius", help="Fly the nearest radii that ArduPilot stores, at the same rate"
-        ),
-    ] = False,
+    turns: Turns = None,
+    sample_time_s: SampleTime = None,
+    autopilot: ForAutopilot = "ardupilot",
+    vehicle: ForVehicle = "multicopter",
+    waypoints: Waypoints = False,
+    sagitta_m: Sagitta = 0.5,
+    snap_radius: SnapRadius = False,
     max_vehicles: MaxVehicles = None,
 ) -> int:
     """Write a plan for autopilots, ROS 2, Crazyswarm2 or maps, with a sidecar .sync.json.
 
-    The sidecar holds what these formats can't: when and where each vehicle joins its circle, what
+    The sidecar holds what these formats can't: when and where each vehicle joins its circle, the
     speed it holds, and who meets whom.
     """
-    from syncplan.exporting.formats import ExportOptions, export
-    from syncplan.planning.plan_files import load, plan_of
-    from syncplan.scenario.models import MAX_VEHICLES
+    from syncplan.exporting.export_options import ExportOptions
 
     options = ExportOptions(
         altitude_m=altitude_m,
@@ -119,25 +105,36 @@ def _export(
         duration=duration,
         turns=turns,
         sample_time_s=sample_time_s,
-        autopilot=autopilot.value,
-        vehicle=vehicle.value,
+        autopilot=autopilot,
+        vehicle=vehicle,
         waypoints=waypoints,
         sagitta_m=sagitta_m,
         snap_radius=snap_radius,
     )
+    made = _exported(subject, format_, options, max_vehicles)
+    say_notes(list(made.notes))
+    _write(made, output)
+    return 0
+
+
+def _exported(
+    subject: str, format_: str, options: "ExportOptions", max_vehicles: int | None
+) -> "Export":
+    """The files of a plan or scenario; faults of the scenario's keys name its file."""
+    from syncplan.exporting.formats import export
+    from syncplan.planning.plan_files import load, plan_of
+    from syncplan.scenario.models import MAX_VEHICLES
+
     loaded = load(subject, max_vehicles=max_vehicles or MAX_VEHICLES)
     try:
-        made = export(plan_of(loaded), format_.value, options)
+        return export(plan_of(loaded), format_, options)
     except InputError as error:
         if error.source or error.key not in SCENARIO_KEYS:
             raise
         raise InputError(error.problem, key=error.key, source=subject) from error
-    say_notes(list(made.notes))
-    _deliver(made, output)
-    return 0
 
 
-def _deliver(made: "Export", output: Path) -> None:
+def _write(made: "Export", output: Path) -> None:
     from syncplan.exporting.formats import as_archive, write_files
     from syncplan.runtime.files import write_bytes
 

@@ -4,7 +4,6 @@ One item a line, tab-separated: index, current, frame, command, parameters 1 to 
 longitude, altitude, autocontinue. Item 0 is home. Source: MAVLink, "File Formats".
 """
 
-from syncplan.errors import InputError
 from syncplan.exporting.exported_files import ExportedFile, Written
 from syncplan.exporting.flight import Flight
 from syncplan.exporting.mission_items import WAYPOINT, Mission, MissionItem
@@ -19,13 +18,8 @@ FRAME_GLOBAL = 0
 def write_ardupilot(flight: Flight) -> Written:
     """Return a .waypoints file for each vehicle; altitudes are above home, home's above the sea.
 
-    Raises InputError for another autopilot, and as missions_of does.
+    Raises InputError as missions_of does.
     """
-    if flight.options.autopilot != "ardupilot":
-        raise InputError(
-            f"{flight.options.autopilot}: the format ardupilot is ArduPilot's; take qgc for PX4",
-            key="autopilot",
-        )
     missions, notes = missions_of(flight)
     names = [f"{flight.title}-{label}.waypoints" for label in flight.labels]
     files = [

@@ -2,14 +2,12 @@
 
 from dataclasses import dataclass
 from math import isfinite
-from typing import Literal
+from typing import get_args
 
 from syncplan.errors import InputError
+from syncplan.exporting.autopilots import AutopilotName, VehicleName
 
-__all__ = ["Autopilot", "ExportOptions", "VehicleType"]
-
-Autopilot = Literal["ardupilot", "px4"]
-VehicleType = Literal["multicopter", "fixed_wing"]
+__all__ = ["ExportOptions"]
 
 HIGHEST_M = 100_000.0
 LONGEST_S = 1e7
@@ -23,7 +21,7 @@ class ExportOptions:
     Attributes
     ----------
     altitude_m : height flown above the origin, m; None: the format's, see
-        syncplan.exporting.formats.FORMATS
+        syncplan.exporting.format_table.FORMATS
     altitude_step_m : each vehicle so much above the one before, m
     duration : time flown, s; None: the scenario's duration_s
     turns : whole turns flown, instead of `duration`
@@ -42,8 +40,8 @@ class ExportOptions:
     duration: float | None = None
     turns: int | None = None
     sample_time_s: float | None = None
-    autopilot: Autopilot = "ardupilot"
-    vehicle: VehicleType = "multicopter"
+    autopilot: AutopilotName = "ardupilot"
+    vehicle: VehicleName = "multicopter"
     waypoints: bool = False
     sagitta_m: float = 0.5
     snap_radius: bool = False
@@ -57,8 +55,8 @@ class ExportOptions:
         _check_range("sagitta_m", self.sagitta_m, 1e-3, 1000.0)
         if self.duration is not None and self.turns is not None:
             raise InputError("goes without a duration; give one of the two", key="turns")
-        _check_choice("autopilot", self.autopilot, ("ardupilot", "px4"))
-        _check_choice("vehicle", self.vehicle, ("multicopter", "fixed_wing"))
+        _check_choice("autopilot", self.autopilot, get_args(AutopilotName))
+        _check_choice("vehicle", self.vehicle, get_args(VehicleName))
 
 
 def _check_range(key: str, value: float | None, least: float, most: float) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.errors import InputError
+from syncplan.exporting.autopilots import AUTOPILOTS, VEHICLES, Autopilot, Vehicle
 from syncplan.exporting.export_options import ExportOptions
 from syncplan.exporting.geodesy import geodetic
 from syncplan.exporting.safe_names import file_names, file_title
@@ -63,9 +64,19 @@ class Flight:
         return self.plan.scenario.vehicle_names
 
     @property
+    def autopilot(self) -> Autopilot:
+        """The autopilot that missions are for."""
+        return AUTOPILOTS[self.options.autopilot]
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """The kind of vehicle that flies."""
+        return VEHICLES[self.options.vehicle]
+
+    @property
     def is_copter(self) -> bool:
         """Whether ArduPilot's Copter flies it."""
-        return self.options.autopilot == "ardupilot" and self.options.vehicle == "multicopter"
+        return self.autopilot.loiter_turns and not self.vehicle.holds_airspeed
 
     @property
     def turns(self) -> int:

@@ -1,25 +1,17 @@
-"""Exports: the table of formats, and the one function that writes a plan in any of them."""
+"""Exports: the one function that writes a plan in any format of the table."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from types import MappingProxyType
+from dataclasses import replace
 
 import numpy as np
 
 from syncplan.errors import InputError
-from syncplan.exporting.ardupilot import write_ardupilot
-from syncplan.exporting.bags import write_mcap, write_rosbag2
-from syncplan.exporting.crazyswarm import write_crazyswarm
 from syncplan.exporting.export_options import ExportOptions
-from syncplan.exporting.exported_files import Export, ExportedFile, Written, as_archive, write_files
+from syncplan.exporting.exported_files import Export, ExportedFile, as_archive, write_files
 from syncplan.exporting.flight import Flight, flight_of
+from syncplan.exporting.format_table import ALL, FORMATS, ExportFormat
 from syncplan.exporting.geodesy import ground_error
-from syncplan.exporting.geojson import write_geojson
-from syncplan.exporting.kml import write_kml
 from syncplan.exporting.loiter_turns import snapped_radii
 from syncplan.exporting.missions import flies_loiter_turns
-from syncplan.exporting.poses import write_poses
-from syncplan.exporting.qgc import write_qgc
 from syncplan.exporting.sidecar import sidecar_file
 from syncplan.planning.planner import Plan, judge
 
@@ -35,48 +27,8 @@ __all__ = [
     "write_files",
 ]
 
-ALL = "all"
-"""Every format at once, each in a folder of its name."""
-
 PLANE_ERROR_M = 0.5
 """Difference of plane and ground from which the reader is told."""
-
-
-@dataclass(frozen=True, slots=True)
-class ExportFormat:
-    """One format.
-
-    Attributes
-    ----------
-    purpose : what it is, in one line
-    write : from the flight to its files
-    altitude_m : flown where the options name none
-    on_earth : whether it needs the scenario's geo_origin
-    mission : whether it is an autopilot's mission
-    """
-
-    purpose: str
-    write: Callable[[Flight], Written]
-    altitude_m: float
-    on_earth: bool = False
-    mission: bool = False
-
-
-FORMATS: Mapping[str, ExportFormat] = MappingProxyType(
-    {
-        "qgc": ExportFormat("QGroundControl plan (.plan)", write_qgc, 50.0, True, True),
-        "ardupilot": ExportFormat(
-            "ArduPilot mission (QGC WPL 110)", write_ardupilot, 50.0, True, True
-        ),
-        "csv": ExportFormat("timed poses (CSV)", write_poses, 0.0),
-        "rosbag2": ExportFormat("nav_msgs/Path in a ROS 2 bag (SQLite)", write_rosbag2, 0.0),
-        "mcap": ExportFormat("nav_msgs/Path in a ROS 2 bag (MCAP)", write_mcap, 0.0),
-        "crazyswarm": ExportFormat("Crazyswarm2 trajectories (CSV)", write_crazyswarm, 1.0),
-        "geojson": ExportFormat("circles and points (GeoJSON)", write_geojson, 50.0, True),
-        "kml": ExportFormat("circles and tracks (KML)", write_kml, 50.0, True),
-    }
-)
-"""All formats by name."""
 
 
 def export(plan: Plan, format: str, options: ExportOptions | None = None) -> Export:
@@ -94,6 +46,13 @@ def export(plan: Plan, format: str, options: ExportOptions | None = None) -> Exp
     if format not in FORMATS:
         raise InputError(f"{format!r}: must be one of {', '.join(FORMATS)} or {ALL}", key="format")
     chosen = FORMATS[format]
+    if chosen.only_for not in (None, asked.autopilot):
+        others = ", ".join(n for n, one in FORMATS.items() if one.mission and one.only_for is None)
+        raise InputError(
+            f"{asked.autopilot}: the format {format} is for {chosen.only_for} alone; "
+            f"choose {others}",
+            key="autopilot",
+        )
     flight = flight_of(plan, asked, chosen.altitude_m)
     notes = _ground_notes(flight) if chosen.on_earth else []
     if chosen.mission and asked.snap_radius and flies_loiter_turns(flight):
@@ -108,10 +67,13 @@ def export(plan: Plan, format: str, options: ExportOptions | None = None) -> Exp
 def _all(plan: Plan, options: ExportOptions) -> Export:
     """Every format that the scenario allows."""
     placed = plan.scenario.geo_origin is not None
-    px4 = options.autopilot == "px4"
-    left_out = [name for name, one in FORMATS.items() if one.on_earth and not placed]
-    if px4 and placed:
-        left_out.append("ardupilot")
+    if placed:
+        why = f"the autopilot is {options.autopilot}"
+        fitting = (None, options.autopilot)
+        left_out = [name for name, one in FORMATS.items() if one.only_for not in fitting]
+    else:
+        why = "the scenario has no geo_origin"
+        left_out = [name for name, one in FORMATS.items() if one.on_earth]
     exports, refused = [], []
     for name in FORMATS:
         try:
@@ -124,7 +86,6 @@ def _all(plan: Plan, options: ExportOptions) -> Export:
             refused.append(f"{name} is left out: {error.problem}")
     notes = [f"{one.format}: {note}" for one in exports for note in one.notes]
     if left_out:
-        why = "the autopilot is px4" if placed else "the scenario has no geo_origin"
         refused.insert(0, f"left out, for {why}: {', '.join(left_out)}")
     notes = [*refused, *notes]
     files = [

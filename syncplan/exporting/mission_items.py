@@ -66,7 +66,7 @@ class Mission:
 
 def speed_item(flight: Flight, speed: float) -> MissionItem:
     """Return the change to a speed in m/s: of the air for fixed wings, else over ground."""
-    kind = _AIRSPEED if flight.options.vehicle == "fixed_wing" else _GROUND_SPEED
+    kind = _AIRSPEED if flight.vehicle.holds_airspeed else _GROUND_SPEED
     return MissionItem(CHANGE_SPEED, FRAME_MISSION, (kind, speed, _UNCHANGED, 0.0))
 
 
@@ -84,8 +84,7 @@ def waypoint_item(flight: Flight, place: Array, altitude: float, accepted: float
 
     Parameter 4 is the yaw: PX4 takes 0 for north and nothing for the way it flies.
     """
-    yaw = None if flight.options.autopilot == "px4" else 0.0
-    return _placed(WAYPOINT, (0.0, accepted, 0.0, yaw), place, altitude)
+    return _placed(WAYPOINT, (0.0, accepted, 0.0, flight.autopilot.yaw), place, altitude)
 
 
 def circle_item(turns: float, radius: float, center: Array, altitude: float) -> MissionItem:

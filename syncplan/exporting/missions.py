@@ -16,7 +16,7 @@ _STEEP = 45.0
 
 def flies_loiter_turns(flight: Flight) -> bool:
     """Whether the missions are loiter turns, not waypoints; PX4 refuses loiter turns."""
-    return flight.options.autopilot == "ardupilot" and not flight.options.waypoints
+    return flight.autopilot.loiter_turns and not flight.options.waypoints
 
 
 def missions_of(flight: Flight) -> tuple[list[Mission], list[str]]:
@@ -47,7 +47,7 @@ def written_missions(
 
 
 def _airspeed_notes(flight: Flight) -> list[str]:
-    if flight.options.vehicle != "fixed_wing":
+    if not flight.vehicle.holds_airspeed:
         return []
     orbits = flight.plan.orbits
     slow, fast = float(orbits.speeds.min()), float(orbits.speeds.max())

@@ -104,7 +104,7 @@ def _chord_speed(flight: Flight, radius: float, legs: int) -> float:
 def _acceptance(flight: Flight, radius: float, legs: int) -> float:
     """Half a leg in m; ArduPilot's Plane keeps whole metres, and takes 0 for its own default."""
     half = _leg(radius, legs) / 2.0
-    if flight.options.autopilot == "px4":
+    if not flight.autopilot.whole_metres:
         return half
     return float(min(max(1, round(half)), LARGEST_ACCEPTANCE_M))
 
@@ -120,12 +120,12 @@ def _corners(orbits: Orbits, k: int, legs: int, count: int) -> Array:
 
 def _pace_notes(flight: Flight) -> list[str]:
     """Whether corners cost time, and with it the meetings."""
-    if flight.options.vehicle == "fixed_wing":
+    if flight.vehicle.holds_airspeed:
         return [
             "fixed wings cut and overshoot the corners of short legs, so that turns of waypoints "
             "take another time than planned; where the autopilot has loiter turns, fly those"
         ]
-    if flight.options.autopilot == "ardupilot":
+    if flight.autopilot.loiter_turns:
         return [
             "Copter slows down for corners, so that turns of waypoints take longer than planned "
             "and meetings are lost; fly loiter turns where you can"

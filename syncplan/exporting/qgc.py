@@ -13,12 +13,6 @@ from syncplan.runtime.files import as_text
 
 __all__ = ["write_qgc"]
 
-FIRMWARE = {"ardupilot": 3, "px4": 12}
-"""MAV_AUTOPILOT of each autopilot."""
-
-VEHICLES = {"fixed_wing": 1, "multicopter": 2}
-"""MAV_TYPE of each kind of vehicle."""
-
 RELATIVE_TO_HOME = 1
 
 
@@ -44,8 +38,8 @@ def _plan(flight: Flight, mission: Mission) -> dict[str, Any]:
         "groundStation": "QGroundControl",
         "mission": {
             "version": 2,
-            "firmwareType": FIRMWARE[flight.options.autopilot],
-            "vehicleType": VEHICLES[flight.options.vehicle],
+            "firmwareType": flight.autopilot.code,
+            "vehicleType": flight.vehicle.code,
             "globalPlanAltitudeMode": RELATIVE_TO_HOME,
             "cruiseSpeed": mission.speed,
             "hoverSpeed": mission.speed,

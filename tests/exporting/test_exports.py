@@ -9,7 +9,7 @@ import subprocess
 import sys
 import zipfile
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import jsonschema_rs
 import numpy as np
@@ -18,7 +18,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import syncplan
-from syncplan.cli.export_commands import ExportFormat
+from syncplan.cli.export_commands import FormatName
 from syncplan.errors import InputError
 from syncplan.exporting.formats import ALL, FORMATS, ExportOptions, as_archive, export, write_files
 from syncplan.exporting.safe_names import LONGEST_BYTES, file_names, file_title, ros_names
@@ -392,7 +392,7 @@ def test_a_folder_that_cannot_be_made_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_command_knows_the_formats_of_the_table() -> None:
-    assert [one.value for one in ExportFormat] == [*FORMATS, ALL]
+    assert get_args(FormatName) == (*FORMATS, ALL)
 
 
 def test_the_command_writes_what_the_library_makes(
