@@ -155,7 +155,7 @@ def test_px4_gets_no_loiter_turns() -> None:
         places = to_plane([item["params"][4:6] for item in points])
         legs = np.hypot(*np.diff(places, axis=0).T)
         assert [item["params"][1] for item in points[1:]] == pytest.approx(legs / 2, abs=1e-3)
-    with pytest.raises(InputError, match="take qgc for PX4"):
+    with pytest.raises(InputError, match="choose qgc"):
         export(mixed_team(), "ardupilot", ExportOptions(autopilot="px4"))
 
 
