@@ -10,7 +10,6 @@ RMS position errors of the second half: of the worst vehicle, and of all.
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import get_args
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
@@ -18,7 +17,7 @@ from syncplan.planning.planner import Plan, plan
 from syncplan.planning.validation import validate
 from syncplan.refinement.refiner import refine
 from syncplan.scenario.loading import load_scenario
-from syncplan.scenario.refine_options import Objective
+from syncplan.scenario.objectives import OBJECTIVES
 
 EXAMPLES = (
     "paper-grid-same",
@@ -27,7 +26,6 @@ EXAMPLES = (
     "mixed-radii-camera",
     "five-ring",
 )
-OBJECTIVES: tuple[Objective, ...] = get_args(Objective)
 GIVEN = "as given"
 SCENARIOS = Path(__file__).resolve().parents[1] / "examples" / "scenarios"
 TRIALS, DURATION_S, SEED = 200, 400.0, 1

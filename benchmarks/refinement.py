@@ -32,12 +32,14 @@ from syncplan.arrays import Array
 from syncplan.planning.planner import plan
 from syncplan.refinement.ipopt import StagedSolver
 from syncplan.refinement.measures import Measurement, measure
-from syncplan.refinement.nlp import Stage, program_of, stages_of
+from syncplan.refinement.nlp import nlp_of
 from syncplan.refinement.problem import RefineProblem, circles_of, orbits_of
 from syncplan.refinement.problem_setup import problem_of
 from syncplan.refinement.refiner import options_for
+from syncplan.refinement.stages import Stage, stages_of
 from syncplan.runtime.blas import single_threaded_blas
 from syncplan.scenario.loading import scenario_from
+from syncplan.scenario.objectives import OBJECTIVES
 
 ROOT = Path(__file__).resolve().parents[1]
 COLUMNS = {6: 3, 12: 4, 24: 6, 50: 10}
@@ -137,7 +139,7 @@ def check_agreement(posed: Posed) -> float:
     """
     random, worst = np.random.default_rng(0), 0.0
     for stage in stages_of(posed.problem):
-        program, team = program_of(posed.problem, stage), VectorisedTeam.of(posed.problem, stage)
+        program, team = nlp_of(posed.problem, stage), VectorisedTeam.of(posed.problem, stage)
         given = program.variables_of(circles_of(posed.problem.orbits))
         for _ in range(10):
             shift = 0.1 * random.standard_normal(program.size)
@@ -312,9 +314,9 @@ class Process:
     @property
     def told(self) -> str:
         """Iterations, and the objective before and after."""
-        name = self.record["objective"] + ("_m" if "rms" in self.record["objective"] else "")
-        before, after = self.record["before"][name], self.record["after"][name]
-        digits = 3 if "rms" in name else 2
+        objective = OBJECTIVES[self.record["objective"]]
+        before, after = (self.record[side][objective.key] for side in ("before", "after"))
+        digits = 3 if objective.predicted else 2
         iterations = sum(start["iterations"] for start in self.record["starts"])
         cut = ", cut short" if self.record["cut_short"] else ""
         return f"{iterations} iterations, {before:.{digits}f} to {after:.{digits}f}{cut}"

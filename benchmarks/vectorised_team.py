@@ -16,10 +16,11 @@ from scipy.special import expit, logsumexp
 
 from syncplan.arrays import Array, Flags, Index
 from syncplan.observability.rank import NEAREST
-from syncplan.refinement.nlp import CONTACT_SAMPLES, Stage
+from syncplan.refinement.nlp import CONTACT_SAMPLES
 from syncplan.refinement.problem import RefineProblem
 from syncplan.refinement.sample_times import samples_of
 from syncplan.refinement.smooth_team import sighted_pairs
+from syncplan.refinement.stages import Stage
 
 __all__ = ["VectorisedTeam"]
 
@@ -106,7 +107,7 @@ class VectorisedTeam:
             and np.ptp(sensors.ranges) == np.ptp(sensors.bearing_sigmas) == 0.0
             and len(problem.guarded_pairs()) == 0
             and not problem.area.limited
-            and problem.objective == "logdet"
+            and problem.objective.name == "logdet"
         )
         if not plain:
             raise ValueError("written for logdet, equal sensors that see all round, free circles")

@@ -18,7 +18,8 @@ from api.plan_texts import PlanText, as_plan_text, loaded_plan
 from syncplan.planning.plan_files import Loaded
 from syncplan.refinement.refiner import options_for
 from syncplan.scenario.chunked_validation import Many
-from syncplan.scenario.refine_options import Bounds, Objective, Variable
+from syncplan.scenario.objectives import ObjectiveName
+from syncplan.scenario.refine_options import Bounds, Variable
 
 __all__ = ["REFINEMENT", "RefinementRequest"]
 
@@ -39,7 +40,7 @@ class RefinementRequest(JobRequest):
     radius_m: Bounds | None = Field(
         default=None, description="Least and largest radius", examples=[[15.0, 25.0]]
     )
-    objective: Objective | None = Field(
+    objective: ObjectiveName | None = Field(
         default=None, description="What is improved", examples=["predicted_rms"]
     )
     margin_m: Annotated[float, Field(ge=0, le=1e7)] | None = Field(

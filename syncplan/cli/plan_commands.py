@@ -25,6 +25,7 @@ from syncplan.cli.console import (
     search_progress,
 )
 from syncplan.errors import NoSolutionError
+from syncplan.scenario.objectives import listed
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -111,7 +112,7 @@ def _refine(
     objective: Annotated[
         str | None,
         typer.Option(
-            help="predicted_rms, worst_predicted_rms, logdet, min_eigenvalue or trace",
+            help=f"Figure of merit to improve: {listed()}",
             show_default=False,
         ),
     ] = None,

@@ -9,6 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from syncplan.placement.centers import Placement
+from syncplan.planning.figures_of_merit import ROWS
 from syncplan.reports.plan_schemas import LandmarkLink, Link, PlanDocument
 from syncplan.reports.refinement_schemas import RefinementResult
 from syncplan.reports.run_schemas import ErrorFigures, ReplayDocument, Spread, ValidationDocument
@@ -211,19 +212,8 @@ def _refinement_table(result: RefinementResult) -> Table:
     table = _table(
         f"refined for {result.objective}, {len(result.starts)} starts", ("", "before", "after")
     )
-    for label, name in (
-        ("rank", "rank"),
-        ("certificate", "certified"),
-        ("predicted error, all, m", "predicted_rms_m"),
-        ("predicted error, worst, m", "worst_predicted_rms_m"),
-        ("window bound, worst, m", "window_bound_m"),
-        ("log determinant", "logdet"),
-        ("smallest eigenvalue", "min_eigenvalue"),
-        ("trace", "trace"),
-        ("least distance, m", "least_distance_m"),
-        ("contact margin, m", "contact_margin_m"),
-    ):
-        table.add_row(label, *(_figure(getattr(one, name)) for one in (before, after)))
+    for row in ROWS:
+        table.add_row(row.heading, *(_figure(getattr(one, row.key)) for one in (before, after)))
     return table
 
 

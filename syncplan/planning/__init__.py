@@ -1,5 +1,6 @@
 """The chain from a scenario to a judged plan, and what is done with plans.
 
+figures_of_merit    by what plans are compared
 refinement_record   how a plan was refined
 planner             scenario to plan, orbits to verdict
 validation          Monte Carlo of a plan beside its bound

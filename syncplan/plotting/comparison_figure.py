@@ -3,6 +3,7 @@
 import numpy as np
 
 from syncplan.errors import InputError
+from syncplan.planning.figures_of_merit import ROWS
 from syncplan.planning.planner import Plan
 from syncplan.plotting.accuracy_figure import bars
 from syncplan.plotting.canvas import (
@@ -20,32 +21,27 @@ from syncplan.plotting.link_styles import body_names
 from syncplan.plotting.map_layers import circle_points, landmark_traces, map_height, view_box
 from syncplan.plotting.palette import BLUE, INK, MUTED, ORANGE
 from syncplan.reports.refinement_schemas import FiguresOfMerit, RefinementResult
+from syncplan.scenario.objectives import OBJECTIVES
 
 __all__ = ["comparison_spec", "refinement_spec"]
 
 _BARS_PX = 170
 _GAP_PX = 100
 
-_METRES = (
-    ("predicted RMS,<br>all vehicles", "predicted_rms_m"),
-    ("predicted RMS,<br>worst vehicle", "worst_predicted_rms_m"),
-    ("bound of one window,<br>worst vehicle", "window_bound_m"),
-    ("least distance<br>of two vehicles", "least_distance_m"),
-    ("contact margin", "contact_margin_m"),
-)
+_METRES = [row for row in ROWS if row.unit == "m"]
 
 
 def refinement_spec(record: RefinementResult, name: str = "") -> Spec:
     """Return the figure of a refinement: figures of merit in m before and after."""
     title = f"{escaped(name or 'Plan')}: refinement for {escaped(record.objective)}"
-    labels = [label for label, _ in _METRES]
+    labels = [row.caption.replace("\n", "<br>") for row in _METRES]
     sides = (
         ("before", record.before, ORANGE, "/"),
         ("after", record.after, BLUE, ""),
     )
     traces = []
     for side, figures, color, pattern in sides:
-        values = [getattr(figures, key) for _, key in _METRES]
+        values = [getattr(figures, row.key) for row in _METRES]
         trace = bars(side, side, labels, values, color, pattern)
         trace["text"] = ["none" if value is None else f"{value:.3g}" for value in values]
         trace["textposition"] = "outside"
@@ -53,7 +49,7 @@ def refinement_spec(record: RefinementResult, name: str = "") -> Spec:
         traces.append(trace)
     if not any(value is not None for trace in traces for value in trace["y"]):
         return message(title, "no figure of merit in metres is known of either plan")
-    note = f"{_told(record.before)} before; {_told(record.after)} after"
+    note = f"{_summary(record.before)} before; {_summary(record.after)} after"
     if not record.improved:
         note = f"not refined: {escaped(record.reason)}"
     drawn = layout(
@@ -153,9 +149,10 @@ def _circles(plan: Plan, side: str, color: str, dash: str, places: int) -> list[
     ]
 
 
-def _told(figures: FiguresOfMerit) -> str:
-    information = "" if figures.logdet is None else f", log det {figures.logdet:.4g}"
-    return f"rank {figures.rank}{information}"
+def _summary(figures: FiguresOfMerit) -> str:
+    """The rank, and the information if there is any."""
+    logdet = figures.model_dump()[OBJECTIVES["logdet"].key]
+    return f"rank {figures.rank}" + ("" if logdet is None else f", log det {logdet:.4g}")
 
 
 def _verdict(plan: Plan) -> str:

@@ -9,7 +9,9 @@ smooth_sightings    information of sightings, smooth
 smooth_contacts     contact, smooth
 smooth_team         information and contacts of the whole team
 smooth_bound        the posterior bound, smooth
-smooth_objectives   determinants and bounds of the information
+smooth_determinants determinants and bounds of the information
+stages              ever sharper looks at the problem
+objective_forms     each objective, exact and smooth
 clearances          separation and areas
 nlp                 the nonlinear program of one stage
 ipopt               the stages, solved

@@ -136,7 +136,7 @@ class _Looks:
         self, problem: RefineProblem, before: Measurement, values: int, over: Callable[[], bool]
     ) -> None:
         self.problem, self.before, self.over = problem, before, over
-        self.runs = "rms" in problem.objective
+        self.runs = problem.objective.predicted
         self.looks = min(_LOOKS_OF_ALL // values, _MOST_LOOKS)
         steps = problem.duration / problem.sensors.sample_time
         self.run_looks = int(np.clip(_RUN_STEPS / steps, _LEAST_RUNS, _MOST_RUNS))
@@ -165,4 +165,4 @@ class _Looks:
         if self.runs:
             self.run_looks -= 1
             found = measure(self.problem, orbits)
-        return found.figures.cost(self.problem.objective)
+        return found.figures.cost(self.problem.objective.name)

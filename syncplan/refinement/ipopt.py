@@ -14,8 +14,9 @@ import casadi as ca
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.refinement.nlp import Program, Stage, program_of, stages_of
+from syncplan.refinement.nlp import StageNlp, nlp_of
 from syncplan.refinement.problem import RefineProblem
+from syncplan.refinement.stages import Stage, stages_of
 
 __all__ = ["SolverProgress", "SolverRun", "StagedSolver", "Steering"]
 
@@ -85,10 +86,10 @@ class StagedSolver:
     def __init__(self, problem: RefineProblem) -> None:
         self.problem = problem
         self.stages = stages_of(problem)
-        self._compiled: dict[int, tuple[Program, _Watcher, ca.Function]] = {}
+        self._compiled: dict[int, tuple[StageNlp, _Watcher, ca.Function]] = {}
 
-    def program(self, number: int) -> Program:
-        """Return the program of a stage."""
+    def nlp(self, number: int) -> StageNlp:
+        """Return the nonlinear program of a stage."""
         return self._compile(number)[0]
 
     def solve(self, start: Array, steering: Steering | None = None) -> SolverRun:
@@ -102,14 +103,14 @@ class StagedSolver:
         for number in range(len(self.stages)):
             if watch.over:
                 break
-            program, watcher, solver = self._compile(number)
+            nlp, watcher, solver = self._compile(number)
             watcher.begin(watch, iterations)
             found = solver(
-                x0=program.variables_of(guess),
-                lbx=program.lower,
-                ubx=program.upper,
-                lbg=program.constraint_lower,
-                ubg=program.constraint_upper,
+                x0=nlp.variables_of(guess),
+                lbx=nlp.lower,
+                ubx=nlp.upper,
+                lbg=nlp.constraint_lower,
+                ubg=nlp.constraint_upper,
             )
             statistics = solver.stats()
             iterations += int(statistics["iter_count"])
@@ -119,9 +120,9 @@ class StagedSolver:
                 variables = watcher.best
             if not np.all(np.isfinite(variables)):
                 break
-            guess = program.circles_of(variables)
+            guess = nlp.circles_of(variables)
             candidates.append(guess)
-            unmet = _unmet(program, variables)
+            unmet = _unmet(nlp, variables)
         residuals = statistics.get("iterations", {})
         return SolverRun(
             candidates=tuple(candidates),
@@ -133,26 +134,26 @@ class StagedSolver:
             unmet=unmet,
         )
 
-    def _compile(self, number: int) -> "tuple[Program, _Watcher, ca.Function]":
+    def _compile(self, number: int) -> "tuple[StageNlp, _Watcher, ca.Function]":
         if number not in self._compiled:
-            program = program_of(self.problem, self.stages[number])
-            watcher = _Watcher(program, number)
-            solver = _ipopt(program, self.stages[number], watcher)
-            self._compiled[number] = program, watcher, solver
+            nlp = nlp_of(self.problem, self.stages[number])
+            watcher = _Watcher(nlp, number)
+            solver = _ipopt(nlp, self.stages[number], watcher)
+            self._compiled[number] = nlp, watcher, solver
         return self._compiled[number]
 
 
-def _ipopt(program: Program, stage: Stage, watcher: "_Watcher") -> ca.Function:
+def _ipopt(nlp: StageNlp, stage: Stage, watcher: "_Watcher") -> ca.Function:
     options: dict[str, Any] = {
         "print_time": False,
         "show_eval_warnings": False,
-        "jac_g": program.jacobian,
+        "jac_g": nlp.jacobian,
         "iteration_callback": watcher,
         "ipopt": {
             "sb": "yes",
             "print_level": 0,
             "hessian_approximation": "limited-memory",
-            "limited_memory_max_history": int(np.clip(program.size // 3, 6, 50)),
+            "limited_memory_max_history": int(np.clip(nlp.size // 3, 6, 50)),
             "honor_original_bounds": "yes",
             "linear_solver": "mumps",
             "max_iter": stage.iterations,
@@ -164,13 +165,13 @@ def _ipopt(program: Program, stage: Stage, watcher: "_Watcher") -> ca.Function:
             "bound_frac": 1e-3,
         },
     }
-    return ca.nlpsol("refine", "ipopt", program.as_dictionary(), options)
+    return ca.nlpsol("refine", "ipopt", nlp.as_dictionary(), options)
 
 
-def _unmet(program: Program, variables: Array) -> tuple[str, ...]:
-    excess = program.violations(variables)
+def _unmet(nlp: StageNlp, variables: Array) -> tuple[str, ...]:
+    excess = nlp.violations(variables)
     worst = np.argsort(-excess)[:_NAMED]
-    return tuple(program.labels[k] for k in worst if excess[k] > 100.0 * _FEASIBLE)
+    return tuple(nlp.labels[k] for k in worst if excess[k] > 100.0 * _FEASIBLE)
 
 
 def _last(iterations: dict[str, Any], name: str) -> float:
@@ -181,9 +182,9 @@ def _last(iterations: dict[str, Any], name: str) -> float:
 class _Watcher(ca.Callback):
     """Called by IPOPT at every iteration: reports, keeps the best feasible iterate, may stop."""
 
-    def __init__(self, program: Program, stage: int) -> None:
+    def __init__(self, nlp: StageNlp, stage: int) -> None:
         super().__init__()
-        self.program, self.stage = program, stage
+        self.nlp, self.stage = nlp, stage
         self.begin(Steering(), 0)
         self.construct("watcher", {})
 
@@ -203,9 +204,9 @@ class _Watcher(ca.Callback):
         name = ca.nlpsol_out(index)
         if name == "f":
             return ca.Sparsity.scalar()
-        size = {"x": self.program.size, "lam_x": self.program.size}.get(name)
+        size = {"x": self.nlp.size, "lam_x": self.nlp.size}.get(name)
         if name in ("g", "lam_g"):
-            size = len(self.program.labels)
+            size = len(self.nlp.labels)
         return ca.Sparsity.dense(size) if size else ca.Sparsity(0, 0)
 
     def eval(self, arguments: Sequence[ca.DM]) -> list[ca.DM]:
@@ -214,7 +215,7 @@ class _Watcher(ca.Callback):
             zip((ca.nlpsol_out(k) for k in range(len(arguments))), arguments, strict=True)
         )
         objective = float(values["f"])
-        excess = self.program.excess(np.array(values["g"]).ravel())
+        excess = self.nlp.excess(np.array(values["g"]).ravel())
         violation = float(excess.max(initial=0.0))
         if violation <= _FEASIBLE and objective < self.best_objective:
             self.best, self.best_objective = np.array(values["x"]).ravel(), objective

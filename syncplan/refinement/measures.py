@@ -80,6 +80,8 @@ class Measurement:
 
 def measure(problem: RefineProblem, orbits: Orbits, *, predict: bool = True) -> Measurement:
     """Return the figures and slacks of orbits; `predict` computes the posterior bound."""
+    from syncplan.refinement.objective_forms import FORMS, MeasuredTeam
+
     team, scale = problem.team.on(orbits), problem.scale
     windows = find_windows(team)
     sightings = sightings_over(team, windows, problem.window)
@@ -88,10 +90,9 @@ def measure(problem: RefineProblem, orbits: Orbits, *, predict: bool = True) -> 
     judged = assess(team, information)
     verdict = judged
     if judged.scale != scale:
-        measured = link_information(team, sightings, scale)
-        verdict = assess(team, measured, scale)
+        scaled = link_information(team, sightings, scale)
+        verdict = assess(team, scaled, scale)
     bound = window_bound(judged)
-    squared = verdict.singular_values**2
     rms = np.full(orbits.count, np.nan)
     if predict:
         try:
@@ -100,6 +101,7 @@ def measure(problem: RefineProblem, orbits: Orbits, *, predict: bool = True) -> 
             ).rms_second_half()
         except NoSolutionError:
             rms = np.full(orbits.count, np.inf)
+    measured = MeasuredTeam(judged.observable, verdict.singular_values**2, rms)
     nearest = closest_approach(orbits)
     seen = sightings
     if problem.contact_span > problem.window:
@@ -108,14 +110,10 @@ def measure(problem: RefineProblem, orbits: Orbits, *, predict: bool = True) -> 
     figures = Figures(
         rank=judged.rank,
         certified=certify(team, judged, information).holds,
-        logdet=float(np.sum(np.log(squared))) if judged.observable else -math.inf,
-        min_eigenvalue=float(squared[-1]) if judged.observable else 0.0,
-        trace=float(squared.sum()),
         window_bound=float(bound.max()) if judged.observable else math.inf,
-        worst_predicted_rms=float(rms.max()),
-        predicted_rms=float(np.sqrt(np.mean(rms**2))),
         least_distance=nearest.distance if nearest is not None else math.inf,
         contact_margin=min(margins, default=math.inf),
+        objectives={name: form.exact(measured) for name, form in FORMS.items()},
     )
     slacks = [
         *_contact_slacks(problem, margins),

@@ -9,86 +9,56 @@ import numpy as np
 from syncplan.arrays import Array, Index
 from syncplan.refinement.clearances import area_clearances, separations
 from syncplan.refinement.constraint_blocks import Blocks, stacked_blocks
+from syncplan.refinement.measures import WINDOW_BOUND
+from syncplan.refinement.objective_forms import FORMS, SmoothInputs, SmoothObjective
 from syncplan.refinement.problem import RefineProblem
-from syncplan.refinement.sample_times import SampleTimes, samples_of
-from syncplan.refinement.smooth_bound import coarse_run, smooth_rms
-from syncplan.refinement.smooth_objectives import log_determinant, window_excess
+from syncplan.refinement.smooth_determinants import window_excess
 from syncplan.refinement.smooth_team import SmoothTeam
+from syncplan.refinement.stages import Stage, samples_in
 
-__all__ = ["CONTACT_SAMPLES", "Program", "Stage", "program_of", "stages_of"]
+__all__ = ["CONTACT_SAMPLES", "StageNlp", "nlp_of"]
 
 
-_LEAST_WIDTH, _LARGEST_WIDTH = 0.002, 0.05
-_STEP_OF_SPACING = 0.25
 _CONTACT_WIDTH = 0.25
 """Contact's step is narrower than that of information by this factor."""
 
 _SAFETY_WIDTHS = 3.0
 """Steps of contact by which kept links stay inside their margin in the last stage."""
 
-_FEW, _MANY = 64, 400
 CONTACT_SAMPLES = 96
 """Contact asks for few samples, and where the distance is least it hardly changes between them."""
 
-_SHIFT = 1e-9
-"""Added to the information, relative to its mean diagonal: a team that is not observable yet."""
-
-_WORST_POWER = 16.0
-"""Exponent of the norm over vehicles that stands for the worst predicted RMS."""
-
-_INSIDE = 0.7
-"""Share of the smallest eigenvalue at which the variable below it starts."""
-
 
 @dataclass(frozen=True, slots=True)
-class Stage:
-    """How one stage looks at the problem.
-
-    Attributes
-    ----------
-    samples : most samples of a window that are told apart
-    width : of the step between seen and unseen, as a share of the range
-    barrier : weight of the barrier of min_eigenvalue
-    iterations : most that IPOPT may take
-    tolerance : at which IPOPT calls it solved
-    last : whether contact is to hold with some safety
-    """
-
-    samples: int
-    width: float
-    barrier: float
-    iterations: int
-    tolerance: float
-    last: bool
-
-
-@dataclass(frozen=True, slots=True)
-class Program:
+class StageNlp:
     """One stage's nonlinear program, in scaled variables.
 
     Attributes
     ----------
     problem : what it was made of
-    variables, objective, constraints : expressions
+    variables : expression; the free values of the circles, then what the objective adds
+    objective : what is minimised, with the variable that it adds
+    constraints : expression
     jacobian : function (x, p) -> (constraints, their sparse Jacobian)
     values : function x -> (objective, constraints)
+    information : function of the circles' variables -> the windowed information (3 n, 3 n), where
+        the start of the objective's own variable needs it
     lower, upper, constraint_lower, constraint_upper : bounds
     labels : what each constraint is
-    smallest : function x -> information, for the start of min_eigenvalue's extra variable
     """
 
     problem: RefineProblem
     variables: ca.MX
-    objective: ca.MX
+    objective: SmoothObjective
     constraints: ca.MX
     jacobian: ca.Function
     values: ca.Function
+    information: ca.Function | None
     lower: Array
     upper: Array
     constraint_lower: Array
     constraint_upper: Array
     labels: tuple[str, ...]
-    information: ca.Function | None
 
     @property
     def size(self) -> int:
@@ -97,18 +67,17 @@ class Program:
 
     def as_dictionary(self) -> dict[str, Any]:
         """Return what `casadi.nlpsol` takes."""
-        return {"x": self.variables, "f": self.objective, "g": self.constraints}
+        return {"x": self.variables, "f": self.objective.value, "g": self.constraints}
 
     def variables_of(self, circles: Array) -> Array:
         """Return the variables at circles (4, n) in m and rad, brought within their bounds."""
         free = self.problem.freedom.free.ravel(order="F")
         scaled = (circles / _units(self.problem)).ravel(order="F")[free]
         variables = np.clip(scaled, self.lower[: len(scaled)], self.upper[: len(scaled)])
-        if self.information is None:
+        if self.information is None or self.objective.extra_start is None:
             return variables
-        smallest = np.linalg.eigvalsh(np.array(ca.DM(self.information(variables))))[0]
-        share = max(smallest / _spread(self.problem) + _SHIFT, 0.5 * _SHIFT)
-        return np.append(variables, np.log(_INSIDE * share))
+        information = np.array(ca.DM(self.information(variables)))
+        return np.append(variables, self.objective.extra_start(information))
 
     def circles_of(self, variables: Array) -> Array:
         """Return the circles (4, n) in m and rad."""
@@ -130,67 +99,47 @@ class Program:
         return self.excess(np.array(self.values(variables)[1]).ravel())
 
 
-def stages_of(problem: RefineProblem) -> tuple[Stage, ...]:
-    """Return soft, sharper, nearly hard: the last step as wide as what passes between samples."""
-    most = int(np.clip(12_000 // max(problem.orbits.count, 1), 2 * _FEW, _MANY))
-    times = _times(problem, problem.window, most)
-    passed = 2.0 * problem.orbits.radii.max() * times.spacing
-    share = _STEP_OF_SPACING * passed / problem.sensors.ranges.max()
-    last = float(np.clip(share, _LEAST_WIDTH, _LARGEST_WIDTH))
-    return (
-        Stage(_FEW, 0.1, 0.3, 60, 1e-3, False),
-        Stage(_FEW, max(0.04, last), 0.05, 60, 1e-3, False),
-        Stage(most, last, 0.01, 150, 1e-4, True),
-    )
-
-
-def _times(problem: RefineProblem, span: float, most: int) -> SampleTimes:
-    """Samples in `span` s, at most `most` of them told apart."""
-    return samples_of(span, problem.sensors.sample_time, problem.orbits.rate, most)
-
-
-def program_of(problem: RefineProblem, stage: Stage) -> Program:
+def nlp_of(problem: RefineProblem, stage: Stage) -> StageNlp:
     """Return the nonlinear program of a stage."""
-    freedom, units = problem.freedom, _units(problem)
-    free = np.flatnonzero(freedom.free.ravel(order="F"))
+    # variables
+    free = np.flatnonzero(problem.freedom.free.ravel(order="F"))
     chosen = ca.MX.sym("x", len(free))
     circles = _circles(problem, chosen, free)
-    team = SmoothTeam.of(problem, _times(problem, problem.window, stage.samples))
+    # objective
+    team = SmoothTeam.of(problem, samples_in(problem, problem.window, stage.samples))
     information = team.information(circles, stage.width)
-    variables, objective, told = _objective(problem, stage, team, information, circles, chosen)
-    blocks = _constraints(problem, stage, team, circles)
-    values, jacobian = blocks.values, blocks.jacobian[:, free.tolist()]
-    upper, labels = np.full(len(blocks.lower), np.inf), blocks.labels
+    smooth = FORMS[problem.objective.name].smooth
+    objective = smooth(SmoothInputs(problem, stage, team, circles, information))
+    variables = chosen if objective.extra is None else ca.vertcat(chosen, objective.extra)
+    # constraints
+    limits = _constraints(problem, stage, team, circles)
+    constraints, jacobian, labels = limits.values, limits.jacobian[:, free.tolist()], limits.labels
     if np.isfinite(problem.window_limit):
-        excess = window_excess(team.sparsity, information, _SHIFT * _spread(problem), problem)
-        values = ca.vertcat(values, -excess)
+        excess = window_excess(team.sparsity, information, problem)
+        constraints = ca.vertcat(constraints, -excess)
         jacobian = ca.vertcat(jacobian, -ca.jacobian(excess, chosen))
-        upper, labels = np.append(upper, np.inf), (*labels, "window bound of the worst vehicle")
-    lower = np.append(blocks.lower, np.zeros(len(upper) - len(blocks.lower)))
+        labels = (*labels, WINDOW_BOUND)
     extra = variables.numel() - chosen.numel()
-    jacobian = ca.horzcat(jacobian, ca.MX(values.numel(), extra))
-    bounds = [
-        np.append((limit / units).ravel(order="F")[free], np.full(extra, far))
-        for limit, far in ((freedom.lower, -np.inf), (freedom.upper, np.inf))
-    ]
+    jacobian = ca.horzcat(jacobian, ca.MX(constraints.numel(), extra))
+    lower, upper = _bounds(problem, free, extra)
     parameters = ca.MX.sym("p", 0, 1)
-    return Program(
+    return StageNlp(
         problem=problem,
         variables=variables,
         objective=objective,
-        constraints=values,
+        constraints=constraints,
         jacobian=ca.Function(
-            "jac_g", [variables, parameters], [values, jacobian], ["x", "p"], ["g", "jac_g_x"]
+            "jac_g", [variables, parameters], [constraints, jacobian], ["x", "p"], ["g", "jac_g_x"]
         ),
-        values=ca.Function("values", [variables], [objective, values]),
-        lower=bounds[0],
-        upper=bounds[1],
-        constraint_lower=lower,
-        constraint_upper=upper,
+        values=ca.Function("values", [variables], [objective.value, constraints]),
+        information=None
+        if objective.extra is None
+        else ca.Function("information", [chosen], [ca.MX(team.sparsity, information)]),
+        lower=lower,
+        upper=upper,
+        constraint_lower=np.append(limits.lower, np.zeros(len(labels) - len(limits.lower))),
+        constraint_upper=np.full(len(labels), np.inf),
         labels=labels,
-        information=ca.Function("information", [chosen], [ca.MX(team.sparsity, information)])
-        if told
-        else None,
     )
 
 
@@ -198,6 +147,16 @@ def _units(problem: RefineProblem) -> Array:
     """(4, 1) what the variables are measured in."""
     scale = problem.scale
     return np.array([[scale], [scale], [scale], [1.0]])
+
+
+def _bounds(problem: RefineProblem, free: Index, extra: int) -> tuple[Array, Array]:
+    """Least and largest value of each variable; `extra` ones at the end have no bounds."""
+    freedom, units = problem.freedom, _units(problem)
+    lower, upper = (
+        np.append((limit / units).ravel(order="F")[free], np.full(extra, far))
+        for limit, far in ((freedom.lower, -np.inf), (freedom.upper, np.inf))
+    )
+    return lower, upper
 
 
 def _circles(problem: RefineProblem, chosen: ca.MX, free: Index) -> ca.MX:
@@ -210,54 +169,12 @@ def _circles(problem: RefineProblem, chosen: ca.MX, free: Index) -> ca.MX:
     return ca.reshape(ca.DM(fixed) + spread @ chosen, 4, problem.orbits.count)
 
 
-def _spread(problem: RefineProblem) -> float:
-    """A typical entry of the information: what min_eigenvalue's variable is measured in."""
-    return float(np.mean(1.0 / problem.sensors.bearing_sigmas**2))
-
-
-def _objective(
-    problem: RefineProblem,
-    stage: Stage,
-    team: SmoothTeam,
-    information: ca.MX,
-    circles: ca.MX,
-    chosen: ca.MX,
-) -> tuple[ca.MX, ca.MX, bool]:
-    """Variables, objective, and whether a variable below the smallest eigenvalue was added."""
-    size = team.sparsity.size1()
-    shift = _SHIFT * _spread(problem)
-    if problem.objective == "trace":
-        diagonal = ca.diag(ca.MX(team.sparsity, information))
-        return chosen, -ca.log(ca.sum1(diagonal)), False
-    if problem.objective == "min_eigenvalue":
-        below = ca.MX.sym("log_t")
-        least = ca.exp(below) * _spread(problem)
-        inside = log_determinant(team.sparsity)(information, shift - least)
-        return ca.vertcat(chosen, below), -below - stage.barrier * inside / size, True
-    if problem.objective == "logdet":
-        return chosen, -log_determinant(team.sparsity)(information, shift) / size, False
-    run = coarse_run(problem)
-    seen = SmoothTeam.of(problem, run.times)
-    width = max(stage.width, _coarse_width(problem, run.times.spacing))
-    each = seen.information(circles, width, each=True)
-    rms = smooth_rms(problem, run, seen.sparsity, each, circles)
-    if problem.objective == "predicted_rms":
-        return chosen, 0.5 * ca.log(ca.sumsqr(rms) / rms.numel()), False
-    norm = ca.logsumexp(_WORST_POWER * ca.log(rms)) / _WORST_POWER
-    return chosen, norm, False
-
-
-def _coarse_width(problem: RefineProblem, spacing: float) -> float:
-    """Step as wide as what passes between samples `spacing` rad apart."""
-    passed = 2.0 * problem.orbits.radii.max() * spacing
-    return float(min(_STEP_OF_SPACING * passed / problem.sensors.ranges.max(), _LARGEST_WIDTH))
-
-
 def _constraints(problem: RefineProblem, stage: Stage, team: SmoothTeam, circles: ca.MX) -> Blocks:
     """Contacts kept, separation, areas."""
     width = _CONTACT_WIDTH * stage.width
     safety = _SAFETY_WIDTHS * width * float(problem.sensors.ranges.mean())
-    times = _times(problem, problem.contact_span, min(stage.samples, CONTACT_SAMPLES))
+    most = min(stage.samples, CONTACT_SAMPLES)
+    times = samples_in(problem, problem.contact_span, most)
     contacts = team.contacts(circles, times, width, safety if stage.last else 0.0)
     limits = [contacts, separations(problem, circles), area_clearances(problem, circles)]
     return stacked_blocks(limits, problem.orbits.count)

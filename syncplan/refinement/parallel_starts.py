@@ -74,7 +74,7 @@ def attempt(task: RefineTask, solver: StagedSolver, start: int, steering: Steeri
     """Return what start number `start` comes to."""
     problem = task.problem
     first = starting_circles(
-        problem, task.rule_phases, task.nudged, start, task.seed, lambda: solver.program(0)
+        problem, task.rule_phases, task.nudged, start, task.seed, lambda: solver.nlp(0)
     )
     run = solver.solve(first, steering)
     best: Attempt | None = None
@@ -95,7 +95,7 @@ def rank_of(problem: RefineProblem, item: Attempt) -> tuple[bool, float]:
     """Return what attempts are ordered by: violations first, then the exact objective."""
     if item.after is None:
         return True, float("inf")
-    return bool(item.violations), item.after.figures.cost(problem.objective)
+    return bool(item.violations), item.after.figures.cost(problem.objective.name)
 
 
 def run_starts(
@@ -163,7 +163,7 @@ def searched_nearby(
     problem, before = task.problem, task.before
     number = min(range(len(attempts)), key=lambda k: rank_of(problem, attempts[k]))
     best = attempts[number]
-    circles, own = best.circles, (False, before.figures.cost(problem.objective))
+    circles, own = best.circles, (False, before.figures.cost(problem.objective.name))
     if circles is None or rank_of(problem, best) >= own:
         circles = circles_of(problem.orbits)
     generator = np.random.default_rng(task.seed)

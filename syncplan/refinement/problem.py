@@ -14,7 +14,7 @@ from syncplan.orbits.noise import Noise
 from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.team import Team
 from syncplan.scenario.areas import Area
-from syncplan.scenario.refine_options import Objective
+from syncplan.scenario.objectives import Objective
 
 __all__ = ["Freedom", "RefineProblem", "circles_of", "orbits_of"]
 
@@ -62,7 +62,7 @@ class RefineProblem:
     min_separation : m
     separation_required : the same of the separation
     area : polygons that limit the circles
-    objective : see RefineOptions
+    objective : what is improved
     window_limit : m, that no vehicle's window bound may exceed; infinite for no limit
     """
 
@@ -113,6 +113,11 @@ class RefineProblem:
     def scale(self) -> float:
         """Mean radius in m of the plan that is refined."""
         return float(self.orbits.radii.mean())
+
+    @property
+    def information_unit(self) -> float:
+        """A typical entry of the windowed information: the mean of 1/sigma^2 in 1/rad^2."""
+        return float(np.mean(1.0 / self.sensors.bearing_sigmas**2))
 
     def guarded_pairs(self) -> Index:
         """Return the (g, 2) pairs of vehicles, a < b, that could come below the separation."""

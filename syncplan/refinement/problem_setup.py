@@ -16,7 +16,8 @@ from syncplan.planning.planner import Plan
 from syncplan.refinement.measures import Measurement, measure
 from syncplan.refinement.problem import Freedom, RefineProblem, circles_of
 from syncplan.scenario.areas import Area
-from syncplan.scenario.refine_options import DEFAULT_BOX_M, Objective, RefineOptions
+from syncplan.scenario.objectives import OBJECTIVES, Objective, default_objective
+from syncplan.scenario.refine_options import DEFAULT_BOX_M, RefineOptions
 
 __all__ = ["problem_of", "refuse_conflicts"]
 
@@ -29,9 +30,6 @@ DEFAULT_MARGIN = 0.02
 
 SAFE_SHARE = 0.5
 """Of the mean radius: the separation kept where none is asked for, if the plan has as much."""
-
-PREDICTED_UP_TO = 24
-"""Largest team whose predicted error is the objective unless another is asked for."""
 
 
 def problem_of(given: Plan, options: RefineOptions) -> RefineProblem:
@@ -71,9 +69,10 @@ def _problem_as_asked(given: Plan, options: RefineOptions) -> RefineProblem:
 
 
 def _objective(options: RefineOptions, count: int) -> Objective:
+    """The one asked for, or what suits a team of this size."""
     if options.objective is not None:
-        return options.objective
-    return "predicted_rms" if count <= PREDICTED_UP_TO else "logdet"
+        return OBJECTIVES[options.objective]
+    return default_objective(count)
 
 
 def _samples_in_contact(given: Plan) -> dict[tuple[int, int], int]:
@@ -214,15 +213,15 @@ def _with_limits(
     Landmarks are only to be kept: their margins are never more than the plan has. The window bound
     of the worst vehicle becomes a limit for objectives that may neglect it.
     """
-    neglecting = problem.objective in ("trace", "min_eigenvalue")
     contacts = len(problem.pairs) + len(problem.anchors)
     rooms = np.array([one.room for one in before.slacks[:contacts]])
     asked = np.concatenate([problem.pair_margins, problem.anchor_margins])
     held = np.clip(asked + np.minimum(rooms, 0.0), 0.0, None)
+    limit = before.figures.window_bound if problem.objective.neglects_window_bound else math.inf
     pairs, anchors = np.split(held, [len(problem.pairs)])
     return replace(
         problem,
-        window_limit=before.figures.window_bound if neglecting else math.inf,
+        window_limit=limit,
         pair_margins=pairs if options.margin_m is None else problem.pair_margins,
         anchor_margins=anchors,
     )

@@ -27,7 +27,8 @@ from syncplan.refinement.problem_setup import problem_of, refuse_conflicts
 from syncplan.runtime.blas import single_threaded_blas
 from syncplan.runtime.cores import usable_cores
 from syncplan.scenario.loading import scenario_from, validation_fault
-from syncplan.scenario.refine_options import Objective, RefineOptions
+from syncplan.scenario.objectives import Objective, default_objective
+from syncplan.scenario.refine_options import RefineOptions
 from syncplan.scenario.specification import Scenario
 from syncplan.synchronisation.phases import synchronise
 
@@ -73,7 +74,7 @@ def refine(
     chosen = options_for(given.scenario, options, changes)
     problem = problem_of(given, chosen)
     refuse_conflicts(given, problem, chosen)
-    predict = "rms" in problem.objective or bound_is_affordable(
+    predict = problem.objective.predicted or bound_is_affordable(
         given.orbits.count, problem.duration, problem.sensors.sample_time
     )
     before = measure(problem, given.orbits, predict=predict)
@@ -116,9 +117,11 @@ def _search(
     progress: RefineProgress | None,
 ) -> tuple[list["Attempt"], bool]:
     """Attempts from all starts; once more with the window bound as a limit if it got in the way."""
+    from syncplan.refinement.objective_forms import FORMS
     from syncplan.refinement.parallel_starts import RefineTask, run_starts, searched_nearby
 
     began = time.monotonic()
+    in_units = FORMS[problem.objective.name].in_units
     task = RefineTask(
         problem=problem,
         rule_phases=_rule_phases(given),
@@ -130,7 +133,7 @@ def _search(
 
     def report(start: int, at: "SolverProgress") -> None:
         if progress is not None:
-            progress(start, at.iteration, _natural(problem, at.objective))
+            progress(start, at.iteration, in_units(problem, at.objective))
 
     def run(one: RefineTask) -> tuple[list["Attempt"], bool]:
         left = max(options.time_limit_s - (time.monotonic() - began), 0.0)
@@ -147,18 +150,6 @@ def _search(
     if not interrupted:
         attempts, interrupted = searched_nearby(task, attempts, began + options.time_limit_s)
     return attempts, interrupted or time.monotonic() - began >= options.time_limit_s
-
-
-def _natural(problem: RefineProblem, objective: float) -> float:
-    """The solver's objective (see syncplan.refinement.smooth_objectives) in the figure's units."""
-    if problem.objective == "logdet":
-        return -objective * 3 * problem.orbits.count
-    if problem.objective == "trace":
-        return math.exp(min(-objective, 700.0))
-    if problem.objective == "min_eigenvalue":
-        spread = float(np.mean(1.0 / problem.sensors.bearing_sigmas**2))
-        return math.exp(min(-objective, 700.0)) * spread
-    return math.exp(min(objective, 700.0)) * problem.scale
 
 
 def _stopped_by_window_bound(attempts: list["Attempt"], before: Measurement) -> bool:
@@ -201,16 +192,14 @@ def _best(
     objective = problem.objective
     passed = [one for one in attempts if one.after is not None and not one.violations]
     best = min(passed, key=lambda one: rank_of(problem, one), default=None)
-    cost = before.figures.cost(objective)
+    cost = before.figures.cost(objective.name)
     allowed = cost - _IMPROVED * abs(cost) if math.isfinite(cost) else cost
-    better = (
-        best is not None and best.after is not None and best.after.figures.cost(objective) < allowed
-    )
+    better = best is not None and rank_of(problem, best)[1] < allowed
     record = RefinementRecord(
         options=options,
-        objective=objective,
+        objective=objective.name,
         improved=better,
-        reason="" if better else _why_not(attempts, objective, cut_short),
+        reason="" if better else _why_not(attempts, objective, 3 * given.orbits.count, cut_short),
         cut_short=cut_short,
         before=before.figures,
         after=before.figures,
@@ -234,22 +223,22 @@ def _record(attempt: "Attempt", objective: Objective) -> StartRecord:
         iterations=run.iterations,
         violation=run.violation,
         dual_residual=run.dual_residual,
-        value=None if after is None else float(getattr(after.figures, objective)),
+        value=None if after is None else after.figures.objectives[objective.name],
         violations=attempt.violations,
         unmet=run.unmet,
     )
 
 
-def _why_not(attempts: list["Attempt"], objective: Objective, cut_short: bool) -> str:
+def _why_not(
+    attempts: list["Attempt"], objective: Objective, state_dim: int, cut_short: bool
+) -> str:
     if not attempts or all(one.after is None for one in attempts):
         return "time ran out before any start had a result" if cut_short else "no start converged"
-    lost = [one.after.figures.rank for one in attempts if one.after is not None]
-    if objective in ("logdet", "min_eigenvalue") and all(
-        not math.isfinite(one.after.figures.logdet) for one in attempts if one.after is not None
-    ):
+    rank = max(one.after.figures.rank for one in attempts if one.after is not None)
+    if objective.needs_observability and rank < state_dim:
         return (
-            f"no result is observable (rank {max(lost)}), so {objective} can't tell them apart; "
-            "give landmarks, or the objective predicted_rms"
+            f"no result is observable (rank {rank}), so {objective.name} cannot rank them; "
+            f"give landmarks, or the objective {default_objective(0).name}"
         )
     if any(not one.violations for one in attempts if one.after is not None):
         within = " in the time there was" if cut_short else ""

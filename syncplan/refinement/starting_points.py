@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.refinement.nlp import Program
+from syncplan.refinement.nlp import StageNlp
 from syncplan.refinement.problem import RefineProblem, circles_of
 
 __all__ = ["starting_circles"]
@@ -29,7 +29,7 @@ def starting_circles(
     nudged: bool,
     start: int,
     seed: int,
-    softest: Callable[[], Program],
+    softest: Callable[[], StageNlp],
 ) -> Array:
     """Return the circles (4, n) in m and rad that start `start` (from 0) begins with.
 
@@ -79,12 +79,12 @@ def _limited(problem: RefineProblem, circles: Array, phases: Array) -> Array:
     return limited
 
 
-def _most_promising(program: Program, draws: list[Array]) -> Array:
+def _most_promising(nlp: StageNlp, draws: list[Array]) -> Array:
     costs = []
     for circles in draws:
-        variables = program.variables_of(circles)
-        objective = float(program.values(variables)[0])
-        violated = float(program.violations(variables).sum())
+        variables = nlp.variables_of(circles)
+        objective = float(nlp.values(variables)[0])
+        violated = float(nlp.violations(variables).sum())
         cost = objective + _PENALTY * violated
         costs.append(cost if np.isfinite(cost) else np.inf)
     return draws[int(np.argmin(costs))]

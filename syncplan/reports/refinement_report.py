@@ -1,6 +1,8 @@
 """Refinements as documents: before and after, what holds the result where it is, every start."""
 
-from syncplan.planning.figures_of_merit import Figures
+from typing import Any
+
+from syncplan.planning.figures_of_merit import FIGURES, Figures
 from syncplan.planning.refinement_record import RefinementRecord, StartRecord
 from syncplan.reports.document_base import finite_or_none
 from syncplan.reports.refinement_schemas import FiguresOfMerit, RefinementResult, StartResult
@@ -23,18 +25,11 @@ def refinement_result(record: RefinementRecord) -> RefinementResult:
 
 
 def _figures(figures: Figures) -> FiguresOfMerit:
-    return FiguresOfMerit(
-        rank=figures.rank,
-        certified=figures.certified,
-        logdet=finite_or_none(figures.logdet),
-        min_eigenvalue=figures.min_eigenvalue,
-        trace=figures.trace,
-        window_bound_m=finite_or_none(figures.window_bound),
-        predicted_rms_m=finite_or_none(figures.predicted_rms),
-        worst_predicted_rms_m=finite_or_none(figures.worst_predicted_rms),
-        least_distance_m=finite_or_none(figures.least_distance),
-        contact_margin_m=finite_or_none(figures.contact_margin),
-    )
+    values: dict[str, Any] = {}
+    for one in FIGURES:
+        value = getattr(figures, one.name)
+        values[one.key] = value if one.finite else finite_or_none(value)
+    return FiguresOfMerit(**values)
 
 
 def _start(item: StartRecord) -> StartResult:

@@ -1,26 +1,44 @@
 """The JSON contract of refinements: part of a plan's document."""
 
-from pydantic import Field
+from typing import TYPE_CHECKING, Any
 
+from pydantic import Field, create_model
+
+from syncplan.planning.figures_of_merit import FIGURES
 from syncplan.reports.document_base import DocumentPart
 
 __all__ = ["FiguresOfMerit", "RefinementResult", "StartResult"]
 
 
-class FiguresOfMerit(DocumentPart):
-    """What a plan is measured by; positions in the mean radius of the plan that was refined."""
+class _ComparedPlan(DocumentPart):
+    """What figures of merit begin with; the others are those of FIGURES."""
 
     rank: int
     certified: bool
-    logdet: float | None = Field(description="Of the windowed information; null if unobservable")
-    min_eigenvalue: float
-    trace: float
-    window_bound_m: float | None = Field(description="Of the worst vehicle; null if unobservable")
-    predicted_rms_m: float | None = Field(description="Of all vehicles, over the second half")
-    worst_predicted_rms_m: float | None = Field(description="Of the worst vehicle")
-    least_distance_m: float | None = Field(description="The closest two vehicles come")
-    contact_margin_m: float | None = Field(
-        description="By how much the link or landmark nearest to being lost stays within range"
+
+
+def _merit_fields() -> dict[str, Any]:
+    """Type and field of each figure of merit by its key, in order."""
+    return {
+        one.key: (
+            float if one.finite else float | None,
+            Field(description=one.description or None),
+        )
+        for one in FIGURES
+        if one.name not in _ComparedPlan.model_fields
+    }
+
+
+if TYPE_CHECKING:
+    FiguresOfMerit = _ComparedPlan
+else:
+    FiguresOfMerit = create_model(
+        "FiguresOfMerit",
+        __base__=_ComparedPlan,
+        __module__=__name__,
+        __doc__="What a plan is measured by; positions in the mean radius of the plan that was "
+        "refined.",
+        **_merit_fields(),
     )
 
 

@@ -5,18 +5,33 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, Strict, model_validator
 
 from syncplan.scenario.chunked_validation import Many
+from syncplan.scenario.objectives import (
+    OBJECTIVES,
+    PREDICTED_UP_TO,
+    ObjectiveName,
+    default_objective,
+)
 from syncplan.scenario.quantities import Length, Section, fault
 
-__all__ = ["DEFAULT_BOX_M", "Bounds", "Limits", "Objective", "RefineOptions", "Variable"]
+__all__ = ["DEFAULT_BOX_M", "Bounds", "Limits", "RefineOptions", "Variable"]
 
 DEFAULT_BOX_M = 5.0
 """How far a centre may move each way where neither a box nor an area is given."""
 
 Variable = Literal["phases", "centers", "radii"]
-Objective = Literal["predicted_rms", "worst_predicted_rms", "logdet", "min_eigenvalue", "trace"]
 Bounds = Annotated[tuple[Length, Length], Strict(False)]
 Speed = Annotated[float, Field(ge=1e-9, le=1e6)]
 Speeds = Annotated[tuple[Speed, Speed], Strict(False)]
+
+
+def _described_objectives() -> str:
+    """What can be improved, each in words, and what is if nothing else is named."""
+    each = "; ".join(f"{one.name}, {one.sentence}" for one in OBJECTIVES.values())
+    small, large = default_objective(PREDICTED_UP_TO), default_objective(PREDICTED_UP_TO + 1)
+    return (
+        f"What to improve: {each}. If not given, {small.name} for teams of up to "
+        f"{PREDICTED_UP_TO} and {large.name} for larger ones"
+    )
 
 
 class Limits(Section):
@@ -53,11 +68,9 @@ class RefineOptions(Section):
     radius_m: Bounds | None = Field(
         default=None, description="Least and largest radius", examples=[[15.0, 25.0]]
     )
-    objective: Objective | None = Field(
+    objective: ObjectiveName | None = Field(
         default=None,
-        description="What is improved: the predicted error of all (predicted_rms) or of the worst "
-        "vehicle (worst_predicted_rms), or the windowed information (logdet, min_eigenvalue, "
-        "trace); predicted_rms for teams up to 24 and logdet for larger ones if not given",
+        description=_described_objectives(),
         examples=["predicted_rms"],
     )
     margin_m: Annotated[float, Field(ge=0, le=1e7)] | None = Field(

@@ -49,7 +49,7 @@ def test_thin_problems_come_back_no_worse(case: str) -> None:
     assert record.improved or record.reason
     assert record.after.rank >= record.before.rank
     objective = record.objective
-    assert record.after.cost(objective) <= record.before.cost(objective)  # type: ignore[arg-type]
+    assert record.after.cost(objective) <= record.before.cost(objective)
 
 
 def test_hardly_any_time_gives_the_plan_back() -> None:

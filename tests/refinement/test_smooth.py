@@ -16,23 +16,17 @@ from syncplan.orbits.separation import least_distances
 from syncplan.orbits.sightings import sample_sightings
 from syncplan.planning.planner import plan
 from syncplan.refinement.clearances import separations
-from syncplan.refinement.nlp import Program, Stage, program_of
+from syncplan.refinement.nlp import StageNlp, nlp_of
 from syncplan.refinement.problem import RefineProblem, circles_of, orbits_of
 from syncplan.refinement.problem_setup import problem_of
 from syncplan.refinement.refiner import options_for
 from syncplan.refinement.sample_times import samples_of
 from syncplan.refinement.smooth_bound import coarse_run, smooth_rms
 from syncplan.refinement.smooth_team import SmoothTeam
-from syncplan.scenario.refine_options import Objective
+from syncplan.refinement.stages import Stage
+from syncplan.scenario.objectives import OBJECTIVES
 from tests.tools.scenarios import example, small
 
-OBJECTIVES: tuple[Objective, ...] = (
-    "logdet",
-    "min_eigenvalue",
-    "trace",
-    "predicted_rms",
-    "worst_predicted_rms",
-)
 STAGE = Stage(samples=64, width=0.05, barrier=0.1, iterations=1, tolerance=1e-5, last=True)
 PERIOD_S = 2.0 * np.pi / 0.2
 
@@ -59,7 +53,7 @@ VIEWS = [
 ]
 
 
-def _problem(objective: Objective = "logdet", refine: Any = None, **changes: Any) -> RefineProblem:
+def _problem(objective: str = "logdet", refine: Any = None, **changes: Any) -> RefineProblem:
     given = plan(small(**{**MIXED, **changes}))
     options = options_for(given.scenario, None, {"objective": objective, **(refine or {})})
     return problem_of(given, options)
@@ -138,30 +132,26 @@ def _differences(function: ca.Function, at: Array, step: float = 1e-6) -> Array:
     return np.array(columns).T
 
 
-def _point(program: Program, problem: RefineProblem, seed: int = 0) -> Array:
+def _point(nlp: StageNlp, problem: RefineProblem, seed: int = 0) -> Array:
     """Variables near the plan, away from symmetry."""
     generator = np.random.default_rng(seed)
     circles = circles_of(problem.orbits)
     circles[:3] += 0.05 * problem.scale * generator.uniform(-1.0, 1.0, circles[:3].shape)
     circles[3] += 0.2 * generator.uniform(-1.0, 1.0, problem.orbits.count)
-    return program.variables_of(circles)
+    return nlp.variables_of(circles)
 
 
 RADII = {"vary": ["phases", "centers", "radii"], "radius_m": [10.0, 30.0]}
 
 
-@pytest.mark.parametrize("objective", OBJECTIVES)
+@pytest.mark.parametrize("objective", tuple(OBJECTIVES))
 @pytest.mark.parametrize("sensor", [UNEQUAL, VIEWS], ids=["all round", "views"])
-def test_objective_gradients_are_those_of_finite_differences(
-    objective: Objective, sensor: Any
-) -> None:
+def test_objective_gradients_are_those_of_finite_differences(objective: str, sensor: Any) -> None:
     problem = _problem(objective, RADII, sensor=sensor)
-    program = program_of(problem, STAGE)
-    at = _point(program, problem)
-    function = ca.Function("f", [program.variables], [program.objective])
-    gradient = ca.Function(
-        "g", [program.variables], [ca.gradient(program.objective, program.variables)]
-    )
+    nlp = nlp_of(problem, STAGE)
+    at = _point(nlp, problem)
+    function = ca.Function("f", [nlp.variables], [nlp.objective.value])
+    gradient = ca.Function("g", [nlp.variables], [ca.gradient(nlp.objective.value, nlp.variables)])
     found, wanted = np.array(gradient(at)).ravel(), _differences(function, at)[0]
     assert np.all(np.isfinite(found))
     np.testing.assert_allclose(found, wanted, atol=1e-6 * np.abs(wanted).max(), rtol=1e-5)
@@ -174,7 +164,7 @@ DENTED = [[-60.0, -60.0], [130.0, -60.0], [130.0, 130.0], [80.0, 90.0], [-60.0, 
 @pytest.mark.parametrize("area", [CONVEX, CONVEX[::-1], DENTED], ids=["ccw", "cw", "dented"])
 @pytest.mark.parametrize("objective", ["trace", "min_eigenvalue", "predicted_rms"])
 def test_the_sparse_jacobian_of_the_constraints_is_that_of_finite_differences(
-    area: Any, objective: Objective
+    area: Any, objective: str
 ) -> None:
     problem = _problem(
         objective,
@@ -183,13 +173,13 @@ def test_the_sparse_jacobian_of_the_constraints_is_that_of_finite_differences(
         area_m=area,
         keep_out_m=[[[50.0, 40.0], [55.0, 40.0], [52.0, 46.0]]],
     )
-    program = program_of(problem, STAGE)
-    labels = " ".join(program.labels)
+    nlp = nlp_of(problem, STAGE)
+    labels = " ".join(nlp.labels)
     assert all(word in labels for word in ("contact", "separation", "area_m", "keep_out_m"))
     assert ("window bound" in labels) == (objective != "predicted_rms")
-    at = _point(program, problem)
-    values, jacobian = program.jacobian(at, np.zeros((0, 1)))
-    function = ca.Function("g", [program.variables], [program.constraints])
+    at = _point(nlp, problem)
+    values, jacobian = nlp.jacobian(at, np.zeros((0, 1)))
+    function = ca.Function("g", [nlp.variables], [nlp.constraints])
     wanted = _differences(function, at)
     np.testing.assert_allclose(np.array(values), np.array(function(at)))
     np.testing.assert_allclose(
@@ -326,6 +316,6 @@ def test_the_smooth_error_follows_radii_that_change(
 
 def test_variables_and_circles_are_each_others_inverse() -> None:
     problem = _problem(refine=RADII)
-    program = program_of(problem, STAGE)
-    at = _point(program, problem)
-    np.testing.assert_allclose(program.variables_of(program.circles_of(at)), at, rtol=1e-12)
+    nlp = nlp_of(problem, STAGE)
+    at = _point(nlp, problem)
+    np.testing.assert_allclose(nlp.variables_of(nlp.circles_of(at)), at, rtol=1e-12)

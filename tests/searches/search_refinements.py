@@ -182,7 +182,7 @@ def faults_of(before: Plan, after: Plan) -> list[str]:
         faults.append(f"{record.objective} {cost_before:.8g} became {cost_after:.8g}")
     if record.improved and not cost_after < cost_before:
         faults.append(f"{record.objective} is said to improve: {cost_before} to {cost_after}")
-    told = record.after.cost(record.objective)  # type: ignore[arg-type]
+    told = record.after.cost(record.objective)
     if math.isfinite(cost_after) and abs(told - cost_after) > 1e-5 * abs(cost_after):
         faults.append(f"{record.objective} is reported as {told:.8g}, found {cost_after:.8g}")
     return faults
@@ -433,8 +433,8 @@ def search_one(number: int, **changes: Any) -> Finding:
     seconds = time.monotonic() - began
     record = after.refinement
     assert record is not None
-    before_cost = record.before.cost(record.objective)  # type: ignore[arg-type]
-    after_cost = record.after.cost(record.objective)  # type: ignore[arg-type]
+    before_cost = record.before.cost(record.objective)
+    after_cost = record.after.cost(record.objective)
     compared = math.isfinite(before_cost) and before_cost != 0.0
     gain = (before_cost - after_cost) / abs(before_cost) if compared else math.inf
     return Finding(

@@ -1,24 +1,18 @@
-"""What refinement improves, as CasADi expressions: measures of the windowed information.
+"""Determinants and window bounds of the windowed information W, as CasADi expressions.
 
-All are minimised and free of scale, so that one solver tolerance serves all:
-
-    logdet            -(log det W) / 3n
-    trace             -log tr W
-    min_eigenvalue    -log t - mu (log det (W - t I)) / 3n, with log t a variable: as mu falls, t
-                      approaches the smallest eigenvalue from below (Nesterov and Nemirovskii's
-                      barrier of the linear matrix inequality W >= t I)
-    predicted_rms     log of the posterior bound's RMS, see syncplan.refinement.smooth_bound
-
-The window bound of each vehicle is the trace of its position block of W^-1. A sparse LDL
-factorisation yields log det W, and its derivative by W is the inverse on W's own sparsity, which
-holds those blocks.
+A sparse LDL factorisation yields log det W. Its derivative by W is the inverse on W's own sparsity,
+which holds each vehicle's position block; the trace of that block is the vehicle's window bound,
+squared.
 """
 
 import casadi as ca
 
 from syncplan.refinement.problem import RefineProblem
 
-__all__ = ["log_determinant", "window_excess"]
+__all__ = ["RELATIVE_SHIFT", "log_determinant", "window_excess"]
+
+RELATIVE_SHIFT = 1e-9
+"""Added to W's diagonal, in information units: a team that is not observable yet has log det W."""
 
 _WORST_POWER = 20.0
 """Exponent of the norm over vehicles' variances that stands for the largest."""
@@ -32,13 +26,12 @@ def log_determinant(sparsity: ca.Sparsity) -> ca.Function:
     return ca.Function("log_determinant", [entries, shift], [ca.sum1(ca.log(pivots))])
 
 
-def window_excess(
-    sparsity: ca.Sparsity, information: ca.MX, shift: float, problem: RefineProblem
-) -> ca.MX:
+def window_excess(sparsity: ca.Sparsity, information: ca.MX, problem: RefineProblem) -> ca.MX:
     """Return the logarithm of the worst vehicle's window bound over its limit; at most 0 is met.
 
     The worst is a norm over the vehicles, so never less than the true worst.
     """
+    shift = RELATIVE_SHIFT * problem.information_unit
     entries = ca.SX.sym("W", sparsity.nnz())
     matrix = ca.SX(sparsity, entries)
     pivots, _, _ = ca.ldl(matrix + shift * ca.SX.eye(sparsity.size1()), True)
