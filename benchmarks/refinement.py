@@ -312,7 +312,7 @@ class Process:
     record: dict[str, Any]
 
     @property
-    def told(self) -> str:
+    def outcome(self) -> str:
         """Iterations, and the objective before and after."""
         objective = OBJECTIVES[self.record["objective"]]
         before, after = (self.record[side][objective.key] for side in ("before", "after"))
@@ -357,8 +357,8 @@ def compare_figures(count: int, posed: Posed, outcomes: dict[str, Outcome]) -> l
     shown = []
     for name, one in outcomes.items():
         cut = ", capped" if one.capped else ""
-        told = f"log det {before:.2f} to {one.logdet:.2f}, {one.iterations} iterations{cut}"
-        shown.append(Figure(f"{label}: {name}, {told}", one.seconds, "s"))
+        outcome = f"log det {before:.2f} to {one.logdet:.2f}, {one.iterations} iterations{cut}"
+        shown.append(Figure(f"{label}: {name}, {outcome}", one.seconds, "s"))
     for name, one in outcomes.items():
         if not name.startswith(OURS):
             ahead = ours.logdet - one.logdet
@@ -373,7 +373,7 @@ def growth_figures(processes: dict[str, Process]) -> list[Figure]:
     """Return time and memory of each process, and the exponents of those with `logdet`."""
     shown = []
     for name, one in processes.items():
-        shown.append(Figure(f"refine, {name}: {one.told}", one.seconds, "s", RUNS[name][2]))
+        shown.append(Figure(f"refine, {name}: {one.outcome}", one.seconds, "s", RUNS[name][2]))
         target = MEMORY_TARGET_MB if name.startswith("logdet") else None
         shown.append(Figure(f"refine, {name}: peak memory", one.peak, "MB", target))
     chosen = [(RUNS[name][0], one) for name, one in processes.items() if name.startswith("logdet")]

@@ -64,4 +64,4 @@ if __name__ == "__main__":
     print(f"median of the worst coordinate's final error: {result.median_worst:.3f} m")
     print(f"trials stuck more than {STUCK_M:g} m off: {100.0 * result.stuck_share:.1f} %")
     print(f"the same with a gate of 99.9 %: {100.0 * result.stuck_share_gated:.1f} %")
-    print(f"ANEES {result.anees:.3g}: the filter's own sigmas do not tell the stuck trials")
+    print(f"ANEES {result.anees:.3g}: the filter's own sigmas do not show the stuck trials")

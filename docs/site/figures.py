@@ -54,7 +54,11 @@ def _formation(plan: Plan) -> Drawn:
         f"{plan.scenario.name}: {plan.orbits.count} circles, rank {verdict.rank} of "
         f"{verdict.state_dim}. "
     )
-    words += f"Arrows show what no sighting tells: {lost}." if lost else "No motion is lost."
+    words += (
+        f"Arrows show motions that no sighting can detect: {lost}."
+        if lost
+        else "No motion is lost."
+    )
     return Drawn(specs_of(plan, ["formation"])["formation"], words)
 
 

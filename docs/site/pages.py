@@ -64,9 +64,9 @@ def _figure(name: str, page: str) -> str:
     words = html.escape(drawn.words)
     title = html.escape(_title(drawn.spec))
     # a group, not an image: it holds buttons
-    told = f'role="group" aria-label="{title}" aria-describedby="words-{name}"'
+    spoken = f'role="group" aria-label="{title}" aria-describedby="words-{name}"'
     return (
-        f'<figure class="drawn" id="{name}">\n<div class="plot" id="plot-{name}" {told}></div>\n'
+        f'<figure class="drawn" id="{name}">\n<div class="plot" id="plot-{name}" {spoken}></div>\n'
         f'<figcaption id="words-{name}">{words}</figcaption>\n</figure>\n'
         f"{embedded(f'plot-{name}-values', drawn.spec)}\n"
     )

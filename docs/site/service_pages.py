@@ -86,8 +86,8 @@ def problems_page() -> str:
     for status in sorted(found):
         response, by = found[status]
         detail = _cell(_first_example(response)["detail"])
-        told = ", ".join(by) if len(by) <= _MOST_NAMED else f"{len(by)} operations"
-        rows.append(f"| {status} | {response['description']} | {detail} | {told} |")
+        named = ", ".join(by) if len(by) <= _MOST_NAMED else f"{len(by)} operations"
+        rows.append(f"| {status} | {response['description']} | {detail} | {named} |")
     return (
         _PROBLEMS
         + "\n".join(rows)
@@ -131,8 +131,8 @@ def _parameters(operation: Tree) -> Iterator[str]:
         for one in parameters:
             needed = ", required" if one.get("required") else ""
             kind = _kind(one["schema"])
-            told = _cell(one.get("description", one["schema"].get("description", "")))
-            yield f"| `{one['name']}` | {one['in']}{needed} | {kind} | {told} |"
+            meaning = _cell(one.get("description", one["schema"].get("description", "")))
+            yield f"| `{one['name']}` | {one['in']}{needed} | {kind} | {meaning} |"
         yield ""
 
 

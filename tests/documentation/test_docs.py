@@ -87,7 +87,7 @@ def block(language: str, text: str, **options: str) -> Block:
 
 
 @pytest.mark.parametrize(
-    ("wrong", "told"),
+    ("wrong", "said"),
     [
         (block("console", "$ false\n"), "exit status 1"),
         (block("console", "$ echo rank 18\nrank 17\n"), "written:"),
@@ -102,9 +102,9 @@ def block(language: str, text: str, **options: str) -> Block:
     ],
 )
 def test_a_block_that_does_not_do_what_it_says_is_found(
-    wrong: Block, told: str, tmp_path: Path
+    wrong: Block, said: str, tmp_path: Path
 ) -> None:
-    with Walk(tmp_path / "reader") as walk, pytest.raises(AssertionError, match=re.escape(told)):
+    with Walk(tmp_path / "reader") as walk, pytest.raises(AssertionError, match=re.escape(said)):
         walk.follow(wrong)
 
 
@@ -216,7 +216,7 @@ def test_the_site_opens_as_a_file_with_figures_and_search(site: Path) -> None:
     with chromium() as browser:
         for scheme in ("light", "dark"):
             page = browser.new_context(color_scheme=scheme).new_page()
-            page.on("console", lambda told: complaints.append(told.text))
+            page.on("console", lambda message: complaints.append(message.text))
             page.on("pageerror", lambda error: complaints.append(str(error)))
             page.on("request", lambda asked: requests.append(asked.url))
             page.goto((site / "concepts.html").as_uri())
@@ -243,7 +243,7 @@ def test_pages_are_accessible_but_for_their_theme(site: Path) -> None:
 
 
 @pytest.mark.slow
-def test_captions_tell_what_the_figures_show() -> None:
+def test_captions_state_what_the_figures_show() -> None:
     """The line of sight of mirror motion never turns, and the filter's sigma does not notice."""
     _, turn, length = sight_direction(studies.pair("alternate", 20.0, 0.0))
     assert abs(turn).max() < 1e-9
@@ -298,7 +298,7 @@ def test_the_page_of_speeds_states_the_benchmarks_figures() -> None:
     assert "{" not in page[: page.index("## The benchmarks")]
 
 
-def test_a_figure_that_is_not_there_is_told(tmp_path: Path) -> None:
+def test_a_figure_that_is_not_there_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no figure 'nothing'; there are accuracy"):
         with_figures("<!-- figure: nothing -->", "page.md")
 

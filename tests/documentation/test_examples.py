@@ -20,7 +20,7 @@ FOUND = sorted(
 
 PINS: dict[str, Callable[[Any], bool]] = {
     "quick_start": lambda report: abs(report.accuracy.late_position.max() - 2.07) < 0.2,
-    # issue: under 0.06 m, and the share that gets stuck is told
+    # issue: under 0.06 m, and the share that gets stuck is stated
     "noise_free_convergence": lambda result: (
         0.02 < result.median_worst < 0.06
         and 0.1 < result.stuck_share < 0.4

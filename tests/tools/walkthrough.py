@@ -90,7 +90,7 @@ class Walk:
         self._terminal.close()
 
     def follow(self, block: Block) -> None:
-        """Do what a block says; AssertionError tells what went otherwise."""
+        """Do what a block says; AssertionError says what went otherwise."""
         if block.not_run is not None:
             return
         action = {
