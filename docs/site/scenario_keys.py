@@ -22,8 +22,8 @@ UNITS = (
 
 _INTRODUCTION = """# Scenario keys
 
-A scenario is a YAML 1.2 or JSON file. Unknown keys are faults, and the message of every fault states
-file, key, value and what is allowed. The tables come from the JSON Schema that `syncplan schema scenario`
+A scenario is a YAML 1.2 or JSON file. Unknown keys are faults; the message of a fault states file,
+key, value and what is allowed. The tables come from the JSON Schema that `syncplan schema scenario`
 prints; [Plan a formation](../how-to/plan-a-formation.md) shows the keys at work.
 """
 
