@@ -16,7 +16,8 @@ from filterpy.kalman import ExtendedKalmanFilter
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from syncplan.arrays import Array
-from syncplan.estimation import batched_filter
+from syncplan.estimation.batched_filter import EXTENDED
+from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.montecarlo import run_trials
 from syncplan.orbits.circles import Orbits, heading, position, wrap
 from syncplan.orbits.contacts import find_windows
@@ -25,23 +26,24 @@ from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import Sightings, sample_sightings
 from syncplan.orbits.team import Team
 
-Scene = tuple[Orbits, Array, Sensors, Noise, Sightings, int]
+Scene = tuple[Team, Sightings, int]
 
 STEPS = 2000
 SEED = 1
 
 
 def paper_grid_same() -> Scene:
-    """Return the arguments of `run_trials` for paper-grid-same: neighbours in opposite phase."""
+    """Return team, sightings and steps of paper-grid-same: neighbours in opposite phase."""
     centers = np.array([[0, 0], [70, 0], [140, 0], [140, 70], [70, 70], [0, 70]], dtype=float)
     landmarks = np.array([[190.0, 0.0], [190.0, 70.0]])
     opposite = np.pi * np.array([0.0, 1.0, 0.0, 1.0, 0.0, 1.0])
     orbits = Orbits(centers, np.full(6, 20.0), np.ones(6), 0.3 + opposite, 0.2)
     sensors = Sensors(np.full(6, 50.0), np.full(6, 2 * np.pi), np.zeros(6), np.full(6, 0.1), 0.1)
     noise = Noise(0.1, 0.01, 5.0, 0.1)
-    windows = find_windows(Team(orbits, landmarks, sensors, noise))
+    team = Team(orbits, landmarks, sensors, noise)
+    windows = find_windows(team)
     sightings = sample_sightings(windows, orbits.period, sensors.sample_time, 1, STEPS)
-    return orbits, landmarks, sensors, noise, sightings, STEPS
+    return team, sightings, STEPS
 
 
 class TeamFilter(ExtendedKalmanFilter):  # type: ignore[misc]
@@ -107,7 +109,8 @@ def _away(x: Array, observer: int, target: int, landmarks: Array) -> Array:
 
 def filterpy_trial(scene: Scene, trial: int) -> Array:
     """Return the final error (n, 3) of one trial, drawn as by syncplan.estimation.montecarlo."""
-    orbits, landmarks, sensors, noise, sightings, steps = scene
+    team, sightings, steps = scene
+    orbits, landmarks, sensors, noise = team.orbits, team.landmarks, team.sensors, team.noise
     n, times = orbits.count, np.arange(steps + 1) * sensors.sample_time
     random = np.random.Generator(np.random.PCG64(np.random.SeedSequence(SEED, spawn_key=(trial,))))
     truth = np.concatenate([position(orbits, times), heading(orbits, times)[..., None]], axis=2)
@@ -139,9 +142,9 @@ def _difference(a: Array, b: Array) -> Array:
 def main(trials: int = 1000, filterpy_trials: int = 3) -> dict[str, float]:
     """Return seconds per trial of both, their ratio, and how far their final errors differ."""
     scene = paper_grid_same()
-    if not batched_filter.kernels_are_compiled(scene[0].count):
+    if not EXTENDED.is_compiled(scene[0].count):
         print("compiling the filter's kernels, once", file=sys.stderr)
-    compiled = run_trials(*scene, filterpy_trials, SEED)
+    compiled = run_trials(*scene, FilterOptions(trials=filterpy_trials, seed=SEED))
     begin = time.perf_counter()
     errors = np.array([filterpy_trial(scene, trial) for trial in range(filterpy_trials)])
     slow = (time.perf_counter() - begin) / filterpy_trials
@@ -151,7 +154,7 @@ def main(trials: int = 1000, filterpy_trials: int = 3) -> dict[str, float]:
     timings = []
     for threads in (1, None):
         begin = time.perf_counter()
-        run_trials(*scene, trials, SEED, threads=threads)
+        run_trials(*scene, FilterOptions(trials=trials, seed=SEED), threads=threads)
         timings.append((time.perf_counter() - begin) / trials)
     return {
         "filterpy_s": slow,

@@ -1,6 +1,7 @@
-"""Compile the filter's kernels into NUMBA_CACHE_DIR, for small teams and for large ones."""
+"""Compile the filters' kernels into NUMBA_CACHE_DIR, for small teams and for large ones."""
 
-from syncplan.estimation.batched_filter import compile_kernels
+from syncplan.estimation.filters import FILTERS
 
 for vehicles in (6, 100):
-    compile_kernels(vehicles)
+    for one in FILTERS.values():
+        one.lane_filter.compile(vehicles)

@@ -9,13 +9,17 @@ from pydantic import Field
 from api.job_kinds.job_kind import JobRequest
 from api.limits import RequestLimits, check_at_most
 from syncplan.errors import InputError
-from syncplan.planning.validation import check_duration
+from syncplan.estimation.filter_options import (
+    LARGEST_SEED,
+    REQUEST_KEYS,
+    FilterOptions,
+    steps_in_run,
+)
 from syncplan.scenario.specification import Scenario
 
-__all__ = ["FilterRequest"]
+__all__ = ["DEFAULTS", "FilterRequest"]
 
-_OURS = {"duration": "duration_s"}
-"""Keys of requests, by the library's argument that they set."""
+DEFAULTS = FilterOptions()
 
 
 class FilterRequest(JobRequest):
@@ -24,10 +28,10 @@ class FilterRequest(JobRequest):
     limited: ClassVar[Mapping[str, str]] = {"trials": "trials", "duration_s": "run_s"}
 
     trials: Annotated[int, Field(ge=1)] = Field(
-        default=200, description="Number of Monte Carlo trials", examples=[200]
+        default=DEFAULTS.trials, description="Number of Monte Carlo trials", examples=[200]
     )
-    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(
-        default=0, description="Seed of all random numbers", examples=[1]
+    seed: Annotated[int, Field(ge=0, le=LARGEST_SEED)] = Field(
+        default=DEFAULTS.seed, description="Seed of all random numbers", examples=[1]
     )
     duration_s: Annotated[float, Field(gt=0)] | None = Field(
         default=None,
@@ -35,13 +39,17 @@ class FilterRequest(JobRequest):
         examples=[200.0],
     )
 
+    def run_options(self) -> FilterOptions:
+        """Return the options of the runs."""
+        return FilterOptions.of_request(self.model_dump(exclude_none=True))
+
     def check_run(self, scenario: Scenario, limits: RequestLimits) -> None:
         """Raise InputError if a run of a scenario is too long, or too short to be measured."""
         length = scenario.duration_s if self.duration_s is None else self.duration_s
         check_at_most("duration_s", length, limits.run_s, " s")
         check_at_most("duration_s", length / scenario.sample_time, limits.samples, " samples")
         with _our_keys():
-            check_duration(length, scenario.sample_time, scenario.period, scenario.size)
+            steps_in_run(length, scenario.sample_time, scenario.period, scenario.size)
 
 
 @contextmanager
@@ -50,4 +58,4 @@ def _our_keys() -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        raise InputError(error.problem, key=_OURS.get(error.key, error.key)) from None
+        raise InputError(error.problem, key=REQUEST_KEYS.get(error.key, error.key)) from None

@@ -100,10 +100,6 @@ class SweepRequest(FilterRequest):
         key = self._key()
         return _SWEPT[key], getattr(self, key)
 
-    def run_options(self) -> dict[str, Any]:
-        """Return the arguments of syncplan.planning.validation.trial_run."""
-        return {"trials": self.trials, "seed": self.seed, "duration": self.duration_s}
-
     def _key(self) -> str:
         return next(key for key in _SWEPT if getattr(self, key) is not None)
 
@@ -132,7 +128,7 @@ def _runs(spec: JobSpec) -> list[TrialRun]:
     from syncplan.planning.validation import trial_run
 
     options = SweepRequest.model_validate_json(spec.request).run_options()
-    return [trial_run(row.plan, **options) for row in _planned(spec)]
+    return [trial_run(row.plan, options) for row in _planned(spec)]
 
 
 def _report(spec: JobSpec, concluded: Sequence[Validation]) -> JobReport:

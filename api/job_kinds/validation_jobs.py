@@ -2,14 +2,15 @@
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Annotated, Any, Literal
+from typing import Annotated
 
 from pydantic import Field
 
-from api.job_kinds.filter_requests import FilterRequest
+from api.job_kinds.filter_requests import DEFAULTS, FilterRequest
 from api.job_kinds.job_kind import JobKind, JobOperation, JobReport, JobSpec, TrialTask
 from api.limits import RequestLimits, check_trials
 from api.plan_texts import loaded_plan
+from syncplan.estimation.filters import FilterName
 from syncplan.planning.plan_files import Loaded
 from syncplan.planning.validation import TrialRun, Validation
 from syncplan.reports.run_schemas import ValidationDocument
@@ -20,11 +21,11 @@ __all__ = ["VALIDATION", "ValidationRequest"]
 class ValidationRequest(FilterRequest):
     """A Monte Carlo run of the filter on a plan."""
 
-    model: Literal["arc", "euler"] = Field(
-        default="arc", description="How the filter integrates its readings"
+    model: FilterName = Field(
+        default=DEFAULTS.model, description="How the filter integrates its readings"
     )
     substeps: Annotated[int, Field(ge=1, le=1000)] = Field(
-        default=10, description="Euler sub-steps per sample"
+        default=DEFAULTS.substeps, description="Euler sub-steps per sample"
     )
     gate_probability: Annotated[float, Field(gt=0, lt=1)] | None = Field(
         default=None,
@@ -40,18 +41,6 @@ class ValidationRequest(FilterRequest):
         self.check_run(subject.scenario, limits)
         return self.trials
 
-    def run_options(self) -> dict[str, Any]:
-        """Return the arguments of syncplan.planning.validation.trial_run."""
-        return {
-            "trials": self.trials,
-            "seed": self.seed,
-            "duration": self.duration_s,
-            "model": self.model,
-            "substeps": self.substeps,
-            "gate_probability": self.gate_probability,
-            "with_series": self.series,
-        }
-
 
 @lru_cache(maxsize=2)
 def _runs(spec: JobSpec) -> list[TrialRun]:
@@ -60,7 +49,7 @@ def _runs(spec: JobSpec) -> list[TrialRun]:
 
     assert spec.plan is not None
     options = ValidationRequest.model_validate_json(spec.request).run_options()
-    return [trial_run(plan_of(loaded_plan(spec.plan)), **options)]
+    return [trial_run(plan_of(loaded_plan(spec.plan)), options)]
 
 
 def _report(spec: JobSpec, concluded: Sequence[Validation]) -> JobReport:

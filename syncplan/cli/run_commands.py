@@ -22,6 +22,8 @@ from syncplan.cli.arguments import (
 )
 from syncplan.cli.console import Format, deliver, progress_bar, refuse_overwriting, say, say_notes
 from syncplan.errors import InputError
+from syncplan.estimation.filter_options import FilterOptions
+from syncplan.estimation.filters import FILTERS
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -31,11 +33,10 @@ __all__ = ["runs"]
 runs = typer.Typer()
 
 
-class Model(StrEnum):
-    """How the filter integrates its readings."""
-
-    arc = "arc"
-    euler = "euler"
+DEFAULTS = FilterOptions()
+Model = StrEnum("Model", {name: name for name in FILTERS})  # type: ignore[misc]
+DEFAULT_MODEL = Model(DEFAULTS.model)
+ModelOption = Annotated[Model, typer.Option(help="How the filter integrates its readings")]
 
 
 @runs.command(
@@ -46,13 +47,13 @@ def _validate(
     subject: SubjectFile,
     output: Output = None,
     format_: Shown = Format.auto,
-    trials: Trials = 200,
-    seed: Seed = 0,
+    trials: Trials = DEFAULTS.trials,
+    seed: Seed = DEFAULTS.seed,
     duration: Duration = None,
     model: Annotated[
         Model, typer.Option(help="How the filter integrates its readings")
-    ] = Model.arc,
-    substeps: Annotated[int, typer.Option(help="Euler sub-steps per sample")] = 10,
+    ] = DEFAULT_MODEL,
+    substeps: Annotated[int, typer.Option(help="Euler sub-steps per sample")] = DEFAULTS.substeps,
     gate: Annotated[
         float | None,
         typer.Option(help="Probability of the innovation gate, such as 0.999", show_default=False),
@@ -66,28 +67,25 @@ def _validate(
 ) -> int:
     """Prove a plan with the filter: Monte Carlo errors beside the bound, and consistency."""
     from syncplan.planning.plan_files import load, plan_of
-    from syncplan.planning.validation import check_run, validate
+    from syncplan.planning.validation import validate
     from syncplan.reports.validation_report import validation_document
     from syncplan.scenario.models import MAX_VEHICLES
 
-    check_run(trials, seed)
+    options = FilterOptions(
+        trials=trials,
+        seed=seed,
+        duration=duration,
+        model=model.value,
+        substeps=substeps,
+        gate_probability=gate,
+        with_series=series,
+    )
     refuse_overwriting(subject, output)
     loaded = load(subject, max_vehicles=max_vehicles or MAX_VEHICLES)
     flown = plan_of(loaded)
-    _announce_compilation(flown.orbits.count)
+    _announce_compilation(options, flown.team.count)
     with progress_bar("trials", trials) as progress:
-        result = validate(
-            flown,
-            trials=trials,
-            seed=seed,
-            duration=duration,
-            model=model.value,
-            substeps=substeps,
-            gate_probability=gate,
-            with_series=series,
-            threads=threads,
-            progress=progress,
-        )
+        result = validate(flown, options, threads=threads, progress=progress)
     document = validation_document(result)
 
     def show(console: "Console") -> None:
@@ -124,15 +122,14 @@ def _sweep(
             "--connected", help="Add a row with a range that connects the team at every instant"
         ),
     ] = False,
-    trials: Trials = 200,
-    seed: Seed = 0,
+    trials: Trials = DEFAULTS.trials,
+    seed: Seed = DEFAULTS.seed,
     duration: Duration = None,
     threads: Threads = None,
     max_vehicles: MaxVehicles = None,
 ) -> int:
     """Vary one key: plan and validate each value, tables like the paper's Tables 1 and 2."""
     from syncplan.planning.sweeps import sweep
-    from syncplan.planning.validation import check_run
     from syncplan.reports.validation_report import sweep_document, validation_document
     from syncplan.scenario.loading import load_scenario
     from syncplan.scenario.models import MAX_VEHICLES
@@ -150,18 +147,16 @@ def _sweep(
         )
     name, text = chosen[0]
     values = numbers(text, f"--{name.replace('_', '-')}")
-    check_run(trials, seed)
+    options = FilterOptions(trials=trials, seed=seed, duration=duration)
     refuse_overwriting(scenario, output)
     loaded = load_scenario(scenario, max_vehicles=max_vehicles or MAX_VEHICLES)
-    _announce_compilation(loaded.size)
+    _announce_compilation(options, loaded.size)
     with progress_bar("trials", trials * (len(values) + connected)) as progress:
         rows = sweep(
             loaded,
             name,
             values,
-            trials=trials,
-            seed=seed,
-            duration=duration,
+            options,
             connected=connected,
             threads=threads,
             progress=progress,
@@ -221,14 +216,14 @@ def _replay(
     from dataclasses import replace
 
     from syncplan.estimation.mrclam import load_log
-    from syncplan.estimation.replays import GROUND_ROBOTS, replay
+    from syncplan.estimation.replays import GROUND_ROBOTS, OPTIONS, replay
     from syncplan.reports.replay_report import replay_document
 
     chosen = _landmark_numbers(landmarks)
     log = load_log(log_dir)
     for recorded in log_dir.glob("*.dat"):
         refuse_overwriting(str(recorded), output)
-    _announce_compilation(len(log.robots))
+    _announce_compilation(OPTIONS, len(log.robots))
     replayed = replay(
         log,
         landmarks=chosen,
@@ -268,8 +263,6 @@ def _landmark_numbers(text: str) -> list[int] | None:
         ) from None
 
 
-def _announce_compilation(count: int) -> None:
-    from syncplan.estimation.batched_filter import kernels_are_compiled
-
-    if not kernels_are_compiled(count):
+def _announce_compilation(options: FilterOptions, count: int) -> None:
+    if not options.filter_model.lane_filter.is_compiled(count):
         say("compiling the filter's kernels, once; this takes some seconds ...")

@@ -13,11 +13,12 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from types import TracebackType
-from typing import Any, Literal, Self
+from typing import Any, Self, Unpack
 from urllib.parse import quote
 
 from syncplan.client.connection import Remote, RemoteError, error_of, values_of
 from syncplan.errors import InputError
+from syncplan.estimation.filter_options import FilterChanges, FilterOptions, options_with
 from syncplan.estimation.trial_archive import unpack
 from syncplan.planning.plan_files import loaded_from, plan_of, stated
 from syncplan.planning.planner import Plan
@@ -142,27 +143,12 @@ class Client:
     def validate(
         self,
         plan: RemotePlan | str,
-        *,
-        trials: int = 200,
-        seed: int = 0,
-        duration: float | None = None,
-        model: Literal["arc", "euler"] = "arc",
-        substeps: int = 10,
-        gate_probability: float | None = None,
-        with_series: bool = False,
+        options: FilterOptions | None = None,
+        **changes: Unpack[FilterChanges],
     ) -> RemoteJob:
         """Begin to validate a plan; options as syncplan.validate takes them. See wait."""
-        options = {
-            "trials": trials,
-            "seed": seed,
-            "duration_s": duration,
-            "model": model,
-            "substeps": substeps,
-            "gate_probability": gate_probability,
-            "series": with_series,
-        }
-        given = {key: value for key, value in options.items() if value is not None}
-        answer = self._remote.send("POST", f"/v1/plans/{_id(plan)}/validations", given)
+        asked = options_with(options, changes).as_request()
+        answer = self._remote.send("POST", f"/v1/plans/{_id(plan)}/validations", asked)
         job = _job(values_of(answer))
         return replace(job, plan=plan) if isinstance(plan, RemotePlan) else job
 
@@ -224,13 +210,7 @@ class Client:
         asked = job.document["request"]
         run = trial_run(
             self.stored(job.document["plan_id"]) if plan is None else plan,
-            trials=asked["trials"],
-            seed=asked["seed"],
-            duration=asked.get("duration_s"),
-            model=asked["model"],
-            substeps=asked["substeps"],
-            gate_probability=asked.get("gate_probability"),
-            with_series=asked["series"],
+            FilterOptions.of_request(asked),
         )
         trials = self._remote.send(
             "GET", f"/v1/jobs/{job.id}/trials", accept="application/octet-stream"

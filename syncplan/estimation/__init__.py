@@ -2,10 +2,15 @@
 
 covariances        covariance along a run, referred to time 0
 bounds             Cramer-Rao bounds
-reference_filter   the filter in plain NumPy, one trial
-batched_filter     the same compiled, many trials at a time
+filters            the table of filters to choose from
+filter_options     which filter, its gate, how many trials of what length
 consistency        ANEES, NIS, coverage
-trials             what trials leave behind
+filter_statistics  what a filter counts on its way
+filter_setup       motion model, initial variances, gate, sightings and readings of a run
+reference_filter   the filter in plain NumPy, one trial
+lane_filter        a compiled filter, many trials side by side
+batched_filter     the kernels of the extended Kalman filter
+trials             results of trials, whole and in parts
 montecarlo         many trials along a plan
 trial_archive      trials as bytes
 mrclam             recordings in the format of the MRCLAM data sets

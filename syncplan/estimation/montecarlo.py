@@ -12,26 +12,26 @@ from collections.abc import Callable, Generator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, fields, replace
-from typing import Literal
 
 import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.errors import InputError
-from syncplan.estimation import batched_filter
-from syncplan.estimation.consistency import gate_threshold
+from syncplan.estimation.filter_options import FilterOptions
+from syncplan.estimation.filter_setup import FilterSetup, Readings, build_setup
+from syncplan.estimation.filter_statistics import empty_series, empty_statistics
 from syncplan.estimation.trials import (
     CHUNK_TRIALS,
     Branch,
     MonteCarloResult,
     joined,
     merge,
-    tallied,
+    result_of,
 )
-from syncplan.orbits.circles import Orbits, heading, position
+from syncplan.orbits.circles import heading, position
 from syncplan.orbits.noise import Noise
-from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import Sightings
+from syncplan.orbits.team import Team
 from syncplan.runtime.cores import usable_cores
 
 __all__ = ["run_trials"]
@@ -41,15 +41,12 @@ __all__ = ["run_trials"]
 class _Run:
     """All that the trials of a run share."""
 
-    course: batched_filter.Course
-    speeds: Array
-    turn_rates: Array
+    team: Team
+    setup: FilterSetup
     bearings: Array
     bearing_sigmas: Array
-    noise: Noise
-    seed: int
+    options: FilterOptions
     end: int
-    with_series: bool
     stop: threading.Event
 
 
@@ -58,51 +55,35 @@ class _StoppedError(Exception):
 
 
 def run_trials(
-    orbits: Orbits,
-    landmarks: Array,
-    sensors: Sensors,
-    noise: Noise,
+    team: Team,
     sightings: Sightings,
     steps: int,
-    trials: int,
-    seed: int,
+    options: FilterOptions,
     *,
     first_trial: int = 0,
-    model: Literal["arc", "euler"] = "arc",
-    substeps: int = 10,
-    gate_probability: float | None = None,
-    with_series: bool = False,
     threads: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> MonteCarloResult:
-    """Return the errors of the filter over `trials` trials of `steps` samples.
+    """Return the errors of the filter over `options.trials` trials of `steps` samples.
 
-    `landmarks` is (m, 2) in m; `sightings` holds who sees whom at k = 1..steps. The filter
-    integrates its readings along arcs, or by `substeps` Euler sub-steps. `first_trial`, a multiple
-    of CHUNK_TRIALS, makes this a part of a longer run, to be joined by `merge`. `progress` is
-    called with the number of trials done. Raises InputError naming the argument at fault.
+    `sightings` holds who sees whom at k = 1..steps. `first_trial`, a multiple of CHUNK_TRIALS,
+    makes this a part of a longer run, to be joined by `merge`. `progress` is called with the number
+    of trials done. Raises InputError naming the argument at fault.
     """
-    _check(steps, trials, first_trial, model, substeps, gate_probability, threads)
-    _check_sigmas(sensors.bearing_sigmas, noise)
-    _check_sightings(sightings, orbits.count, len(landmarks))
-    course = _course(orbits, landmarks, sensors, noise, sightings, steps)
-    course = course._replace(
-        drive=course.drive._replace(substeps=substeps if model == "euler" else 0),
-        gate=gate_threshold(gate_probability),
-    )
+    _check_run(steps, first_trial, threads)
+    _check_sigmas(team.sensors.bearing_sigmas, team.noise)
+    _check_sightings(sightings, team.count, len(team.landmarks))
+    setup = _setup(team, sightings, steps, options)
     run = _Run(
-        course=course,
-        speeds=orbits.speeds,
-        turn_rates=orbits.turn_rates,
-        bearings=_true_bearings(course),
-        bearing_sigmas=sensors.bearing_sigmas[course.observers],
-        noise=noise,
-        seed=seed,
-        end=first_trial + trials,
-        with_series=with_series,
+        team=team,
+        setup=setup,
+        bearings=_true_bearings(setup),
+        bearing_sigmas=team.sensors.bearing_sigmas[setup.observers],
+        options=options,
+        end=first_trial + options.trials,
         stop=threading.Event(),
     )
-    batched_filter.compile_kernels(orbits.count)
+    options.filter_model.lane_filter.compile(team.count)
     parts: list[MonteCarloResult] = []
     branches: tuple[Branch, ...] = ()
     with closing(_in_order(run, first_trial, threads or usable_cores())) as chunks:
@@ -114,28 +95,14 @@ def run_trials(
     return replace(merge(parts), branches=branches)
 
 
-def _check(
-    steps: int,
-    trials: int,
-    first_trial: int,
-    model: str,
-    substeps: int,
-    gate_probability: float | None,
-    threads: int | None,
-) -> None:
+def _check_run(steps: int, first_trial: int, threads: int | None) -> None:
     if first_trial < 0 or first_trial % CHUNK_TRIALS:
         problem = f"{first_trial} is not a multiple of {CHUNK_TRIALS}"
         raise InputError(problem, key="first_trial")
-    for key, value in (("steps", steps), ("trials", trials), ("substeps", substeps)):
-        if value < 1:
-            raise InputError(f"{value} given, at least 1 is needed", key=key)
+    if steps < 1:
+        raise InputError(f"{steps} given, at least 1 is needed", key="steps")
     if threads is not None and threads < 1:
         raise InputError(f"{threads} given, at least 1 is needed", key="threads")
-    if model not in ("arc", "euler"):
-        raise InputError(f"{model!r} is unknown; choose arc or euler", key="model")
-    if gate_probability is not None and not 0.0 < gate_probability < 1.0:
-        problem = f"{gate_probability} is not between 0 and 1"
-        raise InputError(problem, key="gate_probability")
 
 
 def _check_sigmas(bearing_sigmas: Array, noise: Noise) -> None:
@@ -158,45 +125,33 @@ def _check_sightings(sightings: Sightings, n: int, landmarks: int) -> None:
             raise InputError(problem, key=f"sightings.{key}")
 
 
-def _course(
-    orbits: Orbits,
-    landmarks: Array,
-    sensors: Sensors,
-    noise: Noise,
-    sightings: Sightings,
-    steps: int,
-) -> batched_filter.Course:
-    """The course of `steps` samples, by arcs and without a gate."""
+def _setup(team: Team, sightings: Sightings, steps: int, options: FilterOptions) -> FilterSetup:
+    """The set-up of a run of `steps` samples along the team's circles."""
+    orbits, sensors = team.orbits, team.sensors
     times = np.arange(steps + 1) * sensors.sample_time
     first = sightings.first_of_steps(steps)
     seen = slice(first[1], first[-1])
-    deviations = [noise.position_sigma, noise.position_sigma, noise.heading_sigma]
-    return batched_filter.Course(
+    return build_setup(
         truth=np.concatenate([position(orbits, times), heading(orbits, times)[..., None]], axis=2),
-        landmarks=np.array(landmarks, dtype=np.float64).reshape(-1, 2),
+        landmarks=np.array(team.landmarks, dtype=np.float64).reshape(-1, 2),
         first=np.maximum(first - first[1], 0),
         observers=np.array(sightings.observers[seen], dtype=np.int64),
         targets=np.array(sightings.targets[seen], dtype=np.int64),
-        initial_variances=np.tile(np.square(deviations), (orbits.count, 1)),
         bearing_variances=np.square(sensors.bearing_sigmas),
-        drive=batched_filter.Drive(
-            time=float(sensors.sample_time),
-            substeps=0,
-            speed_variance=float(noise.speed_sigma) ** 2,
-            turn_rate_variance=float(noise.turn_rate_sigma) ** 2,
-        ),
-        gate=np.inf,
+        noise=team.noise,
+        sample_time=sensors.sample_time,
+        options=options,
     )
 
 
-def _true_bearings(course: batched_filter.Course) -> Array:
+def _true_bearings(setup: FilterSetup) -> Array:
     """(s,) bearings without noise, in rad, not wrapped."""
-    steps = len(course.truth) - 1
-    step = np.repeat(np.arange(steps + 1), np.diff(course.first))
-    fixed = np.broadcast_to(course.landmarks, (steps + 1, *course.landmarks.shape))
-    places = np.concatenate([course.truth[:, :, :2], fixed], axis=1)
-    away = places[step, course.targets] - places[step, course.observers]
-    true = np.arctan2(away[:, 1], away[:, 0]) - course.truth[step, course.observers, 2]
+    steps = len(setup.truth) - 1
+    step = np.repeat(np.arange(steps + 1), np.diff(setup.first))
+    fixed = np.broadcast_to(setup.landmarks, (steps + 1, *setup.landmarks.shape))
+    places = np.concatenate([setup.truth[:, :, :2], fixed], axis=1)
+    away = places[step, setup.targets] - places[step, setup.observers]
+    true = np.arctan2(away[:, 1], away[:, 0]) - setup.truth[step, setup.observers, 2]
     return np.asarray(true)
 
 
@@ -220,34 +175,35 @@ def _in_order(run: _Run, first_trial: int, threads: int) -> Generator[MonteCarlo
 
 def _chunk(run: _Run, start: int) -> MonteCarloResult:
     """The result of the trials from `start` to the chunk's or the run's end."""
-    n, steps = len(run.speeds), len(run.course.truth) - 1
-    stop, lanes = min(start + CHUNK_TRIALS, run.end), batched_filter.lanes_for(n)
-    sums = np.zeros((steps + 1 if run.with_series else 0, n, len(batched_filter.SERIES)))
-    tallies = []
+    n, steps = run.team.count, len(run.setup.truth) - 1
+    lane_filter = run.options.filter_model.lane_filter
+    stop, lanes = min(start + CHUNK_TRIALS, run.end), lane_filter.lanes_for(n)
+    sums = empty_series(n, steps, wanted=run.options.with_series)
+    statistics = []
     for first in range(start, stop, lanes):
         if run.stop.is_set():
             raise _StoppedError
         trials = range(first, min(first + lanes, stop))
-        tallies.append(batched_filter.empty_tally(n, len(trials), sums))
-        batched_filter.filter_lanes(run.course, _readings(run, trials), tallies[-1])
-    return tallied(tallies, steps=steps, seed=run.seed, first_trial=start)
+        statistics.append(empty_statistics(n, len(trials), sums))
+        lane_filter.run(run.setup, _readings(run, trials), statistics[-1])
+    return result_of(statistics, steps=steps, seed=run.options.seed, first_trial=start)
 
 
-def _readings(run: _Run, trials: range) -> batched_filter.Readings:
+def _readings(run: _Run, trials: range) -> Readings:
     """Noisy initial poses and readings, a lane for each trial."""
-    steps, n, lanes = len(run.course.truth) - 1, len(run.speeds), len(trials)
+    steps, n, lanes = len(run.setup.truth) - 1, run.team.count, len(trials)
     sizes = (3 * n, steps * n, steps * n, len(run.bearings))
     draws = np.empty((lanes, sum(sizes)))
     for trial, row in zip(trials, draws, strict=True):
-        sequence = np.random.SeedSequence(run.seed, spawn_key=(trial,))
+        sequence = np.random.SeedSequence(run.options.seed, spawn_key=(trial,))
         np.random.Generator(np.random.PCG64(sequence)).standard_normal(out=row)
     poses, speeds, turn_rates, bearings = np.split(draws.T, np.cumsum(sizes)[:-1])
-    noise = run.noise
-    pose_sigmas = np.sqrt(run.course.initial_variances).ravel()
-    speeds = _scattered(np.tile(run.speeds, steps), noise.speed_sigma, speeds)
-    turn_rates = _scattered(np.tile(run.turn_rates, steps), noise.turn_rate_sigma, turn_rates)
-    return batched_filter.Readings(
-        initial=_scattered(run.course.truth[0].ravel(), pose_sigmas, poses).reshape(n, 3, lanes),
+    orbits, noise = run.team.orbits, run.team.noise
+    pose_sigmas = np.sqrt(run.setup.initial_variances).ravel()
+    speeds = _scattered(np.tile(orbits.speeds, steps), noise.speed_sigma, speeds)
+    turn_rates = _scattered(np.tile(orbits.turn_rates, steps), noise.turn_rate_sigma, turn_rates)
+    return Readings(
+        initial=_scattered(run.setup.truth[0].ravel(), pose_sigmas, poses).reshape(n, 3, lanes),
         speeds=speeds.reshape(steps, n, lanes),
         turn_rates=turn_rates.reshape(steps, n, lanes),
         bearings=_scattered(run.bearings, run.bearing_sigmas, bearings),

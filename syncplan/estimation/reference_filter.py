@@ -15,39 +15,20 @@ in closed form; it tends to the first as N grows. Here the sum is taken as it st
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from syncplan.arrays import Array
+from syncplan.estimation.filter_setup import MotionModel
 from syncplan.orbits.circles import perpendicular, unit, wrap
 
 __all__ = [
-    "Motion",
     "displacement",
     "displacement_jacobian",
     "predict",
     "predict_bearing",
     "update",
 ]
-
-
-@dataclass(frozen=True, slots=True)
-class Motion:
-    """How motion readings are integrated, and how far they are trusted.
-
-    Attributes
-    ----------
-    sample_time : s
-    speed_sigma : m/s, of each speed reading
-    turn_rate_sigma : rad/s, of each turn-rate reading
-    substeps : number of Euler sub-steps in a sample; 0 for exact arcs
-    """
-
-    sample_time: float
-    speed_sigma: float
-    turn_rate_sigma: float
-    substeps: int = 0
 
 
 def displacement(
@@ -85,13 +66,13 @@ def displacement_jacobian(
 
 
 def predict(
-    x: Array, P: Array, speeds: Array, turn_rates: Array, motion: Motion
+    x: Array, P: Array, speeds: Array, turn_rates: Array, motion: MotionModel
 ) -> tuple[Array, Array]:
     """Return state (n, 3) and covariance (3n, 3n) one sample later.
 
     `speeds` (n,) m/s and `turn_rates` (n,) rad/s are the readings of that sample.
     """
-    time, substeps = motion.sample_time, motion.substeps
+    time, substeps = motion.time, motion.substeps
     moved = displacement(x[:, 2], speeds, turn_rates, time, substeps)
     by_reading = displacement_jacobian(x[:, 2], speeds, turn_rates, time, substeps)
     n = len(x)
@@ -100,7 +81,7 @@ def predict(
         F[3 * i : 3 * i + 2, 3 * i + 2] = perpendicular(moved[i])
         G[3 * i : 3 * i + 2, 2 * i : 2 * i + 2] = by_reading[i]
         G[3 * i + 2, 2 * i + 1] = time
-    Q = np.diag(np.tile([motion.speed_sigma**2, motion.turn_rate_sigma**2], n))
+    Q = np.diag(np.tile([motion.speed_variance, motion.turn_rate_variance], n))
     return x + np.column_stack([moved, turn_rates * time]), F @ P @ F.T + G @ Q @ G.T
 
 

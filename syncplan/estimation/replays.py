@@ -8,7 +8,7 @@ does:
     bearings    at the sample nearest to their time, in the order they were taken
     truth       straight lines between its entries; headings unwrapped
 
-What follows is what a Monte Carlo does with one trial (`batched_filter.filter_lanes`), so the
+What follows is what a Monte Carlo does with one trial (`lane_filter.LaneFilter.run`), so the
 figures mean the same. The filter starts at the truth. Ranges are not used: it is a filter of
 bearings.
 """
@@ -17,19 +17,22 @@ from collections.abc import Iterable
 from concurrent.futures import Future
 from dataclasses import dataclass
 from threading import Thread
+from typing import Unpack
 
 import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.errors import InputError, NoSolutionError
-from syncplan.estimation import batched_filter
-from syncplan.estimation.consistency import Consistency, anees, coverage, gate_threshold, nis
+from syncplan.estimation.consistency import Consistency, anees, coverage, nis
+from syncplan.estimation.filter_options import FilterChanges, FilterOptions, options_with
+from syncplan.estimation.filter_setup import FilterSetup, Readings, build_setup
+from syncplan.estimation.filter_statistics import empty_series, empty_statistics
 from syncplan.estimation.mrclam import NOBODY, Log
-from syncplan.estimation.trials import Accuracy, MonteCarloResult, accuracy, tallied
+from syncplan.estimation.trials import Accuracy, MonteCarloResult, accuracy, result_of
 from syncplan.orbits.noise import Noise
 from syncplan.scenario.rules import excess
 
-__all__ = ["GROUND_ROBOTS", "Replay", "longest_gap", "replay"]
+__all__ = ["GROUND_ROBOTS", "OPTIONS", "Replay", "longest_gap", "replay"]
 
 
 GROUND_ROBOTS = Noise(
@@ -39,7 +42,8 @@ GROUND_ROBOTS = Noise(
 
 BEARING_SIGMA = 0.08
 SAMPLE_TIME = 0.05
-GATE_PROBABILITY = 0.999
+OPTIONS = FilterOptions(trials=1, gate_probability=0.999)
+"""How the filter runs on a recording where nothing else is asked for."""
 
 LEAST_SIGMA, LARGEST_SIGMA = 1e-6, 1e6
 """What any sigma may be; those of motion and of the start may be 0 as well."""
@@ -55,8 +59,8 @@ class Replay:
     landmarks : (l,) numbers of the landmarks whose bearings were used
     meetings : whether the bearings that robots took of each other were used
     sample_time, duration, begin : s; when the run begins by the recording's clock
-    bearing_sigma, noise : what the filter was told, rad and as Noise
-    gate_probability : of the innovation gate; 1 accepts all
+    bearing_sigma, noise : what the filter assumed, rad and as Noise
+    options : which filter, and its gate
     result : one trial's errors
     accuracy : RMS errors by robot
     coverage : (n,) share of coordinates within the filter's own three sigma
@@ -73,7 +77,7 @@ class Replay:
     begin: float
     bearing_sigma: float
     noise: Noise
-    gate_probability: float
+    options: FilterOptions
     result: MonteCarloResult
     accuracy: Accuracy
     coverage: Array
@@ -83,79 +87,65 @@ class Replay:
     not_asked_for: int
     outside: int
 
+    @property
+    def gate_probability(self) -> float:
+        """Of the innovation gate; 1 accepts all."""
+        return 1.0 if self.options.gate_probability is None else self.options.gate_probability
+
 
 def replay(
     log: Log,
+    options: FilterOptions | None = None,
     *,
     landmarks: Iterable[int] | None = None,
     meetings: bool = True,
     bearing_sigma: float = BEARING_SIGMA,
     noise: Noise = GROUND_ROBOTS,
     sample_time: float = SAMPLE_TIME,
-    gate_probability: float = GATE_PROBABILITY,
-    with_series: bool = False,
+    **changes: Unpack[FilterChanges],
 ) -> Replay:
     """Return the errors of the filter on a recording's odometry and bearings.
 
     `landmarks` are the numbers of those whose bearings count, all if None; `meetings` says whether
     bearings that robots took of each other do. `bearing_sigma` is in rad, `sample_time` in s; the
-    sigmas of `noise`, a syncplan.orbits.noise.Noise, are per sample. A bearing counts while it is
-    within the gate of `gate_probability`; 1 accepts all. `with_series` keeps errors and sigmas over
-    time. Raises InputError naming the argument or the robot at fault, and NoSolutionError where the
-    filter diverges.
+    sigmas of `noise`, a syncplan.orbits.noise.Noise, are per sample. `options`, or changes of it by
+    name, choose the filter: a bearing counts while it is within the gate of `gate_probability`,
+    0.999 if not given, where 1 accepts all; `with_series` keeps errors and sigmas over time. A
+    recording is one trial without a seed, as long as its truth. Raises InputError naming the
+    argument or the robot at fault, and NoSolutionError where the filter diverges.
     """
-    _check(bearing_sigma, noise, sample_time, gate_probability)
+    _check(bearing_sigma, noise, sample_time)
+    chosen = _options(options, changes)
     used = _chosen(log, landmarks)
     clock = _clock(log, sample_time)
     bearings = _bearings(log, clock, used, meetings=meetings)
-    n, steps = len(log.robots), clock.steps
-    deviations = [noise.position_sigma, noise.position_sigma, noise.heading_sigma]
-    course = batched_filter.Course(
+    setup = build_setup(
         truth=_truth(log, clock),
         landmarks=log.landmarks[used],
         first=bearings.first,
         observers=bearings.observers,
         targets=bearings.targets,
-        initial_variances=np.tile(np.square(deviations), (n, 1)),
-        bearing_variances=np.full(n, bearing_sigma**2),
-        drive=batched_filter.Drive(
-            time=float(sample_time),
-            substeps=0,
-            speed_variance=float(noise.speed_sigma) ** 2,
-            turn_rate_variance=float(noise.turn_rate_sigma) ** 2,
-        ),
-        gate=gate_threshold(gate_probability),
+        bearing_variances=np.full(len(log.robots), bearing_sigma**2),
+        noise=noise,
+        sample_time=sample_time,
+        options=chosen,
     )
-    readings = batched_filter.Readings(
-        initial=course.truth[0, :, :, None].copy(),
-        speeds=_odometry(log, clock, 1)[..., None],
-        turn_rates=_odometry(log, clock, 2)[..., None],
-        bearings=bearings.angles[:, None],
-    )
-    tally = batched_filter.empty_tally(
-        n, 1, np.zeros((steps + 1 if with_series else 0, n, len(batched_filter.SERIES)))
-    )
-    _run_aside(course, readings, tally)
-    result = tallied([tally], steps=steps)
-    if not np.isfinite(result.mean_squares).all():
-        raise NoSolutionError(
-            "the filter diverged: its errors are no longer finite; larger sigmas may help"
-        )
+    result = _filtered(setup, _readings(log, clock, setup, bearings), chosen)
     return Replay(
         log=log,
         landmarks=tuple(log.landmark_subjects[used].tolist()),
         meetings=meetings,
         sample_time=sample_time,
-        duration=steps * sample_time,
+        duration=clock.steps * sample_time,
         begin=clock.begin,
         bearing_sigma=bearing_sigma,
         noise=noise,
-        gate_probability=gate_probability,
+        options=chosen,
         result=result,
         accuracy=accuracy(result),
         coverage=coverage(result.covered[0], result.coverage_samples),
-        anees=anees(result.nees, 3 * n),
-        nis=nis(float(result.nis_sums[0]), int(result.accepted[0]), gate_probability),
+        anees=anees(result.nees, 3 * len(log.robots)),
+        nis=nis(float(result.nis_sums[0]), int(result.accepted[0]), chosen.gate_probability),
         unknown=bearings.unknown,
         not_asked_for=bearings.not_asked_for,
         outside=bearings.outside,
@@ -202,24 +192,54 @@ class _Bearings:
     outside: int
 
 
-def _run_aside(
-    course: batched_filter.Course, readings: batched_filter.Readings, tally: batched_filter.Tally
-) -> None:
-    """Filter in another thread: compiled code would keep an interrupt waiting, and lose it."""
+def _readings(log: Log, clock: _Clock, setup: FilterSetup, bearings: _Bearings) -> Readings:
+    """What the filter reads in its one lane; it starts at the truth."""
+    return Readings(
+        initial=setup.truth[0, :, :, None].copy(),
+        speeds=_odometry(log, clock, 1)[..., None],
+        turn_rates=_odometry(log, clock, 2)[..., None],
+        bearings=bearings.angles[:, None],
+    )
+
+
+def _filtered(setup: FilterSetup, readings: Readings, options: FilterOptions) -> MonteCarloResult:
+    """The result of the one trial, filtered in another thread.
+
+    Compiled code would keep an interrupt waiting, and lose it.
+    """
+    n, steps = len(setup.initial_variances), len(setup.truth) - 1
+    statistics = empty_statistics(n, 1, empty_series(n, steps, wanted=options.with_series))
     done: Future[None] = Future()
 
     def run() -> None:
         try:
-            batched_filter.filter_lanes(course, readings, tally)
+            options.filter_model.lane_filter.run(setup, readings, statistics)
             done.set_result(None)
         except BaseException as error:
             done.set_exception(error)
 
     Thread(target=run, daemon=True).start()
     done.result()
+    result = result_of([statistics], steps=steps)
+    if not np.isfinite(result.mean_squares).all():
+        raise NoSolutionError(
+            "the filter diverged: its errors are no longer finite; larger sigmas may help"
+        )
+    return result
 
 
-def _check(bearing_sigma: float, noise: Noise, sample_time: float, gate_probability: float) -> None:
+def _options(options: FilterOptions | None, changes: FilterChanges) -> FilterOptions:
+    """The options of a replay, whose gate may also be 1: no gate."""
+    gate = changes.get("gate_probability")
+    if gate is not None and not 0.0 < gate <= 1.0:
+        problem = f"{gate:g} given; allowed is more than 0, up to 1, which accepts all"
+        raise InputError(problem, key="gate_probability")
+    if gate == 1.0:
+        changes = {**changes, "gate_probability": None}
+    return options_with(options or OPTIONS, changes)
+
+
+def _check(bearing_sigma: float, noise: Noise, sample_time: float) -> None:
     allowed = f"allowed is {LEAST_SIGMA:g} to {LARGEST_SIGMA:g}"
     for key, value in (("bearing_sigma", bearing_sigma), ("sample_time", sample_time)):
         if not LEAST_SIGMA <= value <= LARGEST_SIGMA:
@@ -228,9 +248,6 @@ def _check(bearing_sigma: float, noise: Noise, sample_time: float, gate_probabil
         value = getattr(noise, key)
         if value != 0.0 and not LEAST_SIGMA <= value <= LARGEST_SIGMA:
             raise InputError(f"{value:g} given; {allowed}, or 0", key=key)
-    if not 0.0 < gate_probability <= 1.0:
-        problem = f"{gate_probability:g} given; allowed is more than 0, up to 1, which accepts all"
-        raise InputError(problem, key="gate_probability")
 
 
 def _chosen(log: Log, landmarks: Iterable[int] | None) -> Index:

@@ -1,4 +1,4 @@
-"""What trials leave behind: errors and consistency figures, kept so that parts join exactly.
+"""Results of trials: errors and consistency figures, kept so that parts join exactly.
 
 What is kept per trial is concatenated. What is summed over trials is summed along a binary tree
 over chunks of CHUNK_TRIALS trials, whose shape the trial numbers alone decide:
@@ -17,19 +17,19 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.errors import InputError
-from syncplan.estimation import batched_filter
+from syncplan.estimation.filter_statistics import SAMPLE_EVERY, FilterStatistics
 
 __all__ = [
     "CHUNK_TRIALS",
     "Accuracy",
     "Branch",
+    "ErrorSeries",
     "MonteCarloResult",
-    "Series",
     "accuracy",
     "joined",
     "merge",
+    "result_of",
     "series",
-    "tallied",
 ]
 
 
@@ -44,7 +44,7 @@ class Branch:
     Attributes
     ----------
     level, index : place in the binary tree over the chunks
-    sums : (steps + 1, n, 11) as batched_filter.SERIES
+    sums : (steps + 1, n, 11) as filter_statistics.SERIES
     """
 
     level: int
@@ -54,7 +54,7 @@ class Branch:
 
 @dataclass(frozen=True, slots=True)
 class MonteCarloResult:
-    """What a run of trials leaves behind. Errors are (x, y, heading) in m, m, rad, heading wrapped.
+    """The result of a run of trials. Errors are (x, y, heading) in m, m, rad, heading wrapped.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ class Accuracy:
 
 
 @dataclass(frozen=True, slots=True)
-class Series:
+class ErrorSeries:
     """Errors and the filter's own sigmas over time, steps k = 0..steps, across trials.
 
     Attributes
@@ -140,24 +140,24 @@ class Series:
     axis_sigma: Array
 
 
-def tallied(
-    tallies: Sequence[batched_filter.Tally], *, steps: int, seed: int = 0, first_trial: int = 0
+def result_of(
+    statistics: Sequence[FilterStatistics], *, steps: int, seed: int = 0, first_trial: int = 0
 ) -> MonteCarloResult:
-    """Return what trials of `steps` samples left behind, from `first_trial` on.
+    """Return the result of a chunk of trials of `steps` samples, from `first_trial` on.
 
-    The tallies share one series; `first_trial` is a multiple of CHUNK_TRIALS, and the trials are at
-    most as many.
+    The statistics share one series; `first_trial` is a multiple of CHUNK_TRIALS, and there are at
+    most as many trials.
     """
-    sampled = -(-steps // batched_filter.SAMPLE_EVERY)
+    sampled = -(-steps // SAMPLE_EVERY)
 
     def per_trial(name: str) -> Array:
-        lanes_last = np.concatenate([getattr(tally, name) for tally in tallies], axis=-1)
+        lanes_last = np.concatenate([getattr(one, name) for one in statistics], axis=-1)
         return np.ascontiguousarray(np.moveaxis(lanes_last, -1, 0))
 
     samples = per_trial("nees_samples")
     with np.errstate(invalid="ignore"):
         nees = per_trial("nees") / samples
-    sums = tallies[0].series
+    sums = statistics[0].series
     return MonteCarloResult(
         seed=seed,
         first_trial=first_trial,
@@ -228,7 +228,7 @@ def accuracy(result: MonteCarloResult) -> Accuracy:
     )
 
 
-def series(result: MonteCarloResult) -> Series:
+def series(result: MonteCarloResult) -> ErrorSeries:
     """Return errors and sigmas over time; raises InputError for a run without series."""
     if not result.branches:
         raise InputError("the run kept no series; run it with_series=True", key="with_series")
@@ -236,7 +236,7 @@ def series(result: MonteCarloResult) -> Series:
     for branch in result.branches[1:]:
         total = total + branch.sums
     mean = total / result.trials
-    return Series(
+    return ErrorSeries(
         mean_errors=mean[..., :3],
         position_rms=np.sqrt(mean[..., 3]),
         heading_rms=np.sqrt(mean[..., 4]),

@@ -2,11 +2,12 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
 from syncplan.errors import InputError
+from syncplan.estimation.filter_options import FilterChanges, FilterOptions, options_with
 from syncplan.orbits.circles import position
 from syncplan.orbits.graphs import bottleneck
 from syncplan.planning.planner import Plan, plan
@@ -50,29 +51,29 @@ def sweep(
     scenario: Scenario,
     name: str,
     values: Sequence[float],
+    options: FilterOptions | None = None,
     *,
-    trials: int = 200,
-    seed: int = 0,
-    duration: float | None = None,
     connected: bool = False,
     threads: int | None = None,
     progress: Callable[[int], None] | None = None,
+    **changes: Unpack[FilterChanges],
 ) -> list[ValidatedRow]:
     """Return a row for each value of `name` (see SWEEPABLE).
 
-    `connected` adds a last row: the last value again, with the sensor's range raised until the
-    team is connected at every instant. All values are planned before the first is validated, so
-    that a bad value costs nothing. `progress` is called with the number of trials done in all.
+    `options`, or changes of it by name, are those of syncplan.validate: trials=200, seed=0,
+    duration=None (s, the scenario's) and the rest. `connected` adds a last row: the last value
+    again, with the sensor's range raised until the team is connected at every instant. All values
+    are planned before the first is validated, so that a bad value costs nothing. `progress` is
+    called with the number of trials done in all.
     """
+    chosen = options_with(options, changes)
     rows: list[ValidatedRow] = []
     for one in planned_rows(scenario, name, values, connected=connected):
         validation = validate(
             one.plan,
-            trials=trials,
-            seed=seed,
-            duration=duration,
+            chosen,
             threads=threads,
-            progress=_shifted(progress, len(rows) * trials),
+            progress=_shifted(progress, len(rows) * chosen.trials),
         )
         rows.append(ValidatedRow(one.label, one.value, validation))
     return rows

@@ -4,6 +4,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
+from syncplan.estimation.filters import FilterName
 from syncplan.reports.document_base import Document, DocumentPart, VersionedDocument
 
 __all__ = [
@@ -60,7 +61,7 @@ class VehicleFigures(ErrorFigures):
 class FilterRecord(DocumentPart):
     """The filter that was run."""
 
-    model: Literal["arc", "euler"]
+    model: FilterName
     substeps: int
     gate_probability: float | None
     gated: int = Field(description="Bearings rejected by the gate")

@@ -41,7 +41,7 @@ def validation_document(validation: Validation) -> ValidationDocument:
         duration_s=validation.duration,
         filter=FilterRecord(
             model=validation.model,
-            substeps=validation.substeps if validation.model == "euler" else 0,
+            substeps=validation.options.motion_substeps,
             gate_probability=validation.gate_probability,
             gated=int(result.gated.sum()),
             used=int(result.accepted.sum()),

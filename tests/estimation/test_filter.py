@@ -6,9 +6,16 @@ import numpy as np
 import pytest
 
 from syncplan.arrays import Array
-from syncplan.estimation import batched_filter
+from syncplan.estimation.batched_filter import EXTENDED
+from syncplan.estimation.filter_setup import FilterSetup, MotionModel, Readings
+from syncplan.estimation.filter_statistics import (
+    SAMPLE_EVERY,
+    FilterStatistics,
+    empty_series,
+    empty_statistics,
+)
+from syncplan.estimation.lane_filter import WIDE_UP_TO
 from syncplan.estimation.reference_filter import (
-    Motion,
     displacement,
     displacement_jacobian,
     predict,
@@ -29,25 +36,33 @@ PAIRS = [(0, 1), (1, 0), (2, 0), (0, 3), (1, 4), (2, 4)]
 """Observer and target; 3 and 4 are the landmarks."""
 
 SIGMAS = np.array([0.02, 0.03, 0.05])
-MOTION = Motion(sample_time=0.1, speed_sigma=0.3, turn_rate_sigma=0.05)
+
+
+def motion_model(
+    time: float, speed_sigma: float, turn_rate_sigma: float, substeps: int = 0
+) -> MotionModel:
+    return MotionModel(time, substeps, speed_sigma**2, turn_rate_sigma**2)
+
+
+MOTION = motion_model(0.1, 0.3, 0.05)
 INITIAL_SIGMAS = np.array([1.0, 1.0, 0.1])
 
 
-class Course(NamedTuple):
-    """A course, and the readings without noise that belong to it."""
+class Scene(NamedTuple):
+    """A set-up, and the readings without noise that belong to it."""
 
-    course: batched_filter.Course
+    setup: FilterSetup
     bearings: Array
 
 
-def course_of(steps: int, motion: Motion = MOTION, gate: float = np.inf) -> Course:
+def scene_of(steps: int, motion: MotionModel = MOTION, gate: float = np.inf) -> Scene:
     """Every third step is blind; at the others, all pairs see each other."""
-    times = np.arange(steps + 1) * motion.sample_time
+    times = np.arange(steps + 1) * motion.time
     poses = np.concatenate([position(ORBITS, times), heading(ORBITS, times)[..., None]], axis=2)
     per_step = [PAIRS if k % 3 else [] for k in range(1, steps + 1)]
     seen = np.array([pair for pairs in per_step for pair in pairs], dtype=np.int64)
     step = np.repeat(np.arange(1, steps + 1), [len(pairs) for pairs in per_step])
-    course = batched_filter.Course(
+    setup = FilterSetup(
         truth=poses,
         landmarks=LANDMARKS,
         first=np.concatenate([[0, 0], np.cumsum([len(pairs) for pairs in per_step])]),
@@ -55,49 +70,41 @@ def course_of(steps: int, motion: Motion = MOTION, gate: float = np.inf) -> Cour
         targets=seen[:, 1].copy(),
         initial_variances=np.tile(INITIAL_SIGMAS**2, (3, 1)),
         bearing_variances=SIGMAS**2,
-        drive=batched_filter.Drive(
-            motion.sample_time,
-            motion.substeps,
-            motion.speed_sigma**2,
-            motion.turn_rate_sigma**2,
-        ),
+        motion=motion,
         gate=gate,
+        sample_every=SAMPLE_EVERY,
     )
     bearings = [
         predict_bearing(poses[k], o, t, LANDMARKS)[0] for k, (o, t) in zip(step, seen, strict=True)
     ]
-    return Course(course, np.array(bearings))
+    return Scene(setup, np.array(bearings))
 
 
-def readings_of(given: Course, lanes: int, scale: float = 1.0) -> batched_filter.Readings:
+def readings_of(given: Scene, lanes: int, scale: float = 1.0) -> Readings:
     """Readings with noise of `scale` times the filter's sigmas."""
-    course = given.course
-    steps, drive, random = len(course.truth) - 1, course.drive, np.random.default_rng(7)
+    setup = given.setup
+    steps, motion, random = len(setup.truth) - 1, setup.motion, np.random.default_rng(7)
     pose, speed, turn, bearing = (
         random.standard_normal(shape)
         for shape in [(3, 3, lanes), (steps, 3, lanes), (steps, 3, lanes), (len(given[1]), lanes)]
     )
-    sigmas = np.sqrt(course.bearing_variances)[course.observers]
-    return batched_filter.Readings(
-        initial=course.truth[0][..., None]
-        + scale * np.sqrt(course.initial_variances)[..., None] * pose,
-        speeds=ORBITS.speeds[:, None] + scale * np.sqrt(drive.speed_variance) * speed,
-        turn_rates=ORBITS.turn_rates[:, None] + scale * np.sqrt(drive.turn_rate_variance) * turn,
+    sigmas = np.sqrt(setup.bearing_variances)[setup.observers]
+    return Readings(
+        initial=setup.truth[0][..., None]
+        + scale * np.sqrt(setup.initial_variances)[..., None] * pose,
+        speeds=ORBITS.speeds[:, None] + scale * np.sqrt(motion.speed_variance) * speed,
+        turn_rates=ORBITS.turn_rates[:, None] + scale * np.sqrt(motion.turn_rate_variance) * turn,
         bearings=given.bearings[:, None] + scale * sigmas[:, None] * bearing,
     )
 
 
-def filtered(
-    course: batched_filter.Course, readings: batched_filter.Readings
-) -> tuple[Array, Array, batched_filter.Tally]:
-    """Final state, full covariance and tally of all lanes."""
-    lanes, steps = readings.initial.shape[-1], len(course.truth) - 1
-    tally = batched_filter.empty_tally(
-        3, lanes, np.zeros((steps + 1, 3, len(batched_filter.SERIES)))
-    )
-    x, P = batched_filter.filter_lanes(course, readings, tally)
+def filtered(setup: FilterSetup, readings: Readings) -> tuple[Array, Array, FilterStatistics]:
+    """Final state, full covariance and statistics of all lanes."""
+    lanes, steps = readings.initial.shape[-1], len(setup.truth) - 1
+    statistics = empty_statistics(3, lanes, empty_series(3, steps, wanted=True))
+    x, P = EXTENDED.run(setup, readings, statistics)
     lower = np.tril(np.ones(P.shape[:2], dtype=bool))[..., None]
-    return x, np.where(lower, P, P.transpose(1, 0, 2)), tally
+    return x, np.where(lower, P, P.transpose(1, 0, 2)), statistics
 
 
 class Plain(NamedTuple):
@@ -111,26 +118,24 @@ class Plain(NamedTuple):
     gated: int
 
 
-def plainly_filtered(
-    given: Course, readings: batched_filter.Readings, lane: int, motion: Motion
-) -> Plain:
+def plainly_filtered(given: Scene, readings: Readings, lane: int, motion: MotionModel) -> Plain:
     """The same trial by `reference_filter.predict` and `reference_filter.update`."""
-    course = given.course
-    x, P = readings.initial[..., lane], np.diag(course.initial_variances.ravel())
+    setup = given.setup
+    x, P = readings.initial[..., lane], np.diag(setup.initial_variances.ravel())
     errors, nees, nis, gated = [], 0.0, 0.0, 0
-    steps = len(course.truth) - 1
+    steps = len(setup.truth) - 1
     for k in range(1, steps + 1):
         x, P = predict(
             x, P, readings.speeds[k - 1, :, lane], readings.turn_rates[k - 1, :, lane], motion
         )
-        for s in range(course.first[k], course.first[k + 1]):
-            o, t = int(course.observers[s]), int(course.targets[s])
-            z, gate = readings.bearings[s, lane], course.gate
+        for s in range(setup.first[k], setup.first[k + 1]):
+            o, t = int(setup.observers[s]), int(setup.targets[s])
+            z, gate = readings.bearings[s, lane], setup.gate
             x, P, nu, S = update(x, P, o, t, z, SIGMAS[o], LANDMARKS, gate)
             accepted = nu**2 <= gate * S
             nis += nu**2 / S if accepted else 0.0
             gated += not accepted
-        e = x - course.truth[k]
+        e = x - setup.truth[k]
         e[:, 2] = wrap(e[:, 2])
         errors.append(e)
         if k % 10 == 0 or k == steps:
@@ -152,7 +157,7 @@ def derivative(function: object, x: Array, step: float = 1e-6) -> Array:
 def test_prediction_carries_the_covariance_by_the_derivatives_of_its_own_state(
     substeps: int,
 ) -> None:
-    motion = Motion(0.7, 0.3, 0.2, substeps)
+    motion = motion_model(0.7, 0.3, 0.2, substeps)
     random = np.random.default_rng(1)
     x, speeds, turns = random.normal(size=(3, 3)), np.array([4.0, 5.0, 6.0]), np.array([0.4, -1, 0])
     root = random.normal(size=(9, 9))
@@ -194,94 +199,92 @@ def test_euler_tends_to_the_arc_at_first_order(turn: float) -> None:
 @pytest.mark.parametrize("substeps", [0, 1, 5])
 @pytest.mark.parametrize("gate", [np.inf, 2.0])
 def test_the_compiled_filter_equals_the_plain_one_to_round_off(substeps: int, gate: float) -> None:
-    motion = Motion(0.1, 0.3, 0.05, substeps)
-    given = course_of(36, motion, gate)
+    motion = motion_model(0.1, 0.3, 0.05, substeps)
+    given = scene_of(36, motion, gate)
     readings = readings_of(given, lanes=3)
-    x, P, tally = filtered(given.course, readings)
+    x, P, statistics = filtered(given.setup, readings)
     for lane in range(3):
         plain = plainly_filtered(given, readings, lane, motion)
         np.testing.assert_allclose(x[..., lane], plain.x, rtol=0, atol=1e-11)
         np.testing.assert_allclose(P[..., lane], plain.P, rtol=0, atol=1e-11)
-        np.testing.assert_allclose(tally.final[..., lane], plain.errors[-1], atol=1e-11)
+        np.testing.assert_allclose(statistics.final[..., lane], plain.errors[-1], atol=1e-11)
         squares = (plain.errors**2).sum(axis=0)
-        np.testing.assert_allclose(tally.squares[..., lane], squares, atol=1e-10)
+        np.testing.assert_allclose(statistics.squares[..., lane], squares, atol=1e-10)
         late = (plain.errors[18:] ** 2).sum(axis=0)
-        np.testing.assert_allclose(tally.late_squares[..., lane], late, atol=1e-10)
-        assert tally.nees[lane] == pytest.approx(plain.nees, rel=1e-9)
-        assert tally.nees_samples[lane] == 4
-        assert tally.nis[lane] == pytest.approx(plain.nis, rel=1e-9)
-        assert tally.gated[lane] == plain.gated
-    assert (tally.gated.sum() > 0) == np.isfinite(gate)
+        np.testing.assert_allclose(statistics.late_squares[..., lane], late, atol=1e-10)
+        assert statistics.nees[lane] == pytest.approx(plain.nees, rel=1e-9)
+        assert statistics.nees_samples[lane] == 4
+        assert statistics.nis[lane] == pytest.approx(plain.nis, rel=1e-9)
+        assert statistics.gated[lane] == plain.gated
+    assert (statistics.gated.sum() > 0) == np.isfinite(gate)
 
 
 def test_the_closed_form_holds_where_vehicles_hardly_turn() -> None:
-    given = course_of(6)
+    given = scene_of(6)
     readings = readings_of(given, lanes=2)
     for turn in (0.0, 1e-9, 3.9e-3, 4.1e-3):
         for substeps in (0, 3):
-            motion = Motion(0.1, 0.3, 0.05, substeps)
-            course = course_of(6, motion).course
+            motion = motion_model(0.1, 0.3, 0.05, substeps)
+            setup = scene_of(6, motion).setup
             slow = readings._replace(turn_rates=np.full_like(readings.turn_rates, turn))
-            x, P, _ = filtered(course, slow)
-            plain = plainly_filtered(Course(course, given.bearings), slow, 1, motion)
+            x, P, _ = filtered(setup, slow)
+            plain = plainly_filtered(Scene(setup, given.bearings), slow, 1, motion)
             np.testing.assert_allclose(x[..., 1], plain.x, rtol=0, atol=1e-11)
             np.testing.assert_allclose(P[..., 1], plain.P, rtol=0, atol=1e-11)
 
 
 def test_without_noise_the_error_stays_at_round_off() -> None:
-    given = course_of(1000)
-    _, _, tally = filtered(given.course, readings_of(given, lanes=2, scale=0.0))
-    assert np.sqrt(tally.squares.max() / 1000) < 1e-11
-    assert np.abs(tally.final).max() < 1e-11
+    given = scene_of(1000)
+    _, _, statistics = filtered(given.setup, readings_of(given, lanes=2, scale=0.0))
+    assert np.sqrt(statistics.squares.max() / 1000) < 1e-11
+    assert np.abs(statistics.final).max() < 1e-11
 
 
 def test_whole_turns_of_heading_and_bearing_change_nothing() -> None:
-    given = course_of(30)
+    given = scene_of(30)
     readings = readings_of(given, lanes=2)
     turned = readings._replace(
         bearings=readings.bearings + 2.0 * np.pi * (np.arange(len(given.bearings)) % 3)[:, None],
         initial=readings.initial - 4.0 * np.pi * np.array([0.0, 0.0, 1.0])[None, :, None],
     )
-    expected, found = filtered(given.course, readings), filtered(given.course, turned)
+    expected, found = filtered(given.setup, readings), filtered(given.setup, turned)
     np.testing.assert_allclose(found[2].final, expected[2].final, atol=1e-11)
     np.testing.assert_allclose(found[2].squares, expected[2].squares, atol=1e-11)
 
 
-def linear_filter(
-    given: Course, readings: batched_filter.Readings, lane: int
-) -> tuple[Array, Array]:
+def linear_filter(given: Scene, readings: Readings, lane: int) -> tuple[Array, Array]:
     """Error and covariance of a linear Kalman filter along the nominal path, joint updates.
 
     Written down anew: F from the orbits' transition, G by quadrature along the arc.
     """
-    course, drive = given.course, given.course.drive
-    m = (readings.initial[..., lane] - course.truth[0]).ravel()
-    P = np.diag(course.initial_variances.ravel())
+    setup, motion = given.setup, given.setup.motion
+    m = (readings.initial[..., lane] - setup.truth[0]).ravel()
+    P = np.diag(setup.initial_variances.ravel())
     nodes, weights = np.polynomial.legendre.leggauss(8)
-    s, ds = 0.5 * drive.time * (nodes + 1.0), 0.5 * drive.time * weights
-    for k in range(1, len(course.truth)):
+    s, ds = 0.5 * motion.time * (nodes + 1.0), 0.5 * motion.time * weights
+    for k in range(1, len(setup.truth)):
         F, G = np.zeros((9, 9)), np.zeros((9, 6))
-        turn = transition(ORBITS, k * drive.time, (k - 1) * drive.time)
+        turn = transition(ORBITS, k * motion.time, (k - 1) * motion.time)
         for i in range(3):
-            ahead = course.truth[k - 1, i, 2] + ORBITS.turn_rates[i] * s
+            ahead = setup.truth[k - 1, i, 2] + ORBITS.turn_rates[i] * s
             F[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = turn[i]
             G[3 * i : 3 * i + 2, i] = ds @ unit(ahead)
             G[3 * i : 3 * i + 2, 3 + i] = ORBITS.speeds[i] * (ds * s) @ unit(ahead + np.pi / 2.0)
-            G[3 * i + 2, 3 + i] = drive.time
+            G[3 * i + 2, 3 + i] = motion.time
         slips = np.concatenate(
             [
                 readings.speeds[k - 1, :, lane] - ORBITS.speeds,
                 readings.turn_rates[k - 1, :, lane] - ORBITS.turn_rates,
             ]
         )
-        Q = np.diag([drive.speed_variance] * 3 + [drive.turn_rate_variance] * 3)
+        Q = np.diag([motion.speed_variance] * 3 + [motion.turn_rate_variance] * 3)
         m, P = F @ m + G @ slips, F @ P @ F.T + G @ Q @ G.T
-        seen = slice(course.first[k], course.first[k + 1])
+        seen = slice(setup.first[k], setup.first[k + 1])
         if seen.start == seen.stop:
             continue
-        pairs = list(zip(course.observers[seen], course.targets[seen], strict=True))
-        H = np.array([predict_bearing(course.truth[k], o, t, LANDMARKS)[1] for o, t in pairs])
-        R = np.diag(course.bearing_variances[course.observers[seen]])
+        pairs = list(zip(setup.observers[seen], setup.targets[seen], strict=True))
+        H = np.array([predict_bearing(setup.truth[k], o, t, LANDMARKS)[1] for o, t in pairs])
+        R = np.diag(setup.bearing_variances[setup.observers[seen]])
         K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
         m = m + K @ (readings.bearings[seen, lane] - given.bearings[seen] - H @ m)
         P = (np.eye(9) - K @ H) @ P
@@ -291,43 +294,41 @@ def linear_filter(
 def test_for_small_noise_the_filter_becomes_the_linear_one_at_second_order() -> None:
     differences = []
     for scale in (1e-3, 1e-4):
-        motion = Motion(0.1, scale * 0.3, scale * 0.05)
-        given = course_of(60, motion)
-        small = given.course._replace(
-            initial_variances=scale**2 * given.course.initial_variances,
-            bearing_variances=scale**2 * given.course.bearing_variances,
+        motion = motion_model(0.1, scale * 0.3, scale * 0.05)
+        given = scene_of(60, motion)
+        small = given.setup._replace(
+            initial_variances=scale**2 * given.setup.initial_variances,
+            bearing_variances=scale**2 * given.setup.bearing_variances,
         )
-        given = Course(small, given.bearings)
+        given = Scene(small, given.bearings)
         readings = readings_of(given, lanes=2)
-        _, P, tally = filtered(small, readings)
+        _, P, statistics = filtered(small, readings)
         expected, expected_P = linear_filter(given, readings, 1)
         assert np.abs(expected).max() > 0.05 * scale
-        differences.append(np.abs(tally.final[..., 1] - expected).max())
+        differences.append(np.abs(statistics.final[..., 1] - expected).max())
         np.testing.assert_allclose(P[..., 1] / scale**2, expected_P / scale**2, atol=3.0 * scale)
     assert differences[0] / differences[1] == pytest.approx(100.0, rel=0.1)
 
 
 def test_a_trial_has_the_same_bytes_whatever_lanes_lie_beside_it() -> None:
-    given = course_of(40)
+    given = scene_of(40)
     readings = readings_of(given, lanes=19)
-    x, P, tally = filtered(given.course, readings)
+    x, P, statistics = filtered(given.setup, readings)
     for lanes in (slice(0, 1), slice(3, 7), slice(2, 18), slice(18, 19)):
-        part = batched_filter.Readings(
-            *(np.ascontiguousarray(field[..., lanes]) for field in readings)
-        )
-        x_part, P_part, tally_part = filtered(given.course, part)
+        part = Readings(*(np.ascontiguousarray(field[..., lanes]) for field in readings))
+        x_part, P_part, tally_part = filtered(given.setup, part)
         assert x_part.tobytes() == x[..., lanes].tobytes()
         assert P_part.tobytes() == P[..., lanes].tobytes()
-        for whole, piece in zip(tally[:-1], tally_part[:-1], strict=True):
+        for whole, piece in zip(statistics[:-1], tally_part[:-1], strict=True):
             assert piece.tobytes() == whole[..., lanes].tobytes()
 
 
 def test_a_large_team_in_one_lane_has_the_bytes_of_many_lanes() -> None:
-    n, steps, random = batched_filter.WIDE_UP_TO + 1, 12, np.random.default_rng(3)
+    n, steps, random = WIDE_UP_TO + 1, 12, np.random.default_rng(3)
     poses = np.concatenate(
         [random.uniform(0, 500, (steps + 1, n, 2)), np.ones((steps + 1, n, 1))], 2
     )
-    course = course_of(1).course._replace(
+    setup = scene_of(1).setup._replace(
         truth=poses,
         first=np.arange(steps + 2) * 3,
         observers=random.integers(0, n, 3 * steps + 3),
@@ -335,65 +336,65 @@ def test_a_large_team_in_one_lane_has_the_bytes_of_many_lanes() -> None:
         initial_variances=np.ones((n, 3)),
         bearing_variances=np.full(n, 0.01),
     )
-    readings = batched_filter.Readings(
+    readings = Readings(
         *(random.uniform(0.1, 1, (*shape, 4)) for shape in [(n, 3), (steps, n), (steps, n), (39,)])
     )
-    assert batched_filter.lanes_for(n) == 1
-    x, P = batched_filter.filter_lanes(
-        course,
+    assert EXTENDED.lanes_for(n) == 1
+    x, P = EXTENDED.run(
+        setup,
         readings,
-        batched_filter.empty_tally(n, 4, np.zeros((0, n, len(batched_filter.SERIES)))),
+        empty_statistics(n, 4, empty_series(n, steps, wanted=False)),
     )
-    one = batched_filter.Readings(*(np.ascontiguousarray(field[..., 2:3]) for field in readings))
-    tally = batched_filter.empty_tally(n, 1, np.zeros((0, n, len(batched_filter.SERIES))))
-    x_one, P_one = batched_filter.filter_lanes(course, one, tally)
+    one = Readings(*(np.ascontiguousarray(field[..., 2:3]) for field in readings))
+    statistics = empty_statistics(n, 1, empty_series(n, steps, wanted=False))
+    x_one, P_one = EXTENDED.run(setup, one, statistics)
     assert x_one.tobytes() == x[..., 2:3].tobytes()
     assert P_one.tobytes() == P[..., 2:3].tobytes()
 
 
 def test_the_gate_leaves_an_outlier_out_as_if_it_had_not_been_measured() -> None:
-    given = course_of(20, gate=30.0)
+    given = scene_of(20, gate=30.0)
     readings = readings_of(given, lanes=1)
     spoilt = readings.bearings.copy()
     spoilt[50] += 1.0
-    x, P, tally = filtered(given.course, readings._replace(bearings=spoilt))
-    first = given.course.first.copy()
+    x, P, statistics = filtered(given.setup, readings._replace(bearings=spoilt))
+    first = given.setup.first.copy()
     first[np.searchsorted(first, 50, side="right") :] -= 1
-    without = given.course._replace(
+    without = given.setup._replace(
         first=first,
-        observers=np.delete(given.course.observers, 50),
-        targets=np.delete(given.course.targets, 50),
+        observers=np.delete(given.setup.observers, 50),
+        targets=np.delete(given.setup.targets, 50),
     )
     rest = readings._replace(bearings=np.delete(readings.bearings, 50, axis=0))
     expected = filtered(without, rest)
-    assert tally.gated[0] == 1
-    assert tally.accepted[0] == len(spoilt) - 1
+    assert statistics.gated[0] == 1
+    assert statistics.accepted[0] == len(spoilt) - 1
     assert x.tobytes() == expected[0].tobytes()
     assert P.tobytes() == expected[1].tobytes()
 
 
 def test_estimates_at_one_place_give_no_nan() -> None:
-    given = course_of(2)
+    given = scene_of(2)
     readings = readings_of(given, lanes=1, scale=0.0)
     readings.initial[1] = readings.initial[0]
     alike = readings._replace(
         speeds=np.ones_like(readings.speeds), turn_rates=np.zeros_like(readings.turn_rates)
     )
-    x, P, _ = filtered(given.course, alike)
+    x, P, _ = filtered(given.setup, alike)
     assert np.isfinite(x).all()
     assert np.isfinite(P).all()
 
 
 def test_a_singular_covariance_counts_no_nees_sample() -> None:
-    given = course_of(12, Motion(0.1, 0.0, 0.0))
-    certain = given.course._replace(initial_variances=np.zeros((3, 3)))
-    _, P, tally = filtered(certain, readings_of(given, lanes=1, scale=0.0))
+    given = scene_of(12, motion_model(0.1, 0.0, 0.0))
+    certain = given.setup._replace(initial_variances=np.zeros((3, 3)))
+    _, P, statistics = filtered(certain, readings_of(given, lanes=1, scale=0.0))
     assert np.all(P == 0.0)
-    assert tally.nees_samples[0] == 0
-    assert tally.nees[0] == 0.0
+    assert statistics.nees_samples[0] == 0
+    assert statistics.nees[0] == 0.0
 
 
 def test_kernels_count_as_compiled_once_they_are() -> None:
-    batched_filter.compile_kernels(3)
-    assert batched_filter.kernels_are_compiled(3)
-    assert batched_filter.kernels_are_compiled(batched_filter.WIDE_UP_TO)
+    EXTENDED.compile(3)
+    assert EXTENDED.is_compiled(3)
+    assert EXTENDED.is_compiled(WIDE_UP_TO)

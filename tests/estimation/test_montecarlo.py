@@ -1,8 +1,9 @@
 """Monte Carlo runs: reproducible to the byte, true to their definitions, honest about sigma."""
 
-from dataclasses import fields
+from collections.abc import Callable
+from dataclasses import fields, replace
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,8 +12,10 @@ from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.estimation import montecarlo
 from syncplan.estimation.consistency import anees, chi_square_band, coverage, gate_threshold, nis
+from syncplan.estimation.filter_options import FilterOptions
+from syncplan.estimation.filter_setup import MotionModel
 from syncplan.estimation.montecarlo import run_trials
-from syncplan.estimation.reference_filter import Motion, predict, update
+from syncplan.estimation.reference_filter import predict, update
 from syncplan.estimation.trials import MonteCarloResult, accuracy, merge, series
 from syncplan.orbits.circles import Orbits, heading, position, wrap
 from syncplan.orbits.contacts import find_windows
@@ -21,7 +24,7 @@ from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import Sightings, sample_sightings
 from syncplan.orbits.team import Team
 
-Scene = tuple[Orbits, Array, Sensors, Noise, Sightings, int]
+Scene = tuple[Team, Sightings, int]
 
 CENTERS = np.array([[0, 0], [70, 0], [140, 0], [140, 70], [70, 70], [0, 70]], dtype=float)
 LANDMARKS = np.array([[190.0, 0.0], [190.0, 70.0]])
@@ -29,7 +32,7 @@ NOISE = Noise(speed_sigma=0.1, turn_rate_sigma=0.01, position_sigma=5.0, heading
 
 
 def paper_grid(steps: int, bearing_sigma: float = 0.1, noise: Noise = NOISE) -> Scene:
-    """The positional arguments of `run_trials` up to `steps`, on the paper's grid."""
+    """Team, sightings and steps on the paper's grid."""
     n = len(CENTERS)
     opposite = np.array([0.0, np.pi, 0.0, np.pi, 0.0, np.pi])
     orbits = Orbits(CENTERS, np.full(n, 20.0), np.ones(n), 0.3 + opposite, 0.2)
@@ -42,7 +45,22 @@ def paper_grid(steps: int, bearing_sigma: float = 0.1, noise: Noise = NOISE) -> 
     )
     windows = find_windows(Team(orbits, LANDMARKS, sensors, noise))
     sightings = sample_sightings(windows, orbits.period, sensors.sample_time, 1, steps)
-    return orbits, LANDMARKS, sensors, noise, sightings, steps
+    return Team(orbits, LANDMARKS, sensors, noise), sightings, steps
+
+
+def flown(
+    scene: Scene,
+    trials: int,
+    seed: int,
+    *,
+    first_trial: int = 0,
+    threads: int | None = None,
+    progress: Callable[[int], None] | None = None,
+    **changes: Any,
+) -> MonteCarloResult:
+    """The result of trials in a scene."""
+    options = FilterOptions(trials=trials, seed=seed, **changes)
+    return run_trials(*scene, options, first_trial=first_trial, threads=threads, progress=progress)
 
 
 def bytes_of(result: MonteCarloResult) -> list[bytes]:
@@ -56,14 +74,14 @@ def bytes_of(result: MonteCarloResult) -> list[bytes]:
 
 @pytest.fixture(scope="module")
 def run() -> MonteCarloResult:
-    return run_trials(*paper_grid(60), 150, 5, with_series=True, threads=1)
+    return flown(paper_grid(60), 150, 5, with_series=True, threads=1)
 
 
 @pytest.mark.parametrize("threads", [2, 3])
 def test_the_same_seed_gives_the_same_bytes_on_any_number_of_threads(
     run: MonteCarloResult, threads: int
 ) -> None:
-    again = run_trials(*paper_grid(60), 150, 5, with_series=True, threads=threads)
+    again = flown(paper_grid(60), 150, 5, with_series=True, threads=threads)
     assert bytes_of(again) == bytes_of(run)
 
 
@@ -72,7 +90,7 @@ def test_parts_run_elsewhere_merge_to_the_bytes_of_the_whole(
     run: MonteCarloResult, cuts: list[int]
 ) -> None:
     parts = [
-        run_trials(*paper_grid(60), end - start, 5, first_trial=start, with_series=True)
+        flown(paper_grid(60), end - start, 5, first_trial=start, with_series=True)
         for start, end in pairwise(cuts)
     ]
     assert bytes_of(merge(parts)) == bytes_of(run)
@@ -80,25 +98,26 @@ def test_parts_run_elsewhere_merge_to_the_bytes_of_the_whole(
 
 
 def test_a_shorter_run_is_the_beginning_of_a_longer_one(run: MonteCarloResult) -> None:
-    short = run_trials(*paper_grid(60), 37, 5)
+    short = flown(paper_grid(60), 37, 5)
     assert short.final_errors.tobytes() == run.final_errors[:37].tobytes()
     assert short.nees.tobytes() == run.nees[:37].tobytes()
 
 
 def test_parts_that_do_not_follow_each_other_are_refused() -> None:
     scene = paper_grid(5)
-    first, other = run_trials(*scene, 20, 5), run_trials(*scene, 4, 5, first_trial=32)
+    first, other = flown(scene, 20, 5), flown(scene, 4, 5, first_trial=32)
     with pytest.raises(InputError, match="32, expected 20"):
         merge([first, other])
     with pytest.raises(InputError, match="seed"):
-        merge([first, run_trials(*scene, 4, 6, first_trial=32)])
+        merge([first, flown(scene, 4, 6, first_trial=32)])
     with pytest.raises(InputError, match="not a multiple of 16"):
-        run_trials(*scene, 4, 5, first_trial=20)
+        flown(scene, 4, 5, first_trial=20)
 
 
 def plain_trial(scene: Scene, seed: int, trial: int, substeps: int) -> tuple[Array, Array]:
     """Errors (steps, n, 3) and sampled NEES of one trial, drawn and filtered plainly."""
-    orbits, landmarks, sensors, noise, sightings, steps = scene
+    team, sightings, steps = scene
+    orbits, landmarks, sensors, noise = team.orbits, team.landmarks, team.sensors, team.noise
     random = np.random.Generator(
         np.random.PCG64(np.random.SeedSequence(seed).spawn(trial + 1)[trial])
     )
@@ -110,7 +129,7 @@ def plain_trial(scene: Scene, seed: int, trial: int, substeps: int) -> tuple[Arr
     speeds = orbits.speeds + noise.speed_sigma * random.standard_normal((steps, n))
     turns = orbits.turn_rates + noise.turn_rate_sigma * random.standard_normal((steps, n))
     slips = random.standard_normal(len(sightings.steps))
-    motion = Motion(dt, noise.speed_sigma, noise.turn_rate_sigma, substeps)
+    motion = MotionModel(dt, substeps, noise.speed_sigma**2, noise.turn_rate_sigma**2)
     P = np.diag(np.tile(sigmas**2, n))
     errors, nees = [], []
     for k in range(1, steps + 1):
@@ -132,10 +151,10 @@ def plain_trial(scene: Scene, seed: int, trial: int, substeps: int) -> tuple[Arr
 
 @pytest.mark.parametrize(("model", "substeps"), [("arc", 0), ("euler", 4)])
 def test_a_trial_is_drawn_from_the_seeds_child_in_the_documented_order(
-    model: Literal["arc", "euler"], substeps: int
+    model: str, substeps: int
 ) -> None:
     scene = paper_grid(55)
-    result = run_trials(*scene, 19, 11, model=model, substeps=max(substeps, 1))
+    result = flown(scene, 19, 11, model=model, substeps=max(substeps, 1))
     errors, nees = plain_trial(scene, 11, 17, substeps)
     np.testing.assert_allclose(result.final_errors[17], errors[-1], atol=1e-9)
     np.testing.assert_allclose(result.mean_squares[17], (errors**2).mean(axis=0), atol=1e-9)
@@ -165,12 +184,12 @@ def test_series_and_totals_tell_the_same_errors(run: MonteCarloResult) -> None:
 
 def test_a_run_without_series_says_so() -> None:
     with pytest.raises(InputError, match="with_series=True"):
-        series(run_trials(*paper_grid(5), 3, 1))
+        series(flown(paper_grid(5), 3, 1))
 
 
 def test_with_precise_bearings_the_filter_is_consistent() -> None:
     noise = Noise(0.1, 0.01, position_sigma=0.5, heading_sigma=0.1)
-    result = run_trials(*paper_grid(600, bearing_sigma=0.01, noise=noise), 300, 2)
+    result = flown(paper_grid(600, bearing_sigma=0.01, noise=noise), 300, 2)
     judged = anees(result.nees, 18)
     assert judged.verdict == "consistent"
     assert judged.band[0] < judged.value < judged.band[1]
@@ -185,8 +204,8 @@ def test_with_precise_bearings_the_filter_is_consistent() -> None:
 def test_a_gate_turns_away_its_share_of_good_bearings() -> None:
     noise = Noise(0.1, 0.01, position_sigma=0.5, heading_sigma=0.1)
     scene = paper_grid(300, bearing_sigma=0.01, noise=noise)
-    result = run_trials(*scene, 64, 2, gate_probability=0.95)
-    assert np.all(result.accepted + result.gated == len(scene[4].steps))
+    result = flown(scene, 64, 2, gate_probability=0.95)
+    assert np.all(result.accepted + result.gated == len(scene[1].steps))
     share = result.gated.sum() / (result.gated + result.accepted).sum()
     assert share == pytest.approx(0.05, abs=0.01)
 
@@ -206,7 +225,7 @@ def test_an_interrupt_propagates_and_leaves_the_queued_chunks_undone(
 
     monkeypatch.setattr(montecarlo, "_chunk", counted)
     with pytest.raises(KeyboardInterrupt):
-        run_trials(*paper_grid(20), 16_000, 1, threads=2, progress=interrupt)
+        flown(paper_grid(20), 16_000, 1, threads=2, progress=interrupt)
     assert len(started) < 10
     with pytest.raises(montecarlo._StoppedError):
         chunk(started[0], 0)
@@ -214,7 +233,7 @@ def test_an_interrupt_propagates_and_leaves_the_queued_chunks_undone(
 
 def test_progress_counts_up_to_the_number_of_trials() -> None:
     done: list[int] = []
-    run_trials(*paper_grid(5), 35, 1, first_trial=16, progress=done.append)
+    flown(paper_grid(5), 35, 1, first_trial=16, progress=done.append)
     assert done == [16, 32, 35]
 
 
@@ -224,6 +243,7 @@ def test_progress_counts_up_to_the_number_of_trials() -> None:
         ("steps", 0),
         ("trials", 0),
         ("threads", 0),
+        ("seed", -1),
         ("substeps", 0),
         ("first_trial", 8),
         ("first_trial", -16),
@@ -232,27 +252,29 @@ def test_progress_counts_up_to_the_number_of_trials() -> None:
     ],
 )
 def test_arguments_out_of_range_are_named(key: str, value: Any) -> None:
-    names = ("orbits", "landmarks", "sensors", "noise", "sightings", "steps")
-    scene: dict[str, Any] = dict(zip(names, paper_grid(5), strict=True))
+    team, sightings, steps = paper_grid(5)
+    scene = team, sightings, value if key == "steps" else steps
+    changes = {"trials": 4, "seed": 1} | ({} if key == "steps" else {key: value})
     with pytest.raises(InputError) as caught:
-        run_trials(**{**scene, "trials": 4, "seed": 1, key: value})
+        flown(scene, **changes)
     assert caught.value.key == key
 
 
 def test_a_bearing_sigma_of_zero_is_refused() -> None:
     with pytest.raises(InputError, match="must be positive"):
-        run_trials(*paper_grid(5, bearing_sigma=0.0), 4, 1)
+        flown(paper_grid(5, bearing_sigma=0.0), 4, 1)
 
 
 def test_sightings_of_bodies_that_do_not_exist_are_refused() -> None:
-    orbits, landmarks, sensors, noise, sightings, steps = paper_grid(40)
+    team, sightings, steps = paper_grid(40)
+    blind = replace(team, landmarks=team.landmarks[:0])
     with pytest.raises(InputError, match=r"sightings\.targets: index 6 is outside 0\.\.5"):
-        run_trials(orbits, landmarks[:0], sensors, noise, sightings, steps, 4, 1)
+        flown((blind, sightings, steps), 4, 1)
 
 
 def test_without_motion_noise_nothing_breaks() -> None:
     still = Noise(speed_sigma=0.0, turn_rate_sigma=0.0, position_sigma=0.1, heading_sigma=0.01)
-    result = run_trials(*paper_grid(300, bearing_sigma=0.01, noise=still), 16, 1)
+    result = flown(paper_grid(300, bearing_sigma=0.01, noise=still), 16, 1)
     assert np.all(result.nees_samples == 30)
     assert np.abs(result.final_errors).max() < 0.5
 

@@ -20,11 +20,14 @@ from typer.main import get_command
 from syncplan import figures
 from syncplan.cli import command_line
 from syncplan.errors import InputError, NoSolutionError
-from syncplan.estimation import batched_filter, mrclam
+from syncplan.estimation import mrclam
 from syncplan.estimation.consistency import gate_threshold
+from syncplan.estimation.filter_setup import FilterSetup, MotionModel, Readings
+from syncplan.estimation.filter_statistics import FilterStatistics
+from syncplan.estimation.lane_filter import LaneFilter
 from syncplan.estimation.mrclam import NOBODY, Log, RobotLog, load_log
-from syncplan.estimation.reference_filter import Motion, predict, update
-from syncplan.estimation.replays import GROUND_ROBOTS, longest_gap, replay
+from syncplan.estimation.reference_filter import predict, update
+from syncplan.estimation.replays import GROUND_ROBOTS, OPTIONS, longest_gap, replay
 from syncplan.orbits.circles import wrap
 from syncplan.orbits.noise import Noise
 from syncplan.reports.replay_report import replay_document
@@ -240,7 +243,8 @@ class _Found:
 
 def _by_numpy(log: Log, landmarks: list[int] | None, *, meetings: bool) -> _Found:
     """What a filter finds that is written in plain loops."""
-    time, motion = 0.07, Motion(0.07, GROUND_ROBOTS.speed_sigma, GROUND_ROBOTS.turn_rate_sigma)
+    time, noise = 0.07, GROUND_ROBOTS
+    motion = MotionModel(0.07, 0, noise.speed_sigma**2, noise.turn_rate_sigma**2)
     begin = max(robot.truth[0, 0] for robot in log.robots)
     end = min(robot.truth[-1, 0] for robot in log.robots) - begin
     truths = [robot.truth - [begin, 0.0, 0.0, 0.0] for robot in log.robots]
@@ -347,13 +351,11 @@ def test_a_whole_number_of_samples_is_not_lost_to_rounding() -> None:
 
 def test_a_filter_that_diverges_is_no_result(monkeypatch: pytest.MonkeyPatch) -> None:
     def diverge(
-        course: batched_filter.Course,
-        readings: batched_filter.Readings,
-        tally: batched_filter.Tally,
+        one: LaneFilter, setup: FilterSetup, readings: Readings, statistics: FilterStatistics
     ) -> None:
-        tally.squares[:] = np.nan
+        statistics.squares[:] = np.nan
 
-    monkeypatch.setattr(batched_filter, "filter_lanes", diverge)
+    monkeypatch.setattr(LaneFilter, "run", diverge)
     with pytest.raises(NoSolutionError, match="the filter diverged"):
         replay(_still(0.0, 1.0))
 
@@ -423,7 +425,7 @@ def test_files_of_other_editors_are_read(noisy: Path, tmp_path: Path) -> None:
 INTERRUPTED = """
 import os, signal, threading, time
 import numpy as np
-from syncplan.estimation import batched_filter
+from syncplan.estimation.batched_filter import EXTENDED
 from syncplan.estimation.mrclam import Log, RobotLog
 from syncplan.estimation.replays import replay
 none = np.zeros(0)
@@ -431,7 +433,7 @@ truth = np.array([[0.0, 0.0, 0.0, 0.0], [1000.0, 0.0, 0.0, 0.0]])
 odometry = np.array([[0.0, 1.0, 0.1], [1000.0, 1.0, 0.1]])
 robots = [RobotLog(k, truth, odometry, none, none.astype(int), none) for k in range(1, 191)]
 log = Log("long", tuple(robots), none.astype(int), np.zeros((0, 2)))
-batched_filter.compile_kernels(190)
+EXTENDED.compile(190)
 # a parent in the background has its children ignore interrupts
 signal.signal(signal.SIGINT, signal.default_int_handler)
 threading.Timer(1.0, os.kill, [os.getpid(), signal.SIGINT]).start()
@@ -607,10 +609,11 @@ def test_the_options_defaults_are_the_librarys() -> None:
         "meetings": "meetings",
         "bearing_sigma_rad": "bearing_sigma",
         "sample_time_s": "sample_time",
-        "gate": "gate_probability",
     }
     for option, argument in same.items():
         assert options[option] == defaults[argument].default
+    assert options["gate"] == OPTIONS.gate_probability
+    assert options["series"] == OPTIONS.with_series
     assert options["speed_sigma_mps"] == GROUND_ROBOTS.speed_sigma
     assert options["turn_rate_sigma_rad_s"] == GROUND_ROBOTS.turn_rate_sigma
 

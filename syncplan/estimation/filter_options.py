@@ -1,0 +1,130 @@
+"""What a user asks of a run of the filter: which filter, its gate, how many trials, how long."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, TypedDict
+
+from syncplan.errors import InputError
+from syncplan.estimation.filters import FILTERS, FilterModel
+
+__all__ = [
+    "LARGEST_SEED",
+    "MAX_TRIALS",
+    "REQUEST_KEYS",
+    "FilterChanges",
+    "FilterOptions",
+    "options_with",
+    "steps_in_run",
+]
+
+MAX_TRIALS = 1_000_000
+LARGEST_SEED = 2**63 - 1
+
+REQUEST_KEYS = {
+    "trials": "trials",
+    "seed": "seed",
+    "duration": "duration_s",
+    "model": "model",
+    "substeps": "substeps",
+    "gate_probability": "gate_probability",
+    "with_series": "series",
+}
+"""Key of each option in requests to the service."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FilterOptions:
+    """How the filter runs; raises InputError naming the option at fault.
+
+    Attributes
+    ----------
+    trials : number of Monte Carlo trials
+    seed : of all random numbers
+    duration : s, of each run; the scenario's if None
+    model : name of the filter, see syncplan.estimation.filters.FILTERS
+    substeps : Euler sub-steps in a sample, for a filter that takes them
+    gate_probability : of the innovation gate: the share of a consistent filter's bearings that it
+        accepts; None for no gate
+    with_series : whether errors and sigmas over time are kept
+    """
+
+    trials: int = 200
+    seed: int = 0
+    duration: float | None = None
+    model: str = "arc"
+    substeps: int = 10
+    gate_probability: float | None = None
+    with_series: bool = False
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.trials <= MAX_TRIALS:
+            raise InputError(f"{self.trials} given; allowed are 1 to {MAX_TRIALS}", key="trials")
+        if not 0 <= self.seed <= LARGEST_SEED:
+            raise InputError(f"{self.seed} given; allowed are 0 to {LARGEST_SEED}", key="seed")
+        if self.model not in FILTERS:
+            problem = f"{self.model!r} is unknown; choose {' or '.join(FILTERS)}"
+            raise InputError(problem, key="model")
+        if self.substeps < 1:
+            raise InputError(f"{self.substeps} given, at least 1 is needed", key="substeps")
+        gate = self.gate_probability
+        if gate is not None and not 0.0 < gate < 1.0:
+            raise InputError(f"{gate} is not between 0 and 1", key="gate_probability")
+
+    @property
+    def filter_model(self) -> FilterModel:
+        """The filter that is chosen."""
+        return FILTERS[self.model]
+
+    @property
+    def motion_substeps(self) -> int:
+        """Number of Euler sub-steps in a sample, 0 for exact arcs."""
+        return self.filter_model.substeps(self.substeps)
+
+    def as_request(self) -> dict[str, Any]:
+        """Return the options as keys of a request to the service, None left out."""
+        values = {key: getattr(self, name) for name, key in REQUEST_KEYS.items()}
+        return {key: value for key, value in values.items() if value is not None}
+
+    @classmethod
+    def of_request(cls, request: Mapping[str, Any]) -> "FilterOptions":
+        """Return the options that a request names; it may have further keys."""
+        given = {name: request[key] for name, key in REQUEST_KEYS.items() if key in request}
+        return cls(**given)
+
+
+class FilterChanges(TypedDict, total=False):
+    """Options by name, as functions take them beside, or instead of, FilterOptions."""
+
+    trials: int
+    seed: int
+    duration: float | None
+    model: str
+    substeps: int
+    gate_probability: float | None
+    with_series: bool
+
+
+def options_with(options: FilterOptions | None, changes: FilterChanges) -> FilterOptions:
+    """Return the options, the defaults if None, with some replaced and all checked."""
+    return replace(options or FilterOptions(), **changes)
+
+
+def steps_in_run(duration: float, sample_time: float, period: float, count: int) -> int:
+    """Return the whole samples in a run of `duration` s, within the same limits as a scenario's.
+
+    Raises InputError where there are none or too many.
+    """
+    # not at the top: the command line reads the defaults, and starts without these
+    from syncplan.orbits.sightings import steps_within
+    from syncplan.scenario.rules import excess
+
+    if not (math.isfinite(duration) and duration >= sample_time):
+        raise InputError(
+            f"{duration:g} s given; at least one sample time, {sample_time:g} s, is needed",
+            key="duration",
+        )
+    problem = excess(duration, sample_time, period, count)
+    if problem:
+        raise InputError(problem, key="duration")
+    return steps_within(duration, sample_time)

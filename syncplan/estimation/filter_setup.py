@@ -1,0 +1,118 @@
+"""What a run of the filter rests on: motion model, initial variances, gate, sightings, readings.
+
+Monte Carlo and replays build it here, in the same way. The kernels are compiled for the order of
+the fields, and numba's disk cache notices only changes of the kernels' own file: whoever reorders
+fields touches batched_filter.py as well.
+
+Where more is to be estimated, this is where it goes in: the variance of a further state (a wind, a
+bias of a sensor) stands beside `initial_variances`, that of a further kind of measurement (a
+distance, a compass) beside `bearing_variances`.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from syncplan.arrays import Array, Index
+from syncplan.estimation.consistency import gate_threshold
+from syncplan.estimation.filter_options import FilterOptions
+from syncplan.estimation.filter_statistics import SAMPLE_EVERY
+from syncplan.orbits.noise import Noise
+
+__all__ = ["FilterSetup", "MotionModel", "Readings", "build_setup"]
+
+
+class MotionModel(NamedTuple):
+    """How motion readings are integrated, and how far they are trusted.
+
+    Fields
+    ------
+    time : s, of one sample
+    substeps : Euler sub-steps in a sample, 0 for exact arcs
+    speed_variance, turn_rate_variance : (m/s)^2, (rad/s)^2, of each reading
+    """
+
+    time: float
+    substeps: int
+    speed_variance: float
+    turn_rate_variance: float
+
+
+class FilterSetup(NamedTuple):
+    """What all trials of a run share.
+
+    Fields
+    ------
+    truth : (steps + 1, n, 3) m, m, rad
+    landmarks : (m, 2) m
+    first : (steps + 2,) bearings of step k are first[k] to first[k + 1]
+    observers, targets : (s,) of each bearing; targets from n on are landmarks
+    initial_variances : (n, 3) m^2, m^2, rad^2
+    bearing_variances : (n,) rad^2, by observer
+    motion : the motion model
+    gate : largest innovation^2 / variance that counts
+    sample_every : NEES and coverage are taken at every so many steps, and at the last
+    """
+
+    truth: Array
+    landmarks: Array
+    first: Index
+    observers: Index
+    targets: Index
+    initial_variances: Array
+    bearing_variances: Array
+    motion: MotionModel
+    gate: float
+    sample_every: int
+
+
+class Readings(NamedTuple):
+    """What the filter reads, a lane for each trial.
+
+    Fields
+    ------
+    initial : (n, 3, lanes) initial estimate in m, m, rad
+    speeds, turn_rates : (steps, n, lanes) m/s, rad/s
+    bearings : (s, lanes) rad
+    """
+
+    initial: Array
+    speeds: Array
+    turn_rates: Array
+    bearings: Array
+
+
+def build_setup(
+    *,
+    truth: Array,
+    landmarks: Array,
+    first: Index,
+    observers: Index,
+    targets: Index,
+    bearing_variances: Array,
+    noise: Noise,
+    sample_time: float,
+    options: FilterOptions,
+) -> FilterSetup:
+    """Return the set-up of a run of the vehicles in `truth`, (steps + 1, n, 3).
+
+    The arguments are as in FilterSetup; `sample_time` is in s.
+    """
+    deviations = [noise.position_sigma, noise.position_sigma, noise.heading_sigma]
+    return FilterSetup(
+        truth=truth,
+        landmarks=landmarks,
+        first=first,
+        observers=observers,
+        targets=targets,
+        initial_variances=np.tile(np.square(deviations), (truth.shape[1], 1)),
+        bearing_variances=bearing_variances,
+        motion=MotionModel(
+            time=float(sample_time),
+            substeps=options.motion_substeps,
+            speed_variance=float(noise.speed_sigma) ** 2,
+            turn_rate_variance=float(noise.turn_rate_sigma) ** 2,
+        ),
+        gate=gate_threshold(options.gate_probability),
+        sample_every=SAMPLE_EVERY,
+    )

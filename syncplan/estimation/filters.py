@@ -1,0 +1,60 @@
+"""The filters to choose from by name: command line, service, reports, documentation read this.
+
+A new filter is its kernel, as a LaneFilter in a module of this package, and a line of FILTERS.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+if TYPE_CHECKING:
+    from syncplan.estimation.lane_filter import LaneFilter
+
+__all__ = ["FILTERS", "FilterModel", "FilterName"]
+
+
+@dataclass(frozen=True, slots=True)
+class FilterModel:
+    """A filter that can be chosen.
+
+    Attributes
+    ----------
+    sentence : what it does
+    takes_substeps : whether it integrates by the sub-steps that are asked for
+    kernel : where its LaneFilter is, a module of this package and a name in it
+    """
+
+    sentence: str
+    takes_substeps: bool = False
+    kernel: str = "batched_filter.EXTENDED"
+
+    def substeps(self, wanted: int) -> int:
+        """Return the number of Euler sub-steps in a sample, 0 for exact arcs."""
+        return wanted if self.takes_substeps else 0
+
+    @property
+    def lane_filter(self) -> "LaneFilter":
+        """The compiled filter; loads numba."""
+        module, _, name = self.kernel.partition(".")
+        found: LaneFilter = getattr(import_module(f"syncplan.estimation.{module}"), name)
+        return found
+
+
+FILTERS: Mapping[str, FilterModel] = MappingProxyType(
+    {
+        "arc": FilterModel("Integrates its readings along exact arcs."),
+        "euler": FilterModel(
+            "Integrates its readings by Euler sub-steps, as the paper's Algorithm 1.",
+            takes_substeps=True,
+        ),
+    }
+)
+"""By name, the default first."""
+
+if TYPE_CHECKING:
+    FilterName: TypeAlias = str
+else:
+    FilterName = Literal[tuple(FILTERS)]
+"""A name in FILTERS, for models that check it and describe it in their JSON schema."""
