@@ -20,7 +20,7 @@ from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.orbits.circles import heading, position
 from syncplan.orbits.contacts import reachable_pairs
 from syncplan.runtime.files import as_text
-from syncplan.synchronisation.phase_tolerance import safe_slips
+from syncplan.synchronisation.phase_tolerance import separation_tolerances
 
 __all__ = ["sidecar_file", "sync_document"]
 
@@ -123,14 +123,14 @@ def _tolerance(flight: Flight, meetings: Sequence[LinkVerdict]) -> float | None:
 
 
 def _separation_tolerances(flight: Flight) -> list[float | None]:
-    """Each vehicle's slip in s that brings it too near to another; None where none does."""
+    """How late or early each vehicle may be, s, before it comes too near; None for no limit."""
     orbits, apart = flight.plan.orbits, flight.plan.scenario.min_separation_m
     a, b = reachable_pairs(orbits, np.full(orbits.count, apart))
     pairs = np.column_stack([a, b])[a < b]
-    slips, safe = np.full(orbits.count, np.pi), safe_slips(orbits, pairs, apart)
+    least, allowed = np.full(orbits.count, np.pi), separation_tolerances(orbits, pairs, apart)
     for column in (0, 1):
-        np.minimum.at(slips, pairs[:, column], safe)
-    return [None if slip >= math.pi else slip / orbits.rate for slip in slips.tolist()]
+        np.minimum.at(least, pairs[:, column], allowed)
+    return [None if phase >= math.pi else phase / orbits.rate for phase in least.tolist()]
 
 
 def _degrees(flight: Flight, points: Array) -> list[tuple[float | None, float | None]]:

@@ -13,7 +13,6 @@ semidefinite program scales badly: on a team of six Clarabel's value is 15 % off
 information is whitened first.)
 """
 
-import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,8 +20,9 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.landmarks.site_information import Cuts, SiteInformation, evaluate
+from syncplan.runtime.convex_solver import has_solution, load_cvxpy
 
-__all__ = ["Relaxation", "relax"]
+__all__ = ["SiteRelaxation", "relax"]
 
 
 ROUNDS = 200
@@ -36,7 +36,7 @@ _STEEPEST = 1e5
 
 
 @dataclass(frozen=True, slots=True)
-class Relaxation:
+class SiteRelaxation:
     """The best shares, what they reach, and a line above what any choice can reach.
 
     Attributes
@@ -66,7 +66,7 @@ class Relaxation:
         return self.height + np.where(inside, whole, others + self.slopes)
 
 
-def relax(information: SiteInformation, choose: int) -> Relaxation:
+def relax(information: SiteInformation, choose: int) -> SiteRelaxation:
     """Return the relaxation for `choose` sites of S."""
     count = information.site_count
     shares = np.full(count, choose / count)
@@ -85,7 +85,7 @@ def relax(information: SiteInformation, choose: int) -> Relaxation:
         cuts = cuts.joined(at.cuts)
         if at.least > best:
             shares, best = between, at.least
-    return Relaxation(shares, best, *line, cuts, rounds)
+    return SiteRelaxation(shares, best, *line, cuts, rounds)
 
 
 def _lowest_line(cuts: Cuts, weights: Array, choose: int) -> tuple[float, float, Array]:
@@ -96,16 +96,9 @@ def _lowest_line(cuts: Cuts, weights: Array, choose: int) -> tuple[float, float,
     return float(ceilings[lowest]), float(heights[lowest]), slopes[lowest]
 
 
-def _cvxpy() -> Any:
-    """cvxpy, loaded where it is used: it takes most of a second."""
-    import cvxpy
-
-    return cvxpy
-
-
 def _propose(cuts: Cuts, choose: int, ceiling: float) -> tuple[Array, Array] | None:
     """Shares (S,) that maximise the least of the cuts, and the cuts' multipliers (c,), sum 1."""
-    cp = _cvxpy()
+    cp = load_cvxpy()
     # Variables, in units of the ceiling; steep slopes are held back, for the proposal only
     shares: Any = cp.Variable(cuts.slopes.shape[1])
     least: Any = cp.Variable()
@@ -116,13 +109,7 @@ def _propose(cuts: Cuts, choose: int, ceiling: float) -> tuple[Array, Array] | N
     constraints = [above, cp.sum(shares) == choose, shares >= 0.0, shares <= 1.0]
     problem = cp.Problem(cp.Maximize(least), constraints)
     # Solve
-    try:
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "Solution may be inaccurate")
-            problem.solve(solver=cp.CLARABEL)
-    except cp.SolverError:
-        return None
-    if shares.value is None or above.dual_value is None:
+    if not has_solution(problem, solver=cp.CLARABEL):
         return None
     weights = np.maximum(np.asarray(above.dual_value, dtype=float), 0.0)
     if not weights.sum() > 0.0:

@@ -15,7 +15,7 @@ import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.landmarks.site_information import Cuts, SiteInformation, evaluate
-from syncplan.landmarks.site_relaxation import Relaxation
+from syncplan.landmarks.site_relaxation import SiteRelaxation
 
 __all__ = ["best_sites"]
 
@@ -41,7 +41,7 @@ _BETTER = 1.0 + 1e-9
 
 def best_sites(
     information: SiteInformation,
-    relaxation: Relaxation,
+    relaxation: SiteRelaxation,
     choose: int,
     generator: np.random.Generator,
     *,
@@ -97,7 +97,7 @@ class _Search:
         if key[0] > self.key[0] * _BETTER or level:
             self.best, self.key = subset, key
 
-    def swap(self, relaxation: Relaxation, count: int, passed: set[tuple[int, ...]]) -> bool:
+    def swap(self, relaxation: SiteRelaxation, count: int, passed: set[tuple[int, ...]]) -> bool:
         """Exchange `count` of the best choice's sites while that helps; return whether it did.
 
         Ends at a choice already `passed`: what follows it is known.
@@ -109,13 +109,13 @@ class _Search:
             self.offer(_swaps(self.best, self.useful(relaxation), count))
         return self.key != begun
 
-    def useful(self, relaxation: Relaxation) -> Index:
+    def useful(self, relaxation: SiteRelaxation) -> Index:
         """Sites that a better choice than the best known may hold."""
         ceilings = relaxation.ceilings_with(self.choose)
         return np.flatnonzero(ceilings > self.key[0] * _BETTER).astype(np.int64)
 
 
-def _improve(search: _Search, relaxation: Relaxation, generator: np.random.Generator) -> None:
+def _improve(search: _Search, relaxation: SiteRelaxation, generator: np.random.Generator) -> None:
     """Swap single sites from the best starts, then pairs of the best, while any swap helps."""
     rounded = _rounded(relaxation.shares, search.choose, generator)
     dropped = _dropped_one_by_one(search.information, relaxation.shares, search.choose)
@@ -132,7 +132,7 @@ def _improve(search: _Search, relaxation: Relaxation, generator: np.random.Gener
         search.swap(relaxation, 1, set())
 
 
-def _prove(search: _Search, relaxation: Relaxation) -> bool:
+def _prove(search: _Search, relaxation: SiteRelaxation) -> bool:
     """Try all choices of sites that may be useful; return whether none better is left."""
     useful = search.useful(relaxation)
     if comb(len(useful), search.choose) > MOST_LISTED:

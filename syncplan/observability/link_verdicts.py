@@ -13,7 +13,7 @@ from syncplan.orbits.contacts import Windows, merge_windows
 from syncplan.orbits.paths import relative_motion
 from syncplan.orbits.separation import least_distances
 from syncplan.orbits.team import Team
-from syncplan.synchronisation.phase_tolerance import phase_tolerances, rule_residuals
+from syncplan.synchronisation.phase_tolerance import contact_tolerances, rule_residuals
 
 __all__ = ["LinkVerdict", "landmark_verdicts", "vehicle_verdicts"]
 
@@ -78,7 +78,7 @@ def vehicle_verdicts(
     }
     least, _ = least_distances(relative_motion(orbits, pairs[:, 0], pairs[:, 1]))
     residual = rule_residuals(orbits, pairs)
-    tolerance = phase_tolerances(team, pairs)
+    tolerance = contact_tolerances(team, pairs)
     found = []
     for k, (a, b) in enumerate(pairs.tolist()):
         forward = windows.of(way[a, b]) if (a, b) in way else nothing

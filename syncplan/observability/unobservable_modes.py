@@ -13,6 +13,7 @@ from syncplan.arrays import Array
 from syncplan.observability.rank import LinkInformation, Observability
 from syncplan.orbits.circles import Orbits, perpendicular, position, unit
 from syncplan.orbits.graphs import components
+from syncplan.orbits.separation import circle_gaps
 from syncplan.orbits.team import Team
 
 __all__ = ["UnobservableMode", "lost_bearing", "name_modes"]
@@ -243,9 +244,8 @@ def _grounding(naming: _Naming, part: list[int], wanted: str, besides: int | Non
 
 
 def _gap(naming: _Naming, a: int, b: int) -> float:
-    centers, radii = naming.team.orbits.centers, naming.team.orbits.radii
-    distance = float(np.hypot(*(centers[a] - centers[b])))
-    return float(max(distance - radii[a] - radii[b], abs(radii[a] - radii[b]) - distance, 0.0))
+    orbits = naming.team.orbits
+    return float(max(circle_gaps(orbits.centers, orbits.radii, np.array([[a, b]]))[0], 0.0))
 
 
 def _gap_to_point(naming: _Naming, vehicle: int, place: Array) -> float:

@@ -1,4 +1,4 @@
-"""Least distances: how near two vehicles come, and the nearest pair of a whole team."""
+"""Least distances: of two circles, of two vehicles on them, and of the nearest pair of a team."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,46 @@ from syncplan.orbits.contacts import (
 from syncplan.orbits.paths import RelativeMotion, relative_motion
 from syncplan.orbits.trigonometric_polynomials import derivative, real_roots
 
-__all__ = ["Approach", "closest_approach", "least_distances", "pairs_nearer_than"]
+__all__ = [
+    "Approach",
+    "circle_gaps",
+    "closest_approach",
+    "least_circle_gaps",
+    "least_distances",
+    "outer_gaps",
+    "pairs_nearer_than",
+]
+
+
+def outer_gaps(centers: Array, radii: Array, pairs: Index) -> Array:
+    """Return (p,) m: D - R_a - R_b of each pair, negative where they cross or one holds the other.
+
+    `centers` are (n, 2) m, `radii` (n,) m.
+    """
+    a, b = pairs[:, 0], pairs[:, 1]
+    return np.asarray(np.hypot(*(centers[a] - centers[b]).T) - radii[a] - radii[b])
+
+
+def circle_gaps(centers: Array, radii: Array, pairs: Index) -> Array:
+    """Return (p,) m: the least distance of points on the two circles; negative where they cross.
+
+    The larger of D - R_a - R_b, side by side, and |R_a - R_b| - D, one within the other.
+    """
+    distance = np.hypot(*(centers[pairs[:, 0]] - centers[pairs[:, 1]]).T)
+    return least_circle_gaps((distance, distance), (radii, radii), pairs)
+
+
+def least_circle_gaps(
+    distances: tuple[Array, Array], radii: tuple[Array, Array], pairs: Index
+) -> Array:
+    """Return (p,) m that no gap is below while distances and radii stay within their limits.
+
+    `distances` are the least and largest (p,) m of the centres of each pair, `radii` the least
+    and largest (n,) m of the circles.
+    """
+    (near, far), (small, large), (a, b) = distances, radii, pairs.T
+    within = np.maximum(small[a] - large[b], small[b] - large[a]) - far
+    return np.asarray(np.maximum(near - large[a] - large[b], within))
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,8 @@ import numpy as np
 from syncplan.arrays import Array, Index
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.orbits.graphs import components
-from syncplan.placement.demands import Demands, circle_gaps, shortfalls, sightings
+from syncplan.orbits.separation import outer_gaps
+from syncplan.placement.demands import Demands, shortfalls, sightings
 from syncplan.placement.drawing import improve
 from syncplan.placement.infeasibility import Names, complaint, obstacle
 from syncplan.placement.layouts import starting_layouts
@@ -240,13 +241,13 @@ def _certified(
     served = sightings(demands, centers)
     away = np.hypot(*(centers[served[:, 0]] - demands.landmarks[served[:, 1]]).T)
     a, b = np.triu_indices(demands.count, 1)
-    every = circle_gaps(centers, demands.radii, np.column_stack([a, b]))
+    every = outer_gaps(centers, demands.radii, np.column_stack([a, b]))
     return Placement(
         scenario=_placed(scenario, centers),
         centers=centers,
         margin=margin,
         links=links,
-        gaps=circle_gaps(centers, demands.radii, links),
+        gaps=outer_gaps(centers, demands.radii, links),
         smallest_gap=float(every.min(initial=np.inf)),
         clearance=float(demands.area.clearances(centers, demands.radii).min()),
         sightings=served,

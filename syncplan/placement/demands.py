@@ -11,10 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from syncplan.arrays import Array, Index
+from syncplan.arrays import Array, Index, as_pairs
+from syncplan.orbits.separation import outer_gaps
 from syncplan.scenario.areas import Area
 
-__all__ = ["Demands", "Shortfalls", "circle_gaps", "others", "shortfalls", "sightings"]
+__all__ = ["Demands", "Shortfalls", "others", "shortfalls", "sightings"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,12 +85,6 @@ class Shortfalls:
         return float(self.links.sum() + self.gaps.sum() + self.landmarks.sum() + self.area.sum())
 
 
-def circle_gaps(centers: Array, radii: Array, pairs: Index) -> Array:
-    """Return (p,) m: the gap of the two circles of each pair, negative where they cross."""
-    a, b = pairs[:, 0], pairs[:, 1]
-    return np.asarray(np.hypot(*(centers[a] - centers[b]).T) - radii[a] - radii[b])
-
-
 def others(count: int, links: Index) -> Index:
     """Return the (p, 2) pairs a < b that are not linked."""
     a, b = np.triu_indices(count, 1)
@@ -112,21 +107,21 @@ def sightings(demands: Demands, centers: Array) -> Index:
         best = cost[nearest, np.arange(len(demands.landmarks))]
         for landmark in np.sort(np.argsort(best, kind="stable")[:needed]):
             chosen.append((int(group[nearest[landmark]]), int(landmark)))
-    return np.array(chosen, dtype=np.int64).reshape(-1, 2)
+    return as_pairs(chosen)
 
 
 def shortfalls(demands: Demands, centers: Array) -> Shortfalls:
     """Return by how much the drawing with these (n, 2) centres misses its demands."""
     a, b = np.triu_indices(demands.count, 1)
     every = np.column_stack([a, b])
-    missing = demands.least - circle_gaps(centers, demands.radii, every)
+    missing = demands.least - outer_gaps(centers, demands.radii, every)
     near = missing > 0.0
     vehicle, landmark = sightings(demands, centers).T
     away = np.hypot(*(centers[vehicle] - demands.landmarks[landmark]).T)
     off = np.abs(away - demands.radii[vehicle])
     clear = demands.area.clearances(centers, demands.radii) if demands.area.limited else None
     return Shortfalls(
-        links=np.maximum(circle_gaps(centers, demands.radii, demands.links) - demands.most, 0.0),
+        links=np.maximum(outer_gaps(centers, demands.radii, demands.links) - demands.most, 0.0),
         pairs=every[near],
         gaps=missing[near],
         landmarks=np.maximum(off - demands.sight[vehicle], 0.0),

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.placement.demands import Demands, circle_gaps, others, shortfalls, sightings
+from syncplan.orbits.separation import outer_gaps
+from syncplan.placement.demands import Demands, others, shortfalls, sightings
 from syncplan.placement.layout_qp import (
     APART_WEIGHT,
     FIRM,
@@ -90,8 +91,8 @@ def _merit(demands: Demands, centers: Array) -> tuple[float, float]:
     """What a drawing is charged (in units of a typical distance), and what it misses in m."""
     unit = demands.unit
     missed = shortfalls(demands, centers)
-    gaps = circle_gaps(centers, demands.radii, demands.links)
-    near = demands.apart - circle_gaps(centers, demands.radii, others(demands.count, demands.links))
+    gaps = outer_gaps(centers, demands.radii, demands.links)
+    near = demands.apart - outer_gaps(centers, demands.radii, others(demands.count, demands.links))
     vehicle, landmark = sightings(demands, centers).T
     away = np.hypot(*(centers[vehicle] - demands.landmarks[landmark]).T)
     aim = demands.radii[vehicle] + 0.5 * demands.sight[vehicle]
@@ -113,7 +114,7 @@ def _near(demands: Demands, centers: Array, slack: float) -> Index:
     free = others(demands.count, demands.links)
     if demands.count <= _ALL_PAIRS:
         return free
-    return free[circle_gaps(centers, demands.radii, free) < demands.apart + slack]
+    return free[outer_gaps(centers, demands.radii, free) < demands.apart + slack]
 
 
 def _strangers_near(demands: Demands, centers: Array, known: Index, trust: float) -> bool:
@@ -123,4 +124,4 @@ def _strangers_near(demands: Demands, centers: Array, known: Index, trust: float
     free = others(demands.count, demands.links)
     inside = np.isin(free @ [demands.count, 1], known @ [demands.count, 1])
     reach = demands.least + 2.0 * np.sqrt(2.0) * trust
-    return bool(np.any(circle_gaps(centers, demands.radii, free[~inside]) < reach))
+    return bool(np.any(outer_gaps(centers, demands.radii, free[~inside]) < reach))

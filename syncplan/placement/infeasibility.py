@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.placement.demands import Demands, Shortfalls, circle_gaps, sightings
+from syncplan.orbits.separation import outer_gaps
+from syncplan.placement.demands import Demands, Shortfalls, sightings
 
 __all__ = ["Names", "complaint", "obstacle"]
 
@@ -48,7 +49,7 @@ def obstacle(demands: Demands, names: Names) -> str:
 def complaint(demands: Demands, names: Names, centers: Array, missed: Shortfalls) -> str:
     """Return what a drawing misses, in one line, links first and the worst first."""
     faults = []
-    gaps = circle_gaps(centers, demands.radii, demands.links)
+    gaps = outer_gaps(centers, demands.radii, demands.links)
     for k in _worst(missed.links):
         faults.append(
             f"link {names.link(demands.links[k])}: circles {gaps[k]:.3g} m apart, range "

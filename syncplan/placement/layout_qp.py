@@ -13,7 +13,6 @@ convex corners and others alike.
 Every constraint may be missed at a price, so that any drawing has a step.
 """
 
-import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +20,7 @@ import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.placement.demands import Demands, sightings
+from syncplan.runtime.convex_solver import has_solution, load_cvxpy
 
 __all__ = ["APART_WEIGHT", "FIRM", "PRICE", "Programme", "compiled", "fill", "solved"]
 
@@ -56,7 +56,7 @@ class Programme:
 
 def compiled(demands: Demands, free: Index) -> Programme:
     """Compile the programme for the links and the unlinked pairs `free`."""
-    cp = _cvxpy()
+    cp = load_cvxpy()
     from scipy import sparse
 
     n, e, p = demands.count, len(demands.links), len(free)
@@ -111,7 +111,7 @@ def _holds(demands: Demands) -> dict[str, int]:
 
 def _parameters(demands: Demands, free: int, holds: dict[str, int]) -> dict[str, Any]:
     """Directions (k, 2) and limits (k,) of every kind of row, and the trust region."""
-    cp = _cvxpy()
+    cp = load_cvxpy()
     e = len(demands.links)
     sizes = {"link": e, "link_left": e, "link_right": e, "free": free, **holds}
     sizes = {name: size for name, size in sizes.items() if size}
@@ -135,32 +135,18 @@ def _differences(pairs: Index, count: int) -> Any:
     return first - sparse.csr_matrix((ones, (rows, pairs[:, 1])), (len(pairs), count))
 
 
-def _cvxpy() -> Any:
-    """cvxpy, loaded where it is used: it takes most of a second."""
-    import cvxpy
-
-    return cvxpy
-
-
 def solved(programme: Programme) -> tuple[Array | None, float]:
     """Steps (n, 2) in units, and the merit they promise; None where the solver failed."""
-    cp = _cvxpy()
-
-    try:
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "Solution may be inaccurate")
-            programme.problem.solve(
-                solver=cp.OSQP,
-                warm_start=False,
-                eps_abs=1e-5,
-                eps_rel=1e-5,
-                max_iter=4000,
-                polishing=True,
-                adaptive_rho_interval=50,
-            )
-    except cp.SolverError:
-        return None, np.inf
-    if programme.steps.value is None:
+    settings = {
+        "solver": "OSQP",
+        "warm_start": False,
+        "eps_abs": 1e-5,
+        "eps_rel": 1e-5,
+        "max_iter": 4000,
+        "polishing": True,
+        "adaptive_rho_interval": 50,
+    }
+    if not has_solution(programme.problem, **settings):
         return None, np.inf
     return np.asarray(programme.steps.value, dtype=float), float(programme.problem.value)
 

@@ -13,7 +13,8 @@ import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.orbits.graphs import drawings
-from syncplan.placement.demands import Demands, circle_gaps, shortfalls
+from syncplan.orbits.separation import outer_gaps
+from syncplan.placement.demands import Demands, shortfalls
 
 __all__ = ["starting_layouts"]
 
@@ -63,7 +64,7 @@ def _component_drawings(part: Demands, amount: int, seed: int) -> Iterator[Array
     for places in drawings(part.count, edges, amount, seed):
         drawn = places - places.mean(axis=0)
         if edges:
-            lengths = circle_gaps(drawn, np.zeros(part.count), part.links)
+            lengths = outer_gaps(drawn, np.zeros(part.count), part.links)
             wanted = part.wanted + part.radii[part.links].sum(axis=1)
             drawn = drawn * float(np.mean(wanted) / np.mean(lengths))
         yield drawn
@@ -87,7 +88,7 @@ def _posed(
     for pose in (aside, *islice(_poses(part, drawn, generator), _POSES)):
         missed = shortfalls(part, pose).total
         if len(settled) and missed < least:
-            gaps = circle_gaps(np.concatenate([pose, centers[settled]]), radii, around)
+            gaps = outer_gaps(np.concatenate([pose, centers[settled]]), radii, around)
             missed += float(np.sum(np.maximum(demands.least - gaps, 0.0)))
         if missed < least:
             best, least = pose, missed

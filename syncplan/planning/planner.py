@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from syncplan.arrays import Array, Index
+from syncplan.arrays import Array, Index, as_pairs
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.bounds import posterior_bound, steady_bound, window_bound
 from syncplan.observability.certificate import Certificate, certify
@@ -200,8 +200,8 @@ def judge(
     verdict = assess(team, information)
     met = _met_pairs(orbits, windows)
     listed = {(a, b) for a, b in pairs.tolist()}
-    kept = _as_pairs([(a, b) for a, b in pairs.tolist() if (a, b) in met])
-    others = _as_pairs(sorted(met - listed))
+    kept = as_pairs([(a, b) for a, b in pairs.tolist() if (a, b) in met])
+    others = as_pairs(sorted(met - listed))
     largest = float(verdict.singular_values[0])
     names, landmark_names = resolved.vehicle_names, resolved.landmark_names
     return Plan(
@@ -229,11 +229,8 @@ def judge(
 
 def _listed_pairs(scenario: Scenario, centers: Array, radii: Array, sensors: Sensors) -> Index:
     """(e, 2) pairs to synchronise, a < b: as listed, or all that can come within range."""
-    links = scenario.formation.links
-    if links is not None:
-        index = {name: k for k, name in enumerate(scenario.vehicle_names)}
-        listed = [sorted((index[a], index[b])) for a, b in links]
-        return np.array(listed, dtype=np.int64).reshape(-1, 2)
+    if scenario.formation.links is not None:
+        return as_pairs(scenario.linked)
     still = Orbits(centers, radii, np.ones(len(radii)), np.zeros(len(radii)), 1.0)
     a, b = reachable_pairs(still, sensors.ranges)
     return np.unique(np.column_stack([np.minimum(a, b), np.maximum(a, b)]), axis=0)
@@ -262,10 +259,6 @@ def _sharing_a_circle(centers: Array, radii: Array) -> list[tuple[int, int]]:
 
 
 # --- judgement --------------------------------------------------------------------------------
-
-
-def _as_pairs(pairs: list[tuple[int, int]]) -> Index:
-    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
 def _met_pairs(orbits: Orbits, windows: Windows) -> set[tuple[int, int]]:

@@ -12,6 +12,7 @@ from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.noise import Noise
 from syncplan.orbits.sensors import Sensors
+from syncplan.orbits.separation import least_circle_gaps
 from syncplan.orbits.team import Team
 from syncplan.scenario.areas import Area
 from syncplan.scenario.objectives import Objective
@@ -124,11 +125,10 @@ class RefineProblem:
         if self.min_separation <= 0.0:
             return np.zeros((0, 2), dtype=np.int64)
         a, b = np.triu_indices(self.orbits.count, 1)
-        low, high = self.freedom.distances(a, b)
-        least, most = self.freedom.lower[2], self.freedom.upper[2]
-        inside = np.maximum(least[a] - most[b], least[b] - most[a]) - high
-        near = np.maximum(low - most[a] - most[b], inside) < self.min_separation
-        return np.column_stack([a[near], b[near]])
+        distances = self.freedom.distances(a, b)
+        radii = self.freedom.lower[2], self.freedom.upper[2]
+        pairs = np.column_stack([a, b])
+        return pairs[least_circle_gaps(distances, radii, pairs) < self.min_separation]
 
 
 def circles_of(orbits: Orbits) -> Array:

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from syncplan.arrays import Array, Index
+from syncplan.arrays import Array, Index, as_pairs
 from syncplan.errors import NoSolutionError
 from syncplan.orbits.sightings import sightings_over
 from syncplan.planning.planner import Plan
@@ -43,9 +43,9 @@ def _problem_as_asked(given: Plan, options: RefineOptions) -> RefineProblem:
     area = Area.of(scenario.area_m, scenario.keep_out_m)
     samples = _samples_in_contact(given)
     listed = [(link.a, link.b) for link in given.links]
-    pairs = _as_pairs([pair for pair in listed if pair in samples])
+    pairs = as_pairs([pair for pair in listed if pair in samples])
     held = [(link.a, link.b) for link in given.landmark_links]
-    anchors = _as_pairs([pair for pair in held if pair in samples])
+    anchors = as_pairs([pair for pair in held if pair in samples])
     reach = sensors.ranges[pairs].max(axis=1) if len(pairs) else np.zeros(0)
     return RefineProblem(
         names=(*scenario.vehicle_names, *scenario.landmark_names),
@@ -83,10 +83,6 @@ def _samples_in_contact(given: Plan) -> dict[tuple[int, int], int]:
     moments = np.unique(np.column_stack([a, b, seen.steps]), axis=0)
     pairs, counts = np.unique(moments[:, :2], axis=0, return_counts=True)
     return {(int(i), int(j)): int(k) for (i, j), k in zip(pairs, counts, strict=True)}
-
-
-def _as_pairs(pairs: list[tuple[int, int]]) -> Index:
-    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
 def _needed(samples: dict[tuple[int, int], int], pairs: Index, wanted: int) -> Array:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import ValidationError
 
-from syncplan.arrays import Array
+from syncplan.arrays import Array, as_pairs
 from syncplan.errors import InputError
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import reachable_pairs
@@ -162,7 +162,7 @@ def _stopped_by_window_bound(attempts: list["Attempt"], before: Measurement) -> 
 
 def _rule_phases(given: Plan) -> Array:
     """Phases on the rules, whatever those of the plan are."""
-    pairs = np.array([(link.a, link.b) for link in given.links], dtype=np.int64).reshape(-1, 2)
+    pairs = as_pairs([(link.a, link.b) for link in given.links])
     orbits, scenario = given.orbits, given.scenario
     return synchronise(
         orbits.centers,

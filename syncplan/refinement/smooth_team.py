@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from syncplan.arrays import Array, Index
+from syncplan.arrays import Array, Index, as_pairs
 from syncplan.refinement.constraint_blocks import Blocks, pair_blocks, single_blocks, stacked_blocks
 from syncplan.refinement.problem import RefineProblem
 from syncplan.refinement.sample_times import SampleTimes
@@ -155,11 +155,7 @@ def sighted_pairs(problem: RefineProblem) -> Sighted:
     held = {(int(i), int(j)) for i, j in problem.anchors}
     seen = [(int(i), int(j) + n) for i, j in zip(vehicle[near], place[near], strict=True)]
     anchors = [*map(tuple, problem.anchors.tolist()), *(one for one in seen if one not in held)]
-    return Sighted(_as_pairs(pairs), _as_pairs(anchors))
-
-
-def _as_pairs(pairs: list[tuple[int, ...]]) -> Index:
-    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    return Sighted(as_pairs(pairs), as_pairs(anchors))
 
 
 def _pair_parameters(problem: RefineProblem, pairs: Index, views: bool) -> Array:

@@ -180,6 +180,15 @@ class Scenario(Section):
         return self.window_s if self.window_s is not None else self.period
 
     @property
+    def linked(self) -> list[tuple[int, int]]:
+        """The listed links as positions of vehicles a < b; empty where none are listed."""
+        index = {name: k for k, name in enumerate(self.vehicle_names)}
+        return [
+            (min(index[a], index[b]), max(index[a], index[b]))
+            for a, b in self.formation.links or []
+        ]
+
+    @property
     def _polygons(self) -> dict[str, Polygon]:
         """Every polygon by its key."""
         area = {} if self.area_m is None else {"area_m": self.area_m}

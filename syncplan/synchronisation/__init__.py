@@ -5,5 +5,5 @@ phase_constraints   phases of largest smallest margin, by difference constraints
 phase_relaxation    the semidefinite bound on that margin
 senses              which vehicles turn which way
 phases              phases for a team
-phase_tolerance     how far a phase may slip before a meeting is lost
+phase_tolerance     how far a phase may shift before contact or separation is lost
 """

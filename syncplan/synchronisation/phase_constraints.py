@@ -1,13 +1,14 @@
-"""Difference constraints on time-phases: how far each link may slip, and who can be served.
+"""Difference constraints on time-phases, and the phases that satisfy them.
 
 A link's least distance, tabulated over the size of its residual, turns "within reach by a margin
-and no nearer than the floor" into an interval of residuals around the current one. A set of
-intervals on differences theta_a - theta_b is feasible exactly if the graph of their bounds has no
-negative cycle (Bellman-Ford); the midpoint of the two extreme solutions is a central feasible
-point.
+and no nearer than the separation" into an interval of residuals around the current one. Intervals
+on differences theta_a - theta_b are a system of difference constraints: feasible exactly if the
+graph of their bounds has no negative cycle, and then solved by shortest paths (Bellman-Ford; Cormen
+et al., Introduction to Algorithms, section 24.4). The midpoint of the two extreme solutions is a
+central feasible point.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,83 +16,76 @@ from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import wrap
 from syncplan.synchronisation.phase_rules import Rules, closest_distance, residuals
 
-__all__ = ["Servable", "Slack", "largest_margin", "servable"]
+__all__ = ["PhaseConstraints", "ServedLinks", "largest_margin", "serve_greedily"]
 
 
 _LIMIT_SHARE = 0.5
 _SAMPLES = 513
 _SAMPLES_SEPARATED = 2049
-"""With a floor, feasible intervals may be narrow."""
+"""With a separation to keep, feasible intervals may be narrow."""
 
 _BISECTIONS = 40
 _ROUNDING_RAD = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
-class Slack:
+class PhaseConstraints:
     """Links to serve and pairs to keep apart, tabulated over the size of the residual.
 
     Attributes
     ----------
     rules : of the links, then of the guarded pairs
-    links : number of links; the rest are guards, bound from below only
-    floor : m, least separation
+    links : number of links; the rest are guarded pairs, which only keep their separation
+    separation : m, that all pairs keep at least
     residual : (k,) rad from 0 to pi
-    table : (e, k) m least distances
-    cost : (links, k) m what is to be small: the least distance where the circles are apart.
-        Where they cross, nearest is not best: there the cost grows with the residual, from half
-        the reach to all of it, so that phases stay near the rule, and steeply towards
-        its limit, so that contact does not hang on that
+    least_distance : (e, k) m
+    cost : (links, k) m, to be kept small: the least distance where the circles are apart. Where
+        they cross, nearest is not best: there the cost grows with the residual, from half the
+        reach to all of it, so that phases stay near the rule, and steeply near the end of
+        contact, so that they stay clear of it
     """
 
     rules: Rules
     links: int
-    floor: float
+    separation: float
     residual: Array
-    table: Array
+    least_distance: Array
     cost: Array
 
     @classmethod
-    def of(cls, rules: Rules, guards: Rules, floor: float) -> "Slack":
-        """Return the tables of `rules` (to serve) and `guards` (to keep apart).
+    def of(cls, rules: Rules, guards: Rules, separation: float) -> "PhaseConstraints":
+        """Return the constraints of `rules` (to serve) and `guards` (to keep apart).
 
-        Guarded pairs that no phases keep apart bind nothing: they would make all else impossible.
+        Guarded pairs that no phases keep apart are left out: with them nothing is feasible.
         """
-        samples = _SAMPLES if floor == 0.0 else _SAMPLES_SEPARATED
+        samples = _SAMPLES if separation == 0.0 else _SAMPLES_SEPARATED
         residual = np.linspace(0.0, np.pi, samples)
         furthest = closest_distance(guards, np.broadcast_to(residual, (len(guards), samples)))
-        guards = guards.only(np.max(furthest, axis=1, initial=0.0) >= floor)
-        both = Rules(
-            *(
-                np.concatenate([getattr(rules, name), getattr(guards, name)])
-                for name in Rules.__slots__
-            )
-        )
-        table = closest_distance(both, np.broadcast_to(residual, (len(both), samples)))
-        links = len(rules)
-        return cls(both, links, floor, residual, table, _cost(rules, residual, table[:links]))
+        guards = guards.only(np.max(furthest, axis=1, initial=0.0) >= separation)
+        both, links = rules.joined(guards), len(rules)
+        least = closest_distance(both, np.broadcast_to(residual, (len(both), samples)))
+        return cls(both, links, separation, residual, least, _cost(rules, residual, least[:links]))
 
-    def only(self, links: list[int]) -> "Slack":
-        """Return the slack of the chosen links and all guards."""
+    def only(self, links: list[int]) -> "PhaseConstraints":
+        """Return the constraints of the chosen links and all guarded pairs."""
         rows = np.concatenate(
             [np.array(links, dtype=np.int64), np.arange(self.links, len(self.rules))]
         )
-        return Slack(
-            self.rules.only(rows),
-            len(links),
-            self.floor,
-            self.residual,
-            self.table[rows],
-            self.cost[links],
+        return replace(
+            self,
+            rules=self.rules.only(rows),
+            links=len(links),
+            least_distance=self.least_distance[rows],
+            cost=self.cost[links],
         )
 
     def intervals(self, margin: float, current: Array) -> tuple[Array, Array, Flags]:
         """Return (low, high, possible), each (e,): the allowed residuals nearest the current ones.
 
-        Allowed is a residual whose least distance respects the floor and, for a link, whose cost
-        leaves `margin` to the reach. Impossible rows have nowhere to be.
+        A residual is allowed if its least distance keeps the separation and, for a link, its cost
+        is `margin` below the reach. Rows without an allowed residual are not possible.
         """
-        lack = self.floor - self.table
+        lack = self.separation - self.least_distance
         reach = self.rules.reach[: self.links, None]
         lack[: self.links] = np.maximum(lack[: self.links], self.cost - (reach - margin))
         allowed = lack <= 0.0
@@ -137,27 +131,31 @@ def _cost(rules: Rules, residual: Array, table: Array) -> Array:
 
 
 def largest_margin(
-    slack: Slack, start: Array, count: int, above: float = -np.inf
+    constraints: PhaseConstraints, start: Array, count: int, above: float = -np.inf
 ) -> tuple[Array, float]:
     """Return (theta, margin in m): the largest smallest reach less cost with the turns of `start`.
 
-    Below zero not every link is in contact. The margin is -inf if separation can't be had with
-    those turns, or if it can't be as large as `above`; for a team without links it is 0 otherwise.
+    Below zero not every link is in contact. The margin is -inf if those turns allow no separation
+    or no margin as large as `above`; otherwise it is 0 for a team without links.
     """
-    if above > -np.inf and _feasible(slack, above, start, count) is None:
+    if above > -np.inf and _feasible(constraints, above, start, count) is None:
         return start, -np.inf
-    reach = slack.rules.reach[: slack.links]
-    high = float(np.min(reach - slack.cost.min(axis=1), initial=np.inf)) if slack.links else 0.0
-    low = min(float(np.min(reach - slack.cost.max(axis=1), initial=0.0)), high)
-    theta = _feasible(slack, low, start, count)
+    reach = constraints.rules.reach[: constraints.links]
+    high = (
+        float(np.min(reach - constraints.cost.min(axis=1), initial=np.inf))
+        if constraints.links
+        else 0.0
+    )
+    low = min(float(np.min(reach - constraints.cost.max(axis=1), initial=0.0)), high)
+    theta = _feasible(constraints, low, start, count)
     if theta is None:
         return start, -np.inf
-    top = _feasible(slack, high, start, count)
+    top = _feasible(constraints, high, start, count)
     if top is not None:
         return top, high
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
-        trial = _feasible(slack, middle, start, count)
+        trial = _feasible(constraints, middle, start, count)
         if trial is None:
             high = middle
         else:
@@ -166,36 +164,38 @@ def largest_margin(
 
 
 @dataclass(frozen=True, slots=True)
-class Servable:
+class ServedLinks:
     """Links (positions, ascending) that one choice of phases serves, and those time-phases."""
 
     links: Index
     theta: Array
 
 
-def servable(slack: Slack, start: Array, count: int) -> Servable:
+def serve_greedily(constraints: PhaseConstraints, start: Array, count: int) -> ServedLinks:
     """Return a largest-first greedy choice of links that can be served at once.
 
-    Links that may slip furthest come first. Each is kept if, with all kept so far and all guards,
-    some phases bring it within range.
+    Links in contact over the widest range of residuals come first. Each is kept if some phases
+    bring it within range together with all kept so far and all guarded pairs.
     """
-    reach = slack.rules.reach[: slack.links]
-    room = np.sum(slack.table[: slack.links] <= reach[:, None], axis=1)
+    reach = constraints.rules.reach[: constraints.links]
+    room = np.sum(constraints.least_distance[: constraints.links] <= reach[:, None], axis=1)
     kept: list[int] = []
     theta = start
     for link in np.argsort(-room, kind="stable"):
-        trial = _feasible(slack.only([*kept, int(link)]), 0.0, theta, count)
+        trial = _feasible(constraints.only([*kept, int(link)]), 0.0, theta, count)
         if trial is not None:
             theta = trial
             kept.append(int(link))
-    return Servable(np.sort(np.array(kept, dtype=np.int64)), theta)
+    return ServedLinks(np.sort(np.array(kept, dtype=np.int64)), theta)
 
 
-def _feasible(slack: Slack, margin: float, start: Array, count: int) -> Array | None:
+def _feasible(
+    constraints: PhaseConstraints, margin: float, start: Array, count: int
+) -> Array | None:
     """Central time-phases with every margin at least `margin`, or None."""
-    rules = slack.rules
+    rules = constraints.rules
     current = residuals(rules, start)
-    low, high, possible = slack.intervals(margin, current)
+    low, high, possible = constraints.intervals(margin, current)
     if not possible.all():
         return None
     # theta_a - theta_b = base + residual, with the turns of the start

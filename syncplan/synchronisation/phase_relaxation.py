@@ -6,7 +6,6 @@ cos = Re(Z_ab e^{-i offset}). Dropping rank(Z) = 1 leaves a convex problem, beca
 value bounds what any phases can reach; its Z is rounded to phases.
 """
 
-import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,9 +14,10 @@ from numpy.typing import NDArray
 
 from syncplan.arrays import Array
 from syncplan.orbits.circles import wrap
+from syncplan.runtime.convex_solver import has_solution, load_cvxpy
 from syncplan.synchronisation.phase_rules import Rules, closest_distance
 
-__all__ = ["Relaxation", "relax", "rounded"]
+__all__ = ["PhaseRelaxation", "relax", "rounded"]
 
 
 _SAMPLES = 2049
@@ -26,7 +26,7 @@ _EXACT_OFFSET = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
-class Relaxation:
+class PhaseRelaxation:
     """Upper bound on the smallest margin in m, and the (n, n) Gram matrix that attains it.
 
     The bound is None where the solver stopped short of its accuracy: the matrix still serves as a
@@ -37,9 +37,9 @@ class Relaxation:
     gram: NDArray[np.complex128]
 
 
-def relax(rules: Rules, count: int) -> Relaxation | None:
+def relax(rules: Rules, count: int) -> PhaseRelaxation | None:
     """Return the relaxation of max min margin over `count` time-phases, None if it failed."""
-    cp = _cvxpy()
+    cp = load_cvxpy()
     # Real when all offsets are 0 or pi: Z and its conjugate then serve alike.
     real = bool(np.all(np.abs(np.sin(rules.offset)) < _EXACT_OFFSET))
     # Variables
@@ -61,28 +61,15 @@ def relax(rules: Rules, count: int) -> Relaxation | None:
     constraints += _margin_limits(rules, cosine, margin)
     # Solve
     problem = cp.Problem(cp.Maximize(margin), constraints)
-    try:
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "Solution may be inaccurate")
-            problem.solve(solver=cp.CLARABEL)
-    except cp.SolverError:
-        return None
-    if gram.value is None or margin.value is None:
+    if not has_solution(problem, solver=cp.CLARABEL):
         return None
     bound = float(margin.value) if problem.status == "optimal" else None
-    return Relaxation(bound, np.asarray(gram.value, dtype=complex))
-
-
-def _cvxpy() -> Any:
-    """cvxpy, loaded where it is used: it takes most of a second."""
-    import cvxpy
-
-    return cvxpy
+    return PhaseRelaxation(bound, np.asarray(gram.value, dtype=complex))
 
 
 def _margin_limits(rules: Rules, cosine: Any, margin: Any) -> list[Any]:
     """Concave majorants of each link's margin as a function of the cosine of its residual."""
-    cp = _cvxpy()
+    cp = load_cvxpy()
     limits = [margin <= float(rules.reach.min())]
     same = np.flatnonzero(rules.same)
     if len(same):
@@ -122,7 +109,7 @@ def _majorant(rule: Rules) -> tuple[Array, Array]:
     return slopes[chosen], (y[:-1] - slopes * x[:-1])[chosen]
 
 
-def rounded(relaxation: Relaxation, generator: np.random.Generator, draws: int) -> list[Array]:
+def rounded(relaxation: PhaseRelaxation, generator: np.random.Generator, draws: int) -> list[Array]:
     """Return candidate time-phases (n,): the leading eigenvector's, then random projections'."""
     values, vectors = np.linalg.eigh(relaxation.gram)
     factor = vectors * np.sqrt(np.maximum(values, 0.0))

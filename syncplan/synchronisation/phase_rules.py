@@ -19,7 +19,7 @@ from syncplan.orbits.circles import perpendicular, unit, wrap
 from syncplan.orbits.paths import RelativeMotion
 from syncplan.orbits.separation import least_distances
 
-__all__ = ["Rules", "closest_distance", "residuals", "rules_of"]
+__all__ = ["Rules", "closest_distance", "phase_residuals", "residuals", "rules_of"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +30,7 @@ class Rules:
     ----------
     a, b : (e,) vehicles, a < b
     offset : (e,) rad, the theta_a - theta_b that the rule asks for
+    bearing : (e,) rad, beta, from the centre of a to that of b
     same : (e,) whether the two turn the same way
     distance, radius_a, radius_b : (e,) m, of the centres and the circles
     reach : (e,) m, the larger range of the two sensors
@@ -38,6 +39,7 @@ class Rules:
     a: Index
     b: Index
     offset: Array
+    bearing: Array
     same: Flags
     distance: Array
     radius_a: Array
@@ -49,16 +51,12 @@ class Rules:
 
     def only(self, chosen: Flags | Index) -> "Rules":
         """Return the rules of the chosen links."""
-        return Rules(
-            self.a[chosen],
-            self.b[chosen],
-            self.offset[chosen],
-            self.same[chosen],
-            self.distance[chosen],
-            self.radius_a[chosen],
-            self.radius_b[chosen],
-            self.reach[chosen],
-        )
+        return Rules(*(getattr(self, name)[chosen] for name in Rules.__slots__))
+
+    def joined(self, others: "Rules") -> "Rules":
+        """Return these rules followed by the others."""
+        names = Rules.__slots__
+        return Rules(*(np.concatenate([getattr(self, n), getattr(others, n)]) for n in names))
 
     @property
     def edges(self) -> list[tuple[int, int]]:
@@ -76,6 +74,7 @@ def rules_of(centers: Array, radii: Array, senses: Array, reach: Array, pairs: I
         a=a,
         b=b,
         offset=np.where(same, np.pi, senses[a] * (2.0 * bearing + np.pi)),
+        bearing=bearing,
         same=same,
         distance=np.hypot(between[:, 0], between[:, 1]),
         radius_a=radii[a],
@@ -87,6 +86,16 @@ def rules_of(centers: Array, radii: Array, senses: Array, reach: Array, pairs: I
 def residuals(rules: Rules, theta: Array) -> Array:
     """Return (e,) residuals in [-pi, pi) rad of time-phases theta (n,)."""
     return wrap(theta[rules.a] - theta[rules.b] - rules.offset)
+
+
+def phase_residuals(rules: Rules, phases: Array) -> Array:
+    """Return (e,) residuals in [-pi, pi) rad as the theorems write them, of phases (n,).
+
+    phi_b - phi_a - pi for the same sense, phi_a + phi_b - 2 beta - pi for opposite senses.
+    """
+    first, second = phases[rules.a], phases[rules.b]
+    asked = np.where(rules.same, second - first, first + second - 2.0 * rules.bearing)
+    return wrap(asked - np.pi)
 
 
 def closest_distance(rules: Rules, residual: Array) -> Array:

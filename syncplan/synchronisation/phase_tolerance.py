@@ -1,7 +1,7 @@
-"""How far a phase may slip: before a contact is lost, and before two vehicles come too near.
+"""Phase tolerances: how far a phase may shift before contact or separation is lost.
 
-Slipping the one or the other phase of a pair is the same up to a shift of time, and only one of
-the two slips here: where both do, they share what is allowed.
+Shifting one phase of a pair or the other is the same up to a shift of time, and only one of the
+two shifts here: where both do, they share the tolerance.
 """
 
 from collections.abc import Callable
@@ -10,51 +10,48 @@ from dataclasses import replace
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.orbits.circles import Orbits, phase, wrap
+from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.paths import NO_LANDMARKS
 from syncplan.orbits.team import Team
-from syncplan.synchronisation.phase_rules import closest_distance, rules_of
+from syncplan.synchronisation.phase_rules import Rules, closest_distance, phase_residuals, rules_of
 
-__all__ = ["phase_tolerances", "rule_residuals", "safe_slips"]
+__all__ = ["contact_tolerances", "rule_residuals", "separation_tolerances"]
 
 
-_SLIPS = 64
+_SHIFTS = 64
 _BISECTIONS = 36
 
 _STEPS = 400
 _RESOLUTION = 1e-6
-"""rad, below which a step of safe_slips is not worth another."""
+"""rad: separation_tolerances ends when its steps are smaller."""
 
 
 def rule_residuals(orbits: Orbits, pairs: Index) -> Array:
-    """Return (e,) rad in [-pi, pi): phi_b - phi_a - pi, or phi_a + phi_b - 2 beta - pi."""
-    a, b = pairs[:, 0], pairs[:, 1]
-    between = orbits.centers[b] - orbits.centers[a]
-    bearing = np.arctan2(between[:, 1], between[:, 0])
-    phases = phase(orbits, 0.0)
-    same = orbits.senses[a] == orbits.senses[b]
-    asked = np.where(same, phases[b] - phases[a], phases[a] + phases[b] - 2.0 * bearing)
-    return wrap(asked - np.pi)
+    """Return (e,) rad in [-pi, pi): how far the phases of the pairs (e, 2) are from their rules."""
+    return phase_residuals(_rules(orbits, np.zeros(orbits.count), pairs), orbits.phases)
 
 
-def phase_tolerances(team: Team, pairs: Index) -> Array:
-    """Return (e,) rad: the smallest slip of either phase, either way, that loses all contact.
+def _rules(orbits: Orbits, reach: Array, pairs: Index) -> Rules:
+    return rules_of(orbits.centers, orbits.radii, orbits.senses, reach, pairs)
 
-    Slipping one phase or the other is the same up to a shift of time. Pi where no slip does. The
-    first loss is looked for in steps of pi / 64 and then bisected.
+
+def contact_tolerances(team: Team, pairs: Index) -> Array:
+    """Return (e,) rad: the smallest shift of either phase, either way, that loses all contact.
+
+    Pi where no shift does. The first loss is bracketed in steps of pi / 64, then bisected.
     """
     tolerance = np.full(len(pairs), np.pi)
     if len(pairs) == 0:
         return tolerance
-    slips = np.linspace(0.0, np.pi, _SLIPS + 1)
+    shifts = np.linspace(0.0, np.pi, _SHIFTS + 1)
     sides = np.array([1.0, -1.0])
-    both = np.broadcast_to((sides[:, None] * slips).ravel(), (len(pairs), 2 * len(slips)))
-    kept = _contact_when_slipped(team, pairs)(both).reshape(len(pairs), 2, -1)
+    both = np.broadcast_to((sides[:, None] * shifts).ravel(), (len(pairs), 2 * len(shifts)))
+    kept = _contact_when_shifted(team, pairs)(both).reshape(len(pairs), 2, -1)
     pair, side = np.nonzero(~kept.all(axis=2))
     first = np.argmin(kept[pair, side], axis=1)
-    low, high = slips[np.maximum(first - 1, 0)], slips[first]
-    in_contact = _contact_when_slipped(team, pairs[pair])
+    low, high = shifts[np.maximum(first - 1, 0)], shifts[first]
+    in_contact = _contact_when_shifted(team, pairs[pair])
     for _ in range(_BISECTIONS if len(pair) else 0):
         middle = 0.5 * (low + high)
         held = in_contact((sides[side] * middle)[:, None])[:, 0]
@@ -63,50 +60,50 @@ def phase_tolerances(team: Team, pairs: Index) -> Array:
     return tolerance
 
 
-def _contact_when_slipped(team: Team, pairs: Index) -> Callable[[Array], Flags]:
-    """Whether pairs still meet when the second vehicle's phase slips, (e, k) of slip (e, k)."""
+def _contact_when_shifted(team: Team, pairs: Index) -> Callable[[Array], Flags]:
+    """Whether pairs still meet when the second vehicle's phase shifts by (e, k) rad: (e, k)."""
     orbits, sensors = team.orbits, team.sensors
     if not np.all(sensors.fields_of_view >= 2.0 * np.pi):
-        return lambda slip: _seen_when_slipped(team, pairs, slip)
-    rules = rules_of(orbits.centers, orbits.radii, orbits.senses, sensors.ranges, pairs)
-    residual = rule_residuals(orbits, pairs)[:, None]
-    return lambda slip: np.asarray(closest_distance(rules, residual + slip) <= rules.reach[:, None])
+        return lambda shift: _seen_when_shifted(team, pairs, shift)
+    rules = _rules(orbits, sensors.ranges, pairs)
+    residual, reach = phase_residuals(rules, orbits.phases)[:, None], rules.reach[:, None]
+    return lambda shift: np.asarray(closest_distance(rules, residual + shift) <= reach)
 
 
-def _seen_when_slipped(team: Team, pairs: Index, slip: Array) -> Flags:
+def _seen_when_shifted(team: Team, pairs: Index, shift: Array) -> Flags:
     """(e, k) whether a pair has a contact window either way."""
-    number = slip.shape[1]
+    number = shift.shape[1]
     first, second = np.repeat(pairs[:, 0], number), np.repeat(pairs[:, 1], number)
     index = np.concatenate([first, second])
-    late = np.concatenate([np.zeros(len(first)), slip.ravel()])
+    late = np.concatenate([np.zeros(len(first)), shift.ravel()])
     copies = team.only(index)
-    slipped = replace(copies.orbits, phases=copies.orbits.phases + late)
+    shifted = replace(copies.orbits, phases=copies.orbits.phases + late)
     one, other = np.arange(len(first)), len(first) + np.arange(len(first))
     ways = (np.concatenate([one, other]), np.concatenate([other, one]))
-    found = find_windows(replace(copies, orbits=slipped, landmarks=NO_LANDMARKS), ways)
+    found = find_windows(replace(copies, orbits=shifted, landmarks=NO_LANDMARKS), ways)
     met = np.diff(found.first) > 0
-    return (met[: len(first)] | met[len(first) :]).reshape(slip.shape)
+    return (met[: len(first)] | met[len(first) :]).reshape(shift.shape)
 
 
-def safe_slips(orbits: Orbits, pairs: Index, distance: float) -> Array:
-    """Return (e,) rad: how far either phase may slip, either way, with all of `distance` m kept.
+def separation_tolerances(orbits: Orbits, pairs: Index, distance: float) -> Array:
+    """Return (e,) rad: how far either phase may shift, either way, and stay `distance` m apart.
 
-    Pi where any slip may be; 0 where they are too near as it is. With a distance of 0 it is the
-    slip at which they would collide. A slip moves a vehicle by its radius times the slip at most,
-    so that what the least distance has to spare tells how far to look next: nothing is stepped
-    over, and the answer errs on the safe side.
+    Pi where any shift keeps them apart; 0 where they are nearer already. With a distance of 0 it
+    is the shift at which they collide. A phase that shifts by s moves its vehicle by R s at most,
+    so the least distance beyond `distance`, over R, is a step that can't miss a conflict; the
+    answer errs on the safe side.
     """
     if len(pairs) == 0:
         return np.zeros(0)
-    rules = rules_of(orbits.centers, orbits.radii, orbits.senses, np.zeros(orbits.count), pairs)
-    residual = rule_residuals(orbits, pairs)[:, None]
+    rules = _rules(orbits, np.zeros(orbits.count), pairs)
+    residual = phase_residuals(rules, orbits.phases)[:, None]
     sides = np.array([1.0, -1.0])
-    reach = np.minimum(rules.radius_a, rules.radius_b)[:, None]
-    slip = np.zeros((len(pairs), 2))
+    lever = np.minimum(rules.radius_a, rules.radius_b)[:, None]
+    shift = np.zeros((len(pairs), 2))
     for _ in range(_STEPS):
-        spare = closest_distance(rules, residual + sides * slip) - distance
-        step = np.where(slip < np.pi, np.maximum(spare, 0.0) / reach, 0.0)
-        slip = np.minimum(slip + step, np.pi)
+        spare = closest_distance(rules, residual + sides * shift) - distance
+        step = np.where(shift < np.pi, np.maximum(spare, 0.0) / lever, 0.0)
+        shift = np.minimum(shift + step, np.pi)
         if step.max() < _RESOLUTION:
             break
-    return np.asarray(slip.min(axis=1))
+    return np.asarray(shift.min(axis=1))

@@ -17,10 +17,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from syncplan.arrays import Array, Index
+from syncplan.arrays import Array, Index, as_pairs
 from syncplan.orbits.circles import wrap
 from syncplan.orbits.graphs import components, odd_cycle, traversal
-from syncplan.synchronisation.phase_constraints import Slack, largest_margin, servable
+from syncplan.orbits.separation import circle_gaps
+from syncplan.synchronisation.phase_constraints import (
+    PhaseConstraints,
+    largest_margin,
+    serve_greedily,
+)
 from syncplan.synchronisation.phase_rules import Rules, closest_distance, residuals, rules_of
 
 __all__ = ["RELAXATION_LIMIT", "Dropped", "Synchronisation", "synchronise"]
@@ -124,11 +129,11 @@ def _guards(
     if min_separation <= 0.0:
         return none
     a, b = np.triu_indices(len(radii), 1)
-    distance = np.hypot(*(centers[a] - centers[b]).T)
-    gap = np.maximum(distance - radii[a] - radii[b], np.abs(radii[a] - radii[b]) - distance)
+    every = np.column_stack([a, b])
+    near = every[circle_gaps(centers, radii, every) < min_separation]
     listed = {(min(i, j), max(i, j)) for i, j in pairs.tolist()}
-    near = [k for k in np.flatnonzero(gap < min_separation) if (int(a[k]), int(b[k])) not in listed]
-    return rules_of(centers, radii, senses, reach, np.column_stack([a[near], b[near]]))
+    guarded = as_pairs([(i, j) for i, j in near.tolist() if (i, j) not in listed])
+    return rules_of(centers, radii, senses, reach, guarded)
 
 
 def _along_tree(rules: Rules, count: int, residual: Array | float = 0.0) -> Array:
@@ -167,19 +172,21 @@ def _by_margin(
 ) -> Synchronisation:
     count = len(senses)
     radii = np.concatenate([rules.radius_a, rules.radius_b, guards.radius_a, guards.radius_b])
-    floor = min_separation + _TABLE_ERROR * float(radii.max()) if min_separation > 0.0 else 0.0
-    slack = Slack.of(rules, guards, floor)
-    best = _search(rules, slack, tree, count, margin_bound)
+    kept_apart = min_separation
+    if min_separation > 0.0:
+        kept_apart = min_separation + _TABLE_ERROR * float(radii.max())
+    constraints = PhaseConstraints.of(rules, guards, kept_apart)
+    best = _search(rules, constraints, tree, count, margin_bound)
     dropped: tuple[Dropped, ...] = ()
     if not best.margin >= 0.0:
-        kept = servable(slack, best.theta, count)
+        served = serve_greedily(constraints, best.theta, count)
         dropped = tuple(
             Dropped(int(k), _why_dropped(rules, int(k), cycle))
-            for k in np.setdiff1d(np.arange(len(rules)), kept.links)
+            for k in np.setdiff1d(np.arange(len(rules)), served.links)
         )
-        rules = rules.only(kept.links)
-        slack = Slack.of(rules, guards, floor)
-        best = _search(rules, slack, kept.theta, count, margin_bound)
+        rules = rules.only(served.links)
+        constraints = PhaseConstraints.of(rules, guards, kept_apart)
+        best = _search(rules, constraints, served.theta, count, margin_bound)
     phases = _anchored(best.theta, senses, rules.edges + guards.edges, first_phase)
     return Synchronisation(
         phases,
@@ -201,7 +208,9 @@ class _Best:
     note: str
 
 
-def _search(rules: Rules, slack: Slack, first: Array, count: int, margin_bound: bool) -> _Best:
+def _search(
+    rules: Rules, constraints: PhaseConstraints, first: Array, count: int, margin_bound: bool
+) -> _Best:
     """The best of several polished starts."""
     generator = np.random.default_rng(_SEED)
     starts = [first]
@@ -226,11 +235,11 @@ def _search(rules: Rules, slack: Slack, first: Array, count: int, margin_bound: 
                 note = "no bound: the relaxation was solved to low accuracy only"
             starts += rounded(relaxation, generator, _DRAWS)
     starts += _smooth_starts(rules, count, generator)
-    if slack.floor > 0.0:
-        starts += _separated_starts(rules, slack, count, generator)
+    if constraints.separation > 0.0:
+        starts += _separated_starts(rules, constraints, count, generator)
     best_theta, best_margin = first, -np.inf
     for start in starts:
-        theta, margin = largest_margin(slack, start, count, above=best_margin + _BOUND_MET_M)
+        theta, margin = largest_margin(constraints, start, count, above=best_margin + _BOUND_MET_M)
         if margin > best_margin:
             best_theta, best_margin = theta, margin
         if bound is not None and best_margin >= bound - _BOUND_MET_M:
@@ -266,11 +275,11 @@ def _smooth_starts(rules: Rules, count: int, generator: np.random.Generator) -> 
 
 
 def _separated_starts(
-    rules: Rules, slack: Slack, count: int, generator: np.random.Generator
+    rules: Rules, constraints: PhaseConstraints, count: int, generator: np.random.Generator
 ) -> list[Array]:
     """Spanning trees whose links stand off the rule by what separation asks, either way."""
-    apart = slack.table[: slack.links] >= slack.floor
-    off = np.where(apart.any(axis=1), slack.residual[np.argmax(apart, axis=1)], 0.0)
+    apart = constraints.least_distance[: constraints.links] >= constraints.separation
+    off = np.where(apart.any(axis=1), constraints.residual[np.argmax(apart, axis=1)], 0.0)
     number = 4 * (_STARTS_SMALL if count <= _SMALL_TEAM else _STARTS_LARGE)
     sides = [np.ones(len(off)), *generator.choice([-1.0, 1.0], (number, len(off)))]
     return [_along_tree(rules, count, side * off) for side in sides]
