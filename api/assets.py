@@ -9,6 +9,7 @@ from importlib.resources import files
 
 from syncplan.exporting.autopilots import AUTOPILOTS
 from syncplan.exporting.format_table import FORMATS
+from syncplan.plotting.figure_table import FIGURES, always_there
 
 __all__ = ["PAGE", "PLOTLY", "TABLES", "Asset", "find_asset"]
 
@@ -86,7 +87,15 @@ def _tables() -> str:
         for name, autopilot in AUTOPILOTS.items()
         for vehicle, title in autopilot.titles.items()
     }
+    # what compares two plans is what their reader looks at first
+    figures = sorted(
+        (name for name, figure in FIGURES.items() if figure.of != "sweep"),
+        key=lambda name: (name not in always_there("plan"), not FIGURES[name].compares),
+    )
     tables = {
+        "FIGURES": {name: FIGURES[name].title for name in figures},
+        "PLAN_FIGURES": always_there("plan"),
+        "RUN_FIGURES": always_there("run"),
         "FORMATS": {name: one.title for name, one in FORMATS.items()},
         "MISSIONS": [name for name, one in FORMATS.items() if one.mission],
         "PILOTS": pilots,

@@ -43,12 +43,12 @@ def previewed(
 def plan_figure(text: str, name: str, theme: "Theme", parent_text: str | None) -> str:
     """Return a figure of a plan as JSON; raises InputError for one that it does not have.
 
-    With its parent's text, `comparison` shows the parent beside it.
+    With its parent's text, the plan is shown beside its parent.
     """
     from syncplan.plotting.catalogue import specs_of
     from syncplan.reports.refinement_schemas import RefinementResult
 
-    if name == "comparison" and parent_text is not None:
+    if parent_text is not None:
         specs = specs_of(_judged(parent_text), [name], theme=theme, after=_judged(text))
         return _compact(specs[name])
     record = json.loads(text).get("refinement")

@@ -4,19 +4,13 @@ import { draw } from "./drawing.js";
 import { byId } from "./elements.js";
 import { askJson, patiently } from "./service.js";
 import { theme } from "./planner.js";
+import { FIGURES, PLAN_FIGURES } from "./tables.js";
 import { tabs } from "./tabs.js";
 
-const TITLES = {
-  timeline: "Contacts",
-  spectrum: "Singular values",
-  prediction: "Predicted error",
-  comparison: "Before and after",
-  refinement: "Refinement",
-  accuracy: "Error found",
-  errors: "Errors over time",
-  consistency: "Consistency",
-};
-const OF_PLANS = ["timeline", "spectrum", "prediction"];
+/** Drawn on the map, which plays as well: not in a tab. */
+const ON_MAP = ["formation", "animation"];
+const TITLES = Object.fromEntries(Object.entries(FIGURES).filter(([name]) => !ON_MAP.includes(name)));
+const OF_PLANS = PLAN_FIGURES.filter((name) => name in TITLES);
 
 /** The tabs of figures. */
 export class Charts {

@@ -14,6 +14,7 @@ import { keepOverReloads } from "./session.js";
 import { offerLink } from "./sharing.js";
 import { listenForKeys } from "./shortcuts.js";
 import { Store } from "./store.js";
+import { RUN_FIGURES } from "./tables.js";
 import { showVerdicts, wayBack } from "./verdict.js";
 import { Work } from "./work.js";
 
@@ -81,7 +82,7 @@ async function ended(job, result) {
     return true;
   }
   const at = `v1/jobs/${job.id}/figures`;
-  const found = { accuracy: `${at}/accuracy`, consistency: `${at}/consistency` };
+  const found = Object.fromEntries(RUN_FIGURES.map((name) => [name, `${at}/${name}`]));
   if (result.series) found.errors = `${at}/errors`;
   await charts.add(found, { show: "accuracy" });
   return true;

@@ -1,13 +1,17 @@
 // Plans of the scenario being edited: one request at a time, always of the latest edit.
 
 import { askJson, passing, pause, Refusal } from "./service.js";
+import { PLAN_FIGURES } from "./tables.js";
 
 const SETTLE_MS = 350;
 const AWAY_S = 2;
 const LIVE = ["formation"];
 
-/** The figures that every plan on show has. */
-export const PLAN_FIGURES = ["formation", "timeline", "spectrum", "prediction"];
+/** The page plays the period itself. */
+const PLAYED = "animation";
+
+/** The figures that every plan on show comes with. */
+const ASKED = PLAN_FIGURES.filter((name) => name !== PLAYED);
 
 /** Keeps a store's plan up with its scenario.
  *
@@ -31,13 +35,13 @@ export class Planner {
   /** Resolves with the plan and figures of a stored plan. */
   static async stored(planId) {
     const at = `v1/plans/${encodeURIComponent(planId)}`;
-    const asked = PLAN_FIGURES.map((name) => askJson("GET", `${at}/figures/${name}?theme=${theme()}`));
+    const asked = ASKED.map((name) => askJson("GET", `${at}/figures/${name}?theme=${theme()}`));
     const [plan, ...found] = await Promise.all([askJson("GET", at), ...asked]);
-    return { plan, figures: Object.fromEntries(PLAN_FIGURES.map((name, k) => [name, found[k]])) };
+    return { plan, figures: Object.fromEntries(ASKED.map((name, k) => [name, found[k]])) };
   }
 
   /** Resolves with the plan and figures of any scenario or plan document, stored nowhere. */
-  static preview(document, { figures = PLAN_FIGURES, quick = false } = {}) {
+  static preview(document, { figures = ASKED, quick = false } = {}) {
     const asked = new URLSearchParams({ quick, theme: theme() });
     for (const name of figures) asked.append("figure", name);
     const text = typeof document === "string";

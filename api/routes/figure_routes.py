@@ -1,6 +1,6 @@
 """What a plan or a report looks like: figures for Plotly, and previews while a scenario changes."""
 
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from fastapi import APIRouter, Depends, Query, Response
 from starlette.concurrency import run_in_threadpool
@@ -17,15 +17,21 @@ from api.service import CurrentService, Service
 from api.storage import job_queries
 from api.storage.kept_answers import Answer
 from syncplan.errors import InputError
+from syncplan.plotting.figure_table import FIGURES, always_there
 
 __all__ = ["router"]
 
 router = APIRouter(tags=["figures"], dependencies=[Depends(accepts("application/json"))])
 
 Theme = Annotated[Literal["light", "dark"], Query(description="What it is to be shown on")]
-PlanFigure = Literal["formation", "animation", "timeline", "spectrum", "prediction"]
-StoredFigure = Literal[PlanFigure, "refinement", "comparison"]
-ReportFigure = Literal["accuracy", "errors", "consistency", "sweep"]
+if TYPE_CHECKING:
+    PlanFigure = str
+    StoredFigure = str
+    ReportFigure = str
+else:
+    PlanFigure = Literal[*always_there("plan")]
+    StoredFigure = Literal[*(name for name, one in FIGURES.items() if one.of == "plan")]
+    ReportFigure = Literal[*(name for name, one in FIGURES.items() if one.of != "plan")]
 
 
 @router.post(
@@ -45,7 +51,8 @@ async def create_preview(
         ),
     ] = False,
     figure: Annotated[
-        list[PlanFigure] | None, Query(description="Figures to add", max_length=5)
+        list[PlanFigure] | None,
+        Query(description="Figures to add", max_length=len(always_there("plan"))),
     ] = None,
     theme: Theme = "light",
 ) -> Response:
@@ -82,7 +89,7 @@ async def read_plan_figure(
     """A figure of a plan. `comparison` shows the plan that it was refined from beside it."""
     row = await run_in_threadpool(find_or_refuse, service, owner, plan_id)
     parent = None
-    if figure == "comparison":
+    if FIGURES[figure].compares:
         if row.parent_id is None:
             raise NotFound(f"plan {plan_id} was not refined from another: nothing to compare with")
         parent = (await run_in_threadpool(find_or_refuse, service, owner, row.parent_id)).text

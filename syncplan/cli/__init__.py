@@ -3,6 +3,7 @@
 console             standard output and standard error
 terminal_tables     tables of plans and runs for people
 site_tables         tables of landmark sites
+document_table      kinds of documents, their schemas and how reports are known
 arguments           arguments that commands share
 plan_commands       plan, refine, place, landmarks
 run_commands        validate, sweep, replay

@@ -2,9 +2,7 @@
 
 import os
 import sys
-from enum import StrEnum
-from importlib import import_module
-from typing import Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, Literal, NoReturn
 
 import typer
 from typer.exceptions import TyperException
@@ -12,6 +10,7 @@ from typer.exceptions import TyperException
 from syncplan import __version__
 from syncplan.cli.arguments import Output
 from syncplan.cli.console import Format, deliver, open_closed_streams, say
+from syncplan.cli.document_table import DOCUMENTS
 from syncplan.cli.export_commands import exporters
 from syncplan.cli.plan_commands import plans
 from syncplan.cli.plot_commands import plots
@@ -74,37 +73,20 @@ app = typer.Typer(
 schemas = typer.Typer()
 
 
-class Contract(StrEnum):
-    """Documents that have a schema."""
-
-    scenario = "scenario"
-    plan = "plan"
-    sites = "sites"
-    validation = "validation"
-    replay = "replay"
-    sync = "sync"
-
-
-DOCUMENTS = {
-    Contract.scenario: ("syncplan.scenario.specification", "Scenario", "validation"),
-    Contract.plan: ("syncplan.reports.plan_schemas", "PlanDocument", "serialization"),
-    Contract.sites: ("syncplan.reports.site_schemas", "SitesDocument", "serialization"),
-    Contract.validation: ("syncplan.reports.run_schemas", "ValidationDocument", "serialization"),
-    Contract.replay: ("syncplan.reports.run_schemas", "ReplayDocument", "serialization"),
-    Contract.sync: ("syncplan.exporting.sync_document", "SyncDocument", "serialization"),
-}
-"""Module, model and Pydantic's mode of each; loaded where asked for."""
+if TYPE_CHECKING:
+    Contract = str
+else:
+    Contract = Literal[*(name for name, kind in DOCUMENTS.items() if kind.published)]
 
 
 @schemas.command(name="schema", epilog="Example: syncplan schema scenario")
 def _schema(
-    contract: Annotated[Contract, typer.Argument(help="Which document")] = Contract.scenario,
+    contract: Annotated[Contract, typer.Argument(help="Which document")] = "scenario",
     output: Output = None,
 ) -> int:
     """Print the JSON Schema of a document."""
-    module, name, mode = DOCUMENTS[contract]
-    model = getattr(import_module(module), name)
-    schema = model.model_json_schema(mode=mode)
+    kind = DOCUMENTS[contract]
+    schema = kind.model.model_json_schema(mode=kind.mode)
     deliver({"$schema": JSON_SCHEMA, **schema}, output, Format.json, None)
     return 0
 

@@ -2,16 +2,17 @@
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from syncplan.cli.arguments import MaxVehicles
 from syncplan.cli.console import refuse_overwriting, say
+from syncplan.cli.document_table import checked, read_report
 from syncplan.errors import InputError
+from syncplan.plotting.figure_table import FIGURES, SUBJECTS
 
 if TYPE_CHECKING:
-    from syncplan.planning.planner import Plan
     from syncplan.plotting.canvas import Spec
     from syncplan.plotting.catalogue import Subject
     from syncplan.reports.refinement_schemas import RefinementResult
@@ -22,6 +23,44 @@ ENDINGS = (".html", ".png", ".svg", ".pdf")
 
 plots = typer.Typer()
 
+_OF = "; ".join(
+    f"of {words}: {', '.join(name for name, one in FIGURES.items() if one.of == of)}"
+    for of, words in SUBJECTS.items()
+)
+
+DrawnFile = Annotated[
+    str,
+    typer.Argument(
+        metavar="FILE",
+        help="Plan, scenario, or report of validate, sweep or replay; - is standard input",
+    ),
+]
+Drawn = Annotated[
+    Path | None,
+    typer.Option(
+        "-o",
+        "--output",
+        help="File to write: .html holds all figures and works offline; .png, .svg and .pdf "
+        "hold one",
+        show_default=False,
+    ),
+]
+Figures = Annotated[
+    list[str] | None,
+    typer.Option(
+        help=f"Figure to draw, may be repeated; {_OF}. All if not given; the first in an image",
+        show_default=False,
+    ),
+]
+Compare = Annotated[
+    str | None,
+    typer.Option(
+        metavar="PLAN|SCENARIO",
+        help="A second plan: FILE is before, this is after",
+        show_default=False,
+    ),
+]
+
 
 @plots.command(
     name="plot",
@@ -29,40 +68,10 @@ plots = typer.Typer()
     "Example: syncplan plot report.json --figure errors -o errors.svg",
 )
 def _plot(
-    file: Annotated[
-        str,
-        typer.Argument(
-            metavar="FILE",
-            help="Plan, scenario, or report of validate, sweep or replay; - is standard input",
-        ),
-    ],
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            help="File to write: .html holds all figures and works offline, .png, .svg and .pdf "
-            "hold one",
-            show_default=False,
-        ),
-    ] = None,
-    figure: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Figure to draw, may be repeated: formation, animation, timeline, spectrum, "
-            "prediction, refinement, comparison of a plan; accuracy, errors, consistency of a "
-            "validation or replay; sweep. All if not given; the first in an image",
-            show_default=False,
-        ),
-    ] = None,
-    compare: Annotated[
-        str | None,
-        typer.Option(
-            metavar="PLAN|SCENARIO",
-            help="A second plan: FILE is before, this is after",
-            show_default=False,
-        ),
-    ] = None,
+    file: DrawnFile,
+    output: Drawn = None,
+    figure: Figures = None,
+    compare: Compare = None,
     max_vehicles: MaxVehicles = None,
 ) -> int:
     """Draw a plan or a report: a page that works offline, or an image."""
@@ -105,7 +114,7 @@ def _drawn(
     only_first: bool,
 ) -> "tuple[dict[str, Spec], str]":
     from syncplan.planning.plan_files import load, plan_of
-    from syncplan.plotting.catalogue import makers, specs_of
+    from syncplan.plotting.catalogue import first_figure, specs_of
     from syncplan.scenario.models import MAX_VEHICLES
 
     most = max_vehicles or MAX_VEHICLES
@@ -116,8 +125,7 @@ def _drawn(
             raise InputError("standard input can't be both plans; give a file", key="compare")
         after = plan_of(load(compare, max_vehicles=most))
     if only_first and not names:
-        known = makers(subject, refined=refined, after=after)
-        names = ["comparison"] if after is not None else list(known)[:1]
+        names = [first_figure(subject, refined=refined, after=after)]
     return specs_of(subject, names, refined=refined, after=after), title
 
 
@@ -125,36 +133,19 @@ def _read(file: str, most: int) -> "tuple[Subject, RefinementResult | None, str]
     """What a file holds, the record of its refinement, and its title."""
     from syncplan.planning.plan_files import loaded_from, plan_of
     from syncplan.reports.refinement_schemas import RefinementResult
-    from syncplan.reports.run_schemas import ReplayDocument, SweepReport, ValidationDocument
     from syncplan.scenario.loading import is_plan, parse_document, read_text
 
     source, text = read_text(file)
     values = parse_document(text, source)
-    if "anees" in values and "readings" in values:
-        replayed = _model(ReplayDocument, values, source)
-        return replayed, None, replayed.name
-    if "anees" in values:
-        report = _model(ValidationDocument, values, source)
-        return report, None, report.name or "Validation"
-    if "swept" in values:
-        swept = _model(SweepReport, values, source)
-        return swept, None, swept.rows[0].validation.name or "Sweep"
-    plan: Plan = plan_of(loaded_from(values, source=source, max_vehicles=most))
+    report = read_report(values, source)
+    if report is not None:
+        return report[0], None, report[1]
+    plan = plan_of(loaded_from(values, source=source, max_vehicles=most))
+    record = values.get("refinement") if is_plan(values) else None
     refined = None
-    if is_plan(values) and values.get("refinement") is not None:
-        refined = _model(RefinementResult, values["refinement"], f"{source}: refinement")
+    if record is not None:
+        refined = checked(RefinementResult, record, f"{source}: refinement")
     return plan, refined, plan.scenario.name or "Plan"
-
-
-def _model(model: Any, values: Any, source: str) -> Any:
-    from pydantic import ValidationError
-
-    from syncplan.scenario.loading import validation_fault
-
-    try:
-        return model.model_validate(values)
-    except ValidationError as error:
-        validation_fault(error, model, source)
 
 
 def _write(specs: "dict[str, Spec]", title: str, output: Path | None, ending: str) -> None:

@@ -9,7 +9,7 @@ from syncplan.plotting.canvas import Spec, axis, escaped, layout, message, numbe
 from syncplan.plotting.palette import BLUE, GREEN, INK, ORANGE, SKY
 from syncplan.reports.run_schemas import ReplayDocument, ValidationDocument
 
-__all__ = ["accuracy_spec", "bars", "prediction_spec", "replay_spec"]
+__all__ = ["accuracy_spec", "bars", "prediction_spec"]
 
 _MOST_LABELS = 40
 
@@ -41,8 +41,13 @@ def prediction_spec(plan: Plan) -> Spec:
     return {"data": traces, "layout": _layout(title, note, len(names))}
 
 
-def accuracy_spec(report: ValidationDocument) -> Spec:
-    """Return the figure of RMS position errors over the trials beside the predicted ones."""
+def accuracy_spec(report: ValidationDocument | ReplayDocument) -> Spec:
+    """Return the figure of RMS position errors of a run, beside the predicted ones if known."""
+    return _replayed(report) if isinstance(report, ReplayDocument) else _validated(report)
+
+
+def _validated(report: ValidationDocument) -> Spec:
+    """RMS position errors over the trials beside the predicted ones."""
     names = [escaped(vehicle.name) for vehicle in report.vehicles]
     found = report.vehicles
     traces = _found_traces("Monte Carlo", report)
@@ -60,8 +65,8 @@ def accuracy_spec(report: ValidationDocument) -> Spec:
     return {"data": traces, "layout": _layout(title, note, len(names))}
 
 
-def replay_spec(report: ReplayDocument) -> Spec:
-    """Return the figure of RMS position errors of the robots of a recording."""
+def _replayed(report: ReplayDocument) -> Spec:
+    """RMS position errors of the robots of a recording."""
     title = f"{escaped(report.name)}: error found"
     note = f"{report.run}; {report.position_rmse_m:.3g} m over all robots"
     traces = _found_traces("filter", report)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from syncplan.errors import InputError
 from syncplan.plotting.canvas import CONFIG, Spec
-from syncplan.plotting.catalogue import ENTRIES
+from syncplan.plotting.figure_table import FIGURES
 from syncplan.plotting.palette import DARK
 
 __all__ = ["embedded", "figure_page", "plotly_script"]
@@ -19,7 +19,7 @@ def figure_page(title: str, specs: Mapping[str, Spec]) -> str:
     """
     sections = "\n".join(_section(name) for name in specs)
     values = "\n".join(embedded(f"values-{name}", spec) for name, spec in specs.items())
-    links = " ".join(f'<a href="#{name}">{html.escape(ENTRIES[name].title)}</a>' for name in specs)
+    links = " ".join(f'<a href="#{name}">{html.escape(FIGURES[name].title)}</a>' for name in specs)
     heading = html.escape(title)
     return f"""<!DOCTYPE html>
 <html lang="en">
@@ -49,7 +49,7 @@ def figure_page(title: str, specs: Mapping[str, Spec]) -> str:
 
 
 def _section(name: str) -> str:
-    entry = ENTRIES[name]
+    entry = FIGURES[name]
     title, sentence = html.escape(entry.title), html.escape(entry.sentence)
     return (
         f'<section id="{name}" aria-labelledby="title-{name}">\n'

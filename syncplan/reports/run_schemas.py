@@ -204,3 +204,8 @@ class SweepReport(Document):
         "orbit.angular_rate_rad_s", "sensor.range_m", "orbit.radius_m", "formation.spacing_m"
     ]
     rows: list[SweepRow] = Field(min_length=1)
+
+    @property
+    def name(self) -> str:
+        """Name of the scenario that was varied."""
+        return self.rows[0].validation.name

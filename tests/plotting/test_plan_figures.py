@@ -16,7 +16,8 @@ from syncplan.planning.plan_files import Loaded, plan_of
 from syncplan.planning.planner import Plan, plan
 from syncplan.plotting import formation_figure as drawing
 from syncplan.plotting.animation_figure import FRAMES, live
-from syncplan.plotting.catalogue import ENTRIES, specs_of
+from syncplan.plotting.catalogue import specs_of
+from syncplan.plotting.figure_table import FIGURES
 from syncplan.plotting.palette import DARK
 from syncplan.plotting.timeline_figure import union_growth, within_period
 from tests.tools.scenarios import example, small
@@ -364,7 +365,7 @@ def test_a_plan_that_was_not_refined_has_no_such_figure() -> None:
 def test_every_figure_is_one_that_plotly_accepts_and_the_same_each_time(made: Plan) -> None:
     specs = specs_of(made)
     assert list(specs) == ["formation", "animation", "timeline", "spectrum", "prediction"]
-    assert set(specs) <= set(ENTRIES)
+    assert set(specs) <= set(FIGURES)
     again = specs_of(plan_of(Loaded(made.scenario, made.orbits)))
     for name, spec in specs.items():
         text = json.dumps(spec, allow_nan=False)

@@ -13,7 +13,8 @@ import syncplan
 from api.routes.export_routes import ExportName
 from api.routes.figure_routes import PlanFigure, ReportFigure, StoredFigure
 from syncplan.exporting.formats import ALL, FORMATS, as_archive, export
-from syncplan.plotting.catalogue import ENTRIES, specs_of
+from syncplan.plotting.catalogue import specs_of
+from syncplan.plotting.figure_table import FIGURES
 from syncplan.reports.plan_report import plan_document
 from syncplan.scenario.loading import scenario_from
 from tests.tools.api_servers import problem, serving, speaking
@@ -119,7 +120,7 @@ def test_figures_of_reports(ann: httpx2.Client) -> None:
 
 
 def test_the_figures_that_can_be_asked_for_are_those_there_are() -> None:
-    assert set(get_args(StoredFigure)) | set(get_args(ReportFigure)) == set(ENTRIES)
+    assert set(get_args(StoredFigure)) | set(get_args(ReportFigure)) == set(FIGURES)
     assert get_args(ExportName) == (*FORMATS, ALL)
 
 

@@ -1,0 +1,93 @@
+"""The table of documents: which have a schema, and which reports are known by their keys."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+    from syncplan.reports.run_schemas import ReplayDocument, SweepReport, ValidationDocument
+
+    Report = ReplayDocument | SweepReport | ValidationDocument
+
+__all__ = ["DOCUMENTS", "DocumentKind", "checked", "read_report"]
+
+Model = TypeVar("Model", bound="BaseModel")
+
+
+@dataclass(frozen=True, slots=True)
+class DocumentKind:
+    """A kind of document.
+
+    Attributes
+    ----------
+    module, name : of its model, loaded where it is asked for
+    mode : Pydantic's: validation for what is read, serialization for what is written
+    published : whether the command line prints its schema
+    known_by : keys that mark a report of this kind; empty for what is no report
+    title : of a report without a name
+    """
+
+    module: str
+    name: str
+    mode: Literal["validation", "serialization"] = "serialization"
+    published: bool = True
+    known_by: frozenset[str] = frozenset()
+    title: str = ""
+
+    @property
+    def model(self) -> "type[BaseModel]":
+        """The model."""
+        found: type[BaseModel] = getattr(import_module(self.module), self.name)
+        return found
+
+
+_RUNS = "syncplan.reports.run_schemas"
+
+DOCUMENTS: Mapping[str, DocumentKind] = MappingProxyType(
+    {
+        "scenario": DocumentKind("syncplan.scenario.specification", "Scenario", "validation"),
+        "plan": DocumentKind("syncplan.reports.plan_schemas", "PlanDocument"),
+        "sites": DocumentKind("syncplan.reports.site_schemas", "SitesDocument"),
+        "validation": DocumentKind(
+            _RUNS, "ValidationDocument", known_by=frozenset({"anees"}), title="Validation"
+        ),
+        "replay": DocumentKind(
+            _RUNS, "ReplayDocument", known_by=frozenset({"anees", "readings"}), title="Replay"
+        ),
+        "sync": DocumentKind("syncplan.exporting.sync_document", "SyncDocument"),
+        "sweep": DocumentKind(
+            _RUNS, "SweepReport", published=False, known_by=frozenset({"swept"}), title="Sweep"
+        ),
+    }
+)
+"""All kinds of documents by name."""
+
+
+def read_report(values: Mapping[str, Any], source: str) -> "tuple[Report, str] | None":
+    """Return the report that a file's values are and its title, None if they are no report.
+
+    Raises InputError, naming the source, for a report that does not fit its schema.
+    """
+    keys = set(values)
+    fitting = [one for one in DOCUMENTS.values() if one.known_by and one.known_by <= keys]
+    if not fitting:
+        return None
+    kind = max(fitting, key=lambda one: len(one.known_by))
+    report: Any = checked(kind.model, values, source)
+    return report, report.name or kind.title
+
+
+def checked(model: type[Model], values: Any, source: str) -> Model:
+    """Return values as a model; raises InputError, naming the source, where they don't fit."""
+    from pydantic import ValidationError
+
+    from syncplan.scenario.loading import validation_fault
+
+    try:
+        return model.model_validate(values)
+    except ValidationError as error:
+        validation_fault(error, model, source)

@@ -1,0 +1,169 @@
+"""The table of figures. A new figure is a module that draws it and an entry here.
+
+Costs nothing to import: a figure's own module is loaded once it draws.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    from syncplan.planning.planner import Plan
+    from syncplan.plotting.canvas import Spec
+    from syncplan.reports.refinement_schemas import RefinementResult
+
+__all__ = ["FIGURES", "SUBJECTS", "Drawing", "Figure", "SubjectKind", "always_there"]
+
+SubjectKind = Literal["plan", "run", "sweep"]
+
+SUBJECTS: Mapping[SubjectKind, str] = MappingProxyType(
+    {"plan": "a plan", "run": "a validation or replay", "sweep": "a sweep"}
+)
+"""What figures are drawn of, in words."""
+
+
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """What figures are drawn from.
+
+    Attributes
+    ----------
+    subject : the plan, or the document of a run or sweep
+    refined : how the plan was refined, where it was
+    after : a second plan to compare with
+    """
+
+    subject: Any
+    refined: "RefinementResult | None" = None
+    after: "Plan | None" = None
+
+
+def _subject_alone(drawing: Drawing) -> tuple[Any, ...]:
+    return (drawing.subject,)
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """One figure.
+
+    Attributes
+    ----------
+    title, sentence : its heading, and what it shows
+    of : the kind of its subject
+    maker : module of this package and its function that returns Plotly's plain values
+    takes : the maker's arguments
+    there : whether a subject has it; None where every one does
+    why_not : why a subject may lack it
+    compares : whether it shows two plans; it is then what their reader looks at first
+    """
+
+    title: str
+    sentence: str
+    of: SubjectKind
+    maker: str
+    takes: Callable[[Drawing], tuple[Any, ...]] = _subject_alone
+    there: Callable[[Drawing], bool] | None = None
+    why_not: str = ""
+    compares: bool = False
+
+    def fits(self, drawing: Drawing) -> bool:
+        """Whether a subject of the right kind has this figure."""
+        return self.there is None or self.there(drawing)
+
+    def draw(self, drawing: Drawing) -> "Spec":
+        """Return the figure as Plotly's plain values, in light colours."""
+        module, _, function = self.maker.partition(".")
+        make = getattr(import_module(f"{__package__}.{module}"), function)
+        spec: Spec = make(*self.takes(drawing))
+        return spec
+
+
+FIGURES: Mapping[str, Figure] = MappingProxyType(
+    {
+        "formation": Figure(
+            "Formation",
+            "Circles with their directions, vehicles at time 0, links by rank and certificate, "
+            "landmarks; arrows show motions that no sighting can detect.",
+            "plan",
+            "formation_figure.formation_spec",
+        ),
+        "animation": Figure(
+            "One period",
+            "Where the vehicles are and who sees whom, through one period.",
+            "plan",
+            "animation_figure.animation_spec",
+        ),
+        "timeline": Figure(
+            "Contacts",
+            "When each vehicle sees which other vehicle or landmark, and what the union of these "
+            "sightings connects as time goes on.",
+            "plan",
+            "timeline_figure.timeline_spec",
+        ),
+        "spectrum": Figure(
+            "Singular values",
+            "Singular values of the windowed observability matrix; the rank rests on the gap.",
+            "plan",
+            "spectrum_figure.spectrum_spec",
+        ),
+        "prediction": Figure(
+            "Predicted error",
+            "The least RMS position error that any unbiased filter can reach, vehicle by vehicle.",
+            "plan",
+            "accuracy_figure.prediction_spec",
+        ),
+        "refinement": Figure(
+            "Refinement",
+            "Figures of merit of the plan before it was refined, and after.",
+            "plan",
+            "comparison_figure.refinement_spec",
+            takes=lambda drawing: (drawing.refined, drawing.subject.scenario.name),
+            there=lambda drawing: drawing.refined is not None,
+            why_not="the plan was not refined",
+        ),
+        "comparison": Figure(
+            "Before and after",
+            "Circles and predicted errors of two plans of the same vehicles.",
+            "plan",
+            "comparison_figure.comparison_spec",
+            takes=lambda drawing: (drawing.subject, drawing.after),
+            there=lambda drawing: drawing.after is not None,
+            why_not="there is no second plan (--compare)",
+            compares=True,
+        ),
+        "accuracy": Figure(
+            "Error found",
+            "RMS position errors of the filter, beside the predicted ones where these are known.",
+            "run",
+            "accuracy_figure.accuracy_spec",
+        ),
+        "errors": Figure(
+            "Errors over time",
+            "Errors in x, y and heading with the filter's own 3-sigma band.",
+            "run",
+            "errors_figure.errors_spec",
+            there=lambda drawing: drawing.subject.series is not None,
+            why_not="the report has no errors over time (--series keeps them)",
+        ),
+        "consistency": Figure(
+            "Consistency",
+            "Whether the filter's errors are as large as it says: ANEES, NIS, 3-sigma coverage.",
+            "run",
+            "consistency_figure.consistency_spec",
+        ),
+        "sweep": Figure(
+            "Sweep",
+            "Errors over the value that was varied.",
+            "sweep",
+            "sweep_figure.sweep_spec",
+        ),
+    }
+)
+"""Every figure by its name, in the order they are shown."""
+
+
+def always_there(of: SubjectKind) -> list[str]:
+    """Return the names of the figures that every subject of a kind has."""
+    return [name for name, figure in FIGURES.items() if figure.of == of and figure.there is None]
