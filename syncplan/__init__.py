@@ -84,7 +84,7 @@ _HOME = {
     "Client": "client.service_client",
     "InputError": "errors",
     "NoSolutionError": "errors",
-    "Plan": "planning.planner",
+    "Plan": "planning.judged_plan",
     "Replay": "estimation.replays",
     "Scenario": "scenario.specification",
     "SyncplanError": "errors",
@@ -108,7 +108,8 @@ if TYPE_CHECKING:
     from syncplan.estimation.replays import Replay, replay
     from syncplan.exporting.formats import export
     from syncplan.placement.centers import place
-    from syncplan.planning.planner import Plan, plan
+    from syncplan.planning.judged_plan import Plan
+    from syncplan.planning.planner import plan
     from syncplan.planning.sweeps import sweep
     from syncplan.planning.validation import Validation, validate
     from syncplan.refinement.refiner import refine

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from syncplan.planning.planner import Plan
+    from syncplan.planning.judged_plan import Plan
     from syncplan.reports.plan_schemas import PlanDocument
 
 __all__ = ["plans"]

@@ -20,8 +20,8 @@ from syncplan.client.connection import Remote, RemoteError, error_of, values_of
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import FilterChanges, FilterOptions, options_with
 from syncplan.estimation.trial_archive import unpack
+from syncplan.planning.judged_plan import Plan
 from syncplan.planning.plan_files import loaded_from, plan_of, stated
-from syncplan.planning.planner import Plan
 from syncplan.planning.validation import Validation, conclude, trial_run
 from syncplan.reports.job_contract import JobKindName, JobState, has_ended
 from syncplan.scenario.loading import scenario_from

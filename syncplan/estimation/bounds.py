@@ -9,7 +9,7 @@ are referred to time 0 by the closed-form transition, so that prediction only ad
 Positions are in mean radii until the end. How rows are brought in: syncplan.estimation.covariances.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,8 +19,6 @@ from syncplan.estimation.covariances import Run, variances_along
 from syncplan.observability.rank import Observability, bearing_rows
 from syncplan.orbits.circles import Orbits, perpendicular, phase, unit
 from syncplan.orbits.contacts import Windows
-from syncplan.orbits.noise import Noise
-from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import sample_sightings, steps_within
 from syncplan.orbits.team import Team
 
@@ -89,24 +87,17 @@ def window_bound(result: Observability) -> Array:
     return np.where(lost > 1e-9, np.nan, result.scale * np.sqrt(variance))
 
 
-def posterior_bound(
-    orbits: Orbits,
-    landmarks: Array,
-    sensors: Sensors,
-    windows: Windows,
-    noise: Noise,
-    duration: float,
-) -> PosteriorBound:
+def posterior_bound(team: Team, windows: Windows, duration: float) -> PosteriorBound:
     """Return the posterior bound over `duration` s, sightings at k Ts with k >= 1.
 
     Raises NoSolutionError where the covariance stops being positive definite in floating point:
     sigmas that span too many orders of magnitude.
     """
-    steps = steps_within(duration, sensors.sample_time)
-    system = _ReferredSystem.along(orbits, landmarks, sensors, windows, noise, steps)
+    noise = team.noise
+    system = _ReferredSystem.along(team, windows, steps_within(duration, team.sensors.sample_time))
     sigma = np.array([noise.position_sigma, noise.position_sigma, noise.heading_sigma])
     sigma[:2] /= system.scale
-    covariance = np.diag(np.tile(sigma**2, orbits.count))
+    covariance = np.diag(np.tile(sigma**2, team.count))
     try:
         bound = system.bound(covariance)
     except np.linalg.LinAlgError:
@@ -116,35 +107,24 @@ def posterior_bound(
     return bound
 
 
-def steady_bound(
-    orbits: Orbits,
-    landmarks: Array,
-    sensors: Sensors,
-    windows: Windows,
-    noise: Noise,
-) -> Array:
+def steady_bound(team: Team, windows: Windows) -> Array:
     """Return (n,) m: RMS position bound over a period once it has become periodic.
 
     The fixed point of one period's Riccati map, found by doubling it. The period is taken as a
     whole number of samples, at least one, and the sample time changed to fit. Infinite where the
     bound never settles: unobservable teams.
     """
-    samples = max(round(orbits.period / sensors.sample_time), 1)
-    even = Sensors(
-        sensors.ranges,
-        sensors.fields_of_view,
-        sensors.boresights,
-        sensors.bearing_sigmas,
-        orbits.period / samples,
-    )
-    system = _ReferredSystem.along(orbits, landmarks, even, windows, noise, samples)
+    period = team.orbits.period
+    samples = max(round(period / team.sensors.sample_time), 1)
+    even = replace(team, sensors=replace(team.sensors, sample_time=period / samples))
+    system = _ReferredSystem.along(even, windows, samples)
     try:
         covariance = _periodic_covariance(system)
         if covariance is None:
-            return np.full(orbits.count, np.inf)
+            return np.full(team.count, np.inf)
         bound = system.bound(covariance)
     except np.linalg.LinAlgError:
-        return np.full(orbits.count, np.inf)
+        return np.full(team.count, np.inf)
     variance = bound.position_variance[1:].mean(axis=0)
     with np.errstate(invalid="ignore"):
         return np.where(variance >= 0.0, np.sqrt(variance), np.inf)
@@ -161,14 +141,11 @@ class _ReferredSystem:
     @classmethod
     def along(
         cls,
-        orbits: Orbits,
-        landmarks: Array,
-        sensors: Sensors,
+        team: Team,
         windows: Windows,
-        noise: Noise,
         steps: int,
     ) -> "_ReferredSystem":
-        sample_time = sensors.sample_time
+        orbits, sample_time = team.orbits, team.sensors.sample_time
         sightings = sample_sightings(windows, orbits.period, sample_time, 1, steps)
         targets = sightings.targets
         scale = float(orbits.radii.mean())
@@ -176,8 +153,8 @@ class _ReferredSystem:
         arm = np.stack([np.cos(angle), np.sin(angle)])
         moved = (orbits.radii / scale)[:, None] * (arm - arm[..., :1])
         run = Run(
-            noise=_referred_noise(orbits, noise, sample_time, arm, moved, scale),
-            rows=bearing_rows(Team(orbits, landmarks, sensors, noise), sightings),
+            noise=_referred_noise(team, arm, moved, scale),
+            rows=bearing_rows(team, sightings),
             observers=sightings.observers,
             targets=np.where(targets < orbits.count, targets, 0),
             first=sightings.first_of_steps(steps),
@@ -192,14 +169,13 @@ class _ReferredSystem:
         return PosteriorBound(self.scale**2 * spread.T, turn.T)
 
 
-def _referred_noise(
-    orbits: Orbits, noise: Noise, sample_time: float, arm: Array, moved: Array, scale: float
-) -> Array:
+def _referred_noise(team: Team, arm: Array, moved: Array, scale: float) -> Array:
     """(6, n, steps + 1) motion noise of the step that ends at k, referred to time 0, as in Run.
 
     `arm` and `moved`, (2, n, steps + 1), are the directions from the centres and the ways gone.
     """
-    gain = arc_noise_gain(orbits, sample_time) * np.array(
+    orbits, noise = team.orbits, team.noise
+    gain = arc_noise_gain(orbits, team.sensors.sample_time) * np.array(
         [noise.speed_sigma, noise.turn_rate_sigma]
     )
     gain[:, :2] /= scale

@@ -13,7 +13,7 @@ from syncplan.exporting.export_options import ExportOptions
 from syncplan.exporting.geodesy import geodetic
 from syncplan.exporting.safe_names import file_names, file_title
 from syncplan.orbits.circles import heading, position
-from syncplan.planning.planner import Plan
+from syncplan.planning.judged_plan import Plan
 from syncplan.scenario.georeference import GeoOrigin
 
 __all__ = [

@@ -13,7 +13,8 @@ from syncplan.exporting.geodesy import ground_error
 from syncplan.exporting.loiter_turns import snapped_radii
 from syncplan.exporting.missions import flies_loiter_turns
 from syncplan.exporting.sidecar import sidecar_file
-from syncplan.planning.planner import Plan, judge
+from syncplan.planning.judged_plan import Plan
+from syncplan.planning.judgement import judge
 
 __all__ = [
     "ALL",

@@ -16,7 +16,9 @@ from syncplan.landmarks.candidates import new_sites
 from syncplan.landmarks.site_information import candidate_information, evaluate
 from syncplan.landmarks.site_relaxation import relax
 from syncplan.landmarks.site_search import best_sites
-from syncplan.planning.planner import BoundChoice, Plan, judge, plan
+from syncplan.planning.judged_plan import Plan
+from syncplan.planning.judgement import BoundChoice, judge
+from syncplan.planning.planner import plan
 from syncplan.runtime.blas import single_threaded_blas
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.quantities import Point

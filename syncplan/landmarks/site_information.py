@@ -22,7 +22,7 @@ from syncplan.arrays import Array, Index
 from syncplan.observability.rank import RANK_TOLERANCE, link_information, stacked_rows
 from syncplan.orbits.contacts import find_windows, reachable_pairs
 from syncplan.orbits.sightings import sightings_over
-from syncplan.planning.planner import Plan
+from syncplan.planning.judged_plan import Plan
 
 __all__ = ["Cuts", "Evaluation", "SiteInformation", "candidate_information", "evaluate"]
 

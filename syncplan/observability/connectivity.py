@@ -7,10 +7,9 @@ import numpy as np
 from syncplan.arrays import Array, Flags, Index
 from syncplan.observability.certificate import DISTINCT_LANDMARKS
 from syncplan.observability.rank import LINK_TOLERANCE, pair_rows
-from syncplan.orbits.contacts import Windows
+from syncplan.observability.window_assessment import Assessment
 from syncplan.orbits.graphs import disjoint_sets
 from syncplan.orbits.sightings import sample_sightings, steps_within
-from syncplan.orbits.team import Team
 
 __all__ = ["connectivity_period"]
 
@@ -21,11 +20,11 @@ _NEVER = np.iinfo(np.int64).max // 4
 _BATCH = 20_000
 
 
-def connectivity_period(team: Team, windows: Windows, largest: float) -> float | None:
+def connectivity_period(assessed: Assessment) -> float | None:
     """Return the connectivity period in s, or None if no window of two periods certifies.
 
-    `largest` is the largest singular value of the team's matrix over the scenario's window, what
-    a link must not drown beside to count for the certificate.
+    To count for the certificate, a link must not drown beside the largest singular value of the
+    team's matrix over the window assessed.
 
     For every start just after a sample, each pair's earliest sample is found by which its
     sightings since the start have the rank that the certificate asks for; the certificate then
@@ -33,9 +32,10 @@ def connectivity_period(team: Team, windows: Windows, largest: float) -> float |
     the answer. Between two starts where no pair's earliest sample jumps, the window only shrinks,
     so the graph is looked at where one jumps.
     """
+    team = assessed.team
     orbits, sample_time = team.orbits, team.sensors.sample_time
     samples = steps_within(orbits.period, sample_time) + 1
-    ready = _ready_steps(team, windows, samples, largest)
+    ready = _ready_steps(assessed, samples)
     if not ready:
         return None
     table = np.array(list(ready.values()))
@@ -50,17 +50,16 @@ def connectivity_period(team: Team, windows: Windows, largest: float) -> float |
     return round(worst * sample_time, 9)
 
 
-def _ready_steps(
-    team: Team, windows: Windows, samples: int, largest: float
-) -> dict[tuple[int, int], Index]:
+def _ready_steps(assessed: Assessment, samples: int) -> dict[tuple[int, int], Index]:
     """For each pair (a, b): the step by which it certifies when watched from step k on, (k,)."""
+    team, period = assessed.team, assessed.team.orbits.period
     last = (1 + SEARCHED_PERIODS) * samples
-    sightings = sample_sightings(windows, team.orbits.period, team.sensors.sample_time, 0, last)
+    sightings = sample_sightings(assessed.windows, period, team.sensors.sample_time, 0, last)
     pairs = list(pair_rows(team, sightings))
     starts = [np.searchsorted(pair.steps, np.arange(samples)) for pair in pairs]
     used = [np.unique(of[of < len(pair.steps)]) for pair, of in zip(pairs, starts, strict=True)]
     needed = [2 if pair.b >= team.count else 3 for pair in pairs]
-    lengths = _shortest_certified([pair.rows for pair in pairs], used, needed, largest)
+    lengths = _shortest_certified([pair.rows for pair in pairs], used, needed, assessed.largest)
     ready = {}
     for pair, of, row, length in zip(pairs, starts, used, lengths, strict=True):
         end = pair.steps[np.minimum(row + length - 1, len(pair.steps) - 1)]

@@ -8,11 +8,11 @@ from syncplan.arrays import Array, Index
 from syncplan.observability.certificate import counts
 from syncplan.observability.rank import LinkInformation
 from syncplan.observability.unobservable_modes import lost_bearing
+from syncplan.observability.window_assessment import Assessment
 from syncplan.orbits.circles import Orbits, wrap
-from syncplan.orbits.contacts import Windows, merge_windows
+from syncplan.orbits.contacts import merge_windows
 from syncplan.orbits.paths import relative_motion
 from syncplan.orbits.separation import least_distances
-from syncplan.orbits.team import Team
 from syncplan.synchronisation.phase_tolerance import contact_tolerances, rule_residuals
 
 __all__ = ["LinkVerdict", "landmark_verdicts", "vehicle_verdicts"]
@@ -56,20 +56,12 @@ class LinkVerdict:
         return float(np.sum(self.windows[:, 1] - self.windows[:, 0]))
 
 
-def vehicle_verdicts(
-    team: Team,
-    windows: Windows,
-    information: list[LinkInformation],
-    largest: float,
-    pairs: Index,
-) -> list[LinkVerdict]:
-    """Return the verdicts on the (e, 2) vehicle pairs, each a < b, in the order given.
-
-    `largest` is the largest singular value of the whole team's matrix.
-    """
+def vehicle_verdicts(assessed: Assessment, pairs: Index) -> list[LinkVerdict]:
+    """Return the verdicts on the (e, 2) vehicle pairs, each a < b, in the order given."""
+    team, windows, largest = assessed.team, assessed.windows, assessed.largest
     orbits = team.orbits
     nothing = np.zeros((0, 2))
-    told = {(link.a, link.b): link for link in information}
+    sighted = {(link.a, link.b): link for link in assessed.information}
     way = {
         key: k
         for k, key in enumerate(
@@ -83,7 +75,7 @@ def vehicle_verdicts(
     for k, (a, b) in enumerate(pairs.tolist()):
         forward = windows.of(way[a, b]) if (a, b) in way else nothing
         backward = windows.of(way[b, a]) if (b, a) in way else nothing
-        link = told.get((a, b))
+        link = sighted.get((a, b))
         met = merge_windows(np.concatenate([forward, backward]), orbits.period)
         found.append(
             LinkVerdict(
@@ -103,21 +95,17 @@ def vehicle_verdicts(
     return found
 
 
-def landmark_verdicts(
-    team: Team,
-    windows: Windows,
-    information: list[LinkInformation],
-    largest: float,
-) -> list[LinkVerdict]:
+def landmark_verdicts(assessed: Assessment) -> list[LinkVerdict]:
     """Return the verdicts on vehicles and the landmarks they see, ordered by (a, b)."""
-    told = {(link.a, link.b): link for link in information}
+    team, windows, largest = assessed.team, assessed.windows, assessed.largest
+    sighted = {(link.a, link.b): link for link in assessed.information}
     to_landmark = windows.targets >= team.count
     seen = np.flatnonzero(to_landmark & (np.diff(windows.first) > 0))
     a, b = windows.observers[seen], windows.targets[seen]
     least, _ = least_distances(relative_motion(team.orbits, a, b, team.landmarks))
     found = []
     for row, pair in enumerate(seen):
-        link = told.get((int(a[row]), int(b[row])))
+        link = sighted.get((int(a[row]), int(b[row])))
         met = windows.of(int(pair))
         found.append(
             LinkVerdict(

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.observability.rank import LinkInformation, Observability
+from syncplan.observability.rank import LinkInformation
+from syncplan.observability.window_assessment import Assessment
 from syncplan.orbits.circles import Orbits, perpendicular, position, unit
 from syncplan.orbits.graphs import components
 from syncplan.orbits.separation import circle_gaps
@@ -71,18 +72,15 @@ class _Candidate:
 
 
 def name_modes(
-    team: Team,
-    result: Observability,
-    links: list[LinkInformation],
-    names: list[str],
-    landmark_names: list[str],
+    assessed: Assessment, names: list[str], landmark_names: list[str]
 ) -> list[UnobservableMode]:
     """Return a named mode for each dimension of the null space."""
+    team, result = assessed.team, assessed.observability
     missing = len(result.null_space)
     if missing == 0:
         return []
     places = position(team.orbits, 0.0)
-    naming = _Naming(team, places, names, landmark_names, links, result.scale)
+    naming = _Naming(team, places, names, landmark_names, assessed.information, result.scale)
     chosen: list[_Candidate] = []
     basis = np.zeros((0, result.state_dim))
     for candidate in _candidates(naming):

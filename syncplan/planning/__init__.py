@@ -2,7 +2,9 @@
 
 figures_of_merit    by what plans are compared
 refinement_record   how a plan was refined
-planner             scenario to plan, orbits to verdict
+judged_plan         the plan: orbits with every verdict
+judgement           orbits to plan
+planner             scenario to plan
 validation          Monte Carlo of a plan beside its bound
 sweeps              one key varied
 plan_files          plans read back and judged afresh

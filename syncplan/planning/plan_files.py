@@ -11,7 +11,9 @@ from pydantic_core import PydanticCustomError
 
 from syncplan.errors import InputError
 from syncplan.orbits.circles import Orbits
-from syncplan.planning.planner import Plan, judge, plan
+from syncplan.planning.judged_plan import Plan
+from syncplan.planning.judgement import judge
+from syncplan.planning.planner import plan
 from syncplan.scenario.chunked_validation import Many
 from syncplan.scenario.loading import (
     is_plan,

@@ -10,7 +10,8 @@ from syncplan.errors import InputError
 from syncplan.estimation.filter_options import FilterChanges, FilterOptions, options_with
 from syncplan.orbits.circles import position
 from syncplan.orbits.graphs import bottleneck
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import plan
 from syncplan.planning.validation import Validation, validate
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario

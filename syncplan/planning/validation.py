@@ -19,7 +19,9 @@ from syncplan.estimation.filter_options import (
 from syncplan.estimation.montecarlo import run_trials
 from syncplan.estimation.trials import Accuracy, MonteCarloResult, accuracy, merge
 from syncplan.orbits.sightings import Sightings, sample_sightings
-from syncplan.planning.planner import Plan, bound_is_affordable, plan
+from syncplan.planning.judged_plan import Plan
+from syncplan.planning.judgement import bound_is_affordable
+from syncplan.planning.planner import plan
 from syncplan.runtime.blas import single_threaded_blas
 from syncplan.scenario.specification import Scenario
 
@@ -184,11 +186,9 @@ def conclude(run: TrialRun, parts: Sequence[MonteCarloResult]) -> Validation:
 def _predicted(flown: Plan, duration: float) -> Array | None:
     if duration == flown.scenario.duration_s and flown.prediction.rms is not None:
         return flown.prediction.rms
-    if not bound_is_affordable(flown.orbits.count, duration, flown.sensors.sample_time):
+    if not bound_is_affordable(flown.team, duration):
         return None
     try:
-        return posterior_bound(
-            flown.orbits, flown.landmarks, flown.sensors, flown.windows, flown.noise, duration
-        ).rms_second_half()
+        return posterior_bound(flown.team, flown.windows, duration).rms_second_half()
     except NoSolutionError:
         return None

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from syncplan.planning.planner import Plan
+from syncplan.planning.judged_plan import Plan
 from syncplan.plotting.canvas import Spec, axis, escaped, layout, message, numbers
 from syncplan.plotting.palette import BLUE, GREEN, INK, ORANGE, SKY
 from syncplan.reports.run_schemas import ReplayDocument, ValidationDocument

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from syncplan.errors import InputError
 from syncplan.estimation.replays import Replay
-from syncplan.planning.planner import Plan
+from syncplan.planning.judged_plan import Plan
 from syncplan.planning.validation import Validation
 from syncplan.plotting.canvas import Spec
 from syncplan.plotting.figure_table import FIGURES, Drawing, SubjectKind

@@ -4,7 +4,7 @@ import numpy as np
 
 from syncplan.errors import InputError
 from syncplan.planning.figures_of_merit import ROWS
-from syncplan.planning.planner import Plan
+from syncplan.planning.judged_plan import Plan
 from syncplan.plotting.accuracy_figure import bars
 from syncplan.plotting.canvas import (
     Spec,

@@ -7,7 +7,7 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.observability.unobservable_modes import UnobservableMode
 from syncplan.orbits.circles import heading, position, unit
-from syncplan.planning.planner import DroppedLink, Plan
+from syncplan.planning.judged_plan import Plan, UnmetLink
 from syncplan.plotting.canvas import (
     Spec,
     compass,
@@ -125,7 +125,7 @@ def _link_traces(plan: Plan, names: list[str], places: int) -> list[Spec]:
     return traces
 
 
-def _dropped_words(item: DroppedLink, names: list[str]) -> str:
+def _dropped_words(item: UnmetLink, names: list[str]) -> str:
     return f"{names[item.a]}-{names[item.b]}, dropped<br>{escaped(item.reason)}"
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.orbits.circles import unit
-from syncplan.planning.planner import Plan
+from syncplan.planning.judged_plan import Plan
 from syncplan.plotting.canvas import Spec, axis, compass, gapped, numbers
 from syncplan.plotting.palette import BLUE, INK, ORANGE
 

@@ -9,7 +9,7 @@ from syncplan.arrays import Array
 from syncplan.observability.certificate import DISTINCT_LANDMARKS
 from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.orbits.graphs import disjoint_sets
-from syncplan.planning.planner import Plan
+from syncplan.planning.judged_plan import Plan
 from syncplan.plotting.canvas import Spec, axis, escaped, layout, numbers, panel_title
 from syncplan.plotting.link_styles import Standing, body_names, grouped, hover
 from syncplan.plotting.palette import BLUE, INK, PURPLE

@@ -10,12 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from syncplan.arrays import Array
 from syncplan.errors import NoSolutionError
 from syncplan.estimation.bounds import posterior_bound, window_bound
-from syncplan.observability.certificate import certify
-from syncplan.observability.rank import assess, link_information
+from syncplan.observability.window_assessment import Assessment, assess_team
 from syncplan.orbits.circles import Orbits
-from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.paths import relative_motion
 from syncplan.orbits.separation import closest_approach, least_distances
 from syncplan.orbits.sightings import Sightings, sightings_over
@@ -82,35 +81,21 @@ def measure(problem: RefineProblem, orbits: Orbits, *, predict: bool = True) -> 
     """Return the figures and slacks of orbits; `predict` computes the posterior bound."""
     from syncplan.refinement.objective_forms import FORMS, MeasuredTeam
 
-    team, scale = problem.team.on(orbits), problem.scale
-    windows = find_windows(team)
-    sightings = sightings_over(team, windows, problem.window)
+    team = problem.team.on(orbits)
+    assessed = assess_team(team, problem.window)
     # judged as the plan is, in its own mean radius; measured in that of the plan refined
-    information = link_information(team, sightings)
-    judged = assess(team, information)
-    verdict = judged
-    if judged.scale != scale:
-        scaled = link_information(team, sightings, scale)
-        verdict = assess(team, scaled, scale)
-    bound = window_bound(judged)
-    rms = np.full(orbits.count, np.nan)
-    if predict:
-        try:
-            rms = posterior_bound(
-                orbits, team.landmarks, team.sensors, windows, team.noise, problem.duration
-            ).rms_second_half()
-        except NoSolutionError:
-            rms = np.full(orbits.count, np.inf)
-    measured = MeasuredTeam(judged.observable, verdict.singular_values**2, rms)
+    judged, scaled = assessed.observability, assessed.measured_in(problem.scale)
+    rms = _predicted(problem, assessed) if predict else np.full(team.count, np.nan)
+    measured = MeasuredTeam(judged.observable, scaled.singular_values**2, rms)
     nearest = closest_approach(orbits)
-    seen = sightings
+    seen = assessed.sightings
     if problem.contact_span > problem.window:
-        seen = sightings_over(team, windows, problem.contact_span)
+        seen = sightings_over(team, assessed.windows, problem.contact_span)
     margins = contact_margins(problem, orbits, seen)
     figures = Figures(
         rank=judged.rank,
-        certified=certify(team, judged, information).holds,
-        window_bound=float(bound.max()) if judged.observable else math.inf,
+        certified=assessed.certificate.holds,
+        window_bound=float(window_bound(judged).max()) if judged.observable else math.inf,
         least_distance=nearest.distance if nearest is not None else math.inf,
         contact_margin=min(margins, default=math.inf),
         objectives={name: form.exact(measured) for name, form in FORMS.items()},
@@ -121,6 +106,15 @@ def measure(problem: RefineProblem, orbits: Orbits, *, predict: bool = True) -> 
         *_circle_slacks(problem, orbits),
     ]
     return Measurement(figures, tuple(slacks))
+
+
+def _predicted(problem: RefineProblem, assessed: Assessment) -> Array:
+    """(n,) m: the posterior bound over the second half; infinite where it breaks down."""
+    try:
+        bound = posterior_bound(assessed.team, assessed.windows, problem.duration)
+    except NoSolutionError:
+        return np.full(assessed.team.count, np.inf)
+    return bound.rms_second_half()
 
 
 def contact_margins(problem: RefineProblem, orbits: Orbits, sightings: Sightings) -> list[float]:

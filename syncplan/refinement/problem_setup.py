@@ -12,7 +12,7 @@ import numpy as np
 from syncplan.arrays import Array, Index, as_pairs
 from syncplan.errors import NoSolutionError
 from syncplan.orbits.sightings import sightings_over
-from syncplan.planning.planner import Plan
+from syncplan.planning.judged_plan import Plan
 from syncplan.refinement.measures import Measurement, measure
 from syncplan.refinement.problem import Freedom, RefineProblem, circles_of
 from syncplan.scenario.areas import Area

@@ -18,7 +18,9 @@ from syncplan.arrays import Array, as_pairs
 from syncplan.errors import InputError
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import reachable_pairs
-from syncplan.planning.planner import BoundChoice, Plan, bound_is_affordable, judge, plan
+from syncplan.planning.judged_plan import Plan
+from syncplan.planning.judgement import BoundChoice, bound_is_affordable, judge
+from syncplan.planning.planner import plan
 from syncplan.planning.refinement_record import RefinementRecord, StartRecord
 from syncplan.refinement.measures import WINDOW_BOUND, Measurement, measure
 from syncplan.refinement.problem import RefineProblem, orbits_of
@@ -73,9 +75,7 @@ def refine(
     chosen = options_for(given.scenario, options, changes)
     problem = problem_of(given, chosen)
     refuse_conflicts(given, problem, chosen)
-    predict = problem.objective.predicted or bound_is_affordable(
-        given.orbits.count, problem.duration, problem.sensors.sample_time
-    )
+    predict = problem.objective.predicted or bound_is_affordable(given.team, problem.duration)
     before = measure(problem, given.orbits, predict=predict)
     attempts, cut_short = _search(given, chosen, problem, before, predict, workers, progress)
     return _best(given, chosen, problem, before, attempts, cut_short, bound)

@@ -9,7 +9,7 @@ from syncplan import __version__
 from syncplan.arrays import Array
 from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.orbits.circles import heading, position
-from syncplan.planning.planner import Plan
+from syncplan.planning.judged_plan import Plan
 from syncplan.reports.document_base import Window, finite_or_none
 from syncplan.reports.plan_schemas import (
     CertificateVerdict,

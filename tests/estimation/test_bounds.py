@@ -17,7 +17,8 @@ from syncplan.orbits.circles import Orbits, heading, position
 from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.noise import Noise
 from syncplan.orbits.sightings import sample_sightings, steps_within
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import plan
 from syncplan.scenario.loading import scenario_from
 from tests.tools.scenarios import example
 
@@ -78,27 +79,23 @@ def _local_information_recursion(made: Plan, duration: float) -> np.ndarray:
 @pytest.mark.parametrize("name", ["paper-grid-same", "mixed-radii-camera", "landmark-bridge"])
 def test_the_posterior_bound_equals_the_information_recursion(name: str) -> None:
     made = plan(example(name), bound="never")
-    ours = posterior_bound(
-        made.orbits, made.landmarks, made.sensors, made.windows, made.noise, 60.0
-    )
+    ours = posterior_bound(made.team, made.windows, 60.0)
     other = _local_information_recursion(made, 60.0)
     np.testing.assert_allclose(ours.position_variance, other, rtol=1e-6)
 
 
 def test_the_bound_starts_at_the_initial_sigmas(grid: Plan) -> None:
-    run = posterior_bound(grid.orbits, grid.landmarks, grid.sensors, grid.windows, grid.noise, 10.0)
+    run = posterior_bound(grid.team, grid.windows, 10.0)
     np.testing.assert_allclose(run.position_variance[0], 50.0)
     np.testing.assert_allclose(run.heading_variance[0], 0.01)
 
 
 def test_a_long_run_settles_at_the_steady_bound(grid: Plan) -> None:
     duration = 150.0 * grid.orbits.period
-    run = posterior_bound(
-        grid.orbits, grid.landmarks, grid.sensors, grid.windows, grid.noise, duration
-    )
+    run = posterior_bound(grid.team, grid.windows, duration)
     last = round(grid.orbits.period / grid.sensors.sample_time)
     settled = np.sqrt(run.position_variance[-last:].mean(axis=0))
-    limit = steady_bound(grid.orbits, grid.landmarks, grid.sensors, grid.windows, grid.noise)
+    limit = steady_bound(grid.team, grid.windows)
     np.testing.assert_allclose(settled, limit, rtol=5e-3)
     # design.md, section 3: the period averages fall to 1.07 m
     assert abs(limit.max() - 1.07) < 0.01
@@ -121,11 +118,8 @@ def test_without_motion_noise_the_posterior_tends_to_the_window_bound(grid: Plan
     variance = np.diag(np.linalg.inv(dense.T @ dense)).reshape(6, 3)[:, :2].sum(axis=1)
     np.testing.assert_allclose(window, 20.0 * np.sqrt(variance), rtol=1e-8)
     run = posterior_bound(
-        grid.orbits,
-        grid.landmarks,
-        grid.sensors,
+        replace(grid.team, noise=still),
         grid.windows,
-        still,
         steps * grid.sensors.sample_time,
     )
     # the last sample is a hundredth of a second short of a whole period, back at the start
@@ -157,9 +151,9 @@ def test_the_noise_gain_is_the_derivative_of_a_step() -> None:
 
 def test_a_better_sensor_never_raises_the_bound(grid: Plan) -> None:
     sharper = replace(grid.sensors, bearing_sigmas=0.5 * grid.sensors.bearing_sigmas)
-    windows = find_windows(replace(grid.team, sensors=sharper))
-    before = posterior_bound(grid.orbits, grid.landmarks, grid.sensors, grid.windows, NOISE, 100.0)
-    after = posterior_bound(grid.orbits, grid.landmarks, sharper, windows, NOISE, 100.0)
+    better = replace(grid.team, sensors=sharper, noise=NOISE)
+    before = posterior_bound(replace(grid.team, noise=NOISE), grid.windows, 100.0)
+    after = posterior_bound(better, find_windows(better), 100.0)
     assert np.all(after.position_variance <= before.position_variance * (1.0 + 1e-9))
 
 

@@ -7,26 +7,24 @@ import pytest
 
 from syncplan.observability.certificate import certify
 from syncplan.observability.connectivity import SEARCHED_PERIODS, connectivity_period
-from syncplan.observability.rank import Observability, assess, link_information
-from syncplan.orbits.contacts import Windows, find_windows
-from syncplan.orbits.sightings import Sightings, sample_sightings, sightings_over, steps_within
+from syncplan.observability.rank import link_information
+from syncplan.observability.window_assessment import Assessment, assess_team
+from syncplan.orbits.sightings import Sightings, sample_sightings, steps_within
 from syncplan.orbits.team import Team
 from tests.tools.draws import draw_team
 
 SAMPLES = 14
 
 
-def _coarse(team: Team) -> tuple[Team, Windows, Observability]:
-    """The team with few samples a period, which do not divide it, and its verdict."""
+def _coarse(team: Team) -> Assessment:
+    """The team with few samples a period, which do not divide it, over one period."""
     rare = replace(team.sensors, sample_time=team.orbits.period / (SAMPLES - 0.3))
-    coarse = replace(team, sensors=rare)
-    windows = find_windows(coarse)
-    seen = sightings_over(coarse, windows, team.orbits.period)
-    return coarse, windows, assess(coarse, link_information(coarse, seen))
+    return assess_team(replace(team, sensors=rare), team.orbits.period)
 
 
-def _window_by_window(team: Team, windows: Windows, verdict: Observability) -> float | None:
+def _window_by_window(assessed: Assessment) -> float | None:
     """The longest of all starts' shortest windows that certify, each grown sample by sample."""
+    team, windows, verdict = assessed.team, assessed.windows, assessed.observability
     orbits, sensors = team.orbits, team.sensors
     samples = steps_within(orbits.period, sensors.sample_time) + 1
     last = (1 + SEARCHED_PERIODS) * samples
@@ -50,7 +48,7 @@ def test_the_connectivity_period_is_the_longest_of_all_shortest_windows(seed: in
     generator = np.random.default_rng(seed)
     found = 0
     while found < 2:
-        team, windows, verdict = _coarse(draw_team(generator))
-        ours = connectivity_period(team, windows, float(verdict.singular_values[0]))
-        assert ours == pytest.approx(_window_by_window(team, windows, verdict))
+        assessed = _coarse(draw_team(generator))
+        ours = connectivity_period(assessed)
+        assert ours == pytest.approx(_window_by_window(assessed))
         found += ours is not None

@@ -14,11 +14,14 @@ from syncplan.observability.rank import (
     link_information,
 )
 from syncplan.observability.unobservable_modes import name_modes
+from syncplan.observability.window_assessment import assess_team
 from syncplan.orbits.circles import Orbits, heading, position
 from syncplan.orbits.graphs import rpmg_at, union_over
 from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import sample_sightings
-from syncplan.planning.planner import Plan, judge, plan
+from syncplan.planning.judged_plan import Plan
+from syncplan.planning.judgement import judge
+from syncplan.planning.planner import plan
 from syncplan.reports.plan_report import plan_document
 from syncplan.reports.plan_schemas import PlanDocument
 from tests.tools.draws import draw_team, judge_team, sightings_of
@@ -349,23 +352,15 @@ def test_a_sensor_can_be_given_for_each_vehicle() -> None:
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 2**32 - 1))
-def test_the_motions_named_span_the_null_space(seed: int) -> None:
+def test_the_modes_named_span_the_null_space(seed: int) -> None:
     team = draw_team(np.random.default_rng(seed))
-    orbits = team.orbits
-    sightings = sightings_of(team, 20)
-    links = link_information(team, sightings)
-    verdict = assess(team, links)
-    names = [f"v{k}" for k in range(orbits.count)]
-    motions = name_modes(
-        team,
-        verdict,
-        links,
-        names,
-        [f"L{k}" for k in range(len(team.landmarks))],
-    )
-    assert len(motions) == verdict.state_dim - verdict.rank
+    assessed = assess_team(team, 20.5 * team.sensors.sample_time)
+    verdict = assessed.observability
+    names = [f"v{k}" for k in range(team.count)]
+    modes = name_modes(assessed, names, [f"L{k}" for k in range(len(team.landmarks))])
+    assert len(modes) == verdict.state_dim - verdict.rank
     vectors = []
-    for item in motions:
+    for item in modes:
         vector = (item.motion / [verdict.scale, verdict.scale, 1.0]).ravel()
         vectors.append(vector / np.linalg.norm(vector))
         inside = verdict.null_space.T @ (verdict.null_space @ vectors[-1])

@@ -267,11 +267,8 @@ def _smooth_rms(problem: RefineProblem, width: float) -> Array:
 
 
 def _exact_rms(problem: RefineProblem) -> Array:
-    orbits, sensors = problem.orbits, problem.sensors
     windows = find_windows(problem.team)
-    return posterior_bound(
-        orbits, problem.landmarks, sensors, windows, problem.noise, problem.duration
-    ).rms_second_half()
+    return posterior_bound(problem.team, windows, problem.duration).rms_second_half()
 
 
 def test_the_smooth_error_of_the_paper_grid_is_near_the_posterior_bound() -> None:

@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import plan
 from syncplan.refinement.refiner import refine
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario

@@ -7,7 +7,8 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.exporting.formats import Export
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import plan
 from tests.tools.scenarios import small
 
 __all__ = ["ORIGIN", "contents", "mixed_team", "team", "to_plane"]

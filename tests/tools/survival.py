@@ -21,7 +21,8 @@ from dbos import DBOSClient
 
 from api.jobs.queue import APPLICATION
 from api.settings import load_settings
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import plan
 from syncplan.planning.sweeps import sweep
 from syncplan.planning.validation import validate
 from syncplan.refinement.refiner import refine

@@ -1,0 +1,57 @@
+"""What the sightings of one window determine: the chain that every verdict on a team rests on.
+
+    windows -> sampled sightings -> what each pair determines -> rank -> certificate
+
+Plans are judged by it, and so is every candidate of a refinement.
+"""
+
+from dataclasses import dataclass
+
+from syncplan.observability.certificate import Certificate, certify
+from syncplan.observability.rank import LinkInformation, Observability, assess, link_information
+from syncplan.orbits.contacts import Windows, find_windows
+from syncplan.orbits.sightings import Sightings, sightings_over
+from syncplan.orbits.team import Team
+
+__all__ = ["Assessment", "assess_team"]
+
+
+@dataclass(frozen=True, slots=True)
+class Assessment:
+    """What the exact code finds of a team over one window.
+
+    Attributes
+    ----------
+    windows : of contact, over one period
+    sightings : at the samples k Ts in the window, k >= 0
+    information : what the sightings of each pair determine, ordered by (a, b)
+    observability, certificate : of all sightings together
+    """
+
+    team: Team
+    windows: Windows
+    sightings: Sightings
+    information: list[LinkInformation]
+    observability: Observability
+    certificate: Certificate
+
+    @property
+    def largest(self) -> float:
+        """Largest singular value of the team's matrix, beside which a link must not drown."""
+        return float(self.observability.singular_values[0])
+
+    def measured_in(self, scale: float) -> Observability:
+        """Return rank and singular values with positions in `scale` m instead of mean radii."""
+        if scale == self.observability.scale:
+            return self.observability
+        return assess(self.team, link_information(self.team, self.sightings, scale), scale)
+
+
+def assess_team(team: Team, window: float) -> Assessment:
+    """Return what the sightings of a team over `window` s determine."""
+    windows = find_windows(team)
+    sightings = sightings_over(team, windows, window)
+    information = link_information(team, sightings)
+    verdict = assess(team, information)
+    certificate = certify(team, verdict, information)
+    return Assessment(team, windows, sightings, information, verdict, certificate)

@@ -1,0 +1,157 @@
+"""The judge: orbits given, a plan comes back with every verdict found afresh by the exact code."""
+
+from typing import Literal
+
+import numpy as np
+
+from syncplan.arrays import Index, as_pairs
+from syncplan.errors import NoSolutionError
+from syncplan.estimation.bounds import posterior_bound, steady_bound, window_bound
+from syncplan.observability.connectivity import connectivity_period
+from syncplan.observability.link_verdicts import landmark_verdicts, vehicle_verdicts
+from syncplan.observability.unobservable_modes import name_modes
+from syncplan.observability.window_assessment import Assessment, assess_team
+from syncplan.orbits.circles import Orbits
+from syncplan.orbits.contacts import Windows, reachable_pairs
+from syncplan.orbits.scenario_arrays import team_of
+from syncplan.orbits.separation import Approach, closest_approach, pairs_nearer_than
+from syncplan.orbits.team import Team
+from syncplan.planning.judged_plan import Plan, Prediction, UnmetLink
+from syncplan.runtime.blas import single_threaded_blas
+from syncplan.scenario.specification import Scenario
+from syncplan.synchronisation.phases import Synchronisation
+
+__all__ = ["BoundChoice", "bound_is_affordable", "judge", "listed_pairs"]
+
+
+BoundChoice = Literal["auto", "always", "never"]
+
+BOUND_WORK_LIMIT = 4e10
+"""Steps times state dimension squared times vehicles up to which `auto` computes the bound."""
+
+
+@single_threaded_blas
+def judge(
+    scenario: Scenario,
+    orbits: Orbits,
+    *,
+    bound: BoundChoice = "auto",
+    steady: bool = False,
+    given: Index | None = None,
+    found: Synchronisation | None = None,
+) -> Plan:
+    """Return the plan of given orbits; nothing is taken over from whoever made them.
+
+    `bound` and `steady` are those of syncplan.plan. `given` are the (e, 2) links that the phases
+    were found for, by default those that the scenario lists or its circles allow; `found`, how
+    the phases were found, has the reasons of links that they could not keep.
+    """
+    resolved = scenario.resolved()
+    team = team_of(resolved, orbits)
+    assessed = assess_team(team, resolved.window)
+    pairs = listed_pairs(resolved, team) if given is None else given
+    listed = [(a, b) for a, b in pairs.tolist()]
+    met = _met_pairs(team, assessed.windows)
+    kept = [pair for pair in listed if pair in met]
+    return Plan(
+        scenario=resolved,
+        team=team,
+        windows=assessed.windows,
+        synchronisation=None,
+        alternating_proven=None,
+        links=tuple(vehicle_verdicts(assessed, as_pairs(kept))),
+        incidental_links=tuple(vehicle_verdicts(assessed, as_pairs(sorted(met - set(listed))))),
+        landmark_links=tuple(landmark_verdicts(assessed)),
+        dropped_links=tuple(_unmet(team, listed, met, found)),
+        connectivity_period=connectivity_period(assessed),
+        approach=closest_approach(orbits),
+        too_close=_too_close(orbits, resolved.min_separation_m),
+        observability=assessed.observability,
+        certificate=assessed.certificate,
+        unobservable=tuple(name_modes(assessed, resolved.vehicle_names, resolved.landmark_names)),
+        prediction=_predict(assessed, resolved, bound, steady),
+    )
+
+
+# --- links --------------------------------------------------------------------------------------
+
+
+def listed_pairs(scenario: Scenario, team: Team) -> Index:
+    """Return the (e, 2) links to synchronise, a < b: as listed, or all that can come within range.
+
+    Of the team's orbits only the circles matter.
+    """
+    if scenario.formation.links is not None:
+        return as_pairs(scenario.linked)
+    a, b = reachable_pairs(team.orbits, team.sensors.ranges)
+    return np.unique(np.column_stack([np.minimum(a, b), np.maximum(a, b)]), axis=0)
+
+
+def _met_pairs(team: Team, windows: Windows) -> set[tuple[int, int]]:
+    """Vehicle pairs (a < b) in contact at some time, either way."""
+    met = (np.diff(windows.first) > 0) & (windows.targets < team.count)
+    a, b = windows.observers[met], windows.targets[met]
+    return set(zip(np.minimum(a, b).tolist(), np.maximum(a, b).tolist(), strict=True))
+
+
+def _unmet(
+    team: Team,
+    listed: list[tuple[int, int]],
+    met: set[tuple[int, int]],
+    found: Synchronisation | None,
+) -> list[UnmetLink]:
+    known = {item.link: item.reason for item in found.dropped} if found else {}
+    return [
+        UnmetLink(a, b, known.get(k) or _why_never_in_contact(team, a, b))
+        for k, (a, b) in enumerate(listed)
+        if (a, b) not in met
+    ]
+
+
+def _why_never_in_contact(team: Team, a: int, b: int) -> str:
+    pair = team.only(np.array([a, b]))
+    near = pairs_nearer_than(pair.orbits, np.inf)[0].distance
+    reach = float(pair.sensors.ranges.max())
+    if near > reach:
+        return f"comes no nearer than {near:.4g} m with these phases, range {reach:.4g} m"
+    return "comes within range, but never inside a field of view"
+
+
+def _too_close(orbits: Orbits, min_separation: float) -> tuple[Approach, ...]:
+    if min_separation <= 0.0:
+        return ()
+    near = pairs_nearer_than(orbits, min_separation)
+    return tuple(item for item in near if item.distance < min_separation * (1.0 - 1e-12))
+
+
+# --- predicted errors ---------------------------------------------------------------------------
+
+
+def bound_is_affordable(team: Team, duration: float) -> bool:
+    """Return whether the posterior bound is cheap enough to be computed without being asked for."""
+    steps = duration / team.sensors.sample_time
+    return steps * (3.0 * team.count) ** 2 * team.count <= BOUND_WORK_LIMIT
+
+
+def _predict(
+    assessed: Assessment, scenario: Scenario, bound: BoundChoice, steady: bool
+) -> Prediction:
+    team, windows, duration = assessed.team, assessed.windows, scenario.duration_s
+    rms, note = None, "the posterior bound was not asked for"
+    if bound == "auto" and not bound_is_affordable(team, duration):
+        note = (
+            f"the posterior bound of {team.count} vehicles over {duration:g} s is "
+            "computed on request (--bound always)"
+        )
+    elif bound != "never":
+        try:
+            rms, note = posterior_bound(team, windows, duration).rms_second_half(), ""
+        except NoSolutionError as error:
+            note = str(error)
+    window = window_bound(assessed.observability)
+    limit = None
+    if steady:
+        limit = steady_bound(team, windows)
+        if scenario.window >= team.orbits.period * (1.0 - 1e-9):
+            limit = np.where(np.isnan(window), np.inf, limit)
+    return Prediction(rms=rms, steady=limit, window=window, note=note)
