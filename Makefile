@@ -1,6 +1,8 @@
 # make demo    set up and run the main job on an example: a plan and its validation
 # make serve   set up and start the service at http://127.0.0.1:8000
 # make check   set up and run formatter check, linter, layers, strict types and tests
+# make check-all    make check, then what takes long: searches with fresh draws, every block of the
+#              documentation, all of the survival tests, the steps of the Dockerfile
 # make docs    set up and build the documentation into build/site, which opens without a server
 # make container-steps    follow the steps of the Dockerfile without a container
 # make benchmarks    measure against peers, side by side
@@ -14,6 +16,11 @@ DEMO   ?= examples/scenarios/paper-grid-same.yaml
 
 UV     := 'uv>=0.9,<1'
 
+# one process a core; a file's tests stay together
+TESTS  := $(BIN)/python -m pytest --numprocesses auto --dist loadfile
+# the draws of the long searches: other ones each day
+SEED   ?= $(shell date +%Y%m%d)
+
 export PIP_DISABLE_PIP_VERSION_CHECK = 1
 
 # uv installs in a tenth of pip's time; pip where uv finds no way to the package index
@@ -21,7 +28,7 @@ install = $(BIN)/pip install --quiet $(UV) && \
 	$(BIN)/uv pip install --quiet --python $(BIN)/python --constraint requirements.lock --editable $(1) || \
 	$(BIN)/pip install --quiet --constraint requirements.lock --editable $(1)
 
-.PHONY: demo serve check docs postgresql chromium container-steps benchmarks lock clean
+.PHONY: demo serve check check-all docs postgresql chromium container-steps benchmarks lock clean
 
 demo: $(VENV)/.run
 	$(BIN)/syncplan plan $(DEMO) --format table
@@ -30,18 +37,29 @@ demo: $(VENV)/.run
 serve: $(VENV)/.api
 	$(BIN)/syncplan serve
 
-check: postgresql chromium $(VENV)/.dev
+check: chromium $(VENV)/.dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports
 	$(BIN)/mypy
-	$(BIN)/python -m pytest -m "not alone" --numprocesses auto --dist loadfile
-	$(BIN)/python -m pytest -m alone
+	@# compiles the filter's kernels once, for all that follows
+	$(BIN)/python docker/warm_up.py
+	$(TESTS) -m "not long"
 
-# tests start a PostgreSQL of their own
+check-all: postgresql check
+	$(TESTS) -m long
+	$(TESTS) -m hypothesis --hypothesis-profile=fresh-cases
+	$(BIN)/python -m tests.searches.search_counterexamples 20000 $(SEED)
+	$(BIN)/python -m tests.searches.search_refinements 12 $(SEED)
+	$(BIN)/python -m tests.searches.search_contract 500 $(SEED)
+	$(BIN)/python -m tests.searches.search_requests 1000 $(SEED)
+	$(BIN)/python -m tests.searches.search_survival 3 $(SEED)
+	docker/steps.sh
+
+# only the long tests start a PostgreSQL of their own
 postgresql:
 	@command -v initdb >/dev/null || ls /usr/lib/postgresql/*/bin/initdb >/dev/null 2>&1 || \
-		{ echo "the tests need PostgreSQL's initdb: apt-get install postgresql" >&2; exit 1; }
+		{ echo "the long tests need PostgreSQL's initdb: apt-get install postgresql" >&2; exit 1; }
 
 # tests look at the web page in a browser
 chromium:
@@ -85,5 +103,5 @@ lock: $(BIN)/python
 		--python-version 3.11 --output-file requirements.lock pyproject.toml
 
 clean:
-	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis .schemathesis build dist
+	rm -rf $(VENV) .import_linter_cache .mypy_cache .pytest_cache .ruff_cache .hypothesis .schemathesis build dist
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

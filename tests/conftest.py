@@ -1,10 +1,26 @@
-"""Fixtures that several test files use."""
+"""Fixtures that several test files use, and how many cases properties are tested on."""
 
 from typing import Any
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from syncplan.cli import command_line
+
+# The first is for `make check`: the same few cases each time, however busy the machine is.
+# `make check-all` chooses the second: fresh cases, and many of them. What they find is written
+# above the test as an explicit @example, so that both have it from then on.
+for name, examples, same in (("same-cases", 25, True), ("fresh-cases", 300, False)):
+    settings.register_profile(
+        name,
+        max_examples=examples,
+        derandomize=same,
+        database=None,
+        deadline=None,
+        print_blob=not same,
+        suppress_health_check=[HealthCheck.too_slow],
+    )
+settings.load_profile("same-cases")
 
 
 @pytest.fixture

@@ -279,7 +279,6 @@ def test_without_a_browser_the_remedy_is_named(
 
 
 @needs_browser
-@pytest.mark.slow
 @pytest.mark.parametrize("ending", ["png", "svg", "pdf"])
 def test_images_are_what_their_names_say_and_the_same_each_time(
     run: Run, ending: str, tmp_path: Path
@@ -300,7 +299,6 @@ def test_images_are_what_their_names_say_and_the_same_each_time(
 
 
 @needs_browser
-@pytest.mark.slow
 def test_a_browser_draws_the_page_and_plays_it_without_a_fault(run: Run, tmp_path: Path) -> None:
     assert BROWSER is not None
     target = tmp_path / "plan.html"

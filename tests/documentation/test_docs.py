@@ -34,6 +34,9 @@ PAGES = sorted(
     for path in [*DOCS.rglob("*.md"), ROOT / "README.md"]
     if blocks_of(path)
 )
+FIRST = {"README.md", "docs/quick-start.md"}
+"""What a reader sees first: `make check` follows these, `make check-all` every page."""
+
 NOT_RUN = {
     "installs from the package index": 1,
     "run with the examples": 1,
@@ -55,8 +58,9 @@ def database() -> Iterator[str]:
         server.stop()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("page", PAGES)
+@pytest.mark.parametrize(
+    "page", [one if one in FIRST else pytest.param(one, marks=pytest.mark.long) for one in PAGES]
+)
 def test_a_page_does_what_it_says(
     page: str, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
@@ -191,7 +195,7 @@ def site() -> Path:
     return ROOT / "build" / "site"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_every_page_is_built_and_asks_nobody_else(site: Path) -> None:
     built = sorted(path.relative_to(site).as_posix() for path in site.rglob("*.html"))
     written = {path.removeprefix("docs/").replace(".md", ".html") for path in PAGES} - {
@@ -209,7 +213,7 @@ def test_every_page_is_built_and_asks_nobody_else(site: Path) -> None:
         assert not [address for address in fetched if "//" in address], path
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_site_opens_as_a_file_with_figures_and_search(site: Path) -> None:
     complaints: list[str] = []
     requests: list[str] = []
@@ -231,7 +235,7 @@ def test_the_site_opens_as_a_file_with_figures_and_search(site: Path) -> None:
     assert [url for url in requests if not url.startswith(("file:", "data:", "blob:"))] == []
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_pages_are_accessible_but_for_their_theme(site: Path) -> None:
     with chromium() as browser:
         page = browser.new_page()
@@ -242,7 +246,6 @@ def test_pages_are_accessible_but_for_their_theme(site: Path) -> None:
             assert [fault for fault in faults if not fault.startswith(OF_THE_THEME)] == []
 
 
-@pytest.mark.slow
 def test_captions_state_what_the_figures_show() -> None:
     """The line of sight of mirror motion never turns, and the filter's sigma does not notice."""
     _, turn, length = sight_direction(studies.pair("alternate", 20.0, 0.0))
@@ -303,7 +306,6 @@ def test_a_figure_that_is_not_there_is_an_error(tmp_path: Path) -> None:
         with_figures("<!-- figure: nothing -->", "page.md")
 
 
-@pytest.mark.slow
 def test_a_link_that_leads_nowhere_ends_the_build(tmp_path: Path) -> None:
     (tmp_path / "docs").mkdir()
     (tmp_path / "docs" / "index.md").write_text("[x](nothing.md)\n")

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from typer.main import get_command
 
@@ -146,7 +146,6 @@ def test_a_robot_that_saw_nobody_is_no_fault(noisy: Path, tmp_path: Path) -> Non
     assert len(load_log(folder).robots[1].times) == 0
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(data=st.data())
 def test_whatever_a_file_holds_is_read_or_refused(
     data: st.DataObject, tmp_path_factory: pytest.TempPathFactory
@@ -636,7 +635,6 @@ def test_a_report_is_drawn(noisy: Path, tmp_path: Path, run: Any) -> None:
 # --- real robots ----------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(
     not REAL.exists(), reason=f"needs the recording {REAL.name} beside the checkout"
 )

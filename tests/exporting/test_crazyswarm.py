@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from syncplan.errors import InputError
@@ -76,7 +76,6 @@ def test_pieces_join_up_to_their_third_derivative() -> None:
                     assert end == pytest.approx(start, abs=1e-8)
 
 
-@settings(max_examples=50)
 @given(
     st.floats(0.1, 1000.0), st.floats(0.05, 3.0), st.floats(0.0, 6.3), st.sampled_from([-1.0, 1.0])
 )

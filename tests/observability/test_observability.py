@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from syncplan.observability.certificate import DISTINCT_LANDMARKS
@@ -88,7 +88,6 @@ def _measured(
     return float(np.arctan2(away[1], away[0]) - ahead)
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_bearing_rows_are_the_derivative_by_the_initial_poses(seed: int) -> None:
     team = draw_team(np.random.default_rng(seed))
@@ -119,7 +118,6 @@ def test_bearing_rows_are_the_derivative_by_the_initial_poses(seed: int) -> None
             assert abs(rows[s, column] - numeric) < 1e-5 * (1.0 + np.max(np.abs(rows[s])) ** 2)
 
 
-@settings(max_examples=40, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_reducing_each_link_leaves_the_singular_values_alone(seed: int) -> None:
     team = draw_team(np.random.default_rng(seed))
@@ -350,7 +348,6 @@ def test_a_sensor_can_be_given_for_each_vehicle() -> None:
     assert made.links[0].contact >= float(np.sum(np.diff(made.links[0].backward)))
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_the_modes_named_span_the_null_space(seed: int) -> None:
     team = draw_team(np.random.default_rng(seed))

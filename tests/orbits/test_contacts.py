@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from syncplan.orbits.circles import Orbits, heading, position, wrap
@@ -164,7 +164,6 @@ def _team(seed: int) -> tuple[Orbits, np.ndarray, Sensors]:
     return orbits, landmarks, sensors
 
 
-@settings(max_examples=150, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 @example(0)
 def test_windows_equal_dense_sampling_with_bisection(seed: int) -> None:
@@ -268,7 +267,6 @@ def test_merged_windows_cover_what_their_parts_cover() -> None:
     assert merge_windows(np.zeros((0, 2)), 10.0).shape == (0, 2)
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_sightings_are_the_samples_inside_windows(seed: int) -> None:
     orbits, landmarks, sensors = _team(seed)

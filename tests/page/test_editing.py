@@ -17,8 +17,6 @@ from tests.tools.browsing import Visit, accessibility_faults
 from tests.tools.scenarios import BAD_FILES, FILES, document
 from tests.tools.serving import Server
 
-pytestmark = pytest.mark.slow
-
 ALTERNATE = "paper-grid-alternate"
 SAME = "paper-grid-same"
 

@@ -4,15 +4,12 @@ import re
 from pathlib import Path
 
 import httpx2
-import pytest
 from playwright.sync_api import Browser, Route, expect
 
 from tests.page.gestures import plan_id_of
 from tests.tools.api_servers import key_of, serving, speaking
 from tests.tools.browsing import Visit, accessibility_faults, visiting
 from tests.tools.serving import Server, running, settings_of
-
-pytestmark = pytest.mark.slow
 
 ALTERNATE = "paper-grid-alternate"
 

@@ -3,15 +3,12 @@
 import re
 
 import httpx2
-import pytest
 from playwright.sync_api import Browser, expect
 
 from tests.page.gestures import opened, plan_id_of
 from tests.tools.browsing import Visit, accessibility_faults, visiting
 from tests.tools.scenarios import document
 from tests.tools.serving import Server
-
-pytestmark = pytest.mark.slow
 
 ALTERNATE = "paper-grid-alternate"
 

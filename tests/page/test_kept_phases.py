@@ -16,8 +16,6 @@ from tests.tools.browsing import Visit, visiting
 from tests.tools.scenarios import FILES
 from tests.tools.serving import Server, wait_until
 
-pytestmark = pytest.mark.slow
-
 Tree = dict[str, Any]
 
 ALTERNATE = "paper-grid-alternate"

@@ -12,8 +12,6 @@ from tests.tools.browsing import DESKTOP, PHONE, Visit, accessibility_faults, la
 from tests.tools.scenarios import FILES
 from tests.tools.serving import Server
 
-pytestmark = pytest.mark.slow
-
 ALTERNATE = "paper-grid-alternate"
 
 

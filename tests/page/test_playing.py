@@ -14,8 +14,6 @@ from tests.page.gestures import plan_id_of, saved
 from tests.tools.browsing import Visit, accessibility_faults
 from tests.tools.serving import Server
 
-pytestmark = pytest.mark.slow
-
 SAME = "paper-grid-same"
 
 

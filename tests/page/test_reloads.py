@@ -3,15 +3,12 @@
 import json
 
 import httpx2
-import pytest
 from playwright.sync_api import Route, expect
 
 from tests.page.gestures import handle, opened, phases, plan_id_of, saved
 from tests.tools.browsing import Visit
 from tests.tools.scenarios import document
 from tests.tools.serving import Server
-
-pytestmark = pytest.mark.slow
 
 ALTERNATE = "paper-grid-alternate"
 

@@ -102,7 +102,6 @@ def test_a_graph_is_drawn_where_circles_are_large_and_the_range_is_short(name: s
     assert_drawn(placement, GRAPHS[name], 10.0)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("sensed", [(20.0, 50.0), (50.0, 10.0)])
 def test_random_trees_and_a_grid_are_drawn_at_any_range(sensed: tuple[float, float]) -> None:
     for edges in [*(tree(20, seed) for seed in range(2, 6)), shape_edges("grid", 36, 6)]:

@@ -74,7 +74,6 @@ def test_named_vehicles_keep_their_names() -> None:
     assert refined.scenario.vehicle_names == ["ann", "bob"]
 
 
-@pytest.mark.slow
 def test_processes_and_repetition_change_nothing() -> None:
     given = _given()
     first, again, apart = (

@@ -144,7 +144,6 @@ def gaps(name: str) -> dict[str, float]:
     return found
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", IN_SUITE)
 def test_no_phases_on_a_fine_grid_are_better_than_the_refined_ones(name: str) -> None:
     for objective, gap in gaps(name).items():

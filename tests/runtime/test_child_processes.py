@@ -6,10 +6,6 @@ import sys
 import time
 from pathlib import Path
 
-import pytest
-
-pytestmark = pytest.mark.alone
-
 ROOT = Path(__file__).parents[2]
 
 

@@ -49,4 +49,4 @@ def main(draws: int = 100_000, first: int = 0) -> tuple[int, float, list[int]]:
 
 
 if __name__ == "__main__":
-    main(*(int(argument) for argument in sys.argv[1:]))
+    sys.exit(bool(main(*(int(argument) for argument in sys.argv[1:]))[2]))

@@ -469,4 +469,4 @@ def main(draws: int = 50, first: int = 0, starts: int = 2) -> list[Finding]:
 
 
 if __name__ == "__main__":
-    main(*(int(argument) for argument in sys.argv[1:]))
+    sys.exit(any(one.faults for one in main(*(int(argument) for argument in sys.argv[1:]))))

@@ -90,4 +90,4 @@ def main(rounds: int = 20, seed: int = 0) -> list[str]:
 
 
 if __name__ == "__main__":
-    main(*(int(argument) for argument in sys.argv[1:]))
+    sys.exit(bool(main(*(int(argument) for argument in sys.argv[1:]))))

@@ -10,8 +10,6 @@ import pytest
 from tests.searches.search_contract import KEY, SMALL_JOBS, search
 from tests.tools.serving import Server, running
 
-pytestmark = pytest.mark.slow
-
 CASES = 90
 TOLERANCE = 1e-6
 

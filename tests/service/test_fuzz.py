@@ -3,20 +3,16 @@
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from tests.searches.search_requests import LARGEST_GROWTH_MB, SETTINGS, search
 from tests.tools.mutations import draw_request, valid_scenarios
 from tests.tools.serving import Server, running
-
-pytestmark = pytest.mark.alone
 
 REQUESTS = 120
 QUICK = {"SYNCPLAN_MAX_VEHICLES": "15", "SYNCPLAN_MAX_SAMPLES": "2500"}
 """Limits under which no plan takes long."""
 
 
-@pytest.mark.slow
 def test_no_request_breaks_the_service(tmp_path: Path) -> None:
     settings = {**SETTINGS, **QUICK, "SYNCPLAN_DATA_DIR": str(tmp_path)}
     server = Server(tmp_path / "log", port=None, **settings)

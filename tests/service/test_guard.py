@@ -15,8 +15,6 @@ from api.storage import executors, job_records
 from api.storage.database import Database, open_database
 from api.storage.kept_answers import Answer, find_answer, keep_answer
 
-pytestmark = pytest.mark.alone
-
 BEAT_S, DEAD_AFTER_S, KEEP_S = 2.0, 8.0, 60.0
 LOOKS = 4
 """Looks at an unchanged count after which a process is dead."""

@@ -28,8 +28,6 @@ from syncplan.reports.validation_report import validation_document
 from syncplan.runtime.files import as_text
 from tests.tools.scenarios import FILES, example
 
-pytestmark = pytest.mark.alone
-
 LIMITS = RequestLimits(
     vehicles=200, samples=20_000, trials=100_000, run_s=1e5, refine_s=600.0, sweep_values=50
 )

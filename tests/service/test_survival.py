@@ -1,7 +1,7 @@
 """Jobs that survive: processes killed, stopped and frozen, the database away, the disk full.
 
 Real servers, real workers and a real PostgreSQL; see tests.searches.search_survival for more
-moments.
+moments. `make check` kills a server and a worker on SQLite, `make check-all` does all of this.
 """
 
 import contextlib
@@ -34,12 +34,12 @@ from tests.tools.survival import (
     validation,
 )
 
-pytestmark = pytest.mark.slow
-
 LONG = 100_000
 """Trials of a validation that takes minutes."""
 
-EACH = pytest.mark.parametrize("address", ["sqlite", "postgresql"], indirect=True)
+EACH = pytest.mark.parametrize(
+    "address", ["sqlite", pytest.param("postgresql", marks=pytest.mark.long)], indirect=True
+)
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +105,6 @@ def warm(site: Site, process: Process) -> None:
 # --- killed -------------------------------------------------------------------------------------
 
 
-@pytest.mark.alone
 @EACH
 @pytest.mark.parametrize(("victim", "seed"), [("server", 1), ("worker", 2)])
 def test_jobs_come_to_their_bytes_once_whoever_is_killed(
@@ -117,12 +116,13 @@ def test_jobs_come_to_their_bytes_once_whoever_is_killed(
         kill_at(site, orders, [moments.uniform(0.0, 1.5), moments.uniform(0.0, 4.0)], victim)
 
 
+@pytest.mark.long
 def test_a_server_killed_right_after_it_accepted_a_job_has_accepted_it(tmp_path: Path) -> None:
     with quick(tmp_path) as site:
         kill_at(site, [validation(600, 2)], [0.0, 0.0], "server")
 
 
-@pytest.mark.alone
+@pytest.mark.long
 def test_the_jobs_of_a_dead_worker_go_on_within_15_seconds(tmp_path: Path) -> None:
     with Site(tmp_path, SYNCPLAN_PROCESSES="1") as site:
         site.serve("--no-worker")
@@ -138,6 +138,7 @@ def test_the_jobs_of_a_dead_worker_go_on_within_15_seconds(tmp_path: Path) -> No
         site.see_all_done()
 
 
+@pytest.mark.long
 @EACH
 def test_a_client_that_asks_again_gets_each_plan_and_job_once(
     address: str | None, tmp_path: Path
@@ -170,6 +171,7 @@ def test_a_client_that_asks_again_gets_each_plan_and_job_once(
         site.see_all_done()
 
 
+@pytest.mark.long
 def test_what_a_refinement_started_goes_with_the_server(tmp_path: Path) -> None:
     with quick(tmp_path) as site:
         server = site.serve()
@@ -194,6 +196,7 @@ def _parent(process: int) -> int:
 # --- stopped ------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("address", "victim"),
     [("sqlite", "server"), ("postgresql", "worker")],
@@ -220,7 +223,7 @@ def test_what_ends_in_good_order_gives_its_jobs_up_at_once(
         site.see_all_done()
 
 
-@pytest.mark.alone
+@pytest.mark.long
 @EACH
 def test_a_worker_frozen_until_it_counts_as_dead_does_no_harm(
     address: str | None, tmp_path: Path
@@ -238,7 +241,7 @@ def test_a_worker_frozen_until_it_counts_as_dead_does_no_harm(
         site.see_all_done()
 
 
-@pytest.mark.alone
+@pytest.mark.long
 def test_a_cancelled_job_stops_within_two_seconds_and_stays_cancelled(tmp_path: Path) -> None:
     with quick(tmp_path) as site:
         site.serve("--no-worker")
@@ -272,6 +275,7 @@ def test_a_cancelled_job_stops_within_two_seconds_and_stays_cancelled(tmp_path: 
 # --- begun --------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @EACH
 def test_processes_that_start_on_nothing_at_the_same_moment_all_come_up(
     address: str | None, tmp_path: Path
@@ -320,7 +324,7 @@ def every_request(plan_id: str, job_id: str) -> list[tuple[str, str, dict[str, A
     ]
 
 
-@pytest.mark.alone
+@pytest.mark.long
 def test_the_database_away_for_ten_seconds_costs_nothing_but_time(
     tmp_path: Path, postgres: Postgres
 ) -> None:
@@ -427,11 +431,13 @@ def see_full_disk_waited_out(site: Site, disk: Path) -> None:
     site.see_all_done()
 
 
+@pytest.mark.long
 def test_a_full_disk_under_sqlite_is_told_and_waited_out(tmp_path: Path, small_disk: Path) -> None:
     with quick(tmp_path, SYNCPLAN_DATA_DIR=str(small_disk / "data")) as site:
         see_full_disk_waited_out(site, small_disk)
 
 
+@pytest.mark.long
 def test_a_full_disk_under_postgresql_is_told_and_waited_out(
     tmp_path: Path, small_disk: Path, postgres: Postgres
 ) -> None:
@@ -441,6 +447,7 @@ def test_a_full_disk_under_postgresql_is_told_and_waited_out(
         see_full_disk_waited_out(site, small_disk)
 
 
+@pytest.mark.long
 def test_a_store_on_a_full_disk_opens_again_once_there_is_room(
     tmp_path: Path, small_disk: Path
 ) -> None:

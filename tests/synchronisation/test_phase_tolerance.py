@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, example, given, settings
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from syncplan.orbits.circles import Orbits
@@ -60,7 +60,6 @@ def least_shift(cosines: np.ndarray, now: float) -> float:
     return min(shifts, default=np.pi)
 
 
-@settings(deadline=None)
 @given(st.floats(1.0, 60.0), RADII, RADII, PHASES, PHASES, st.floats(0.5, 10.0))
 @example(1.0, 5.0, 7.0, 0.0, 1.0, 1.0)  # m = 2 = 7 - 5: the least distance touches 1 m
 def test_turning_the_same_way_the_tolerance_is_an_arccosine(
@@ -81,7 +80,6 @@ def test_turning_the_same_way_the_tolerance_is_an_arccosine(
         assert tolerance >= least_shift(nearly, other - one) - 2e-3
 
 
-@settings(deadline=None)
 @given(st.floats(5.0, 70.0), RADII, RADII, PHASES, PHASES, st.sampled_from([-1.0, 1.0]))
 def test_without_a_distance_it_is_the_shift_at_which_they_collide(
     distance: float, ra: float, rb: float, one: float, other: float, sense: float
@@ -99,7 +97,6 @@ def test_without_a_distance_it_is_the_shift_at_which_they_collide(
     assert separation_tolerances(orbits, PAIR, 0.0)[0] == pytest.approx(expected, abs=2e-3)
 
 
-@settings(deadline=None)
 @given(
     st.floats(1.0, 80.0),
     RADII,

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from syncplan.orbits.circles import Orbits, heading, position, wrap
@@ -236,7 +236,6 @@ def test_desync_is_an_offset_from_the_exact_rule() -> None:
     assert not exact.observable
 
 
-@settings(max_examples=40, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_the_least_distance_of_a_residual_is_that_of_the_orbits(seed: int) -> None:
     generator = np.random.default_rng(seed)
@@ -258,7 +257,6 @@ def test_the_least_distance_of_a_residual_is_that_of_the_orbits(seed: int) -> No
     assert 0.0 <= sampled - exact.distance + 1e-12 < 0.02
 
 
-@settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_the_closest_approach_over_all_pairs_is_the_smallest_of_each(seed: int) -> None:
     generator = np.random.default_rng(seed)
@@ -277,7 +275,6 @@ def test_the_closest_approach_over_all_pairs_is_the_smallest_of_each(seed: int) 
     assert nearest.distance == min(item.distance for item in each)
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_the_number_of_alternating_links_is_the_largest(seed: int) -> None:
     generator = np.random.default_rng(seed)
@@ -304,7 +301,6 @@ def test_vehicles_that_share_a_circle_share_their_sense() -> None:
     assert made.orbits.senses[2] != made.orbits.senses[0]
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_a_graph_has_two_colours_or_an_odd_cycle(seed: int) -> None:
     generator = np.random.default_rng(seed)
@@ -491,7 +487,6 @@ def test_the_longer_of_two_ranges_makes_the_link() -> None:
     assert made.synchronisation.margin == pytest.approx(20.0)
 
 
-@settings(max_examples=12, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_three_linked_vehicles_reach_brute_force_and_stay_below_the_bound(seed: int) -> None:
     generator = np.random.default_rng(seed)
