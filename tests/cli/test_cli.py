@@ -5,12 +5,12 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.tools.processes import PATIENCE_S, wait_until, worked
 from tests.tools.scenarios import BAD_FILES, FILES, document
 
 GRID = str(FILES / "paper-grid-same.yaml")
@@ -23,7 +23,7 @@ def _process(*arguments: str, stdin: str | None = None) -> subprocess.CompletedP
         input=stdin,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=PATIENCE_S,
         check=False,
     )
 
@@ -240,10 +240,11 @@ def test_an_interrupted_run_leaves_nothing_half_written(tmp_path: Path) -> None:
         # a parent that ignores interrupts would hand that down
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     ) as process:
-        time.sleep(4.0)
+        # it has begun to compute: to start takes less
+        wait_until(lambda: worked(process.pid) > 6.0)
         assert process.poll() is None
         process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=20)
+        _, err = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130
     assert "interrupted" in err
     assert "Traceback" not in err

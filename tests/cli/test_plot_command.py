@@ -20,6 +20,7 @@ from syncplan.errors import InputError
 from syncplan.planning.planner import plan
 from syncplan.plotting.catalogue import specs_of
 from syncplan.plotting.html_page import figure_page
+from tests.tools.processes import PATIENCE_S
 from tests.tools.scenarios import FILES, document, small
 
 GRID = str(FILES / "paper-grid-alternate.yaml")
@@ -261,7 +262,7 @@ def test_values_of_figures_need_no_plotly() -> None:
         "print(len(specs_of(made)))"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=PATIENCE_S
     )
     assert done.stdout == "5\n"
 
@@ -325,7 +326,7 @@ def test_a_browser_draws_the_page_and_plays_it_without_a_fault(run: Run, tmp_pat
         ],
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=PATIENCE_S,
         check=True,
     )
     assert done.stdout.count('class="main-svg"') >= 5

@@ -5,13 +5,13 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from syncplan.cli import command_line
+from tests.tools.processes import PATIENCE_S, wait_until, worked
 from tests.tools.scenarios import FILES, document
 
 GRID = str(FILES / "paper-grid-same.yaml")
@@ -173,10 +173,11 @@ def test_interrupting_a_refinement_writes_the_best_so_far(tmp_path: Path) -> Non
         text=True,
         start_new_session=True,
     ) as process:
-        time.sleep(8.0)
+        # some starts have ended by then, and many have not
+        wait_until(lambda: worked(process.pid) > 25.0)
         assert process.poll() is None
         os.killpg(process.pid, signal.SIGINT)
-        told = process.communicate(timeout=30)[1]
+        told = process.communicate(timeout=PATIENCE_S)[1]
     assert process.returncode == 0, told
     record = json.loads(output.read_text())["refinement"]
     assert record["cut_short"]

@@ -6,7 +6,6 @@ import signal
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,8 @@ from syncplan.planning.plan_files import load, plan_of
 from syncplan.reports.plan_report import plan_document
 from syncplan.reports.validation_report import validation_document
 from syncplan.runtime.files import as_text
+from tests.tools.api_servers import done
+from tests.tools.processes import PATIENCE_S, wait_until
 from tests.tools.scenarios import FILES
 from tests.tools.serving import (
     ROOT,
@@ -27,7 +28,6 @@ from tests.tools.serving import (
     free_port,
     running,
     settings_of,
-    wait_until,
 )
 
 GRID = FILES / "paper-grid-same.yaml"
@@ -51,7 +51,7 @@ def command(
         env=environment(**settings),
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=PATIENCE_S,
         check=False,
     )
 
@@ -129,21 +129,17 @@ def test_the_other_commands_need_nothing_of_the_service() -> None:
 @pytest.mark.parametrize("name", ["serve", "worker"])
 def test_a_postgresql_that_is_not_there_is_one_line_soon(name: str) -> None:
     url = f"postgresql://ann:secret@127.0.0.1:{free_port()}/plans"
-    began = time.monotonic()
     line = refused(command(name, SYNCPLAN_DATABASE_URL=url, SYNCPLAN_PORT="0"))
     assert "can't be opened" in line
     assert "refused" in line
     assert "secret" not in line
-    assert time.monotonic() - began < 30.0
 
 
 def test_a_postgresql_that_does_not_answer_is_one_line_soon() -> None:
     with socket.create_server(("127.0.0.1", 0)) as silent:
         url = f"postgresql://ann@127.0.0.1:{silent.getsockname()[1]}/plans"
-        began = time.monotonic()
         line = refused(command("serve", "--port", "0", SYNCPLAN_DATABASE_URL=url))
     assert "timeout" in line
-    assert time.monotonic() - began < 30.0
 
 
 def test_a_database_that_goes_away_while_a_worker_starts_is_one_line(tmp_path: Path) -> None:
@@ -194,7 +190,7 @@ def said_address(log: Path) -> str:
         told = [json.loads(line)["message"] for line in log.read_text().splitlines()]
         return [one.removeprefix("serving at ") for one in told if one.startswith("serving at")]
 
-    wait_until(lambda: bool(lines()), 180.0)
+    wait_until(lambda: bool(lines()))
     return lines()[0]
 
 
@@ -219,18 +215,18 @@ def test_a_signal_ends_the_server_with_a_job_at_work(
     tmp_path: Path, number: signal.Signals
 ) -> None:
     server = Server(tmp_path / "log", port=None, **settings_of(tmp_path / "data"))
-    with running(server), httpx2.Client(base_url=server.url, timeout=30.0) as http:
+    with running(server), httpx2.Client(base_url=server.url, timeout=PATIENCE_S) as http:
         made = http.post("/v1/plans", content=GRID.read_bytes(), headers=YAML).json()
         job = http.post(f"/v1/plans/{made['id']}/validations", json={"trials": 50000}).json()
-        wait_until(lambda: working(http, job["id"]), 180.0)
+        wait_until(lambda: working(http, job["id"]))
         children = children_of(server.popen.pid)
         assert len(children) >= 2
         # whoever follows the job does not keep the server from ending
         with http.stream("GET", f"/v1/jobs/{job['id']}/events"):
             server.popen.send_signal(number)
-            assert server.popen.wait(timeout=30.0) == 0
+            assert server.popen.wait(timeout=PATIENCE_S) == 0
     assert [path.name for path in (tmp_path / "data").iterdir()] == ["syncplan.db"]
-    wait_until(lambda: not any(Path(f"/proc/{child}").exists() for child in children), 5.0)
+    wait_until(lambda: not any(Path(f"/proc/{child}").exists() for child in children))
     said = server.log.read_text()
     assert "timeout graceful shutdown exceeded" not in said
     assert "Traceback" not in said
@@ -241,9 +237,9 @@ def test_a_signal_ends_a_worker(tmp_path: Path, number: signal.Signals) -> None:
     log = tmp_path / "log"
     worker = Process("worker", log=log, **settings_of(tmp_path / "data"))
     with running(worker):
-        wait_until(lambda: "with" in log.read_text(), 180.0)
+        wait_until(lambda: "with" in log.read_text())
         worker.popen.send_signal(number)
-        assert worker.popen.wait(timeout=20.0) == 0
+        assert worker.popen.wait(timeout=PATIENCE_S) == 0
     assert [path.name for path in (tmp_path / "data").iterdir()] == ["syncplan.db"]
     assert "Traceback" not in log.read_text()
 
@@ -308,7 +304,7 @@ def test_library_command_line_and_service_give_the_same_bytes(
     body = file.read_bytes()
     if syntax == "json":
         body = json.dumps(scenario.model_dump(mode="json", exclude_none=True)).encode()
-    with httpx2.Client(base_url=server.url, timeout=60.0) as http:
+    with httpx2.Client(base_url=server.url, timeout=PATIENCE_S) as http:
         answer = http.post(
             "/v1/plans", content=body, headers={"content-type": f"application/{syntax}"}
         )
@@ -317,7 +313,7 @@ def test_library_command_line_and_service_give_the_same_bytes(
         assert without_additions(stored.text) == planned
         url = f"/v1/plans/{stored.json()['id']}/validations"
         job = http.post(url, json={"trials": trials, "seed": 7}).headers["location"]
-        wait_until(lambda: http.get(job).json()["state"] == "succeeded", 180.0)
+        done(http, job)
         assert http.get(f"{job}/result").text == flown
     # a plan of the service is a plan for the command line
     from_service = tmp_path / "stored.json"

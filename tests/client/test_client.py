@@ -21,6 +21,7 @@ from syncplan.planning.sweeps import sweep
 from syncplan.reports.plan_report import plan_document
 from syncplan.reports.validation_report import sweep_document, validation_document
 from syncplan.runtime.files import as_text
+from tests.tools.processes import PATIENCE_S
 from tests.tools.scenarios import document, example, small
 from tests.tools.serving import Server, free_port, running, settings_of
 
@@ -168,10 +169,8 @@ def test_waiting_ends_in_time_and_the_job_goes_on_until_it_is_cancelled(
     client: Client, stored: RemotePlan
 ) -> None:
     job = client.validate(stored, trials=50_000)
-    began = time.monotonic()
     with pytest.raises(RemoteError, match=r"after 0.5 s; it goes on"):
         client.wait(job, timeout_s=0.5)
-    assert time.monotonic() - began < 20.0
     assert not client.job(job.id).ended
     assert client.cancel(job).state == "cancelled"
     assert client.cancel(job.id).state == "cancelled"
@@ -313,7 +312,7 @@ def test_a_service_that_is_away_is_told_in_one_line_within_patience() -> None:
         client.stored("any")
     assert caught.value.status is None
     assert "\n" not in str(caught.value)
-    assert 0.3 < time.monotonic() - began < 20.0
+    assert time.monotonic() - began > 0.3
 
 
 def test_a_closed_client_is_closed(server: Server) -> None:
@@ -349,7 +348,9 @@ class _Stand(BaseHTTPRequestHandler):
         names = ("accept", "authorization", "content-type", "idempotency-key")
         headers = {name: self.headers[name] for name in names if name in self.headers}
         url = self.server.behind + self.path
-        return httpx2.request(self.command, url, content=self.body, headers=headers, timeout=30)
+        return httpx2.request(
+            self.command, url, content=self.body, headers=headers, timeout=PATIENCE_S
+        )
 
     def reply(self, status: int, body: bytes, **headers: str) -> None:
         """Answer."""
@@ -449,13 +450,13 @@ def test_a_busy_service_is_asked_again_when_it_says(server: Server, stored: Remo
     with standing(busy, behind=server.url) as stands, Client(stands.url, KEY) as client:
         began = time.monotonic()
         assert client.stored(stored.id).id == stored.id
-        assert 1.0 <= time.monotonic() - began < 20.0
+        assert time.monotonic() - began >= 1.0
     assert len(stands.seen) == 2
 
 
 def test_a_wait_beyond_patience_is_not_begun() -> None:
     problem = json.dumps({"detail": "20 jobs are unfinished"}).encode()
-    busy = saying(429, problem, retry_after="30", content_type="application/problem+json")
+    busy = saying(429, problem, retry_after="300", content_type="application/problem+json")
     began = time.monotonic()
     with (
         standing(busy) as stands,
@@ -464,7 +465,7 @@ def test_a_wait_beyond_patience_is_not_begun() -> None:
     ):
         client.sweep(small(), range_m=[50.0])
     assert caught.value.status == 429
-    assert time.monotonic() - began < 20.0
+    assert time.monotonic() - began < 300.0
 
 
 @pytest.mark.parametrize("when", ["soon", "-3", "Wed, 21 Oct 2026 07:28:00 GMT", "nan"])
@@ -473,9 +474,7 @@ def test_an_odd_time_to_wait_is_passed_over(server: Server, stored: RemotePlan, 
         standing(saying(503, retry_after=when), behind=server.url) as stands,
         Client(stands.url, KEY) as client,
     ):
-        began = time.monotonic()
         assert client.stored(stored.id).id == stored.id
-        assert time.monotonic() - began < 20.0
 
 
 def test_a_request_that_is_refused_is_not_repeated() -> None:

@@ -27,6 +27,7 @@ from syncplan.orbits.circles import heading, position
 from syncplan.reports.plan_report import plan_document
 from syncplan.scenario.loading import scenario_from
 from tests.tools.exported import ORIGIN, contents, mixed_team, team, to_plane
+from tests.tools.processes import PATIENCE_S
 from tests.tools.scenarios import FILES, document
 
 
@@ -422,7 +423,7 @@ def test_the_command_writes_an_archive_to_standard_output(scenario_file: str) ->
         [sys.executable, "-m", "syncplan", "export", "-", "--format", "csv", "-o", "-"],
         input=Path(scenario_file).read_bytes(),
         capture_output=True,
-        timeout=120,
+        timeout=PATIENCE_S,
         check=False,
     )
     assert done.returncode == 0, done.stderr

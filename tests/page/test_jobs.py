@@ -167,7 +167,7 @@ def test_what_is_edited_while_a_job_runs_stays(visit: Visit) -> None:
     visit.settle()
     assert "job=" in page.url
     assert "plan=" not in page.url
-    expect(page.locator(".outcome")).to_contain_text("before your edits", timeout=60_000)
+    expect(page.locator(".outcome")).to_contain_text("before your edits")
     expect(page.get_by_label("Radius of all")).to_have_value("21")
     assert page.url.rpartition("/")[2] == ""
     visit.choose("four-ground-robots")
@@ -180,4 +180,4 @@ def test_a_reload_goes_on_following_the_job(visit: Visit) -> None:
     page.get_by_role("button", name="Validate").click()
     expect(page.locator("#job-text")).to_contain_text("of 6000 trials")
     page.reload()
-    expect(page.locator(".outcome")).to_contain_text("of 6000 trials", timeout=60_000)
+    expect(page.locator(".outcome")).to_contain_text("of 6000 trials")

@@ -12,9 +12,11 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from tests.page.gestures import downloaded, handle, phases, plan_id_of, saved
+from tests.tools.api_servers import done
 from tests.tools.browsing import Visit, visiting
+from tests.tools.processes import PATIENCE_S
 from tests.tools.scenarios import FILES
-from tests.tools.serving import Server, wait_until
+from tests.tools.serving import Server
 
 Tree = dict[str, Any]
 
@@ -24,13 +26,13 @@ ALTERNATE = "paper-grid-alternate"
 @pytest.fixture(scope="module")
 def refined(server: Server) -> Tree:
     """A refined plan as the service keeps it."""
-    with httpx2.Client(base_url=server.url, timeout=60.0) as http:
+    with httpx2.Client(base_url=server.url, timeout=PATIENCE_S) as http:
         body = (FILES / f"{ALTERNATE}.yaml").read_bytes()
         made = http.post("/v1/plans", content=body, headers={"content-type": "application/yaml"})
         request = {"starts": 1, "seed": 1}
         job = http.post(f"/v1/plans/{made.json()['id']}/refinements", json=request)
         at = job.headers["location"]
-        wait_until(lambda: http.get(at).json()["state"] == "succeeded", 120.0)
+        done(http, at)
         plan: Tree = http.get(f"{at}/result").json()
     assert plan["refinement"]["improved"]
     return plan

@@ -17,9 +17,9 @@ from syncplan.plotting.catalogue import specs_of
 from syncplan.plotting.figure_table import FIGURES
 from syncplan.reports.plan_report import plan_document
 from syncplan.scenario.loading import scenario_from
-from tests.tools.api_servers import problem, serving, speaking
+from tests.tools.api_servers import done, problem, serving, speaking
 from tests.tools.scenarios import document, example
-from tests.tools.serving import Server, wait_until
+from tests.tools.serving import Server
 
 ORIGIN = {"lat_deg": 47.4, "lon_deg": 8.5, "alt_m": 410.0}
 
@@ -48,7 +48,7 @@ def stored(http: httpx2.Client, **changes: Any) -> str:
 def job(http: httpx2.Client, at: str, **request: Any) -> str:
     """Return where a job is, once it has succeeded."""
     found: str = http.post(at, json=request).headers["location"]
-    wait_until(lambda: http.get(found).json()["state"] == "succeeded", 180.0)
+    done(http, found)
     return found
 
 

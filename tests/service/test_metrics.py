@@ -1,6 +1,7 @@
 """Metrics: counts by route and status, gauges that are asked for, nothing shared by two apps."""
 
 import threading
+import time
 from collections.abc import Mapping
 
 import pytest
@@ -75,11 +76,13 @@ def test_what_a_client_invents_is_one_label() -> None:
 
 def test_each_request_is_timed() -> None:
     metrics = Metrics()
+    began = time.monotonic()
     TestClient(_app(metrics)).get("/v1/plans/1")
+    took = time.monotonic() - began
     labels = (("method", "GET"), ("route", "/v1/plans/{plan_id}"), ("status", "200"))
     samples = _samples(metrics)
     assert samples["syncplan_http_request_duration_seconds_count", labels] == 1
-    assert 0 < samples["syncplan_http_request_duration_seconds_sum", labels] < 5
+    assert 0 < samples["syncplan_http_request_duration_seconds_sum", labels] < took
 
 
 def test_requests_in_flight_rise_and_fall() -> None:

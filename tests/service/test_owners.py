@@ -8,9 +8,9 @@ import httpx2
 import pytest
 
 from api.main import create_app
-from tests.tools.api_servers import events_of, operations_of, problem, serving, speaking
+from tests.tools.api_servers import done, events_of, operations_of, problem, serving, speaking
 from tests.tools.scenarios import document
-from tests.tools.serving import Server, wait_until
+from tests.tools.serving import Server
 
 NOBODY = "01a1fd95-df6b-7a20-9383-c20e93a41e86"
 LONG = {"trials": 60_000}
@@ -43,7 +43,7 @@ def bob(server: Server) -> Iterator[httpx2.Client]:
 def ended(ann: httpx2.Client) -> str:
     """A validation of Ann's that has succeeded."""
     at: str = ann.post(f"/v1/plans/{planned(ann)}/validations", json={"trials": 2}).json()["id"]
-    wait_until(lambda: state_of(ann, at) == "succeeded", 180.0)
+    done(ann, f"/v1/jobs/{at}")
     return at
 
 
@@ -195,7 +195,7 @@ def test_a_plan_refined_and_its_parent_stay_their_owners(
     plan = planned(ann)
     options = {"starts": 1, "objective": "logdet", "time_limit_s": 1e-6}
     job = ann.post(f"/v1/plans/{plan}/refinements", json=options).headers["location"]
-    wait_until(lambda: ann.get(job).json()["state"] == "succeeded", 180.0)
+    done(ann, job)
     refined = ann.get(job).json()["result_plan_id"]
     assert ann.get(f"/v1/plans/{refined}").json()["parent_id"] == plan
     problem(bob.get(f"/v1/plans/{refined}"), 404)

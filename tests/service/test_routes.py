@@ -13,8 +13,9 @@ from api.responses import Job, StoredPlan
 from syncplan.scenario.loading import load_scenario
 from syncplan.scenario.specification import Scenario
 from tests.tools.api_servers import Event, events_of, operations_of, problem, serving, speaking
+from tests.tools.processes import wait_until
 from tests.tools.scenarios import BAD_FILES, FILES, document
-from tests.tools.serving import Server, wait_until
+from tests.tools.serving import Server
 
 NOBODY = "01a1fd95-df6b-7a20-9383-c20e93a41e86"
 YAML = {"content-type": "application/yaml"}
@@ -79,7 +80,7 @@ def planned(http: httpx2.Client, **changes: Any) -> dict[str, Any]:
 
 def ended(http: httpx2.Client, at: str) -> Job:
     """Return a job once it has ended."""
-    wait_until(lambda: Job.model_validate_json(http.get(at).content).ended_at is not None, 180.0)
+    wait_until(lambda: Job.model_validate_json(http.get(at).content).ended_at is not None)
     return Job.model_validate_json(http.get(at).content)
 
 

@@ -3,7 +3,6 @@
 import http.client
 import socket
 import threading
-import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from fastapi import FastAPI
 
 from api.logs import RequestLog
 from api.problems import install_handlers
+from tests.tools.processes import PATIENCE_S, wait_until
 
 BODY_LIMIT = 1000
 
@@ -47,10 +47,7 @@ def served(app: Any, **options: Any) -> Iterator[int]:
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]})
     thread.start()
     try:
-        until = time.monotonic() + 10
-        while not server.started:
-            assert time.monotonic() < until, "the server did not start"
-            time.sleep(0.005)
+        wait_until(lambda: server.started)
         yield listener.getsockname()[1]
     finally:
         server.should_exit = True
@@ -67,7 +64,7 @@ def ask(
     headers: dict[str, str] | None = None,
 ) -> Answer:
     """Return the answer of a server at `port`; a body in pieces is sent chunked."""
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE_S)
     try:
         chunked = body is not None and not isinstance(body, bytes)
         sent = dict(headers or {}, **({"transfer-encoding": "chunked"} if chunked else {}))

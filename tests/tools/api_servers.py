@@ -10,9 +10,19 @@ from typing import Any
 import httpx2
 
 from api.problems import Problem
+from tests.tools.processes import PATIENCE_S, wait_until
 from tests.tools.serving import Server, running, settings_of
 
-__all__ = ["Event", "events_of", "key_of", "operations_of", "problem", "serving", "speaking"]
+__all__ = [
+    "Event",
+    "done",
+    "events_of",
+    "key_of",
+    "operations_of",
+    "problem",
+    "serving",
+    "speaking",
+]
 
 _METHODS = {"delete", "get", "head", "options", "patch", "post", "put", "trace"}
 
@@ -35,7 +45,7 @@ def serving(folder: Path, owners: str, *arguments: str, **settings: str) -> Iter
 def speaking(server: Server, owner: str) -> httpx2.Client:
     """A connection to a server with an owner's key."""
     headers = {"authorization": f"Bearer {key_of(owner)}"}
-    return httpx2.Client(base_url=server.url, headers=headers, timeout=30.0)
+    return httpx2.Client(base_url=server.url, headers=headers, timeout=PATIENCE_S)
 
 
 def operations_of(document: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -46,6 +56,19 @@ def operations_of(document: Mapping[str, Any]) -> list[tuple[str, str]]:
         for method in found
         if method in _METHODS
     ]
+
+
+def done(http: httpx2.Client, at: str) -> dict[str, Any]:
+    """Return the job at a path once it has ended, as it must have: in success."""
+    last: dict[str, Any] = {}
+
+    def ended() -> bool:
+        last.update(http.get(at).json())
+        return last["ended_at"] is not None
+
+    wait_until(ended)
+    assert last["state"] == "succeeded", last
+    return last
 
 
 def problem(answer: httpx2.Response, status: int) -> Problem:

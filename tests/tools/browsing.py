@@ -17,6 +17,8 @@ from playwright.sync_api import (
     sync_playwright,
 )
 
+from tests.tools.processes import PATIENCE_S
+
 __all__ = ["DESKTOP", "PHONE", "Visit", "accessibility_faults", "chromium", "launched", "visiting"]
 
 DESKTOP = (1440, 900)
@@ -24,7 +26,7 @@ PHONE = (390, 844)
 
 _PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 _HEARD = ("error", "warning")
-_PATIENCE_MS = 20_000
+_PATIENCE_MS = 1000.0 * PATIENCE_S
 
 
 @contextmanager

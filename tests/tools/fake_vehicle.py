@@ -11,6 +11,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
+from tests.tools.processes import PATIENCE_S
+
 # pymavlink chooses its dialect as it is imported
 os.environ.setdefault("MAVLINK20", "1")
 
@@ -103,5 +105,5 @@ def flying(port: int, autopilot: str) -> Iterator[FakeVehicle]:
         yield vehicle
     finally:
         vehicle.stopped.set()
-        thread.join(timeout=5.0)
+        thread.join(timeout=PATIENCE_S)
         assert not thread.is_alive()

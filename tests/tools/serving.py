@@ -6,11 +6,12 @@ import shutil
 import socket
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import httpx2
+
+from tests.tools.processes import PATIENCE_S, wait_until
 
 ROOT = Path(__file__).parents[2]
 QUICK = {"SYNCPLAN_HEARTBEAT_S": "0.5", "SYNCPLAN_DEAD_AFTER_S": "2"}
@@ -41,7 +42,7 @@ class Process:
     def stop(self) -> int:
         """Ask the process to end and return its exit status."""
         self.popen.terminate()
-        return self.popen.wait(timeout=20.0)
+        return self.popen.wait(timeout=PATIENCE_S)
 
 
 class Server(Process):
@@ -54,7 +55,7 @@ class Server(Process):
         self.url = f"http://127.0.0.1:{self.port}"
         super().__init__("serve", "--port", str(self.port), *arguments, log=log, **settings)
         try:
-            wait_until(self._ready, 30.0, lambda: f"no service: {log.read_text()[-3000:]}")
+            wait_until(self._ready, otherwise=lambda: f"no service: {log.read_text()[-3000:]}")
         except BaseException:
             self.kill()
             raise
@@ -106,7 +107,7 @@ class Postgres:
             check=True,
             cwd=self._folder,
             stdout=subprocess.DEVNULL,
-            timeout=60.0,
+            timeout=PATIENCE_S,
             user=self._user,
             group=self._user,
             extra_groups=None if self._user is None else [],
@@ -139,17 +140,6 @@ def free_port() -> int:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         return int(taken.getsockname()[1])
-
-
-def wait_until(
-    condition: Callable[[], bool], seconds: float, otherwise: Callable[[], str] | None = None
-) -> None:
-    """Wait for a condition, and fail if it does not come true in time."""
-    deadline = time.monotonic() + seconds
-    while not condition():
-        problem = otherwise() if otherwise is not None else f"not in {seconds} s"
-        assert time.monotonic() < deadline, problem
-        time.sleep(0.05)
 
 
 @contextlib.contextmanager

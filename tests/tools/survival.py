@@ -29,11 +29,10 @@ from syncplan.refinement.refiner import refine
 from syncplan.reports.plan_report import plan_document
 from syncplan.reports.validation_report import sweep_document, validation_document
 from syncplan.runtime.files import as_text
+from tests.tools.processes import PATIENCE_S, wait_until
 from tests.tools.scenarios import FILES, document, example, small
-from tests.tools.serving import QUICK, Postgres, Process, Server, settings_of, wait_until
+from tests.tools.serving import QUICK, Postgres, Process, Server, settings_of
 
-ORPHANS_GONE_S = 2.0
-_PATIENCE_S = 90.0
 _GRID = (FILES / "paper-grid-same.yaml").read_text()
 _PAIR = {"landmarks_m": [[0.0, 40.0], [70.0, 40.0]]}
 
@@ -178,19 +177,18 @@ class Site:
         """Fail if anything that a process has started outlives it for long."""
         wait_until(
             lambda: not self.family(process),
-            ORPHANS_GONE_S,
-            lambda: f"left behind: {sorted(self.family(process))}",
+            otherwise=lambda: f"left behind: {sorted(self.family(process))}",
         )
 
     # --- requests ---
 
     def ask(self, method: str, path: str, **options: Any) -> httpx2.Response:
         """Return the answer to a request, whatever its status."""
-        return httpx2.request(method, f"{self.url}{path}", timeout=30.0, **options)
+        return httpx2.request(method, f"{self.url}{path}", timeout=PATIENCE_S, **options)
 
     def ask_until_up(self, path: str) -> httpx2.Response:
         """Return the answer to a GET, asked again while the server is down."""
-        deadline = time.monotonic() + 60.0
+        deadline = time.monotonic() + PATIENCE_S
         while True:
             try:
                 return self.ask("GET", path)
@@ -239,7 +237,7 @@ class Site:
 
     # --- what must hold ---
 
-    def wait_for(self, job_id: str, *states: str, seconds: float = _PATIENCE_S) -> dict[str, Any]:
+    def wait_for(self, job_id: str, *states: str, seconds: float = PATIENCE_S) -> dict[str, Any]:
         """Return a job once it is in one of the states."""
         last: dict[str, Any] = {}
 
@@ -289,7 +287,7 @@ class Site:
                 left[:] = client.list_workflows(status=["PENDING", "ENQUEUED"])
                 return not left
 
-            wait_until(nothing, 60.0, lambda: f"{left}\n{self.logs()}")
+            wait_until(nothing, otherwise=lambda: f"{left}\n{self.logs()}")
 
     @contextlib.contextmanager
     def _dbos(self) -> Iterator[DBOSClient]:

@@ -14,10 +14,11 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
+from tests.tools.processes import PATIENCE_S
+
 __all__ = ["Terminal"]
 
 COLUMNS = 100
-PATIENCE_S = 180.0
 
 _ENDED = "the command has ended with"
 

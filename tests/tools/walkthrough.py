@@ -26,7 +26,8 @@ from syncplan.landmarks.candidates import named_candidates
 from syncplan.scenario.loading import parse_values, scenario_from
 from syncplan.scenario.specification import Scenario
 from tests.tools.likeness import Likeness
-from tests.tools.serving import ROOT, free_port, wait_until
+from tests.tools.processes import PATIENCE_S, wait_until
+from tests.tools.serving import ROOT, free_port
 from tests.tools.terminal import Terminal
 
 __all__ = ["Block", "Walk", "blocks_of"]
@@ -35,7 +36,6 @@ ADDRESS = "127.0.0.1:8000"
 DATABASE = "postgresql://syncplan:PASSWORD@db.example/syncplan"
 NOT_RUN = "data-not-run"
 
-_PATIENCE_S = 30.0
 _BASE: dict[str, Any] = {
     "orbit": {"radius_m": 20, "angular_rate_rad_s": 0.2},
     "formation": {"shape": "grid", "count": 6, "columns": 3, "spacing_m": 70},
@@ -107,7 +107,7 @@ class Walk:
         """Start the service, as a reader of `make serve` has done."""
         self._terminal.run("syncplan serve 2> serve.log &")
         url = f"http://127.0.0.1:{self.port}/readyz"
-        wait_until(lambda: self._terminal.run(f"curl -sf {url}")[0] == 0, _PATIENCE_S)
+        wait_until(lambda: self._terminal.run(f"curl -sf {url}")[0] == 0)
 
     def _environment(self) -> dict[str, str]:
         kept = {k: v for k, v in os.environ.items() if not k.startswith(("SYNCPLAN_", "COLUMNS"))}
@@ -139,7 +139,7 @@ class Walk:
             self._step(block.place, command, written, may_fail=asks)
 
     def _step(self, place: str, command: str, written: str, *, may_fail: bool) -> None:
-        deadline = time.monotonic() + (_PATIENCE_S if _only_asks(command) else 0.0)
+        deadline = time.monotonic() + (PATIENCE_S if _only_asks(command) else 0.0)
         while True:
             real = self._likeness.translated(self._real(command))
             status, shown = self._terminal.run(real)

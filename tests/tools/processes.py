@@ -1,0 +1,62 @@
+"""What /proc says of processes: their children, whether they live, how long they have computed."""
+
+import contextlib
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+__all__ = ["PATIENCE_S", "alive", "command", "family", "wait_until", "worked"]
+
+PATIENCE_S = 300.0
+"""How long to wait for what comes true in a few seconds, in s: the machine may have other work."""
+
+_TICKS = os.sysconf("SC_CLK_TCK")
+
+
+def wait_until(
+    condition: Callable[[], bool],
+    seconds: float = PATIENCE_S,
+    otherwise: Callable[[], str] | None = None,
+) -> None:
+    """Wait for a condition, and fail if it does not come true in time."""
+    deadline = time.monotonic() + seconds
+    while not condition():
+        problem = otherwise() if otherwise is not None else f"not in {seconds} s"
+        assert time.monotonic() < deadline, problem
+        time.sleep(0.05)
+
+
+def alive(process: int) -> bool:
+    """Return whether a process is there, and not its exit status alone."""
+    fields = _stat(process)
+    return bool(fields) and fields[0] != "Z"
+
+
+def command(process: int) -> str:
+    """Return the command line of a process; nothing if there is none."""
+    with contextlib.suppress(OSError):
+        return Path(f"/proc/{process}/cmdline").read_text()
+    return ""
+
+
+def family(process: int) -> list[int]:
+    """Return a process and all that come of it."""
+    parents = {int(entry): _stat(int(entry)) for entry in os.listdir("/proc") if entry.isdigit()}
+    found = [process]
+    for one in found:
+        found += [child for child, fields in parents.items() if fields and int(fields[1]) == one]
+    return found
+
+
+def worked(process: int) -> float:
+    """Return the processor time in s that a process and all that come of it have taken."""
+    fields = filter(None, map(_stat, family(process)))
+    return sum(int(one[11]) + int(one[12]) for one in fields) / _TICKS
+
+
+def _stat(process: int) -> list[str]:
+    """The fields of /proc/PID/stat from the state on; none if there is no such process."""
+    with contextlib.suppress(OSError):
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    return []
