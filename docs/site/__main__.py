@@ -1,10 +1,14 @@
-"""python -m docs.site: build the documentation into build/site, from build/docs."""
+"""python -m docs.site: build the documentation into build/site, from build/docs.
+
+With --write, renew the tables that stand in the pages instead.
+"""
 
 import os
 import subprocess
 import sys
 from pathlib import Path
 
+from docs.site.kind_tables import renew
 from docs.site.pages import DOCS, write_pages
 from syncplan.errors import InputError
 
@@ -32,6 +36,9 @@ def generate(config: Path) -> int:
 
 if __name__ == "__main__":
     try:
-        sys.exit(main())
+        if "--write" in sys.argv[1:]:
+            renew(DOCS)
+        else:
+            sys.exit(main())
     except InputError as error:
         sys.exit(f"docs: {error}")

@@ -6,6 +6,7 @@ import shutil
 from pathlib import Path
 
 from docs.site.figures import DRAWN
+from docs.site.kind_tables import with_tables
 from docs.site.reference import PAGES
 from syncplan.errors import InputError
 from syncplan.plotting.canvas import CONFIG, Spec
@@ -28,14 +29,14 @@ _PLACE = re.compile(r"^<!-- figure: ([\w-]+) -->$", re.MULTILINE)
 def write_pages(folder: Path) -> None:
     """Write everything that a generator of sites needs into a folder, which is emptied first.
 
-    Raises InputError for a figure that is not there, and where Plotly is not installed.
+    Raises InputError for a figure or table that is not there, and where Plotly is not installed.
     """
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(DOCS, folder, ignore=lambda _, names: _LEFT_OUT & set(names))
     for path in sorted(folder.rglob("*.md")):
         name = path.relative_to(folder).as_posix()
         markdown = _NOT_RUN.sub(r"\1{ .\2 \3 }", path.read_text("utf-8"))
-        path.write_text(with_figures(markdown, name), "utf-8")
+        path.write_text(with_figures(with_tables(markdown, name), name), "utf-8")
     for name, content in PAGES.items():
         target = folder / name
         target.parent.mkdir(parents=True, exist_ok=True)

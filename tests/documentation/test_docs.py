@@ -15,6 +15,7 @@ from docs.site import studies
 from docs.site.__main__ import generate
 from docs.site.__main__ import main as build_site
 from docs.site.figures import DRAWN, final_error, sight_direction
+from docs.site.kind_tables import TABLES, with_tables
 from docs.site.pages import with_figures
 from docs.site.reference import PAGES as REFERENCE
 from docs.site.scenario_keys import described_keys, unit_of
@@ -304,6 +305,19 @@ def test_the_page_of_speeds_states_the_benchmarks_figures() -> None:
 def test_a_figure_that_is_not_there_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no figure 'nothing'; there are accuracy"):
         with_figures("<!-- figure: nothing -->", "page.md")
+
+
+def test_tables_of_what_can_be_chosen_are_those_of_the_code() -> None:
+    """`python -m docs.site --write` renews them; each stands on one page."""
+    for path in DOCS.rglob("*.md"):
+        text = path.read_text("utf-8")
+        assert with_tables(text, path.name) == text
+    named = [
+        re.findall(r"<!-- table: ([\w-]+) -->", path.read_text()) for path in DOCS.rglob("*.md")
+    ]
+    assert sorted(name for names in named for name in names) == sorted(TABLES)
+    with pytest.raises(InputError, match="no table 'nothing'; there are figures"):
+        with_tables("<!-- table: nothing -->\n<!-- end of table -->", "page.md")
 
 
 def test_a_link_that_leads_nowhere_ends_the_build(tmp_path: Path) -> None:

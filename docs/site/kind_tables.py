@@ -1,0 +1,97 @@
+"""Tables of what can be chosen by name, from the tables that the code chooses from.
+
+A page holds such a table between `<!-- table: NAME -->` and `<!-- end of table -->`, so that it
+reads well unbuilt; `python -m docs.site --write` renews it, and a test holds it.
+"""
+
+import re
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+
+from syncplan.errors import InputError
+from syncplan.estimation.filters import FILTERS
+from syncplan.exporting.format_table import ALL, FORMATS
+from syncplan.plotting.figure_table import FIGURES, SUBJECTS
+from syncplan.scenario.objectives import OBJECTIVES
+
+__all__ = ["TABLES", "renew", "with_tables"]
+
+_TABLE = re.compile(
+    r"^<!-- table: ([\w-]+) -->$.*?^<!-- end of table -->$", re.MULTILINE | re.DOTALL
+)
+
+
+def _formats() -> str:
+    rows = [
+        (f"`{name}`", one.title, "yes" if one.on_earth else "no", f"{one.altitude_m:g}")
+        for name, one in FORMATS.items()
+    ]
+    rows.append((f"`{ALL}`", "each of these in a folder of its own", "where there is one", ""))
+    return _table(
+        ("`--format`", "what it writes", "needs `geo_origin`", "default altitude, m"), rows
+    )
+
+
+def _figures() -> str:
+    rows = [
+        (
+            SUBJECTS[one.of],
+            f"`{name}`",
+            one.sentence + (f" Absent if {one.why_not}." if one.why_not else ""),
+        )
+        for name, one in FIGURES.items()
+    ]
+    return _table(("of", "figure", "shows"), rows)
+
+
+def _objectives() -> str:
+    rows = [
+        (f"`{name}`", one.sentence, "less" if one.falls else "more")
+        for name, one in OBJECTIVES.items()
+    ]
+    return _table(("objective", "improves", "better is"), rows)
+
+
+def _filters() -> str:
+    return _table(
+        ("`--model`", "what it does"),
+        [(f"`{name}`", one.sentence) for name, one in FILTERS.items()],
+    )
+
+
+TABLES: Mapping[str, Callable[[], str]] = {
+    "figures": _figures,
+    "filters": _filters,
+    "formats": _formats,
+    "objectives": _objectives,
+}
+"""Every table by the name that pages give."""
+
+
+def with_tables(markdown: str, name: str) -> str:
+    """Return a page with its tables as the code has them now.
+
+    Raises InputError for a table that is not there.
+    """
+    return _TABLE.sub(lambda found: _marked(found[1], name), markdown)
+
+
+def renew(folder: Path) -> None:
+    """Rewrite the tables of all pages below a folder."""
+    for path in sorted(folder.rglob("*.md")):
+        text = path.read_text("utf-8")
+        renewed = with_tables(text, path.name)
+        if renewed != text:
+            path.write_text(renewed, "utf-8")
+
+
+def _marked(table: str, page: str) -> str:
+    if table not in TABLES:
+        raise InputError(f"no table {table!r}; there are {', '.join(TABLES)}", source=page)
+    return f"<!-- table: {table} -->\n\n{TABLES[table]()}\n\n<!-- end of table -->"
+
+
+def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    cells = [tuple(head), *map(tuple, rows)]
+    lines = [f"| {' | '.join(row)} |" for row in cells]
+    return "\n".join([lines[0], f"|{'---|' * len(cells[0])}", *lines[1:]])
