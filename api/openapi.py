@@ -1,8 +1,8 @@
 """The OpenAPI document: what FastAPI can't know of bodies and headers, and worked examples.
 
 Bodies are read as they come and checked in child processes, so FastAPI sees no model of them. The
-examples are answers of the real service, kept as data; `python -m tests.tools.record_examples`
-renews them.
+examples are answers of the real service, kept as data where a reader needs more than the general
+example of a status; `python -m tests.tools.record_examples` renews them.
 """
 
 import json
@@ -177,6 +177,11 @@ def _never_null(schema: Tree) -> Tree:
 
 
 def _examples(name: str) -> Tree:
-    text = files("api").joinpath("examples", f"{name}.json").read_text(encoding="utf-8")
-    recorded: Tree = json.loads(text)
-    return recorded
+    file = files("api").joinpath("examples", f"{name}.json")
+    recorded: Tree = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
+    for answers in recorded.get("responses", {}).values():
+        for key, one in answers.items():
+            if "same" in one:
+                other, status = one["same"]
+                answers[key] = _examples(other)["responses"][status][key]
+    return {"request": {}, "responses": {}, **recorded}
