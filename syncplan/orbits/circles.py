@@ -7,7 +7,17 @@ from numpy.typing import ArrayLike
 
 from syncplan.arrays import Array, Index
 
-__all__ = ["Orbits", "heading", "perpendicular", "phase", "position", "transition", "unit", "wrap"]
+__all__ = [
+    "Orbits",
+    "heading",
+    "perpendicular",
+    "phase",
+    "position",
+    "transition",
+    "turned",
+    "unit",
+    "wrap",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +78,12 @@ def unit(angle: ArrayLike) -> Array:
 def perpendicular(vector: Array) -> Array:
     """Return the vectors turned a quarter turn counter-clockwise, shape (..., 2)."""
     return np.stack([-vector[..., 1], vector[..., 0]], axis=-1)
+
+
+def turned(vectors: Array, angle: float) -> Array:
+    """Return the vectors (..., 2) turned counter-clockwise by `angle` rad."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.asarray(vectors @ np.array([[c, s], [-s, c]]))
 
 
 def wrap(angle: ArrayLike) -> Array:

@@ -1,43 +1,35 @@
 """Placement: centres for a formation that gives none, from its links or from the gap of its shape.
 
 From links: any drawing of the graph whose linked circles come within range with a margin, whose
-circles all keep apart, and that serves landmarks and areas. From a shape: neighbours' circles
-`gap_m` apart. Either is a start for refinement, and says in NumPy what it attains.
+circles all keep apart, and that sights landmarks and stays within areas. From a shape: neighbours'
+circles `gap_m` apart. Either is a start for refinement, with what it attains computed in NumPy.
+
+The way is one: the scenario's demands, a drawing that should meet them, its certificate.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from syncplan.arrays import Array, Index
+from syncplan.arrays import Array, Index, as_pairs
 from syncplan.errors import InputError, NoSolutionError
-from syncplan.orbits.graphs import components
 from syncplan.orbits.separation import outer_gaps
-from syncplan.placement.demands import Demands, shortfalls, sightings
-from syncplan.placement.drawing import improve
-from syncplan.placement.infeasibility import Names, complaint, obstacle
+from syncplan.placement.demands import Demands, demands_of
+from syncplan.placement.drawing import Drawing, draw
+from syncplan.placement.improvement import improved
+from syncplan.placement.infeasibility import complaint, obstacle
 from syncplan.placement.layouts import starting_layouts
 from syncplan.runtime.blas import single_threaded_blas
 from syncplan.scenario.areas import Area
-from syncplan.scenario.formations import gap_centers, neighbours, shape_centers
+from syncplan.scenario.formations import SHAPES
 from syncplan.scenario.loading import scenario_from
-from syncplan.scenario.specification import Scenario, per_vehicle
+from syncplan.scenario.models import Formation
+from syncplan.scenario.specification import Scenario
 
-__all__ = ["MARGIN_SHARE", "Placement", "place"]
+__all__ = ["Placement", "place"]
 
-
-MARGIN_SHARE = 0.02
-"""Share of the range by which links stay within it where no margin is given."""
-
-_LEAST_SHARE = 0.01
-"""Share of the range that circles are kept apart where min_separation_m asks for less."""
-
-_APART_SHARE = 1.1
-"""Gap of unlinked circles aimed for, in ranges: just too far to meet."""
 
 _SHAPE_ACCURACY = 1e-12
-_GAP_TOLERANCE = 1e-7
-_CROSSING = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +49,7 @@ class Placement:
         without
     sightings : (k, 2) vehicle and landmark, two landmarks for each connected group of links
     sighting_distances : (k,) m, least distance of that vehicle's circle from the landmark
-    starts, iterations : layouts tried, convex programmes solved in all; 0 for closed forms
+    starts, iterations : layouts tried, convex problems solved in all; 0 for closed forms
     seed : of the layouts
     """
 
@@ -81,9 +73,9 @@ def place(
 ) -> Placement:
     """Return centres for a formation given by links alone, or by a shape and a gap.
 
-    `margin` in m is what links stay within range by: refine.margin_m if not given, else a
-    fiftieth of the shortest range. Raises InputError for a formation whose centres are known
-    already, NoSolutionError where no drawing is found, naming the links that fail.
+    Links stay within range by `margin` m: refine.margin_m if not given, else a fiftieth of the
+    shortest range. Raises InputError for a formation whose centres are known already,
+    NoSolutionError where no drawing is found, naming the links that fail.
     """
     formation = scenario.formation
     if formation.placed:
@@ -96,115 +88,48 @@ def place(
         raise InputError(f"{starts}: must be at least 1", key="starts")
     if seed < 0:
         raise InputError(f"{seed}: must be 0 or more", key="seed")
-    kept = _margin(scenario, margin)
-    if formation.shape is not None:
-        return _shaped(scenario, kept, seed)
-    demands = _demands(scenario, kept)
-    names = Names(scenario.vehicle_names, scenario.landmark_names, kept)
-    reason = obstacle(demands, names)
+    demands = demands_of(scenario, margin)
+    if formation.shape is None:
+        drawing = _draw_links(demands, starts, seed)
+    else:
+        drawing = _draw_shape(demands, formation)
+    return _certified(scenario, drawing, seed)
+
+
+def _draw_links(demands: Demands, starts: int, seed: int) -> Drawing:
+    """The best of the layouts, improved; the first that meets all demands."""
+    reason = obstacle(demands)
     if reason:
         raise NoSolutionError(reason)
-    best, missed, iterations, tried = np.zeros((0, 2)), np.inf, 0, 0
+    best: Drawing | None = None
+    tried = rounds = 0
     for layout in starting_layouts(demands, starts, seed):
-        tried += 1
-        drawing = improve(demands, layout)
-        iterations += drawing.iterations
-        if drawing.missed < missed:
-            best, missed = drawing.centers, drawing.missed
-        if missed == 0.0:
+        drawing = improved(draw(demands, layout))
+        tried, rounds = tried + 1, rounds + drawing.rounds
+        if best is None or drawing.missed.total < best.missed.total:
+            best = drawing
+        if best.missed.total == 0.0:
             break
+    centers = np.zeros((0, 2)) if best is None else best.centers
     if not len(demands.landmarks) and not demands.area.limited:
-        best = best - 0.5 * (best.min(axis=0) + best.max(axis=0))
-    return _certified(scenario, demands, best, kept, tried, iterations, seed)
+        centers = centers - 0.5 * (centers.min(axis=0) + centers.max(axis=0))
+    return replace(draw(demands, centers), starts=tried, rounds=rounds)
 
 
-# --- the scenario as demands ----------------------------------------------------------------------
-
-
-def _margin(scenario: Scenario, margin: float | None) -> float:
-    shortest = min(sensor.range_m for sensor in scenario.sensors)
-    refine = scenario.refine
-    if margin is None:
-        given = refine.margin_m if refine is not None else None
-        margin = MARGIN_SHARE * shortest if given is None else given
-    if not 0.0 <= margin < shortest:
-        raise InputError(
-            f"{margin:g} m: must be at least 0 and less than the range, {shortest:g} m",
-            key="margin",
-        )
-    return margin
-
-
-def _radii(scenario: Scenario) -> Array:
-    return np.array(per_vehicle(scenario.orbit.radius_m, scenario.size), dtype=float)
-
-
-def _ranges(scenario: Scenario) -> Array:
-    return np.array([sensor.range_m for sensor in scenario.sensors])
-
-
-def _listed(scenario: Scenario) -> Index:
-    """(e, 2) pairs a < b as listed."""
-    index = {name: k for k, name in enumerate(scenario.vehicle_names)}
-    pairs = [sorted((index[a], index[b])) for a, b in scenario.formation.links or []]
-    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
-
-
-def _demands(scenario: Scenario, margin: float) -> Demands:
-    links, ranges = _listed(scenario), _ranges(scenario)
-    least = max(scenario.min_separation_m, _LEAST_SHARE * float(ranges.min()))
-    most = ranges[links].max(axis=1) - margin
-    edges = [(int(a), int(b)) for a, b in links]
-    return Demands(
-        radii=_radii(scenario),
-        links=links,
-        least=least,
-        most=most,
-        wanted=0.5 * (least + most),
-        apart=max(_APART_SHARE * float(ranges.max()), least),
-        landmarks=np.array(scenario.landmarks, dtype=float).reshape(-1, 2),
-        sight=ranges - margin,
-        groups=tuple(np.array(part) for part in components(scenario.size, edges)),
-        area=Area.of(scenario.area_m, scenario.keep_out_m),
-    )
-
-
-# --- shapes ---------------------------------------------------------------------------------------
-
-
-def _shaped(scenario: Scenario, margin: float, seed: int) -> Placement:
-    """Place a shape whose neighbours' circles are gap_m apart, where the shape is defined."""
-    formation, radii = scenario.formation, _radii(scenario)
-    shape, gap, columns = formation.shape or "", formation.gap_m or 0.0, formation.columns
-    links = neighbours(shape, len(radii), columns)
-    if gap < scenario.min_separation_m:
-        raise NoSolutionError(
-            f"formation.gap_m {gap:g}: less than min_separation_m "
-            f"{scenario.min_separation_m:g}; raise the gap or lower the separation"
-        )
-    most = np.maximum(gap, _ranges(scenario)[links].max(axis=1) - margin)
-    demands = Demands(
-        radii=radii,
-        links=links,
-        least=min(gap, max(scenario.min_separation_m, _CROSSING)) * (1.0 - _GAP_TOLERANCE),
-        most=most * (1.0 + _GAP_TOLERANCE),
-        wanted=np.full(len(links), gap),
-        apart=min(gap, max(scenario.min_separation_m, _CROSSING)),
-        landmarks=np.zeros((0, 2)),
-        sight=np.zeros(len(radii)),
-        groups=(),
-        area=Area(),
-    )
-    centers, rounds = gap_centers(shape, radii, gap, columns), 0
-    if centers is None:
-        start = shape_centers(shape, len(radii), 2.0 * float(radii.mean()) + gap, columns)
-        # first without an upper limit, which would hold gaps a little short of itself
-        drawing = improve(replace(demands, most=2.0 * most), start, accuracy=_SHAPE_ACCURACY)
-        if shortfalls(demands, drawing.centers).total > 0.0:
-            drawing = improve(demands, start, accuracy=_SHAPE_ACCURACY)
-        centers, rounds = _stood(drawing.centers, start), drawing.iterations
-    demands = replace(demands, area=Area.of(scenario.area_m, scenario.keep_out_m))
-    return _certified(scenario, demands, centers, margin, int(rounds > 0), rounds, seed)
+def _draw_shape(demands: Demands, formation: Formation) -> Drawing:
+    """The shape with neighbours' circles gap_m apart, wherever that puts it."""
+    shape, gap, columns = SHAPES[formation.shape or ""], formation.gap_m or 0.0, formation.columns
+    centers = shape.gap_centers(demands.radii, gap, columns)
+    if centers is not None:
+        return draw(demands, centers)
+    start = shape.centers(demands.count, 2.0 * float(demands.radii.mean()) + gap, columns)
+    unbound = replace(demands, area=Area())
+    # first without an upper limit, which would hold gaps a little short of itself
+    loose = replace(unbound, most=2.0 * demands.most)
+    drawing = improved(draw(loose, start), accuracy=_SHAPE_ACCURACY)
+    if draw(unbound, drawing.centers).missed.total > 0.0:
+        drawing = improved(draw(unbound, start), accuracy=_SHAPE_ACCURACY)
+    return replace(draw(demands, _stood(drawing.centers, start)), starts=1, rounds=drawing.rounds)
 
 
 def _stood(centers: Array, regular: Array) -> Array:
@@ -217,43 +142,32 @@ def _stood(centers: Array, regular: Array) -> Array:
     return np.asarray(turned - turned[0] + regular[0])
 
 
-# --- the verdict ----------------------------------------------------------------------------------
+# --- the certificate ------------------------------------------------------------------------------
 
 
-def _certified(
-    scenario: Scenario,
-    demands: Demands,
-    centers: Array,
-    margin: float,
-    starts: int,
-    iterations: int,
-    seed: int,
-) -> Placement:
-    """Return the placement if its centres meet all demands, judged afresh."""
-    names = Names(scenario.vehicle_names, scenario.landmark_names, margin)
-    missed = shortfalls(demands, centers)
-    if missed.total > 0.0:
-        problem = complaint(demands, names, centers, missed)
+def _certified(scenario: Scenario, drawing: Drawing, seed: int) -> Placement:
+    """Return the placement if the drawing meets all demands."""
+    demands, centers, tried = drawing.demands, drawing.centers, drawing.starts
+    if drawing.missed.total > 0.0:
+        problem = complaint(drawing)
         raise NoSolutionError(
-            f"no placement found in {starts} starts: {problem}" if starts else problem
+            f"no placement found in {tried} starts: {problem}" if tried else problem
         )
-    links = _listed(scenario) if scenario.formation.links is not None else demands.links
-    served = sightings(demands, centers)
-    away = np.hypot(*(centers[served[:, 0]] - demands.landmarks[served[:, 1]]).T)
-    a, b = np.triu_indices(demands.count, 1)
-    every = outer_gaps(centers, demands.radii, np.column_stack([a, b]))
+    listed = scenario.formation.links is not None
+    links = as_pairs(scenario.linked) if listed else demands.links
+    every = np.column_stack(np.triu_indices(demands.count, 1))
     return Placement(
         scenario=_placed(scenario, centers),
         centers=centers,
-        margin=margin,
+        margin=demands.names.margin,
         links=links,
         gaps=outer_gaps(centers, demands.radii, links),
-        smallest_gap=float(every.min(initial=np.inf)),
+        smallest_gap=float(outer_gaps(centers, demands.radii, every).min(initial=np.inf)),
         clearance=float(demands.area.clearances(centers, demands.radii).min()),
-        sightings=served,
-        sighting_distances=np.abs(away - demands.radii[served[:, 0]]),
-        starts=starts,
-        iterations=iterations,
+        sightings=drawing.sightings,
+        sighting_distances=np.abs(drawing.sighted_from - demands.radii[drawing.sightings[:, 0]]),
+        starts=tried,
+        iterations=drawing.rounds,
         seed=seed,
     )
 

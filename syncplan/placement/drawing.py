@@ -1,127 +1,106 @@
-"""Drawings of linked circles, improved by sequential convex programming.
+"""A drawing of circles, measured: what it attains of its demands, and what it misses.
 
-Each round solves the convex programme about the present drawing (syncplan.placement.layout_qp),
-which prices whatever is missed; the step is taken only if the true, curved shortfalls agree, and
-the trust region follows how well the two agree.
+    gap = D - R_a - R_b             of two circles: the least distance their vehicles can come to
+    off = |D - R|                   of a circle and a landmark
+    clearance                       of a circle in an area, see syncplan.scenario.areas
+
+All is computed here in NumPy from the centres; nothing rests on a solver's word.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from syncplan.arrays import Array, Index
+from syncplan.arrays import Array, Index, as_pairs
 from syncplan.orbits.separation import outer_gaps
-from syncplan.placement.demands import Demands, others, shortfalls, sightings
-from syncplan.placement.layout_qp import (
-    APART_WEIGHT,
-    FIRM,
-    PRICE,
-    Programme,
-    compiled,
-    fill,
-    solved,
-)
+from syncplan.placement.demands import Demands
 
-__all__ = ["Drawing", "improve"]
+__all__ = ["Drawing", "Shortfalls", "draw"]
 
 
-_ALL_PAIRS = 40
-"""Number of circles up to which every pair is in the programme; beyond it, those nearby."""
+@dataclass(frozen=True, slots=True)
+class Shortfalls:
+    """By how much a drawing misses its demands, in m; zero where it meets them.
 
-_NEARBY = 1.5
-"""How much nearer pairs in the programme may come, in typical distances, before others count."""
+    Attributes
+    ----------
+    links : (e,) gap beyond the largest
+    pairs : (p, 2) circles nearer than the least gap
+    gaps : (p,) m, how much nearer
+    landmarks : (k,) of each row of the drawing's `sightings`
+    area : (n,)
+    """
 
-_TRUST = 0.5
-_LEAST_TRUST = 1e-6
-_PERFECT = 0.01
-"""Charge for each circle below which a drawing is as good as perfect."""
+    links: Array
+    pairs: Index
+    gaps: Array
+    landmarks: Array
+    area: Array
 
-_PATIENCE = {True: 2, False: 5}
-"""Rounds of hardly any gain after which to stop, by whether all demands are met."""
+    @property
+    def total(self) -> float:
+        """Sum of all in m."""
+        return float(self.links.sum() + self.gaps.sum() + self.landmarks.sum() + self.area.sum())
 
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """Centres (n, 2) m, the sum of what they miss in m, and the rounds it took."""
+    """Centres of n circles, and what they attain.
 
-    centers: Array
-    missed: float
-    iterations: int
-
-
-def improve(
-    demands: Demands, centers: Array, *, rounds: int = 100, accuracy: float = 1e-3
-) -> Drawing:
-    """Return a drawing no worse than the given (n, 2) centres.
-
-    Ends when some rounds in turn gain less than `accuracy` of what is still charged, more of them
-    where demands are not met yet, or when no step helps.
+    Attributes
+    ----------
+    demands : on the drawing
+    centers : (n, 2) m
+    link_gaps : (e,) m, gap of the circles of each link
+    sightings : (k, 2) vehicle and landmark: for each component the two it sights most easily
+    sighted_from : (k,) m, distance of that vehicle's centre from the landmark
+    missed : by how much the demands are missed
+    starts, rounds : layouts tried and convex problems solved for it; 0 for closed forms
     """
-    unit = demands.unit
-    place = np.array(centers, dtype=float)
-    worth, missed = _merit(demands, place)
-    trust, done, stalled = _TRUST, 0, 0
-    programme: Programme | None = None
-    while done < rounds and trust >= _LEAST_TRUST and stalled < _PATIENCE[missed == 0.0]:
-        done += 1
-        if programme is None or _strangers_near(demands, place, programme.free, trust * unit):
-            programme = compiled(demands, _near(demands, place, _NEARBY * unit))
-        fill(programme, demands, place, trust)
-        step, promised = solved(programme)
-        if step is None:
-            trust *= 0.25
-            continue
-        tried = place + unit * step
-        value, shortfall = _merit(demands, tried)
-        gain, hoped = worth - value, worth - promised
-        enough = accuracy * (worth + _PERFECT * demands.count)
-        stalled = stalled + 1 if max(gain, hoped) < enough else 0
-        if gain > 0.05 * hoped and gain > 0.0:
-            place, worth, missed = tried, value, shortfall
-            trust = min(2.0 * trust, _TRUST) if gain > 0.5 * hoped else trust
-        else:
-            trust = 0.35 * min(trust, max(float(np.max(np.abs(step))), 1e-9))
-    return Drawing(place, missed, done)
+
+    demands: Demands
+    centers: Array
+    link_gaps: Array
+    sightings: Index
+    sighted_from: Array
+    missed: Shortfalls
+    starts: int = 0
+    rounds: int = 0
 
 
-# --- the true merit -----------------------------------------------------------------------------
-
-
-def _merit(demands: Demands, centers: Array) -> tuple[float, float]:
-    """What a drawing is charged (in units of a typical distance), and what it misses in m."""
-    unit = demands.unit
-    missed = shortfalls(demands, centers)
-    gaps = outer_gaps(centers, demands.radii, demands.links)
-    near = demands.apart - outer_gaps(centers, demands.radii, others(demands.count, demands.links))
-    vehicle, landmark = sightings(demands, centers).T
+def draw(demands: Demands, centers: Array) -> Drawing:
+    """Return the drawing with these (n, 2) centres in m."""
+    a, b = np.triu_indices(demands.count, 1)
+    every = np.column_stack([a, b])
+    missing = demands.least - outer_gaps(centers, demands.radii, every)
+    near = missing > 0.0
+    sightings = _sightings(demands, centers)
+    vehicle, landmark = sightings.T
     away = np.hypot(*(centers[vehicle] - demands.landmarks[landmark]).T)
-    aim = demands.radii[vehicle] + 0.5 * demands.sight[vehicle]
-    soft = (
-        np.sum((gaps - demands.wanted) ** 2)
-        + APART_WEIGHT * np.sum(np.maximum(near, 0.0) ** 2)
-        + APART_WEIGHT * np.sum((away - aim) ** 2)
+    off = np.abs(away - demands.radii[vehicle])
+    gaps = outer_gaps(centers, demands.radii, demands.links)
+    clear = demands.area.clearances(centers, demands.radii) if demands.area.limited else None
+    missed = Shortfalls(
+        links=np.maximum(gaps - demands.most, 0.0),
+        pairs=every[near],
+        gaps=missing[near],
+        landmarks=np.maximum(off - demands.sight[vehicle], 0.0),
+        area=np.zeros(demands.count) if clear is None else np.maximum(-clear, 0.0),
     )
-    firm = missed.total - float(missed.links.sum())
-    price = PRICE * (float(missed.links.sum()) + FIRM * firm)
-    return float(soft) / unit**2 + price / unit, missed.total
+    return Drawing(demands, centers, gaps, sightings, away, missed)
 
 
-# --- pairs in the programme -----------------------------------------------------------------------
-
-
-def _near(demands: Demands, centers: Array, slack: float) -> Index:
-    """Unlinked pairs within `slack` m of the gap they are wanted to have; all in a small team."""
-    free = others(demands.count, demands.links)
-    if demands.count <= _ALL_PAIRS:
-        return free
-    return free[outer_gaps(centers, demands.radii, free) < demands.apart + slack]
-
-
-def _strangers_near(demands: Demands, centers: Array, known: Index, trust: float) -> bool:
-    """Whether a pair that is not in the programme could cross within one step of it."""
-    if demands.count <= _ALL_PAIRS:
-        return False
-    free = others(demands.count, demands.links)
-    inside = np.isin(free @ [demands.count, 1], known @ [demands.count, 1])
-    reach = demands.least + 2.0 * np.sqrt(2.0) * trust
-    return bool(np.any(outer_gaps(centers, demands.radii, free[~inside]) < reach))
+def _sightings(demands: Demands, centers: Array) -> Index:
+    """(k, 2) of vehicle and landmark: for each component the two it sights most easily."""
+    chosen = []
+    needed = min(2, len(demands.landmarks))
+    for group in demands.groups if needed else ():
+        away = np.hypot(*(centers[group][:, None] - demands.landmarks[None]).transpose(2, 0, 1))
+        off = away - demands.radii[group][:, None]
+        sight = demands.sight[group][:, None]
+        cost = np.maximum(np.abs(off) - sight, 0.0) + 0.01 * np.abs(off - 0.5 * sight)
+        nearest = np.argmin(cost, axis=0)
+        best = cost[nearest, np.arange(len(demands.landmarks))]
+        for landmark in np.sort(np.argsort(best, kind="stable")[:needed]):
+            chosen.append((int(group[nearest[landmark]]), int(landmark)))
+    return as_pairs(chosen)

@@ -4,16 +4,14 @@ Every reason of `obstacle` is a proof; where it finds none, a drawing may still 
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from syncplan.arrays import Array, Index
-from syncplan.orbits.separation import outer_gaps
-from syncplan.placement.demands import Demands, Shortfalls, sightings
+from syncplan.arrays import Array
+from syncplan.placement.demands import Demands
+from syncplan.placement.drawing import Drawing
 
-__all__ = ["Names", "complaint", "obstacle"]
+__all__ = ["complaint", "obstacle"]
 
 
 _SHOWN = 3
@@ -22,34 +20,21 @@ _ARC_ERROR = 1e-3
 _MOST_TRIALS = 500
 
 
-@dataclass(frozen=True, slots=True)
-class Names:
-    """What to call things in a message: vehicles, landmarks, the margin in m."""
-
-    vehicles: Sequence[str]
-    landmarks: Sequence[str]
-    margin: float
-
-    def link(self, pair: Array | Index) -> str:
-        """Return a link as a-b."""
-        return f"{self.vehicles[int(pair[0])]}-{self.vehicles[int(pair[1])]}"
-
-
-def obstacle(demands: Demands, names: Names) -> str:
+def obstacle(demands: Demands) -> str:
     """Return a proof that the demands can't be met, in one line; empty where none is found."""
     return (
-        _tight_link(demands, names)
-        or _crowd(demands, names)
-        or _no_room(demands, names)
-        or _landmark_out_of_reach(demands, names)
-        or _landmarks_too_far_apart(demands, names)
+        _tight_link(demands)
+        or _crowd(demands)
+        or _no_room(demands)
+        or _landmark_out_of_reach(demands)
+        or _landmarks_too_far_apart(demands)
     )
 
 
-def complaint(demands: Demands, names: Names, centers: Array, missed: Shortfalls) -> str:
+def complaint(drawing: Drawing) -> str:
     """Return what a drawing misses, in one line, links first and the worst first."""
-    faults = []
-    gaps = outer_gaps(centers, demands.radii, demands.links)
+    demands, missed, gaps = drawing.demands, drawing.missed, drawing.link_gaps
+    names, faults = demands.names, []
     for k in _worst(missed.links):
         faults.append(
             f"link {names.link(demands.links[k])}: circles {gaps[k]:.3g} m apart, range "
@@ -60,9 +45,8 @@ def complaint(demands: Demands, names: Names, centers: Array, missed: Shortfalls
         gap = demands.least - missed.gaps[k]
         near = f"{gap:.3g} m apart" if gap >= 0.0 else f"cross by {-gap:.3g} m"
         faults.append(f"{a} and {b}: circles {near}, to be {demands.least:.3g} m apart at least")
-    rows = sightings(demands, centers)
     for k in _worst(missed.landmarks):
-        vehicle, landmark = rows[k]
+        vehicle, landmark = drawing.sightings[k]
         faults.append(
             f"landmark {names.landmarks[landmark]}: {missed.landmarks[k]:.3g} m out of the range "
             f"of {names.vehicles[vehicle]}, the nearest of its linked vehicles that could serve it"
@@ -82,7 +66,8 @@ def _worst(missed: Array) -> list[int]:
     return [int(k) for k in order if missed[k] > 0.0]
 
 
-def _tight_link(demands: Demands, names: Names) -> str:
+def _tight_link(demands: Demands) -> str:
+    names = demands.names
     for k in np.flatnonzero(demands.most < demands.least):
         return (
             f"link {names.link(demands.links[k])}: its circles are to be at least "
@@ -92,7 +77,7 @@ def _tight_link(demands: Demands, names: Names) -> str:
     return ""
 
 
-def _crowd(demands: Demands, names: Names) -> str:
+def _crowd(demands: Demands) -> str:
     """More circles linked to one than fit round it, each within range, all apart.
 
     Two neighbours round the middle at distances p and q stand at least `least` apart, so the angle
@@ -100,6 +85,7 @@ def _crowd(demands: Demands, names: Names) -> str:
     and of q. In a full turn each one's angles to its two neighbours are no less than its two
     smallest: half their sum over all can't exceed 2 pi.
     """
+    names = demands.names
     for middle in range(demands.count):
         own = np.flatnonzero(np.any(demands.links == middle, axis=1))
         if len(own) < 4:
@@ -130,7 +116,8 @@ def _crowd(demands: Demands, names: Names) -> str:
     return ""
 
 
-def _no_room(demands: Demands, names: Names) -> str:
+def _no_room(demands: Demands) -> str:
+    names = demands.names
     if demands.area.inside is None:
         return ""
     corners = demands.area.inside
@@ -152,8 +139,9 @@ def _no_room(demands: Demands, names: Names) -> str:
     return ""
 
 
-def _landmark_out_of_reach(demands: Demands, names: Names) -> str:
+def _landmark_out_of_reach(demands: Demands) -> str:
     """Landmarks that no circle in the area comes within range of."""
+    names = demands.names
     if not demands.area.limited or not len(demands.landmarks):
         return ""
     kinds = np.unique(np.column_stack([demands.radii, demands.sight]), axis=0)
@@ -178,8 +166,9 @@ def _landmark_out_of_reach(demands: Demands, names: Names) -> str:
     )
 
 
-def _landmarks_too_far_apart(demands: Demands, names: Names) -> str:
+def _landmarks_too_far_apart(demands: Demands) -> str:
     """Groups of linked vehicles that are too small to sight any two landmarks."""
+    names = demands.names
     if len(demands.landmarks) < 2:
         return ""
     from scipy import sparse, spatial

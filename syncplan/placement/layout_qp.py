@@ -1,4 +1,4 @@
-"""The convex programme of one round of drawing linked circles, compiled once by cvxpy for OSQP.
+"""The quadratic program (QP) of one round of drawing circles, compiled once by cvxpy for OSQP.
 
 In the steps of all centres, within a trust region, about the present drawing:
 
@@ -19,10 +19,20 @@ from typing import Any
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.placement.demands import Demands, sightings
+from syncplan.orbits.circles import turned
+from syncplan.placement.demands import Demands
+from syncplan.placement.drawing import Drawing
 from syncplan.runtime.convex_solver import has_solution, load_cvxpy
 
-__all__ = ["APART_WEIGHT", "FIRM", "PRICE", "Programme", "compiled", "fill", "solved"]
+__all__ = [
+    "APART_WEIGHT",
+    "FIRM",
+    "PRICE",
+    "LayoutQP",
+    "compile_qp",
+    "set_parameters",
+    "solved",
+]
 
 
 PRICE = 50.0
@@ -38,15 +48,15 @@ _FACET = 0.3
 """Turn of the outer facets of a link, rad."""
 
 _EDGES = 6
-"""Most polygon edges that a circle minds at a time."""
+"""Most polygon edges that limit a circle at a time."""
 
 _SAFETY = 1e-3
-"""Share of the play of a link by which the programme stays within its limits."""
+"""Share of the play of a link by which the QP stays within its limits."""
 
 
 @dataclass(frozen=True, slots=True)
-class Programme:
-    """A compiled programme: `fill` sets its parameters, lengths in units of a typical distance."""
+class LayoutQP:
+    """A compiled QP: `set_parameters` sets its parameters, lengths in typical distances."""
 
     problem: Any
     steps: Any
@@ -54,8 +64,8 @@ class Programme:
     free: Index
 
 
-def compiled(demands: Demands, free: Index) -> Programme:
-    """Compile the programme for the links and the unlinked pairs `free`."""
+def compile_qp(demands: Demands, free: Index) -> LayoutQP:
+    """Compile the QP for the links and the unlinked pairs `free`."""
     cp = load_cvxpy()
     from scipy import sparse
 
@@ -97,7 +107,7 @@ def compiled(demands: Demands, free: Index) -> Programme:
         cost += FIRM * PRICE * cp.sum(miss)
         if name == "mark":
             cost += APART_WEIGHT * cp.sum_squares(along(name, each) - given["mark_wanted"])
-    return Programme(cp.Problem(cp.Minimize(cost), limits), step, given, free)
+    return LayoutQP(cp.Problem(cp.Minimize(cost), limits), step, given, free)
 
 
 def _holds(demands: Demands) -> dict[str, int]:
@@ -135,7 +145,7 @@ def _differences(pairs: Index, count: int) -> Any:
     return first - sparse.csr_matrix((ones, (rows, pairs[:, 1])), (len(pairs), count))
 
 
-def solved(programme: Programme) -> tuple[Array | None, float]:
+def solved(qp: LayoutQP) -> tuple[Array | None, float]:
     """Steps (n, 2) in units, and the merit they promise; None where the solver failed."""
     settings = {
         "solver": "OSQP",
@@ -146,16 +156,16 @@ def solved(programme: Programme) -> tuple[Array | None, float]:
         "polishing": True,
         "adaptive_rho_interval": 50,
     }
-    if not has_solution(programme.problem, **settings):
+    if not has_solution(qp.problem, **settings):
         return None, np.inf
-    return np.asarray(programme.steps.value, dtype=float), float(programme.problem.value)
+    return np.asarray(qp.steps.value, dtype=float), float(qp.problem.value)
 
 
-def fill(programme: Programme, demands: Demands, centers: Array, trust: float) -> None:
-    """Set the parameters of the programme about the present centres."""
-    unit = demands.unit
+def set_parameters(qp: LayoutQP, drawing: Drawing, trust: float) -> None:
+    """Set the parameters of the QP about the present drawing."""
+    demands, centers = drawing.demands, drawing.centers
     values: dict[str, Any] = {"trust": trust}
-    radii, links, free = demands.radii, demands.links, programme.free
+    radii, links, free = demands.radii, demands.links, qp.free
     if len(links):
         base = radii[links].sum(axis=1)
         safety = _SAFETY * np.maximum(demands.most - demands.least, 0.0)
@@ -163,7 +173,7 @@ def fill(programme: Programme, demands: Demands, centers: Array, trust: float) -
         values["link_least"] = base + demands.least + safety - apart
         values["link_wanted"] = base + demands.wanted - apart
         for name, turn in (("link", 0.0), ("link_left", _FACET), ("link_right", -_FACET)):
-            values[name] = _turned(direction, turn)
+            values[name] = turned(direction, turn)
             values[f"{name}_limit"] = base + demands.most - safety - apart * np.cos(turn)
     if len(free):
         base = radii[free].sum(axis=1)
@@ -172,23 +182,23 @@ def fill(programme: Programme, demands: Demands, centers: Array, trust: float) -
         values["free_limit"] = base + demands.least + safety - apart
         values["free_wanted"] = base + demands.apart - apart
     if len(demands.landmarks):
-        values |= _landmark_limits(demands, centers)
+        values |= _landmark_limits(drawing)
     if demands.area.limited:
-        values["edge"], values["edge_limit"] = _edge_limits(demands, centers)
+        values["edge"], values["edge_limit"] = _edge_limits(drawing)
     lengths = {name for name in values if name.endswith(("_limit", "_least", "_wanted"))}
     for name, value in values.items():
-        programme.parameters[name].value = value / unit if name in lengths else value
+        qp.parameters[name].value = value / demands.unit if name in lengths else value
 
 
-def _landmark_limits(demands: Demands, centers: Array) -> dict[str, Array]:
+def _landmark_limits(drawing: Drawing) -> dict[str, Array]:
     """Rows for two landmarks a vehicle at most; rows of zeros where there is none."""
+    demands, chosen = drawing.demands, drawing.sightings
     n = demands.count
     slots: list[int] = []
-    chosen = sightings(demands, centers)
     for k, (vehicle, _) in enumerate(chosen.tolist()):
         slots.append(vehicle + n * int(np.count_nonzero(chosen[:k, 0] == vehicle)))
     vehicle, landmark = chosen.T
-    apart, direction = _directions(demands.landmarks[landmark] - centers[vehicle])
+    apart, direction = _directions(demands.landmarks[landmark] - drawing.centers[vehicle])
     radius, sight = demands.radii[vehicle], demands.sight[vehicle] * (1.0 - _SAFETY)
     values: dict[str, Array] = {}
 
@@ -197,7 +207,7 @@ def _landmark_limits(demands: Demands, centers: Array) -> dict[str, Array]:
         values[name][slots] = rows
 
     for name, turn in (("mark", 0.0), ("mark_left", _FACET), ("mark_right", -_FACET)):
-        put(name, _turned(direction, turn))
+        put(name, turned(direction, turn))
         put(f"{name}_limit", apart * np.cos(turn) - (radius + sight))
     put("mark_wanted", apart - (radius + 0.5 * sight))
     put("mark_in", -direction)
@@ -205,8 +215,9 @@ def _landmark_limits(demands: Demands, centers: Array) -> dict[str, Array]:
     return values
 
 
-def _edge_limits(demands: Demands, centers: Array) -> tuple[Array, Array]:
+def _edge_limits(drawing: Drawing) -> tuple[Array, Array]:
     """(k n, 2) normals and (k n,) m of how far along them each circle must yet move, k edges."""
+    demands, centers = drawing.demands, drawing.centers
     edges = demands.area.edges()
     start, along = edges[:, 0], edges[:, 1] - edges[:, 0]
     offset = centers[:, None] - start[None]
@@ -230,8 +241,3 @@ def _directions(vectors: Array) -> tuple[Array, Array]:
     length = np.hypot(vectors[..., 0], vectors[..., 1])
     safe = np.where(length > 0.0, length, 1.0)[..., None]
     return length, np.where(length[..., None] > 0.0, vectors / safe, np.array([1.0, 0.0]))
-
-
-def _turned(vectors: Array, angle: float) -> Array:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.asarray(vectors @ np.array([[c, s], [-s, c]]))

@@ -2,7 +2,7 @@
 
 Each connected component is drawn by itself, scaled to the distances wanted, then turned and
 shifted to the best of many poses: two of its circles beside two landmarks, or anywhere in the
-area. All that a drawing still misses is left to syncplan.placement.drawing.
+area. All that a drawing still misses is left to syncplan.placement.improvement.
 """
 
 from collections.abc import Iterator
@@ -12,9 +12,11 @@ from itertools import islice
 import numpy as np
 
 from syncplan.arrays import Array, Index
+from syncplan.orbits.circles import turned
 from syncplan.orbits.graphs import drawings
 from syncplan.orbits.separation import outer_gaps
-from syncplan.placement.demands import Demands, shortfalls
+from syncplan.placement.demands import Demands
+from syncplan.placement.drawing import draw
 
 __all__ = ["starting_layouts"]
 
@@ -49,6 +51,7 @@ def _part(demands: Demands, group: Index) -> Demands:
     position[group] = np.arange(len(group))
     return replace(
         demands,
+        names=replace(demands.names, vehicles=[demands.names.vehicles[k] for k in group]),
         radii=demands.radii[group],
         links=position[demands.links[inside]],
         most=demands.most[inside],
@@ -86,7 +89,7 @@ def _posed(
     radii = np.concatenate([part.radii, demands.radii[settled]])
     best, least = aside, np.inf
     for pose in (aside, *islice(_poses(part, drawn, generator), _POSES)):
-        missed = shortfalls(part, pose).total
+        missed = draw(part, pose).missed.total
         if len(settled) and missed < least:
             gaps = outer_gaps(np.concatenate([pose, centers[settled]]), radii, around)
             missed += float(np.sum(np.maximum(demands.least - gaps, 0.0)))
@@ -123,27 +126,22 @@ def _poses(part: Demands, drawn: Array, generator: np.random.Generator) -> Itera
         angle = generator.uniform(0.0, 2.0 * np.pi)
         if not len(marks):
             spread = np.zeros(2) if area.inside is not None else np.ptp(drawn, axis=0) + part.unit
-            yield _turned(drawn, angle) + generator.uniform(low - spread, high + spread)
+            yield turned(drawn, angle) + generator.uniform(low - spread, high + spread)
             continue
         a, b = _two(len(marks), generator)
         i, j = _two(part.count, generator) if generator.random() < 0.8 else (0, 0)
         aim, held = marks[b] - marks[a], drawn[j] - drawn[i]
         if i != j and a != b:
             angle = np.arctan2(aim[1], aim[0]) - np.arctan2(held[1], held[0])
-        turned = _turned(drawn, angle)
+        posed = turned(drawn, angle)
         # Beside the landmarks, not on them: off by up to a radius and half of what it sees.
         off = generator.uniform(0.0, 1.0) * (part.radii[i] + 0.5 * part.sight[i])
         way = generator.uniform(0.0, 2.0 * np.pi)
         middle = 0.5 * (marks[a] + marks[b]) + off * np.array([np.cos(way), np.sin(way)])
-        yield turned + middle - 0.5 * (turned[i] + turned[j])
+        yield posed + middle - 0.5 * (posed[i] + posed[j])
 
 
 def _two(count: int, generator: np.random.Generator) -> tuple[int, int]:
     """Two different numbers below `count`, the same one twice where there is but one."""
     a = int(generator.integers(count))
     return a, (a + 1 + int(generator.integers(max(count - 1, 1)))) % count
-
-
-def _turned(points: Array, angle: float) -> Array:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.asarray(points @ np.array([[c, s], [-s, c]]))

@@ -3,13 +3,12 @@
 chunked_validation   long lists checked in chunks
 quantities           numbers with units and limits
 georeference         where [0, 0] lies on Earth
-json_schema          conditions between keys, as JSON Schema states them
 objectives           what a refinement can improve
 refine_options       what a refinement may change, and to what end
 areas                polygons that circles stay within or clear of
 rules                conditions between keys that JSON Schema cannot state
 models               the sections of a scenario
-formations           centres of named shapes
+formations           shapes by name, their centres and neighbours
 specification        the scenario as a whole
 loading              YAML and JSON to scenarios, each fault in one line
 """

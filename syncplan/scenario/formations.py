@@ -1,4 +1,4 @@
-"""Shapes of formations: where the centres of `count` circles lie, in metres.
+"""Shapes of formations, one table: where the centres of `count` circles lie, in metres.
 
 Hexagonal rows, counted from zero, the odd ones shifted by half a spacing:
 
@@ -7,30 +7,120 @@ Hexagonal rows, counted from zero, the odd ones shifted by half a spacing:
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from syncplan.arrays import Array, Index
+from syncplan.arrays import Array, Index, as_pairs
 
-__all__ = ["SHAPES", "gap_centers", "neighbours", "shape_centers"]
+__all__ = ["SHAPES", "Shape", "ShapeName"]
 
 
-def _line(count: int, spacing: float, columns: int) -> Array:
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """A shape of formation by its name.
+
+    Attributes
+    ----------
+    name : as a scenario states it
+    sentence : what the shape is, and which circles are neighbours: spacing or gap apart
+    regular : (count, spacing in m, width) to (count, 2) m, width being that of a row
+    adjacent : (count, width) to the (e, 2) neighbours a < b
+    fitted : sums of neighbouring radii and the gap (n,) m, the last that of the last and the
+        first, to (n, 2) m with those distances; None where there is no closed form
+    """
+
+    name: str
+    sentence: str
+    regular: Callable[[int, float, int], Array]
+    adjacent: Callable[[int, int], Index]
+    fitted: Callable[[Array], Array] | None = None
+
+    def centers(self, count: int, spacing: float, columns: int | None = None) -> Array:
+        """Return the (count, 2) centres in m, neighbours `spacing` m apart.
+
+        `columns` is the width of rows; without it the shape is nearly square.
+        """
+        return self.regular(count, spacing, _width(count, columns))
+
+    def neighbours(self, count: int, columns: int | None = None) -> Index:
+        """Return the (e, 2) pairs a < b that lie one spacing, or gap, apart."""
+        return self.adjacent(count, _width(count, columns))
+
+    def gap_centers(self, radii: Array, gap: float, columns: int | None = None) -> Array | None:
+        """Return the (n, 2) centres in m whose neighbouring circles lie `gap` m apart.
+
+        In closed form for equal radii (n,) m, and for some shapes for any; None for the others.
+        """
+        if len(radii) == 1 or np.ptp(radii) == 0.0:
+            return self.centers(len(radii), 2.0 * float(radii[0]) + gap, columns)
+        return None if self.fitted is None else self.fitted(radii + np.roll(radii, -1) + gap)
+
+
+def _width(count: int, columns: int | None) -> int:
+    return columns if columns is not None else math.ceil(math.sqrt(count))
+
+
+# --- line -----------------------------------------------------------------------------------------
+
+
+def _line(count: int, spacing: float, width: int) -> Array:
     return np.column_stack([spacing * np.arange(count), np.zeros(count)])
 
 
-def _grid(count: int, spacing: float, columns: int) -> Array:
-    row, column = np.divmod(np.arange(count), columns)
+def _line_neighbours(count: int, width: int) -> Index:
+    return np.column_stack([np.arange(count - 1), np.arange(1, count)])
+
+
+def _fitted_line(sides: Array) -> Array:
+    along = np.concatenate([[0.0], np.cumsum(sides[:-1])])
+    return np.asarray(np.column_stack([along, np.zeros(len(sides))]))
+
+
+# --- rows -----------------------------------------------------------------------------------------
+
+
+def _grid(count: int, spacing: float, width: int) -> Array:
+    row, column = np.divmod(np.arange(count), width)
     return spacing * np.column_stack([column, row]).astype(float)
 
 
-def _hexagonal(count: int, spacing: float, columns: int) -> Array:
-    row, column = np.divmod(np.arange(count), columns)
+def _grid_neighbours(count: int, width: int) -> Index:
+    return _pairs_within(count, _steps_of_rows(count, width))
+
+
+def _hexagonal(count: int, spacing: float, width: int) -> Array:
+    row, column = np.divmod(np.arange(count), width)
     return spacing * np.column_stack([column + 0.5 * (row % 2), row * math.sqrt(3.0) / 2.0])
 
 
-def _ring(count: int, spacing: float, columns: int) -> Array:
+def _hexagonal_neighbours(count: int, width: int) -> Index:
+    row, column = np.divmod(np.arange(count), width)
+    leftward = np.flatnonzero((row % 2 == 0) & (column > 0))
+    rightward = np.flatnonzero((row % 2 == 1) & (column < width - 1))
+    steps = [(leftward, leftward + width - 1), (rightward, rightward + width + 1)]
+    return _pairs_within(count, _steps_of_rows(count, width) + steps)
+
+
+def _steps_of_rows(count: int, width: int) -> list[tuple[Index, Index]]:
+    """Each circle with the next of its row, and each with the one above it."""
+    every = np.arange(count)
+    right = np.flatnonzero(every % width < width - 1)
+    return [(right, right + 1), (every, every + width)]
+
+
+def _pairs_within(count: int, steps: list[tuple[Index, Index]]) -> Index:
+    every = np.concatenate([np.column_stack(step) for step in steps])
+    return np.array(np.unique(every[every[:, 1] < count], axis=0), dtype=np.int64)
+
+
+# --- ring -----------------------------------------------------------------------------------------
+
+
+def _ring(count: int, spacing: float, width: int) -> Array:
     if count == 1:
         return np.zeros((1, 2))
     angle = 2.0 * math.pi * np.arange(count) / count
@@ -38,62 +128,9 @@ def _ring(count: int, spacing: float, columns: int) -> Array:
     return circumradius * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
-SHAPES: dict[str, Callable[[int, float, int], Array]] = {
-    "line": _line,
-    "grid": _grid,
-    "hex": _hexagonal,
-    "ring": _ring,
-}
-
-
-def shape_centers(shape: str, count: int, spacing: float, columns: int | None = None) -> Array:
-    """Return the (count, 2) centres of a named shape, neighbours `spacing` metres apart.
-
-    `columns` is the width of grid and hex rows; without it the shape is made nearly square.
-    A ring's spacing is the chord between neighbours.
-    """
-    return SHAPES[shape](count, spacing, _width(count, columns))
-
-
-def gap_centers(shape: str, radii: Array, gap: float, columns: int | None = None) -> Array | None:
-    """Return the (n, 2) centres of a shape whose neighbouring circles lie `gap` metres apart.
-
-    In closed form for equal radii (n,), and for lines and rings of any; None for others. An
-    unequal ring is the polygon with sides R_k + R_(k+1) + gap inscribed in a circle.
-    """
-    if len(radii) == 1 or np.ptp(radii) == 0.0:
-        return shape_centers(shape, len(radii), 2.0 * float(radii[0]) + gap, columns)
-    sides = radii + np.roll(radii, -1) + gap
-    if shape == "line":
-        along = np.concatenate([[0.0], np.cumsum(sides[:-1])])
-        return np.asarray(np.column_stack([along, np.zeros(len(radii))]))
-    return _inscribed(sides) if shape == "ring" else None
-
-
-def neighbours(shape: str, count: int, columns: int | None = None) -> Index:
-    """Return the (e, 2) pairs a < b of a shape that lie one spacing apart."""
-    if shape == "line":
-        return np.column_stack([np.arange(count - 1), np.arange(1, count)])
-    if shape == "ring":
-        closing = [[0, count - 1]] if count > 2 else []
-        pairs = [*([k, k + 1] for k in range(count - 1)), *closing]
-        return np.array(pairs, dtype=np.int64).reshape(-1, 2)
-    width = _width(count, columns)
-    row, column = np.divmod(np.arange(count), width)
-    # The next in the row; the one above; in hex rows also the one above left or right.
-    right = np.flatnonzero(column < width - 1)
-    steps = [(right, right + 1), (np.arange(count), np.arange(count) + width)]
-    if shape == "hex":
-        odd = row % 2 == 1
-        leftward = np.flatnonzero(~odd & (column > 0))
-        rightward = np.flatnonzero(odd & (column < width - 1))
-        steps += [(leftward, leftward + width - 1), (rightward, rightward + width + 1)]
-    every = np.concatenate([np.column_stack(step) for step in steps])
-    return np.array(np.unique(every[every[:, 1] < count], axis=0), dtype=np.int64)
-
-
-def _width(count: int, columns: int | None) -> int:
-    return columns if columns is not None else math.ceil(math.sqrt(count))
+def _ring_neighbours(count: int, width: int) -> Index:
+    closing = [(0, count - 1)] if count > 2 else []
+    return as_pairs([*((k, k + 1) for k in range(count - 1)), *closing])
 
 
 def _inscribed(sides: Array) -> Array:
@@ -126,3 +163,43 @@ def _inscribed(sides: Array) -> Array:
     angle = 2.0 * np.concatenate([[0.0], np.cumsum(half[:-1])])
     circumradius = float(sides[longest]) / (2.0 * k)
     return np.asarray(circumradius * np.column_stack([np.cos(angle), np.sin(angle)]))
+
+
+# --- the table ------------------------------------------------------------------------------------
+
+_TABLE = (
+    Shape(
+        name="line",
+        sentence="a row along x; neighbours follow each other",
+        regular=_line,
+        adjacent=_line_neighbours,
+        fitted=_fitted_line,
+    ),
+    Shape(
+        name="grid",
+        sentence="rows of `columns`, one above the other; neighbours lie beside or above a circle",
+        regular=_grid,
+        adjacent=_grid_neighbours,
+    ),
+    Shape(
+        name="hex",
+        sentence="rows of `columns`, every other one shifted by half a spacing; up to six "
+        "neighbours surround a circle",
+        regular=_hexagonal,
+        adjacent=_hexagonal_neighbours,
+    ),
+    Shape(
+        name="ring",
+        sentence="corners of a polygon inscribed in a circle; neighbours share a side",
+        regular=_ring,
+        adjacent=_ring_neighbours,
+        fitted=_inscribed,
+    ),
+)
+
+SHAPES: Mapping[str, Shape] = MappingProxyType({one.name: one for one in _TABLE})
+
+if TYPE_CHECKING:
+    ShapeName = str
+else:
+    ShapeName = Literal[tuple(SHAPES)]

@@ -6,12 +6,13 @@ message names the key, its value and what is allowed.
 
 import math
 import re
+from collections.abc import Iterable
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
 from syncplan.scenario.chunked_validation import Many
-from syncplan.scenario.json_schema import given
+from syncplan.scenario.formations import ShapeName
 from syncplan.scenario.quantities import (
     Angle,
     Length,
@@ -43,11 +44,18 @@ Speed = Annotated[float, Field(ge=1e-9, le=1e6)]
 Sigma = Annotated[float, Field(ge=0, le=1e3)]
 
 
+def _given(*keys: str, absent: Iterable[str] = ()) -> dict[str, Any]:
+    """JSON Schema of a mapping in which `keys` have values and `absent` ones none, or null."""
+    null: dict[str, Any] = {"type": "null"}
+    present: dict[str, Any] = {key: {"not": null} for key in keys}
+    return {"required": list(keys), "properties": {**present, **dict.fromkeys(absent, null)}}
+
+
 class Orbit(Section):
     """The circles: radius, common angular rate, senses and phases."""
 
     model_config = ConfigDict(
-        json_schema_extra={"anyOf": [given("angular_rate_rad_s"), given("speed_mps")]}
+        json_schema_extra={"anyOf": [_given("angular_rate_rad_s"), _given("speed_mps")]}
     )
 
     radius_m: OneOrMany[Length] = Field(
@@ -131,10 +139,10 @@ class Formation(Section):
     model_config = ConfigDict(
         json_schema_extra={
             "anyOf": [
-                given("centers_m", absent=("shape", "count", "columns", "spacing_m", "gap_m")),
-                given("shape", "count", "spacing_m", absent=("centers_m", "gap_m")),
-                given("shape", "count", "gap_m", absent=("centers_m", "spacing_m")),
-                given("links", absent=("centers_m", "shape", "columns", "spacing_m", "gap_m")),
+                _given("centers_m", absent=("shape", "count", "columns", "spacing_m", "gap_m")),
+                _given("shape", "count", "spacing_m", absent=("centers_m", "gap_m")),
+                _given("shape", "count", "gap_m", absent=("centers_m", "spacing_m")),
+                _given("links", absent=("centers_m", "shape", "columns", "spacing_m", "gap_m")),
             ]
         }
     )
@@ -144,7 +152,7 @@ class Formation(Section):
         description="Centres [x, y]: a list (vehicles are v1, v2, ...) or a mapping of names",
         examples=[[[0.0, 0.0], [70.0, 0.0]]],
     )
-    shape: Literal["line", "grid", "hex", "ring"] | None = Field(
+    shape: ShapeName | None = Field(
         default=None, description="A shape instead of centers_m", examples=["ring"]
     )
     count: Annotated[int, Field(ge=1, le=10_000_000)] | None = Field(

@@ -7,7 +7,7 @@ from typing import Annotated, Self, TypeVar
 from pydantic import Field, model_validator
 
 from syncplan.scenario.chunked_validation import Many
-from syncplan.scenario.formations import SHAPES, shape_centers
+from syncplan.scenario.formations import SHAPES
 from syncplan.scenario.georeference import GeoOrigin
 from syncplan.scenario.models import Formation, InitialSigma, Motion, Orbit, Sensor
 from syncplan.scenario.quantities import (
@@ -148,11 +148,10 @@ class Scenario(Section):
         if formation.centers_m is not None:
             return _points(formation.centers_m)
         shape, count, spacing = formation.shape, formation.count, formation.spacing_m
-        if shape not in SHAPES or count is None or spacing is None:
+        if shape is None or count is None or spacing is None:
             return []
-        return [
-            (float(x), float(y)) for x, y in shape_centers(shape, count, spacing, formation.columns)
-        ]
+        centers = SHAPES[shape].centers(count, spacing, formation.columns)
+        return [(float(x), float(y)) for x, y in centers]
 
     @property
     def landmarks(self) -> list[Point]:

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from syncplan.errors import InputError, NoSolutionError
-from syncplan.placement.centers import MARGIN_SHARE, Placement, place
+from syncplan.placement.centers import Placement, place
+from syncplan.placement.demands import MARGIN_SHARE
 from syncplan.planning.planner import plan
 from syncplan.scenario.areas import Area
-from syncplan.scenario.formations import gap_centers, neighbours, shape_centers
+from syncplan.scenario.formations import SHAPES
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario
 from tests.tools.scenarios import document, small
@@ -32,7 +33,7 @@ def star(leaves: int) -> Edges:
 
 
 def shape_edges(shape: str, count: int, columns: int) -> Edges:
-    return [(int(a), int(b)) for a, b in neighbours(shape, count, columns)]
+    return [(int(a), int(b)) for a, b in SHAPES[shape].neighbours(count, columns)]
 
 
 def tree(count: int, seed: int, degree: int = 4) -> Edges:
@@ -286,7 +287,7 @@ def gapped(shape: str, radii: Any, count: int, gap: float = 30.0, **changes: Any
 @pytest.mark.parametrize("shape", ["line", "ring", "grid", "hex"])
 def test_equal_circles_a_gap_apart_make_the_regular_shape(shape: str) -> None:
     placement = place(gapped(shape, 20.0, 7))
-    np.testing.assert_allclose(placement.centers, shape_centers(shape, 7, 70.0, 3), atol=1e-9)
+    np.testing.assert_allclose(placement.centers, SHAPES[shape].centers(7, 70.0, 3), atol=1e-9)
     np.testing.assert_allclose(placement.gaps, 30.0, atol=1e-9)
     assert placement.iterations == 0
 
@@ -301,7 +302,7 @@ def test_neighbours_of_any_radii_are_the_gap_apart(shape: str, radii: list[float
 
 def test_a_ring_about_one_huge_circle_has_its_centre_beyond_the_longest_side() -> None:
     radii = np.array([100.0, 100.0, 2.0])
-    centers = gap_centers("ring", radii, 1.0)
+    centers = SHAPES["ring"].gap_centers(radii, 1.0)
     assert centers is not None
     np.testing.assert_allclose(np.hypot(*centers.T), np.hypot(*centers[0]))
     sides = np.hypot(*(centers - np.roll(centers, -1, axis=0)).T)
@@ -320,7 +321,7 @@ def test_a_ring_that_folds_circles_over_each_other_is_refused() -> None:
 def test_grids_of_unequal_circles_come_as_near_the_gap_as_they_can(shape: str) -> None:
     radii = [10.0 + 5.0 * (k * 7 % 4) for k in range(9)]
     placement = place(gapped(shape, radii, 9))
-    pairs = neighbours(shape, 9, 3)
+    pairs = SHAPES[shape].neighbours(9, 3)
     np.testing.assert_array_equal(placement.links, pairs)
     # A grid bends till all gaps are met; a hex patch has more neighbours than freedom.
     spread = 1e-6 if shape == "grid" else 5.0
@@ -338,13 +339,13 @@ def test_grids_of_unequal_circles_come_as_near_the_gap_as_they_can(shape: str) -
 
 def test_neighbours_of_a_shape_are_the_pairs_one_spacing_apart() -> None:
     for shape, count, columns in itertools.product(SHAPE_NAMES, (1, 2, 7, 12), (1, 3, 4)):
-        centers = shape_centers(shape, count, 1.0, columns)
+        centers = SHAPES[shape].centers(count, 1.0, columns)
         apart = {
             (a, b)
             for a, b in itertools.combinations(range(count), 2)
             if math.dist(centers[a], centers[b]) < 1.0 + 1e-9
         }
-        assert {(int(a), int(b)) for a, b in neighbours(shape, count, columns)} == apart
+        assert {(int(a), int(b)) for a, b in SHAPES[shape].neighbours(count, columns)} == apart
 
 
 SHAPE_NAMES = ("line", "grid", "hex", "ring")

@@ -11,7 +11,7 @@ from syncplan.orbits.circles import Orbits, heading, position, wrap
 from syncplan.orbits.graphs import odd_cycle, two_colouring
 from syncplan.orbits.separation import closest_approach, pairs_nearer_than
 from syncplan.planning.planner import plan
-from syncplan.scenario.formations import shape_centers
+from syncplan.scenario.formations import SHAPES
 from syncplan.synchronisation.phase_rules import closest_distance, residuals, rules_of
 from syncplan.synchronisation.phases import Synchronisation, synchronise
 from syncplan.synchronisation.senses import alternating_senses
@@ -125,14 +125,14 @@ def test_three_phases_reach_what_a_grid_search_finds() -> None:
 def test_what_is_reached_never_exceeds_the_bound(
     shape: str, count: int, columns: int | None, spacing: float
 ) -> None:
-    centers = shape_centers(shape, count, spacing, columns)
+    centers = SHAPES[shape].centers(count, spacing, columns)
     found, least = _solve(centers, _near(centers, 90.0))
     assert found.bound is not None
     assert 50.0 - least.max() <= found.bound + 1e-5
 
 
 def test_a_large_team_says_that_no_bound_was_computed() -> None:
-    centers = shape_centers("hex", 48, 70.0, 8)
+    centers = SHAPES["hex"].centers(48, 70.0, 8)
     found, least = _solve(centers, _near(centers, 90.0))
     assert found.bound is None
     assert "48 vehicles" in found.bound_note
@@ -173,7 +173,7 @@ def test_no_link_is_dropped_when_phases_exist_that_serve_all() -> None:
 
 @pytest.mark.parametrize("separation", [31.0, 35.0, 45.0])
 def test_separation_bounds_what_phases_may_choose(separation: float) -> None:
-    centers = shape_centers("grid", 6, 70.0, 3)
+    centers = SHAPES["grid"].centers(6, 70.0, 3)
     found, least = _solve(centers, _near(centers, 71.0), separation=separation)
     assert not found.dropped
     assert least.min() >= separation
@@ -193,7 +193,7 @@ def test_overlapping_circles_are_kept_apart() -> None:
 
 
 def test_an_odd_ring_keeps_its_separation_and_most_of_its_margin() -> None:
-    centers = shape_centers("ring", 5, 72.0)
+    centers = SHAPES["ring"].centers(5, 72.0)
     pairs = np.array([[0, 1], [1, 2], [2, 3], [3, 4], [0, 4]])
     _found, least = _solve(centers, pairs, separation=35.0)
     # residuals +a four times and -b once, b the least that separation allows
@@ -374,7 +374,7 @@ def test_circles_are_shared_whatever_lies_between_them_in_order() -> None:
 
 def test_a_grid_of_a_thousand_has_its_least_separation_between_neighbours() -> None:
     count = 1000
-    centers = shape_centers("grid", count, 70.0, 40)
+    centers = SHAPES["grid"].centers(count, 70.0, 40)
     colour = np.array([(k % 40 + k // 40) % 2 for k in range(count)])
     orbits = Orbits(centers, np.full(count, 20.0), np.ones(count), np.pi * colour + 0.3, 0.2)
     nearest = closest_approach(orbits)
