@@ -1,10 +1,10 @@
 """The paper's remark that alternating senses shorten the interval between meetings.
 
-A ring of six, radii 17 and 20 m in turn so that lines of sight do turn. The connectivity period,
-the shortest window whose sightings certify the team wherever it starts, falls from 24 to 22 s of
-a period of 31 s: vehicles that turn opposite ways stay in contact longer. The remark is no law:
-on a 3 x 2 grid of the same circles it rises from 16 to 22 s, because alternating senses make all
-links of one direction meet at the same time.
+The first team is a ring of six with radii of 17 and 20 m by turns, so that lines of sight turn. The
+connectivity period, the shortest window whose sightings certify the team wherever it starts, falls
+from 24 to 22 s of a period of 31 s: vehicles that turn opposite ways stay in contact longer. The
+remark is no law: on a 3 x 2 grid of the same circles the connectivity period rises from 16 to 22 s,
+because alternating senses make all links of one direction meet at the same time.
 """
 
 from dataclasses import dataclass

@@ -1,8 +1,8 @@
 """A team with forward cameras: meetings are short, and refinement makes the most of them.
 
 Four vehicles with radii of 15 to 25 m see 150 degrees ahead. As planned, the two in the middle are
-known to 2 m only. Refinement may also change radii here, between 15 and 25 m, at speeds the
-vehicles can fly; every meeting is kept.
+known to 2 m only. Here refinement may also change radii, between 14 and 26 m, at speeds that the
+vehicles can fly. It keeps every meeting.
 """
 
 from pathlib import Path

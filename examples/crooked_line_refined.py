@@ -1,7 +1,7 @@
 """The crooked line cured: a tree of alternating links, each of which loses its own length.
 
-Rank 13 of 18 as planned. Refined within 5 m of its centres the line is observable, and the errors
-of the five vehicles that see no landmark fall by more than half.
+As planned, the rank is 13 of 18. Refined within 5 m of its centres, the line is observable, and the
+errors of the five vehicles that see no landmark fall by more than half.
 """
 
 from dataclasses import dataclass

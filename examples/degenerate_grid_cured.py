@@ -1,8 +1,8 @@
 """Alternating senses at equal radii lose two dimensions; a small desynchronisation restores them.
 
-Theorem 4.2 met exactly keeps every line of sight parallel to the line of centres, so the distance
-along it is never measured: rank 16 of 18. An offset of 0.2 rad in each phase (`desync_rad`) lets
-the lines of sight turn: full rank, and the far vehicles' error falls by more than half.
+Phases that meet Theorem 4.2 exactly keep every line of sight parallel to the line of centres, so the
+distance along it is never measured: rank 16 of 18. An offset of 0.2 rad in each phase (`desync_rad`)
+makes the lines of sight turn. The rank is full, and the far vehicles' error falls by more than half.
 """
 
 from dataclasses import dataclass

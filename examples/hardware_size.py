@@ -1,6 +1,6 @@
 """The size of the paper's hardware run (Table 3): four ground robots on half-metre circles.
 
-Sensors see 45 cm. Every robot is localised to centimetres though three of four see no landmark.
+Sensors see 45 cm. Every robot is localised to centimetres, although three of four see no landmark.
 The initial sigma, 0.2 m, is as large as the distances at which robots meet, so the filter starts
 far outside its linear range: it is optimistic at first, and its errors exceed the bound.
 """

@@ -1,8 +1,8 @@
 """Two vehicles joined only through a landmark are not joined.
 
-The union of their sightings is a connected graph that holds two landmarks, which Theorem 3.3 as
-printed accepts. Yet v2 sees L2 alone and can turn about it unseen: rank 5 of 6. The corrected
-certificate refuses, names the motion, and says what would cure it.
+The union of their sightings is a connected graph with two landmarks, which Theorem 3.3 as printed
+accepts. Yet v2 sees L2 alone and can turn about it unseen: rank 5 of 6. The corrected certificate
+refuses the team; the plan names the motion and its cure.
 """
 
 from pathlib import Path

@@ -1,6 +1,6 @@
-"""Where to put two landmarks: of twelve sites round the grid, the pair that helps most.
+"""Where to put two landmarks: the best pair of twelve sites round the grid.
 
-The convex relaxation bounds what any pair can reach, and search proves the choice the best.
+The convex relaxation bounds what any pair can reach, and the search proves that no pair is better.
 """
 
 from pathlib import Path

@@ -1,8 +1,8 @@
 """The paper's Fig. 9: without motion noise the errors vanish, though far vehicles see no landmark.
 
-Initial sigmas 5 m and 0.01 rad, bearings of 0.001 rad, 400 s. What the paper's single run does not
-show: a plain EKF linearises its first bearings about positions that are metres off, trusts the
-result to a milliradian, and in about a quarter of the trials gets stuck. The report says so.
+Initial sigmas are 5 m and 0.01 rad, the bearings' sigma is 0.001 rad, the run takes 400 s. The
+paper's single run does not show that a plain EKF linearises its first bearings about positions that
+are metres off, trusts the result to a milliradian, and gets stuck in about a quarter of the trials.
 """
 
 from dataclasses import dataclass

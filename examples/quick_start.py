@@ -1,4 +1,4 @@
-"""Plan a formation and prove it: the library's five lines."""
+"""Plan a formation and validate it, in five lines."""
 
 from pathlib import Path
 

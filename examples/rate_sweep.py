@@ -1,9 +1,9 @@
 """The paper's Tables 1 and 2: errors against the angular rate, and always-connected for comparison.
 
-The paper draws its formation without coordinates and gives single runs; this is a 3 x 2 grid and
-a Monte Carlo, so the trend and the order of magnitude must agree, not the digits. A faster team
-meets sooner, and the error over a whole run falls; the settled error hardly does (design of the
-comparison: the rank and the log-determinant per period do not rise with the rate).
+The paper draws its formation without coordinates and gives single runs. This is a 3 x 2 grid and a
+Monte Carlo, so the trend and the order of magnitude must agree, not the digits. A faster team meets
+sooner, and the error over a whole run falls; the settled error hardly changes. Neither the rank nor
+the log-determinant per period rises with the rate.
 """
 
 from pathlib import Path

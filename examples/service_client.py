@@ -1,4 +1,4 @@
-"""Plan, refine and validate through the service, by the client: the library's own results.
+"""Plan, refine and validate through the service: the client returns the library's own types.
 
 Starts a service in a temporary folder, or asks the one at the address given:
 

@@ -1,7 +1,7 @@
-"""A team placed from its graph: who is to meet whom, two landmarks and an area, no coordinates.
+"""A team placed from its graph: pairs that meet, two landmarks and an area, but no coordinates.
 
 Placement finds centres whose linked circles come within range, inside the area and clear of a
-building; `plan` finds phases for them, `refine` makes the most of the room there is.
+building. `refine` then finds phases, and moves centres within the remaining room.
 """
 
 import syncplan

@@ -1,9 +1,9 @@
 """syncplan: synchronised circular orbits that let a team of robots localise itself.
 
-From a scenario (circles, sensors, a few known landmarks) to phases at which neighbours meet once a
-turn, a verdict on whether the union of their sightings makes every position and heading
-observable, the least error any filter can reach, and a Monte Carlo of an extended Kalman filter
-that proves it.
+Given a scenario (circles, sensors, a few known landmarks), syncplan finds phases at which neighbours
+meet once a turn, decides whether all their sightings together make every position and heading
+observable, bounds the error of any unbiased filter, and checks the bound with a Monte Carlo of an
+extended Kalman filter.
 
     import syncplan
     scenario = syncplan.load_scenario("examples/scenarios/paper-grid-same.yaml")
@@ -29,8 +29,9 @@ symbols in bodies:
     P          covariance of the error of (x, y, psi) of all vehicles
     Phi        transition of errors from one time to another
 
-Packages, each using only those before it; each says what its modules are
--------------------------------------------------------------------------
+Packages, each using only those before it; each lists its modules
+-----------------------------------------------------------------
+    arrays            types of arrays
     errors            the errors raised on purpose
     runtime           cores and threads, child processes, files written whole
     scenario          what the user says, read and checked
@@ -45,14 +46,14 @@ Packages, each using only those before it; each says what its modules are
     reports           JSON documents
     plotting          figures
     exporting         other programs' formats
-    client            the same, computed by a service
+    client            the library computed by a service
     cli               the command line
 
 References
 ----------
 "Observability Conditions for Switching Sensing Topology for Cooperative Localization" (the paper);
 Diaz-Banez et al., "A general framework for synchronizing a team of robots under communication
-constraints", IEEE Transactions on Robotics, 2017.
+constraints", IEEE Transactions on Robotics, 2017. docs/theory.md names the source of each formula.
 """
 
 from importlib import import_module
