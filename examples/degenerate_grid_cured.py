@@ -1,8 +1,9 @@
 """Alternating senses at equal radii lose two dimensions; a small desynchronisation restores them.
 
-Phases that meet Theorem 4.2 exactly keep every line of sight parallel to the line of centres, so the
-distance along it is never measured: rank 16 of 18. An offset of 0.2 rad in each phase (`desync_rad`)
-makes the lines of sight turn. The rank is full, and the far vehicles' error falls by more than half.
+Phases that meet Theorem 4.2 exactly keep every line of sight parallel to the line of centres, so
+the distance along it is never measured: rank 16 of 18. An offset of 0.2 rad in each phase
+(`desync_rad`) makes the lines of sight turn. The rank is full, and the far vehicles' error falls
+by more than half.
 """
 
 from dataclasses import dataclass

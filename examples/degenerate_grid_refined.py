@@ -1,8 +1,8 @@
 """The degenerate grid cured: alternating senses at equal radii, refined within 5 m of its centres.
 
-Phases that meet Theorem 4.2 exactly leave the distance along every alternating link unobserved: rank
-16 of 18, and the filter is 5 m off on the far vehicles. Refinement moves phases and centres, keeps
-every link and 10 m of separation, and brings the worst vehicle below 1.6 m.
+Phases that meet Theorem 4.2 exactly leave the distance along every alternating link unobserved:
+rank 16 of 18, and the filter is 5 m off on the far vehicles. Refinement moves phases and centres,
+keeps every link and 10 m of separation, and brings the worst vehicle below 1.6 m.
 """
 
 from dataclasses import dataclass

@@ -1,9 +1,9 @@
 """syncplan: synchronised circular orbits that let a team of robots localise itself.
 
-Given a scenario (circles, sensors, a few known landmarks), syncplan finds phases at which neighbours
-meet once a turn, decides whether all their sightings together make every position and heading
-observable, bounds the error of any unbiased filter, and checks the bound with a Monte Carlo of an
-extended Kalman filter.
+Given a scenario (circles, sensors, a few known landmarks), syncplan finds phases at which
+neighbours meet once a turn, decides whether all their sightings together make every position and
+heading observable, bounds the error of any unbiased filter, and checks the bound with a Monte
+Carlo of an extended Kalman filter.
 
     import syncplan
     scenario = syncplan.load_scenario("examples/scenarios/paper-grid-same.yaml")
