@@ -210,7 +210,7 @@ def _with_limits(
     of the worst vehicle becomes a limit for objectives that may neglect it.
     """
     contacts = len(problem.pairs) + len(problem.anchors)
-    rooms = np.array([one.room for one in before.slacks[:contacts]])
+    rooms = np.array([one.room for one in before.margins[:contacts]])
     asked = np.concatenate([problem.pair_margins, problem.anchor_margins])
     held = np.clip(asked + np.minimum(rooms, 0.0), 0.0, None)
     limit = before.figures.window_bound if problem.objective.neglects_window_bound else math.inf

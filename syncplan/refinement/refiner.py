@@ -1,7 +1,7 @@
-"""Refinement: from a plan to the best plan the team can fly, judged by the exact code.
+"""Refinement: from a plan to the best plan near it, judged by the exact code.
 
-Variables are phases, centres and radii within their bounds; IPOPT improves a smooth form of the
-objective from several starts; every candidate is then measured exactly, and the best that violates
+Variables are phases, centres and radii within their bounds. IPOPT improves a smooth form of the
+objective from several starts. Every candidate is then measured exactly; the best that violates
 nothing the input met comes back, judged afresh like any plan.
 """
 
@@ -9,7 +9,7 @@ import math
 import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
@@ -40,10 +40,13 @@ if TYPE_CHECKING:
 __all__ = ["RefineProgress", "options_for", "refine"]
 
 RefineProgress = Callable[[int, int, float], None]
-"""Told of (start, iteration, the objective as the solver sees it)."""
+"""Called with (start, iteration, the objective as the solver sees it)."""
 
 _IMPROVED = 1e-9
+"""Least relative gain that counts as better."""
+
 _ACTIVE = 0.01
+"""Constraints with less room than this share of their size hold the result where it is."""
 
 
 @single_threaded_blas
@@ -56,16 +59,16 @@ def refine(
     progress: RefineProgress | None = None,
     **changes: Any,
 ) -> Plan:
-    """Return the best plan found near `subject`, never worse and never violating what it met.
+    """Return the best plan found near `subject`: never worse, and violating nothing it met.
 
     `options` default to the scenario's `refine` section; `changes` replace some of its keys
     (objective="logdet", starts=1, ...; see RefineOptions). `workers` is the number of processes,
-    all cores if not given; it changes no result. `bound` is that of `plan`. The record of the
-    search is the plan's `refinement`; where nothing better was found, it says why and the plan is
-    the input's.
+    by default one a core; it changes no result. `bound` is that of `plan`. The plan's `refinement`
+    records the search. Where nothing better was found, the record says why, and the plan is the
+    input.
 
-    Raises InputError for options that can't be used, NoSolutionError where constraints conflict,
-    naming them.
+    Raises InputError for options that cannot be used, and NoSolutionError, naming the constraints,
+    where they conflict.
     """
     if workers is not None and workers < 1:
         raise InputError(f"{workers} given, at least 1 is needed", key="workers")
@@ -77,14 +80,15 @@ def refine(
     refuse_conflicts(given, problem, chosen)
     predict = problem.objective.predicted or bound_is_affordable(given.team, problem.duration)
     before = measure(problem, given.orbits, predict=predict)
-    attempts, cut_short = _search(given, chosen, problem, before, predict, workers, progress)
-    return _best(given, chosen, problem, before, attempts, cut_short, bound)
+    case = _Case(given, chosen, problem, before, predict)
+    attempts, cut_short = _search(case, workers, progress)
+    return _best(case, attempts, cut_short, bound)
 
 
 def options_for(
     scenario: Scenario, options: RefineOptions | None, changes: dict[str, Any]
 ) -> RefineOptions:
-    """Return the options to use, checked: those given or the scenario's, with some replaced.
+    """Return valid options: those given, or the scenario's, with some replaced.
 
     Raises InputError naming the option at fault.
     """
@@ -92,7 +96,7 @@ def options_for(
     values = base.model_dump(exclude_none=True, exclude_defaults=True)
     changed = {key: value for key, value in changes.items() if value is not None}
     if "vary" in changed:
-        # limits of what no longer varies go with it, unless they are given with it
+        # limits of what no longer varies are dropped, unless they are given as well
         for variable, limit in (("centers", "center_box_m"), ("radii", "radius_m")):
             if variable not in changed["vary"]:
                 values.pop(limit, None)
@@ -103,31 +107,40 @@ def options_for(
         validation_fault(error, RefineOptions, "")
 
 
+@dataclass(frozen=True, slots=True)
+class _Case:
+    """A plan, the problem that it poses, and its own measurement, with the bound if `predict`."""
+
+    given: Plan
+    options: RefineOptions
+    problem: RefineProblem
+    before: Measurement
+    predict: bool
+
+
 # --- search ---------------------------------------------------------------------------------------
 
 
 def _search(
-    given: Plan,
-    options: RefineOptions,
-    problem: RefineProblem,
-    before: Measurement,
-    predict: bool,
-    workers: int | None,
-    progress: RefineProgress | None,
+    case: _Case, workers: int | None, progress: RefineProgress | None
 ) -> tuple[list["Attempt"], bool]:
-    """Attempts from all starts; once more with the window bound as a limit if it got in the way."""
+    """Attempts from all starts, and whether the search was cut short.
+
+    If only the window bound keeps them from passing, all start once more with it as a constraint.
+    """
     from syncplan.refinement.objective_forms import FORMS
     from syncplan.refinement.parallel_starts import RefineTask, run_starts, searched_nearby
 
     began = time.monotonic()
+    problem, options, before = case.problem, case.options, case.before
     in_units = FORMS[problem.objective.name].in_units
     task = RefineTask(
         problem=problem,
-        rule_phases=_rule_phases(given),
-        nudged=not given.observable,
+        rule_phases=_rule_phases(case.given),
+        nudged=not case.given.observable,
         before=before,
         seed=options.seed,
-        predict=predict,
+        predict=case.predict,
     )
 
     def report(start: int, at: "SolverProgress") -> None:
@@ -152,7 +165,7 @@ def _search(
 
 
 def _stopped_by_window_bound(attempts: list["Attempt"], before: Measurement) -> bool:
-    """Whether no attempt passes, and some do but for the window bound."""
+    """Whether no attempt passes, and some fail only by the window bound."""
     if not math.isfinite(before.figures.window_bound):
         return False
     ended = [one.violations for one in attempts if one.after is not None]
@@ -160,7 +173,7 @@ def _stopped_by_window_bound(attempts: list["Attempt"], before: Measurement) -> 
 
 
 def _rule_phases(given: Plan) -> Array:
-    """Phases on the rules, whatever those of the plan are."""
+    """Phases that meet the rules, whatever the plan's are."""
     pairs = as_pairs([(link.a, link.b) for link in given.links])
     orbits, scenario = given.orbits, given.scenario
     return synchronise(
@@ -177,31 +190,30 @@ def _rule_phases(given: Plan) -> Array:
 # --- result ---------------------------------------------------------------------------------------
 
 
-def _best(
-    given: Plan,
-    options: RefineOptions,
-    problem: RefineProblem,
-    before: Measurement,
-    attempts: list["Attempt"],
-    cut_short: bool,
-    bound: BoundChoice,
-) -> Plan:
+def _best(case: _Case, attempts: list["Attempt"], cut_short: bool, bound: BoundChoice) -> Plan:
+    """The plan of the best attempt that passes and improves, else the one given; with its record.
+
+    The plan is judged afresh: nothing is taken over from the search but its circles.
+    """
     from syncplan.refinement.parallel_starts import rank_of
 
+    given, problem, before = case.given, case.problem, case.before.figures
     objective = problem.objective
     passed = [one for one in attempts if one.after is not None and not one.violations]
     best = min(passed, key=lambda one: rank_of(problem, one), default=None)
-    cost = before.figures.cost(objective.name)
+    cost = before.cost(objective.name)
     allowed = cost - _IMPROVED * abs(cost) if math.isfinite(cost) else cost
     better = best is not None and rank_of(problem, best)[1] < allowed
     record = RefinementRecord(
-        options=options,
+        options=case.options,
         objective=objective.name,
         improved=better,
-        reason="" if better else _why_not(attempts, objective, 3 * given.orbits.count, cut_short),
+        reason=""
+        if better
+        else _why_not(attempts, objective, given.observability.state_dim, cut_short),
         cut_short=cut_short,
-        before=before.figures,
-        after=before.figures,
+        before=before,
+        after=before,
         active=(),
         starts=tuple(_record(one, objective) for one in attempts),
     )
@@ -210,7 +222,7 @@ def _best(
     record = replace(record, after=best.after.figures, active=_active(best.after))
     orbits = orbits_of(best.circles, given.orbits)
     steady = given.prediction.steady is not None
-    judged = judge(_moved(given, options, orbits), orbits, bound=bound, steady=steady)
+    judged = judge(_moved(given, case.options, orbits), orbits, bound=bound, steady=steady)
     return replace(judged, refinement=record, placement=given.placement)
 
 
@@ -240,19 +252,19 @@ def _why_not(
             f"give landmarks, or the objective {default_objective(0).name}"
         )
     if any(not one.violations for one in attempts if one.after is not None):
-        within = " in the time there was" if cut_short else ""
+        within = " before time ran out" if cut_short else ""
         return f"no start found a better plan than the one given{within}"
     named = Counter(label for one in attempts for label in (*one.run.unmet, *one.violations))
     worst = ", ".join(label for label, _ in named.most_common(3))
-    return f"every result violates what the plan met or can't be had: {worst}"
+    return f"every result violates a constraint: {worst}"
 
 
 def _active(after: Measurement) -> tuple[str, ...]:
-    return tuple(one.label for one in after.slacks if one.room <= _ACTIVE * one.size)
+    return tuple(one.label for one in after.margins if one.room <= _ACTIVE * one.size)
 
 
 def _still_reachable(given: Plan, orbits: Orbits) -> list[tuple[int, int]]:
-    """Links, kept and dropped, whose circles still come within range."""
+    """Links, kept or dropped, whose circles still come within range."""
     a, b = reachable_pairs(orbits, given.sensors.ranges)
     near = {(min(i, j), max(i, j)) for i, j in zip(a.tolist(), b.tolist(), strict=True)}
     listed = [(one.a, one.b) for one in given.links]
@@ -261,7 +273,7 @@ def _still_reachable(given: Plan, orbits: Orbits) -> list[tuple[int, int]]:
 
 
 def _moved(given: Plan, options: RefineOptions, orbits: Orbits) -> Scenario:
-    """The scenario with the circles of the result; its links are written out, so that they stay."""
+    """The scenario with the circles of the result, its links listed so that they stay the same."""
     scenario = given.scenario
     document = scenario.model_dump(exclude_none=True)
     names = scenario.vehicle_names

@@ -140,17 +140,17 @@ def sighted_pairs(problem: RefineProblem) -> Sighted:
         np.nan_to_num(freedom.lower, neginf=-1e7),
         np.nan_to_num(freedom.upper, posinf=1e7),
     )
-    slack = np.hypot(*(0.5 * (upper[:2] - lower[:2])))
+    moves = np.hypot(*(0.5 * (upper[:2] - lower[:2])))
     middle = 0.5 * (upper[:2] + lower[:2]).T
     reach = problem.sensors.ranges * (1.0 + _FAR)
     a, b = np.triu_indices(n, 1)
-    away = np.hypot(*(middle[a] - middle[b]).T) - slack[a] - slack[b]
+    away = np.hypot(*(middle[a] - middle[b]).T) - moves[a] - moves[b]
     near = away - upper[2, a] - upper[2, b] <= np.maximum(reach[a], reach[b])
     kept = {(int(i), int(j)) for i, j in problem.pairs}
     others = [(int(i), int(j)) for i, j in zip(a[near], b[near], strict=True)]
     pairs = [*map(tuple, problem.pairs.tolist()), *(one for one in others if one not in kept)]
     vehicle, place = (index.ravel() for index in np.indices((n, len(problem.landmarks))))
-    away = np.hypot(*(middle[vehicle] - problem.landmarks[place]).T) - slack[vehicle]
+    away = np.hypot(*(middle[vehicle] - problem.landmarks[place]).T) - moves[vehicle]
     near = away - upper[2, vehicle] <= reach[vehicle]
     held = {(int(i), int(j)) for i, j in problem.anchors}
     seen = [(int(i), int(j) + n) for i, j in zip(vehicle[near], place[near], strict=True)]
