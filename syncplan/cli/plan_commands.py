@@ -89,6 +89,39 @@ def _plan(
     return verdict_status(made.observable, require_observable)
 
 
+# --- refine ---------------------------------------------------------------------------------------
+
+_Vary = Annotated[
+    str | None, typer.Option(help="What may change: phases,centers,radii", show_default=False)
+]
+_CenterBox = Annotated[
+    float | None,
+    typer.Option(help="How far a centre may move each way (default 5)", show_default=False),
+]
+_RadiusLimits = Annotated[
+    str | None, typer.Option(help="Least and largest radius, such as 15,25", show_default=False)
+]
+_Objective = Annotated[
+    str | None, typer.Option(help=f"Figure of merit to improve: {listed()}", show_default=False)
+]
+_Margin = Annotated[
+    float | None,
+    typer.Option(
+        help="By how much meetings stay within range (default 2 % of it)", show_default=False
+    ),
+]
+_TimeLimit = Annotated[
+    float | None, typer.Option(help="Wall time (default 60)", show_default=False)
+]
+_Starts = Annotated[
+    int | None, typer.Option(help="Starting points (default 4)", show_default=False)
+]
+_Seed = Annotated[int | None, typer.Option(help="Seed of the starting points", show_default=False)]
+_Processes = Annotated[
+    int | None, typer.Option(min=1, help="Processes; all cores if not given", show_default=False)
+]
+
+
 @plans.command(
     name="refine",
     epilog="Example: syncplan refine plan.json -o better.json --objective logdet --center-box-m 5",
@@ -97,49 +130,20 @@ def _refine(
     subject: SubjectFile,
     output: Output = None,
     format_: Shown = Format.auto,
-    vary: Annotated[
-        str | None,
-        typer.Option(help="What may change: phases,centers,radii", show_default=False),
-    ] = None,
-    center_box_m: Annotated[
-        float | None,
-        typer.Option(help="How far a centre may move each way (default 5)", show_default=False),
-    ] = None,
-    radius_m: Annotated[
-        str | None,
-        typer.Option(help="Least and largest radius, such as 15,25", show_default=False),
-    ] = None,
-    objective: Annotated[
-        str | None,
-        typer.Option(
-            help=f"Figure of merit to improve: {listed()}",
-            show_default=False,
-        ),
-    ] = None,
-    margin_m: Annotated[
-        float | None,
-        typer.Option(
-            help="By how much meetings stay within range (default 2 % of it)", show_default=False
-        ),
-    ] = None,
-    time_limit_s: Annotated[
-        float | None, typer.Option(help="Wall time (default 60)", show_default=False)
-    ] = None,
-    starts: Annotated[
-        int | None, typer.Option(help="Starting points (default 4)", show_default=False)
-    ] = None,
-    seed: Annotated[
-        int | None, typer.Option(help="Seed of the starting points", show_default=False)
-    ] = None,
-    processes: Annotated[
-        int | None,
-        typer.Option(min=1, help="Processes; all cores if not given", show_default=False),
-    ] = None,
+    vary: _Vary = None,
+    center_box_m: _CenterBox = None,
+    radius_m: _RadiusLimits = None,
+    objective: _Objective = None,
+    margin_m: _Margin = None,
+    time_limit_s: _TimeLimit = None,
+    starts: _Starts = None,
+    seed: _Seed = None,
+    processes: _Processes = None,
     require_observable: RequireObservable = False,
     max_vehicles: MaxVehicles = None,
 ) -> int:
     """Move phases, centres and radii to the best plan near the one given; options override the
-    scenario's refine section. Exit with 4, nothing written, if nothing better is found."""
+    scenario's refine section. If nothing better is found, write nothing and exit with 4."""
     from syncplan.planning.plan_files import load, plan_of
     from syncplan.refinement.refiner import options_for
     from syncplan.scenario.models import MAX_VEHICLES

@@ -1,4 +1,4 @@
-"""The record of a refinement: what was asked, what each start came to, before and after."""
+"""The record of a refinement: options, the result of each start, figures before and after."""
 
 from dataclasses import dataclass
 
@@ -10,18 +10,18 @@ __all__ = ["RefinementRecord", "StartRecord"]
 
 @dataclass(frozen=True, slots=True)
 class StartRecord:
-    """What one start of the solver came to.
+    """The result of one start of the solver.
 
     Attributes
     ----------
-    start : number, from 0: the plan itself, the rule desynchronised, random ones; then the same
-        again where the window bound had to be made a limit
+    start : number, from 0: the plan itself, the rules desynchronised, random ones; then the same
+        again where the window bound had to become a constraint
     status : IPOPT's
     iterations : in all stages
     violation, dual_residual : IPOPT's own residuals at the end, of scaled constraints
-    value : the exact objective of its best candidate; None where there was none
+    value : the exact objective of its best candidate; None if it had none
     violations : constraints that the plan met and the candidate does not
-    unmet : constraints the solver could not meet
+    unmet : constraints that the solver could not meet
     """
 
     start: int
@@ -36,17 +36,17 @@ class StartRecord:
 
 @dataclass(frozen=True, slots=True)
 class RefinementRecord:
-    """Evidence of a refinement.
+    """How a plan was refined.
 
     Attributes
     ----------
     options : as used
-    objective : what was improved
-    improved : whether the plan that came back is a better one; if not, it is the input
-    reason : why the input came back; empty where a better plan did
-    cut_short : whether time or Ctrl-C did
+    objective : name of the figure that was improved
+    improved : whether the plan is better than the input; if not, it is the input
+    reason : why nothing better was found; empty if it was
+    cut_short : whether the time limit or Ctrl-C ended the search
     before, after : exact figures of merit, positions in the input's mean radius
-    active : constraints that hold the result where it is
+    active : constraints that the result meets with hardly any margin
     starts : in order
     """
 

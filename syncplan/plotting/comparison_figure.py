@@ -28,6 +28,9 @@ __all__ = ["comparison_spec", "refinement_spec"]
 _BARS_PX = 170
 _GAP_PX = 100
 
+_SIDES = (("before", ORANGE, "/"), ("after", BLUE, ""))
+"""Names, colours and patterns of the bars."""
+
 _METRES = [row for row in ROWS if row.unit == "m"]
 
 
@@ -35,12 +38,9 @@ def refinement_spec(record: RefinementResult, name: str = "") -> Spec:
     """Return the figure of a refinement: figures of merit in m before and after."""
     title = f"{escaped(name or 'Plan')}: refinement for {escaped(record.objective)}"
     labels = [row.caption.replace("\n", "<br>") for row in _METRES]
-    sides = (
-        ("before", record.before, ORANGE, "/"),
-        ("after", record.after, BLUE, ""),
-    )
     traces = []
-    for side, figures, color, pattern in sides:
+    both = (record.before, record.after)
+    for (side, color, pattern), figures in zip(_SIDES, both, strict=True):
         values = [getattr(figures, row.key) for row in _METRES]
         trace = bars(side, side, labels, values, color, pattern)
         trace["text"] = ["none" if value is None else f"{value:.3g}" for value in values]
@@ -69,13 +69,7 @@ def comparison_spec(before: Plan, after: Plan) -> Spec:
 
     Raises InputError where the plans are of different vehicles.
     """
-    names, others = before.scenario.vehicle_names, after.scenario.vehicle_names
-    if names != others:
-        raise InputError(
-            f"its vehicles {', '.join(others[:6])} are not those of the plan before it, "
-            f"{', '.join(names[:6])}; both must name the same, in the same order",
-            key="compare",
-        )
+    _refuse_other_vehicles(before, after)
     low, high = (
         corner(view_box(before)[k], view_box(after)[k])
         for k, corner in enumerate((np.minimum, np.maximum))
@@ -84,14 +78,7 @@ def comparison_spec(before: Plan, after: Plan) -> Spec:
     traces = _circles(before, "before", ORANGE, "dash", places)
     traces += _circles(after, "after", BLUE, "solid", places)
     traces += landmark_traces(after, body_names(after), places)
-    shown = [escaped(name) for name in names]
-    found = [plan.prediction.rms for plan in (before, after)]
-    if all(rms is not None for rms in found):
-        for (side, color, pattern), rms in zip(
-            (("before", ORANGE, "/"), ("after", BLUE, "")), found, strict=True
-        ):
-            trace = bars(f"{side}-rms", f"error {side}", shown, np.asarray(rms), color, pattern)
-            traces.append({**trace, "xaxis": "x2", "yaxis": "y2"})
+    traces += _errors(before, after)
     map_px = max(map_height(before), map_height(after))
     inner = map_px + _GAP_PX + _BARS_PX
     share = _BARS_PX / inner
@@ -115,6 +102,29 @@ def comparison_spec(before: Plan, after: Plan) -> Spec:
     )
     drawn["margin"]["b"] = 110
     return {"data": traces, "layout": drawn}
+
+
+def _refuse_other_vehicles(before: Plan, after: Plan) -> None:
+    names, others = before.scenario.vehicle_names, after.scenario.vehicle_names
+    if names != others:
+        raise InputError(
+            f"its vehicles {', '.join(others[:6])} are not those of the plan before it, "
+            f"{', '.join(names[:6])}; both must name the same, in the same order",
+            key="compare",
+        )
+
+
+def _errors(before: Plan, after: Plan) -> list[Spec]:
+    """Bars of every vehicle's predicted error, if both plans have them."""
+    found = [plan.prediction.rms for plan in (before, after)]
+    if any(rms is None for rms in found):
+        return []
+    shown = [escaped(name) for name in before.scenario.vehicle_names]
+    traces = []
+    for (side, color, pattern), rms in zip(_SIDES, found, strict=True):
+        trace = bars(f"{side}-rms", f"error {side}", shown, np.asarray(rms), color, pattern)
+        traces.append({**trace, "xaxis": "x2", "yaxis": "y2"})
+    return traces
 
 
 def _circles(plan: Plan, side: str, color: str, dash: str, places: int) -> list[Spec]:

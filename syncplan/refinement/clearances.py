@@ -1,10 +1,10 @@
 """Separation and areas as smooth constraints, over the whole turn and not only at samples.
 
 Two vehicles of one sense move relative to each other on a circle of radius
-m = |R_b e(phi_b) - R_a e(phi_a)| about the offset D of their centres, so they come as near as
-|D - m|: closed form. For opposite senses the relative path is an ellipse; the least of |q|^2 at
-many samples, as a soft minimum (never above the true one), less what |q|^2 can fall between two
-samples, is below the true least distance everywhere.
+m = |R_b e(phi_b) - R_a e(phi_a)| about the offset D of their centres, so their least distance is
+|D - m|: closed form. For opposite senses the relative path is an ellipse. There the constraint
+takes a soft minimum of |q|^2 at many samples, which is never above the true minimum, less the most
+that |q|^2 can fall between two samples: never more than the true least distance.
 """
 
 import casadi as ca
@@ -26,9 +26,10 @@ _TINY = 1e-12
 
 
 def separations(problem: RefineProblem, circles: ca.MX) -> Blocks:
-    """Return the least distance of guarded pairs over the least separation; 1 is met.
+    """Return the distances of guarded pairs over the least separation; at least 1 is met.
 
-    `circles` are (4, n), scaled. Pairs of one sense keep the side of crossing they are on.
+    `circles` are (4, n), scaled. A pair of one sense whose relative circle leaves the origin
+    outside keeps it outside, and one that goes round it keeps it inside.
     """
     pairs = problem.guarded_pairs()
     floor = problem.min_separation / problem.scale
@@ -47,7 +48,7 @@ def separations(problem: RefineProblem, circles: ca.MX) -> Blocks:
 
 
 def area_clearances(problem: RefineProblem, circles: ca.MX) -> Blocks:
-    """Return how far each circle clears each edge of the polygons, scaled; 0 is met."""
+    """Return by how much each circle clears each edge of the polygons, scaled; 0 is met."""
     area, scale = problem.area, problem.scale
     blocks = []
     for name, corners, outer in area.polygons():

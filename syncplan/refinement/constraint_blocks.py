@@ -1,8 +1,8 @@
-"""Constraints that hold for one vehicle or one pair each, all at once, with sparse Jacobians.
+"""Constraints on one vehicle or one pair each, all at once, with their sparse Jacobian.
 
-The function of one block is derived once and mapped over all blocks; its derivatives by the
-block's own circles are then put where they belong. Colouring the whole would cost a sweep over
-everything for each variable of the vehicle with the most neighbours.
+The function of one block is differentiated once and mapped over all blocks; its derivatives by the
+block's own circles are then put in their places. Colouring the whole Jacobian instead would take a
+sweep over all constraints for each variable of the vehicle with the most neighbours.
 """
 
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ class Blocks:
     values : (g,)
     jacobian : (g, 4 n) sparse, by the circles column by column
     lower : (g,) what the values must reach
-    labels : (g,) what each is, for people
+    labels : (g,) what each is
     """
 
     values: ca.MX
@@ -42,7 +42,7 @@ def pair_blocks(
     lower: Array,
     labels: list[str],
 ) -> Blocks:
-    """Return a function (a, b, ...) -> scalar for each of (e, 2) pairs of circles (4, n)."""
+    """Return the blocks of a function (a, b, ...) -> scalar for (e, 2) pairs of circles (4, n)."""
     inputs = [circles[:, pairs[:, 0].tolist()], circles[:, pairs[:, 1].tolist()], *parameters]
     return _blocks(function, inputs, [pairs[:, 0], pairs[:, 1]], circles.size2(), lower, labels)
 
@@ -55,13 +55,13 @@ def single_blocks(
     lower: Array,
     labels: list[str],
 ) -> Blocks:
-    """Return a function (a, ...) -> scalar for each of (e,) vehicles of circles (4, n)."""
+    """Return the blocks of a function (a, ...) -> scalar for (e,) vehicles of circles (4, n)."""
     inputs = [circles[:, vehicles.tolist()], *parameters]
     return _blocks(function, inputs, [vehicles], circles.size2(), lower, labels)
 
 
 def stacked_blocks(blocks: list[Blocks], count: int) -> Blocks:
-    """Return several below each other, for `count` vehicles; none make (0,) values."""
+    """Return blocks on `count` vehicles, one below the other; without any, (0,) values."""
     return Blocks(
         ca.vertcat(ca.MX(0, 1), *(block.values for block in blocks)),
         ca.vertcat(ca.MX(0, 4 * count), *(block.jacobian for block in blocks)),

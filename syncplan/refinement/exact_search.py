@@ -1,10 +1,11 @@
-"""A last search about a refined plan by the exact measure: patterns, then random moves.
+"""A last search near a refined plan by the exact measure: patterns, then random moves.
 
-The solver sees steps between seen and unseen as slopes; the exact figures jump where a sample
-falls in or out of contact, and constraints such as the window bound have no slack there. Hooke and
-Jeeves's pattern search tries each free value a step up and down; where a round of that improves the
-plan the same move is tried again, otherwise the step is halved. Random moves of all sizes then
-leave what is only a dent. Only what violates nothing is ever taken.
+The solver sees the step between seen and unseen as a slope; the exact figures jump where a sample
+falls in or out of contact. Pattern search (Hooke and Jeeves, "Direct Search" Solution of Numerical
+and Statistical Problems, J. ACM 8, 1961, pages 212-229) tries each free value a step up and down.
+Where a round of that improves the plan, the same move is repeated; otherwise the step is halved.
+Random moves of all sizes then leave small local minima. Circles that violate a constraint are
+never taken.
 """
 
 from collections.abc import Callable
@@ -22,16 +23,16 @@ _FIRST_STEP, _LEAST_STEP = 0.2, 0.002
 """In rad for phases, in the plan's mean radius for lengths."""
 
 _MOST_VALUES = 24
-"""Largest number of free values that are searched; of larger teams only the phases, or nothing."""
+"""Most free values that are searched; for larger teams the phases alone, or none."""
 
 _LARGEST_MOVE = 1.0
-"""Of a random move, in the same units."""
+"""Size of the largest random move, in the same units."""
 
 _LOOKS_OF_ALL, _MOST_LOOKS = 2400, 600
-"""Measurements: so many over the number of values, but no more."""
+"""Measurements: the first number over that of the free values, and at most the second."""
 
 _RUN_STEPS, _LEAST_RUNS, _MOST_RUNS = 60_000, 30, 150
-"""Samples in all that posterior bounds may go through, and limits on their number."""
+"""Posterior bounds: samples in all of them, and the least and largest number of bounds."""
 
 
 def improved_nearby(
@@ -43,10 +44,10 @@ def improved_nearby(
     predict: bool = True,
     over: Callable[[], bool] = lambda: False,
 ) -> tuple[Array, Measurement] | None:
-    """Return better circles (4, n) near the given ones and their measurement; None if none is.
+    """Return better circles (4, n) near the given ones, and their measurement; None if none are.
 
-    They violate nothing that `before` met. `predict` computes the posterior bound of what is
-    returned; `over` is asked before each look.
+    They violate nothing that `before` met. `predict` adds their posterior bound to the measurement;
+    `over` says before each measurement whether to stop.
     """
     values = _searched(problem)
     if len(values) == 0:
@@ -84,7 +85,7 @@ def _random_moves(
     values: list[tuple[int, int]],
     generator: np.random.Generator,
 ) -> tuple[Array, float]:
-    """The best that moves in random directions come to, their sizes spread over all scales."""
+    """The best circles after moves in random directions, their sizes spread over all scales."""
     best = start
     rows, vehicles = np.array(values).T
     units = np.where(rows == 3, 1.0, looks.problem.scale)
@@ -101,7 +102,7 @@ def _random_moves(
 
 
 def _searched(problem: RefineProblem) -> list[tuple[int, int]]:
-    """(row, vehicle) of the values that are searched: all if they are few, or the phases."""
+    """(row, vehicle) of the values that are searched: all of them, or the phases if too many."""
     free = problem.freedom.free
     if free.sum() > _MOST_VALUES:
         free = free & (np.arange(4)[:, None] == 3)
@@ -114,7 +115,7 @@ def _searched(problem: RefineProblem) -> list[tuple[int, int]]:
 def _round(
     looks: "_Looks", at: tuple[Array, float], values: list[tuple[int, int]], step: float
 ) -> tuple[Array, float]:
-    """The best circles that one value after the other comes to, and their cost."""
+    """The best circles found by moving one value after the other, and their cost."""
     best = at
     for row, vehicle in values:
         unit = step if row == 3 else step * looks.problem.scale
@@ -130,20 +131,20 @@ def _round(
 
 
 class _Looks:
-    """Counts what is measured; what violates something costs infinitely much."""
+    """Measures circles and counts how often; the cost of a violation is infinite."""
 
     def __init__(
         self, problem: RefineProblem, before: Measurement, values: int, over: Callable[[], bool]
     ) -> None:
         self.problem, self.before, self.over = problem, before, over
-        self.runs = problem.objective.predicted
+        self.predicted = problem.objective.predicted
         self.looks = min(_LOOKS_OF_ALL // values, _MOST_LOOKS)
         steps = problem.duration / problem.sensors.sample_time
         self.run_looks = int(np.clip(_RUN_STEPS / steps, _LEAST_RUNS, _MOST_RUNS))
 
     @property
     def spent(self) -> bool:
-        """Whether to stop looking."""
+        """Whether to stop."""
         return self.looks <= 0 or self.run_looks <= 0 or self.over()
 
     def limited(self, circles: Array) -> Array:
@@ -154,7 +155,7 @@ class _Looks:
         return np.asarray(limited)
 
     def cost(self, circles: Array) -> float:
-        """Return the exact cost; infinite for a violation, or when there is no look left."""
+        """Return the exact cost; infinite for a violation, or when no measurement is left."""
         if self.spent:
             return float("inf")
         self.looks -= 1
@@ -162,7 +163,7 @@ class _Looks:
         found = measure(self.problem, orbits, predict=False)
         if found.violations(self.before):
             return float("inf")
-        if self.runs:
+        if self.predicted:
             self.run_looks -= 1
             found = measure(self.problem, orbits)
         return found.figures.cost(self.problem.objective.name)

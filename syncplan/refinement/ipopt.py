@@ -1,8 +1,9 @@
-"""One start of a refinement: a nonlinear program solved by IPOPT in stages of sharper sight.
+"""One start of a refinement, solved by IPOPT in stages.
 
-Variables, objective, constraints, guess, solve: in that order. Each stage narrows the step between
-seen and unseen, the last one on as many of the sensor's own samples as can be afforded. First
-derivatives are CasADi's; second ones IPOPT's limited-memory approximation.
+Each stage narrows the step between seen and unseen; the last one takes as many of the sensor's own
+samples as time allows. First derivatives are CasADi's (Andersson, Gillis, Horn, Rawlings and Diehl,
+Math. Prog. Comp. 11, 2019); second ones IPOPT's limited-memory approximation (Wächter and Biegler,
+On the implementation of an interior-point filter line-search algorithm, Math. Prog. 106, 2006).
 """
 
 import time
@@ -22,12 +23,15 @@ __all__ = ["SolverProgress", "SolverRun", "StagedSolver", "Steering"]
 
 
 _FEASIBLE = 1e-6
+"""Largest violation of a feasible iterate."""
+
 _NAMED = 4
+"""Most constraints that are named as unmet."""
 
 
 @dataclass(frozen=True, slots=True)
 class SolverProgress:
-    """Where a solver is: stage (from 0), iteration in all, objective and largest violation."""
+    """State of a solver: stage (from 0), iterations in all, objective and largest violation."""
 
     stage: int
     iteration: int
@@ -37,13 +41,13 @@ class SolverProgress:
 
 @dataclass(frozen=True, slots=True)
 class Steering:
-    """How a run is watched and stopped.
+    """How a run is followed and stopped.
 
     Attributes
     ----------
     deadline : time.monotonic() after which it stops
-    stopped : asked at every iteration
-    report : told of every iteration
+    stopped : called at every iteration; true ends the run
+    report : called with the progress at every iteration
     """
 
     deadline: float = float("inf")
@@ -58,17 +62,17 @@ class Steering:
 
 @dataclass(frozen=True, slots=True)
 class SolverRun:
-    """What one start came to.
+    """What the solver made of one start.
 
     Attributes
     ----------
-    candidates : (4, n) circles in m and rad: the result of each stage, the last one last, and the
-        best feasible iterate of a stage that was stopped
+    candidates : (4, n) circles in m and rad: the result of each stage, in order; of a stage that
+        was stopped, the best feasible iterate
     status : IPOPT's, of the last stage
     stopped : whether time or the user ended it
     iterations : in all stages
     violation, dual_residual : IPOPT's own at the end, scaled
-    unmet : names of the constraints most violated at the end, worst first; empty where all are met
+    unmet : labels of the constraints most violated at the end, worst first
     """
 
     candidates: tuple[Array, ...]
@@ -81,7 +85,7 @@ class SolverRun:
 
 
 class StagedSolver:
-    """IPOPT on the stages of one problem; programs are compiled once and serve every start."""
+    """IPOPT on the stages of one problem, each compiled once for all starts."""
 
     def __init__(self, problem: RefineProblem) -> None:
         self.problem = problem
@@ -93,7 +97,7 @@ class StagedSolver:
         return self._compile(number)[0]
 
     def solve(self, start: Array, steering: Steering | None = None) -> SolverRun:
-        """Return what IPOPT makes of the circles `start` (4, n) in m and rad."""
+        """Return the result of all stages from the circles `start` (4, n) in m and rad."""
         watch = steering or Steering()
         candidates: list[Array] = []
         guess, iterations = start, 0
@@ -180,7 +184,7 @@ def _last(iterations: dict[str, Any], name: str) -> float:
 
 
 class _Watcher(ca.Callback):
-    """Called by IPOPT at every iteration: reports, keeps the best feasible iterate, may stop."""
+    """IPOPT calls it at every iteration: it reports, keeps the best feasible iterate, may stop."""
 
     def __init__(self, nlp: StageNlp, stage: int) -> None:
         super().__init__()
@@ -189,7 +193,7 @@ class _Watcher(ca.Callback):
         self.construct("watcher", {})
 
     def begin(self, watch: Steering, before: int) -> None:
-        """Forget the last run; `before` iterations were made in earlier stages."""
+        """Forget the last run; earlier stages took `before` iterations."""
         self.watch, self.iteration = watch, before
         self.best: Array | None = None
         self.best_objective = float("inf")
@@ -210,7 +214,7 @@ class _Watcher(ca.Callback):
         return ca.Sparsity.dense(size) if size else ca.Sparsity(0, 0)
 
     def eval(self, arguments: Sequence[ca.DM]) -> list[ca.DM]:
-        """Take note of an iterate; return 1 to stop."""
+        """Look at one iterate; return 1 to stop."""
         values = dict(
             zip((ca.nlpsol_out(k) for k in range(len(arguments))), arguments, strict=True)
         )

@@ -1,7 +1,7 @@
-"""The starts of a refinement, each solved and measured: here, or in child processes.
+"""The starts of a refinement, each solved and measured: in this process or in child processes.
 
-A child (see syncplan.runtime.child_processes) ignores Ctrl-C: the parent tells it to stop, and it
-hands over the best it has.
+A child (see syncplan.runtime.child_processes) ignores Ctrl-C: the parent sends it the order to
+stop, and it returns the best result it has.
 """
 
 import contextlib
@@ -36,10 +36,10 @@ class RefineTask:
     Attributes
     ----------
     rule_phases : (n,) rad that meet the rules
-    nudged : whether the plan itself is moved a little before it is a start
-    before : the plan's own measurement, that a result is compared with
+    nudged : whether the start at the plan itself is moved a little
+    before : the plan's own measurement, with which results are compared
     seed : of all starts
-    predict : whether the posterior bound is worth its time
+    predict : whether to compute the posterior bound of results
     """
 
     problem: RefineProblem
@@ -52,12 +52,12 @@ class RefineTask:
 
 @dataclass(frozen=True, slots=True)
 class Attempt:
-    """What one start came to: IPOPT's account, and the best candidate by the exact measure.
+    """The result of one start: IPOPT's run, and its best candidate by the exact measure.
 
     Attributes
     ----------
     circles, after : (4, n) and its measurement; None where the solver had no result
-    violations : constraints that the plan met and this candidate does not
+    violations : labels of constraints that the plan met and this candidate does not
     """
 
     start: int
@@ -71,7 +71,7 @@ Report = Callable[[int, SolverProgress], None]
 
 
 def attempt(task: RefineTask, solver: StagedSolver, start: int, steering: Steering) -> Attempt:
-    """Return what start number `start` comes to."""
+    """Return the result of start number `start`."""
     problem = task.problem
     first = starting_circles(
         problem, task.rule_phases, task.nudged, start, task.seed, lambda: solver.nlp(0)
@@ -87,12 +87,12 @@ def attempt(task: RefineTask, solver: StagedSolver, start: int, steering: Steeri
 
 
 def _better(problem: RefineProblem, one: Attempt, other: Attempt) -> Attempt:
-    """The attempt that violates nothing, then the one of lower cost; the first of equals."""
+    """The attempt that violates nothing, or else the cheaper one; the first of equals."""
     return min(one, other, key=lambda item: rank_of(problem, item))
 
 
 def rank_of(problem: RefineProblem, item: Attempt) -> tuple[bool, float]:
-    """Return what attempts are ordered by: violations first, then the exact objective."""
+    """Return the key by which attempts are ordered: whether they violate something, then cost."""
     if item.after is None:
         return True, float("inf")
     return bool(item.violations), item.after.figures.cost(problem.objective.name)
@@ -108,8 +108,8 @@ def run_starts(
 ) -> tuple[list[Attempt], bool]:
     """Return the attempts of all starts, by number, and whether Ctrl-C cut them short.
 
-    After `time_limit` s, and on Ctrl-C, solvers stop and hand over the best they have; starts that
-    had not begun are left out.
+    After `time_limit` s, and on Ctrl-C, solvers stop and return the best they have; starts that
+    have not begun are left out.
     """
     deadline = time.monotonic() + time_limit
     if min(workers, starts) <= 1:
@@ -127,18 +127,18 @@ def _run_here(
             if interrupted.is_set() or (done and time.monotonic() >= deadline):
                 break
 
-            def told(progress: SolverProgress, number: int = start) -> None:
+            def pass_on(progress: SolverProgress, number: int = start) -> None:
                 if report is not None:
                     report(number, progress)
 
-            steering = Steering(deadline, interrupted.is_set, told)
+            steering = Steering(deadline, interrupted.is_set, pass_on)
             done.append(attempt(task, solver, start, steering))
         return done, interrupted.is_set()
 
 
 @contextlib.contextmanager
 def _interruption() -> Iterator[threading.Event]:
-    """An event that Ctrl-C sets, where this thread may catch it."""
+    """An event that Ctrl-C sets, if this is the main thread."""
     event = threading.Event()
     if threading.current_thread() is not threading.main_thread():
         yield event
@@ -155,8 +155,8 @@ def searched_nearby(
 ) -> tuple[list[Attempt], bool]:
     """Return the attempts, the best improved by an exact search, and whether Ctrl-C cut it short.
 
-    Where the plan itself is better than all of them, the search begins with the plan, and what it
-    finds takes the place of the best attempt's candidate.
+    Where the plan itself is better than all attempts, the search begins at the plan; its result
+    then replaces the best attempt's candidate.
     """
     if not attempts:
         return attempts, False
@@ -185,16 +185,16 @@ def searched_nearby(
 
 
 class _Child:
-    """A process that works off starts, one after the other."""
+    """A process that runs starts, one after the other."""
 
     def __init__(self, number: int, task: RefineTask, messages: "queue.Queue[Any]") -> None:
         self.number, self.messages = number, messages
         self.process = ChildProcess("syncplan.refinement.parallel_starts", "serve_tasks")
-        self.tell(task)
+        self.send(task)
         threading.Thread(target=self._listen, daemon=True).start()
 
-    def tell(self, message: Any) -> None:
-        """Send a task, (start, seconds left), or "stop"."""
+    def send(self, message: Any) -> None:
+        """Send the task, (start, seconds left), or "stop"."""
         with contextlib.suppress(OSError):
             self.process.connection.send(message)
 
@@ -217,7 +217,7 @@ def _run_in_children(
     def give(child: _Child) -> None:
         left = deadline - time.monotonic()
         if waiting and (left > 0.0 or not (done or busy)):
-            child.tell((waiting.pop(0), left))
+            child.send((waiting.pop(0), left))
             busy.add(child.number)
 
     with _interruption() as interrupted:
@@ -225,13 +225,13 @@ def _run_in_children(
             for number in range(workers):
                 children.append(_Child(number, task, messages))
                 give(children[-1])
-            told = False
+            stopping = False
             while busy:
-                if interrupted.is_set() and not told:
-                    told = True
+                if interrupted.is_set() and not stopping:
+                    stopping = True
                     waiting.clear()
                     for child in children:
-                        child.tell("stop")
+                        child.send("stop")
                 try:
                     number, kind, value = messages.get(timeout=0.05)
                 except queue.Empty:
@@ -253,7 +253,7 @@ def _run_in_children(
 
 
 def serve_tasks(descriptor: int) -> None:
-    """Work off tasks until the parent goes: what a child process runs."""
+    """Run the starts that the parent orders, until it goes: what a child process does."""
     connection = connect_to_parent(descriptor)
     task: RefineTask = connection.recv()
     solver = StagedSolver(task.problem)
@@ -263,17 +263,17 @@ def serve_tasks(descriptor: int) -> None:
     while True:
         start, left = orders.get()
 
-        def told(progress: SolverProgress, number: int = start) -> None:
+        def pass_on(progress: SolverProgress, number: int = start) -> None:
             _answer(connection, ("progress", (number, progress)))
 
-        steering = Steering(time.monotonic() + left, stop.is_set, told)
+        steering = Steering(time.monotonic() + left, stop.is_set, pass_on)
         _answer(connection, ("done", attempt(task, solver, start, steering)))
 
 
 def _take_orders(
     connection: Connection, orders: "queue.Queue[tuple[int, float]]", stop: threading.Event
 ) -> None:
-    """Pass orders on; the end of the stream means that nobody waits for an answer."""
+    """Queue the parent's orders; exit at the end of the stream, when nobody waits for a result."""
     with contextlib.suppress(EOFError, OSError):
         while True:
             order = connection.recv()

@@ -1,7 +1,7 @@
-"""The refinement problem as arrays: what may move and how far, what must be kept, towards what.
+"""The refinement problem as arrays: variables and their bounds, objective, constraints.
 
-Circles are written as columns (x, y, R, phi): lengths in the mean radius of the plan that is
-refined (`scale`), which stays fixed while radii change, so that figures can be compared.
+Circles are columns (x, y, R, phi). Scaled lengths are in the mean radius of the plan that is
+refined (`scale`); it stays fixed while radii change, so that figures can be compared.
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ __all__ = ["Freedom", "RefineProblem", "circles_of", "orbits_of"]
 
 @dataclass(frozen=True, slots=True)
 class Freedom:
-    """Bounds of every vehicle's circle; equal bounds hold a value fast.
+    """Bounds of every vehicle's circle; equal bounds fix a value.
 
     Attributes
     ----------
@@ -55,16 +55,17 @@ class RefineProblem:
     names : of the vehicles, then of the landmarks
     team : the plan's; senses and rate of its orbits are kept
     window, duration : s
+    freedom : bounds of the variables
+    objective : what is improved
     pairs : (e, 2) vehicles a < b whose contact is kept
     anchors : (k, 2) vehicle, landmark (from n on) whose contact is kept
-    pair_samples, anchor_samples : (e,), (k,) samples in contact that are kept at least
-    pair_margins, anchor_margins : (e,), (k,) m that contact stays within range by
-    margins_required : whether the margins were asked for, or only are what the plan has
+    pair_samples, anchor_samples : (e,), (k,) fewest samples in contact
+    pair_margins, anchor_margins : (e,), (k,) m by which contact stays within range
+    margins_required : whether the user gave the margins; if not, they are those of the plan
     min_separation : m
-    separation_required : the same of the separation
+    separation_required : whether the user gave the separation
     area : polygons that limit the circles
-    objective : what is improved
-    window_limit : m, that no vehicle's window bound may exceed; infinite for no limit
+    window_limit : m that no vehicle's window bound may exceed; infinite for no limit
     """
 
     names: tuple[str, ...]
@@ -72,6 +73,7 @@ class RefineProblem:
     window: float
     duration: float
     freedom: Freedom
+    objective: Objective
     pairs: Index
     anchors: Index
     pair_samples: Array
@@ -82,7 +84,6 @@ class RefineProblem:
     min_separation: float
     separation_required: bool
     area: Area
-    objective: Objective
     window_limit: float
 
     @property
@@ -121,7 +122,7 @@ class RefineProblem:
         return float(np.mean(1.0 / self.sensors.bearing_sigmas**2))
 
     def guarded_pairs(self) -> Index:
-        """Return the (g, 2) pairs of vehicles, a < b, that could come below the separation."""
+        """Return the (g, 2) pairs of vehicles a < b that could come nearer than the separation."""
         if self.min_separation <= 0.0:
             return np.zeros((0, 2), dtype=np.int64)
         a, b = np.triu_indices(self.orbits.count, 1)

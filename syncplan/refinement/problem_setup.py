@@ -1,7 +1,7 @@
-"""Posing the refinement of a plan: bounds, margins, separation, and conflicts named.
+"""The problem that a plan and options pose: bounds, margins, separation; conflicts are named.
 
-What was asked for is taken from the scenario and the options; what was not is taken from the plan,
-so that a refinement never gives up what the plan has.
+What the scenario and the options leave open is taken from the plan, so that a refinement never
+gives up what the plan has.
 """
 
 import math
@@ -23,22 +23,22 @@ __all__ = ["problem_of", "refuse_conflicts"]
 
 
 PAIR_SAMPLES, ANCHOR_SAMPLES = 3, 2
-"""Samples in contact that rank 3 of a vehicle link, rank 2 of a landmark link need."""
+"""Samples in contact that a vehicle link of rank 3 and a landmark link of rank 2 need."""
 
 DEFAULT_MARGIN = 0.02
-"""Share of the range by which contact stays within it."""
+"""Share of the range by which contact stays within it where no margin is given."""
 
 SAFE_SHARE = 0.5
-"""Of the mean radius: the separation kept where none is asked for, if the plan has as much."""
+"""Share of the mean radius: the largest separation that is kept where none is given."""
 
 
 def problem_of(given: Plan, options: RefineOptions) -> RefineProblem:
-    """Return what `options` ask of a plan as arrays; margins no larger than it has them."""
-    problem = _problem_as_asked(given, options)
+    """Return the problem that a plan and options pose; margins not given are at most the plan's."""
+    problem = _problem_as_given(given, options)
     return _with_limits(problem, measure(problem, given.orbits, predict=False), options)
 
 
-def _problem_as_asked(given: Plan, options: RefineOptions) -> RefineProblem:
+def _problem_as_given(given: Plan, options: RefineOptions) -> RefineProblem:
     scenario, sensors = given.scenario, given.sensors
     area = Area.of(scenario.area_m, scenario.keep_out_m)
     samples = _samples_in_contact(given)
@@ -53,6 +53,7 @@ def _problem_as_asked(given: Plan, options: RefineOptions) -> RefineProblem:
         window=scenario.window,
         duration=scenario.duration_s,
         freedom=_freedom(given, options, area),
+        objective=_objective(options, given.orbits.count),
         pairs=pairs,
         anchors=anchors,
         pair_samples=_needed(samples, pairs, PAIR_SAMPLES),
@@ -63,20 +64,19 @@ def _problem_as_asked(given: Plan, options: RefineOptions) -> RefineProblem:
         min_separation=_separation(given),
         separation_required=scenario.min_separation_m > 0.0,
         area=area,
-        objective=_objective(options, given.orbits.count),
         window_limit=math.inf,
     )
 
 
 def _objective(options: RefineOptions, count: int) -> Objective:
-    """The one asked for, or what suits a team of this size."""
+    """The objective given, or that of a team of this size."""
     if options.objective is not None:
         return OBJECTIVES[options.objective]
     return default_objective(count)
 
 
 def _samples_in_contact(given: Plan) -> dict[tuple[int, int], int]:
-    """Moments at which each pair (a < b) is in contact, over the window or at least a period."""
+    """Number of samples at which each pair (a < b) is in contact, over at least a period."""
     span = max(given.scenario.window, given.orbits.period)
     seen = sightings_over(given.team, given.windows, span)
     a, b = np.minimum(seen.observers, seen.targets), np.maximum(seen.observers, seen.targets)
@@ -86,18 +86,18 @@ def _samples_in_contact(given: Plan) -> dict[tuple[int, int], int]:
 
 
 def _needed(samples: dict[tuple[int, int], int], pairs: Index, wanted: int) -> Array:
-    """What the rank needs, or as many as the plan has."""
+    """As many samples as the rank needs, or as the plan has, if fewer."""
     return np.array([min(wanted, samples[a, b]) for a, b in pairs.tolist()], dtype=float)
 
 
 def _separation(given: Plan) -> float:
-    """What was asked for, in m; else what the plan has, up to half its mean radius.
+    """m: as given; else the plan's, up to half its mean radius.
 
-    Bearings tell most from nearby: without a floor, refinement would fly vehicles into each other.
+    Bearings say most from nearby: without a floor, refinement would fly vehicles into each other.
     """
-    asked = given.scenario.min_separation_m
-    if asked > 0.0 or given.approach is None:
-        return asked
+    required = given.scenario.min_separation_m
+    if required > 0.0 or given.approach is None:
+        return required
     return min(given.approach.distance, SAFE_SHARE * float(given.orbits.radii.mean()))
 
 
@@ -108,7 +108,7 @@ def _margins(options: RefineOptions, reach: Array) -> Array:
 
 
 def _freedom(given: Plan, options: RefineOptions, area: Area) -> Freedom:
-    """Bounds of what varies; everything else, and the first vehicle's phase, stays as it is."""
+    """Bounds of what varies; everything else stays as it is, the first vehicle's phase, too."""
     lower, upper = circles_of(given.orbits), circles_of(given.orbits)
     if "centers" in options.vary:
         box = options.center_box_m
@@ -124,14 +124,14 @@ def _freedom(given: Plan, options: RefineOptions, area: Area) -> Freedom:
     if options.radius_m is not None:
         lower[2], upper[2] = _radius_limits(given, options.radius_m)
     if "phases" in options.vary:
-        # the first phase only turns the clock
+        # changing the first phase as well would only shift time 0
         lower[3, 1:] -= np.pi
         upper[3, 1:] += np.pi
     return Freedom(lower, upper)
 
 
 def _radius_limits(given: Plan, radii: tuple[float, float]) -> tuple[float, float]:
-    """Radii within their own limits and those of speed."""
+    """Least and largest radius in m within the radii given and the limits of speed."""
     limits, (least, most) = given.scenario.limits, radii
     if limits is not None and limits.speed_mps is not None:
         least = max(least, limits.speed_mps[0] / given.orbits.rate)
@@ -140,7 +140,7 @@ def _radius_limits(given: Plan, radii: tuple[float, float]) -> tuple[float, floa
 
 
 def refuse_conflicts(given: Plan, problem: RefineProblem, options: RefineOptions) -> None:
-    """Raise NoSolutionError if constraints rule each other out, whatever the circles."""
+    """Raise NoSolutionError if no circles whatever can meet all constraints."""
     conflicts = [*_speed_conflicts(given, options), *_link_conflicts(given, problem, options)]
     if problem.area.limited:
         conflicts += _area_conflicts(problem)
@@ -150,7 +150,7 @@ def refuse_conflicts(given: Plan, problem: RefineProblem, options: RefineOptions
 
 
 def _speed_conflicts(given: Plan, options: RefineOptions) -> list[str]:
-    """Radii that are allowed, but at speeds that are not."""
+    """Radii that are all flown at speeds outside their limits."""
     limits, rate = given.scenario.limits, given.orbits.rate
     if options.radius_m is None or limits is None or limits.speed_mps is None:
         return []
@@ -165,12 +165,12 @@ def _speed_conflicts(given: Plan, options: RefineOptions) -> list[str]:
 
 
 def _link_conflicts(given: Plan, problem: RefineProblem, options: RefineOptions) -> list[str]:
-    """Links, kept or dropped, that range, margin and separation leave no distance for."""
+    """Links, kept or dropped, that have no distance between the separation and the range."""
     names, ranges = problem.names, problem.sensors.ranges
-    wanted = [(one.a, one.b) for one in given.links]
-    wanted += [(one.a, one.b) for one in given.dropped_links]
+    listed = [(one.a, one.b) for one in given.links]
+    listed += [(one.a, one.b) for one in given.dropped_links]
     conflicts = []
-    for a, b in sorted(wanted):
+    for a, b in sorted(listed):
         reach = float(ranges[[a, b]].max())
         margin = options.margin_m or 0.0
         less = f" less margin {margin:g} m" if margin else ""
@@ -195,8 +195,8 @@ def _area_conflicts(problem: RefineProblem) -> list[str]:
         if not problem.area.has_room(float(low[2]), low[:2], high[:2]):
             where = f"x {low[0]:.4g} to {high[0]:.4g}, y {low[1]:.4g} to {high[1]:.4g} m"
             conflicts.append(
-                f"{names[k]}: a circle of {low[2]:g} m finds no place inside area_m and clear of "
-                f"keep_out_m with its centre in {where}"
+                f"{names[k]}: no place for a circle of {low[2]:g} m inside area_m and clear of "
+                f"keep_out_m with its centre within {where}"
             )
     return conflicts
 
@@ -204,15 +204,14 @@ def _area_conflicts(problem: RefineProblem) -> list[str]:
 def _with_limits(
     problem: RefineProblem, before: Measurement, options: RefineOptions
 ) -> RefineProblem:
-    """The problem with margins no larger than the plan has, unless they were asked for.
+    """The problem with margins that the plan meets, except those of vehicles that were given.
 
-    Landmarks are only to be kept: their margins are never more than the plan has. The window bound
-    of the worst vehicle becomes a limit for objectives that may neglect it.
+    For objectives that neglect it, the window bound of the worst vehicle becomes a constraint.
     """
     contacts = len(problem.pairs) + len(problem.anchors)
     rooms = np.array([one.room for one in before.margins[:contacts]])
-    asked = np.concatenate([problem.pair_margins, problem.anchor_margins])
-    held = np.clip(asked + np.minimum(rooms, 0.0), 0.0, None)
+    given = np.concatenate([problem.pair_margins, problem.anchor_margins])
+    held = np.clip(given + np.minimum(rooms, 0.0), 0.0, None)
     limit = before.figures.window_bound if problem.objective.neglects_window_bound else math.inf
     pairs, anchors = np.split(held, [len(problem.pairs)])
     return replace(

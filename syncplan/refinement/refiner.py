@@ -45,6 +45,8 @@ RefineProgress = Callable[[int, int, float], None]
 _IMPROVED = 1e-9
 """Least relative gain that counts as better."""
 
+_NO_RESULT = "the search was cut short before any start had a result"
+
 _ACTIVE = 0.01
 """Constraints with less room than this share of their size hold the result where it is."""
 
@@ -244,7 +246,7 @@ def _why_not(
     attempts: list["Attempt"], objective: Objective, state_dim: int, cut_short: bool
 ) -> str:
     if not attempts or all(one.after is None for one in attempts):
-        return "time ran out before any start had a result" if cut_short else "no start converged"
+        return _NO_RESULT if cut_short else "no start converged"
     rank = max(one.after.figures.rank for one in attempts if one.after is not None)
     if objective.needs_observability and rank < state_dim:
         return (
@@ -252,7 +254,7 @@ def _why_not(
             f"give landmarks, or the objective {default_objective(0).name}"
         )
     if any(not one.violations for one in attempts if one.after is not None):
-        within = " before time ran out" if cut_short else ""
+        within = " before the search was cut short" if cut_short else ""
         return f"no start found a better plan than the one given{within}"
     named = Counter(label for one in attempts for label in (*one.run.unmet, *one.violations))
     worst = ", ".join(label for label, _ in named.most_common(3))

@@ -1,4 +1,4 @@
-"""The samples of a window as angles turned, neighbours in the turn taken together where many."""
+"""The samples of a window as angles turned; where there are many, neighbours are grouped."""
 
 from dataclasses import dataclass
 
@@ -12,12 +12,12 @@ __all__ = ["SampleTimes", "samples_of"]
 
 @dataclass(frozen=True, slots=True)
 class SampleTimes:
-    """The samples of a window, neighbours in the turn taken together where there are many.
+    """The samples of a window, or groups of neighbours where there are many.
 
     Attributes
     ----------
     angles : (k,) rad turned since time 0
-    counts : (k,) samples that each stands for
+    counts : (k,) samples in each group
     """
 
     angles: Array

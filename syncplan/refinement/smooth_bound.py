@@ -1,8 +1,9 @@
 """The posterior bound's RMS over a run as a smooth function of the circles.
 
-The recursion of syncplan.estimation.bounds in coarse steps, a fixed number a turn: sightings and
-motion noise of a step's samples are taken together at its middle. Information and noise repeat
-every turn, so they are formed for one turn only.
+The recursion of syncplan.estimation.bounds (Tichavský, Muravchik and Nehorai, IEEE Trans. Signal
+Process. 46, 1998, equation 21) in coarse steps, a fixed number a turn: sightings and motion noise
+of a step's samples are taken together at its middle. Information and noise repeat every turn, so
+they are computed for one turn only.
 """
 
 from dataclasses import dataclass
@@ -25,12 +26,12 @@ _LINEAR_SOLVER = "lapackqr"
 
 @dataclass(frozen=True, slots=True)
 class CoarseRun:
-    """The steps of a run.
+    """The coarse steps of a run.
 
     Attributes
     ----------
     times : of one turn
-    turn_of_step : (steps,) which of the turn's samples each step uses
+    turn_of_step : (steps,) the sample of the turn that each step uses
     """
 
     times: SampleTimes
@@ -79,8 +80,8 @@ def _step(sparsity: ca.Sparsity, count: int) -> ca.Function:
     information = ca.MX.sym("M", sparsity.nnz())
     noise, turns = ca.MX.sym("noise", 6 * count), ca.MX.sym("turns", 2 * count)
     grown = covariance + ca.MX(_block_diagonal(count), noise[_block_entries(count)])
-    told = ca.MX(sparsity, information)
-    after = ca.solve(ca.MX.eye(size) + grown @ told, grown, _LINEAR_SOLVER)
+    seen = ca.MX(sparsity, information)
+    after = ca.solve(ca.MX.eye(size) + grown @ seen, grown, _LINEAR_SOLVER)
     after = 0.5 * (after + after.T)
     flat = ca.vec(after)
     at = [
@@ -113,7 +114,7 @@ def _block_entries(count: int) -> list[int]:
 
 
 def _turn(problem: RefineProblem, times: SampleTimes, circles: ca.MX) -> tuple[ca.MX, ca.MX]:
-    """Motion noise (6 n, k) referred to time 0 and the turned way gone (2 n, k), of each sample."""
+    """Motion noise (6 n, k) referred to time 0 and displacements turned by 90 degrees (2 n, k)."""
     count, samples = problem.orbits.count, len(times.angles)
     gain = arc_noise_gain(problem.orbits, problem.sensors.sample_time)
     gain[:, :2] /= problem.scale
@@ -132,7 +133,7 @@ def _turn(problem: RefineProblem, times: SampleTimes, circles: ca.MX) -> tuple[c
 
 
 def _vehicle_turn(times: SampleTimes) -> ca.Function:
-    """(circle, parameters) -> (noise (6, k), turned way gone (2, k)) of one vehicle."""
+    """(circle, parameters) -> (noise (6, k), turned displacement (2, k)) of one vehicle."""
     circle, parameters = ca.SX.sym("circle", 4), ca.SX.sym("parameters", 6)
     sense = parameters[0]
     phase = circle[3] + sense * ca.DM(times.angles).T

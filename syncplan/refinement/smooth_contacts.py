@@ -1,27 +1,26 @@
-"""How many samples a pair is in contact for, as a smooth function of its two circles.
+"""The number of samples at which a pair is in contact, as a smooth function of its two circles.
 
-Its logarithm, because its slope stays large far from contact, where that of the number itself
-vanishes: each sample's weight is a logistic step in the distance and, for limited views, in the
-angle off boresight; the logarithms are added as exponentials, shifted by the largest.
+Each sample's weight is a logistic step in the distance and, for limited views, in the angle off
+boresight. The function is the logarithm of their sum (log-sum-exp of the weights' logarithms): its
+slope stays large far from contact, where that of the number itself vanishes.
 """
 
 import casadi as ca
 import numpy as np
 
 from syncplan.refinement.sample_times import SampleTimes
+from syncplan.refinement.smooth_sightings import ROUNDED_ANGLE
 
 __all__ = ["anchor_contact", "pair_contact"]
-
-_ROUNDED_ANGLE = 1e-6
 
 
 def pair_contact(times: SampleTimes, views: bool) -> ca.Function:
     """Return the function (a, b, parameters, step) -> log samples in contact.
 
     `a`, `b` are circles (x, y, R, phi), scaled. Parameters are the senses of a and b, their ranges,
-    the shares that either way of seeing has in the contact, and with `views` the half views and
-    boresights in rad of both. `step` holds its width, as a share of the range, and how much of the
-    range contact is to leave.
+    the shares of the two directions of sight in the contact, and with `views` the half views and
+    boresights of both in rad. `step` holds the step's width, as a share of the range, and the
+    margin by which contact stays within the range.
     """
     a, b = ca.SX.sym("a", 4), ca.SX.sym("b", 4)
     parameters = ca.SX.sym("parameters", 10 if views else 6)
@@ -65,18 +64,18 @@ def _arms(circle: ca.SX, sense: ca.SX, times: SampleTimes) -> ca.SX:
 
 
 def _view(arms: ca.SX, sense: ca.SX, q: ca.SX, half: ca.SX, boresight: ca.SX) -> ca.SX:
-    """(1, k) rad left between the sight of q and the edge of the view; negative outside it."""
+    """(1, k) rad between the direction of q and the edge of the view; negative outside it."""
     ahead = sense * ca.vertcat(-arms[1, :], arms[0, :])
     cos, sin = ca.cos(boresight), ca.sin(boresight)
     axis = ca.vertcat(cos * ahead[0, :] - sin * ahead[1, :], sin * ahead[0, :] + cos * ahead[1, :])
     off = ca.atan2(
         axis[0, :] * q[1, :] - axis[1, :] * q[0, :], axis[0, :] * q[0, :] + axis[1, :] * q[1, :]
     )
-    return half - ca.sqrt(off**2 + _ROUNDED_ANGLE)
+    return half - ca.sqrt(off**2 + ROUNDED_ANGLE)
 
 
 def _log_weight(squared: ca.SX, reach: ca.SX, view: ca.SX | None, width: ca.SX) -> ca.SX:
-    """Logarithm of the weight of a sighting; the view's step is as wide as the range's share."""
+    """Logarithm of a sighting's weight; the view's step is as wide in rad as the range's share."""
     log = _log_logistic((reach**2 - squared) / (2.0 * width * reach**2))
     return log if view is None else log + _log_logistic(view / width)
 
@@ -84,7 +83,7 @@ def _log_weight(squared: ca.SX, reach: ca.SX, view: ca.SX | None, width: ca.SX) 
 def _log_count(
     squared: ca.SX, reach: ca.SX, view: ca.SX | None, width: ca.SX, times: SampleTimes
 ) -> ca.SX:
-    """Logarithm of the number of samples in contact: steep even far from contact."""
+    """Logarithm of the number of samples in contact."""
     log = _log_weight(squared, reach, view, width) + ca.DM(np.log(times.counts)).T
     return ca.logsumexp(log.T)
 

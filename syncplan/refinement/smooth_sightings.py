@@ -1,13 +1,13 @@
 """The information of all sightings as a smooth function of the circles, for derivatives.
 
-A sighting is counted with a weight between 0 and 1 instead of yes or no: a logistic step in the
-distance (and, for limited views, in the angle off boresight) of stated width, which the solver
-narrows from stage to stage. All pairs and samples are worked on at once, as matrices with a row for
-each sample and a column for each pair.
+Each sighting has a weight between 0 and 1 instead of counting or not: a logistic step in the
+distance (and, for limited views, in the angle off boresight), which the solver narrows from stage
+to stage. All pairs and samples are computed at once, as matrices with a row for each sample and a
+column for each pair.
 
-With t = q / |q|^2 and each vehicle's way gone since time 0, g, the two rows of a mutual sighting
-differ in the headings alone (see syncplan.observability.rank), so a pair's information comes to ten
-sums over its samples:
+With t = q / |q|^2 and each vehicle's displacement g since time 0, the two rows of a mutual sighting
+differ only in the headings (see syncplan.observability.rank), so a pair's information consists of
+ten sums over its samples:
 
     c = (t_y, -t_x)       row of a seeing b:   ( c, -t.g_a - 1,   -c, t.g_b     )
                           row of b seeing a:   ( c, -t.g_a,       -c, t.g_b - 1 )
@@ -23,7 +23,15 @@ from syncplan.arrays import Array, Index
 from syncplan.orbits.sensors import Sensors
 from syncplan.refinement.sample_times import SampleTimes
 
-__all__ = ["ANCHOR_SUMS", "PAIR_SUMS", "Paths", "anchor_information", "pair_information"]
+__all__ = [
+    "ALL_ROUND",
+    "ANCHOR_SUMS",
+    "PAIR_SUMS",
+    "ROUNDED_ANGLE",
+    "Paths",
+    "anchor_information",
+    "pair_information",
+]
 
 
 PAIR_SUMS = 10
@@ -33,7 +41,11 @@ ANCHOR_SUMS = 6
 _NEAREST_SQUARED = 1e-6
 """NEAREST of syncplan.observability.rank, squared: keeps bearings from turning infinitely fast."""
 
-_ROUNDED_ANGLE = 1e-6
+ROUNDED_ANGLE = 1e-6
+"""rad^2, added to the square of an angle whose absolute value has to be smooth."""
+
+ALL_ROUND = 1e3
+"""Half view in rad whose edge no bearing comes near."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +58,7 @@ class Paths:
     sensors : of the vehicles, with ranges in the scale
     x, y : positions
     arm_x, arm_y : from the centre
-    gone_x, gone_y : way since time 0
+    gone_x, gone_y : displacement since time 0
     senses : (n,)
     """
 
@@ -125,7 +137,7 @@ def anchor_information(
 ) -> ca.MX:
     """Return the six sums of vehicles `anchors` (k,) that see landmarks at `places` (k, 2), scaled.
 
-    As `pair_information` does.
+    Shapes are as in `pair_information`.
     """
     a = anchors.tolist()
     ones = ca.DM.ones(len(paths.times.angles), 1)
@@ -155,7 +167,7 @@ def _alike(sensors: Sensors) -> bool:
 
 
 def _certainty(paths: Paths, observers: Index) -> ca.DM:
-    """(k, e) samples that each stands for, over the variance of the observer's bearing."""
+    """(k, e) samples in each group over the variance of the observer's bearing."""
     inverse = 1.0 / paths.sensors.bearing_sigmas[observers] ** 2
     return ca.DM(np.outer(paths.times.counts, inverse))
 
@@ -163,7 +175,7 @@ def _certainty(paths: Paths, observers: Index) -> ca.DM:
 def _weight(
     paths: Paths, observers: Index, squared: ca.MX, qx: ca.MX, qy: ca.MX, width: float
 ) -> ca.MX:
-    """(k, e) of sightings at q; the step in the view is as wide in rad as that in the range."""
+    """(k, e) weights of sightings at q; the view's step is as wide in rad as the range's share."""
     reach = paths.sensors.ranges[observers] ** 2
     slope = np.tile(1.0 / (4.0 * width * reach), (len(paths.times.angles), 1))
     weight = 0.5 + 0.5 * ca.tanh(0.25 / width - squared * ca.DM(slope))
@@ -178,13 +190,9 @@ def _weight(
     ax, ay = paths.arm_x[:, chosen], paths.arm_y[:, chosen]
     axis_x, axis_y = cos * ax - sin * ay, sin * ax + cos * ay
     off = ca.atan2(axis_x * qy - axis_y * qx, axis_x * qx + axis_y * qy)
-    half = np.where(views < 2.0 * np.pi, 0.5 * views, _ALL_ROUND)
-    left = ca.DM(np.tile(half, shape)) - ca.sqrt(off * off + _ROUNDED_ANGLE)
+    half = np.where(views < 2.0 * np.pi, 0.5 * views, ALL_ROUND)
+    left = ca.DM(np.tile(half, shape)) - ca.sqrt(off * off + ROUNDED_ANGLE)
     return weight * (0.5 + 0.5 * ca.tanh(left * (0.5 / width)))
-
-
-_ALL_ROUND = 1e3
-"""Half a view in rad that no bearing comes near the edge of."""
 
 
 def _stacked(sums: list[ca.MX], each: bool) -> ca.MX:

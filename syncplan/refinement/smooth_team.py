@@ -1,8 +1,8 @@
 """The whole team's windowed information as a smooth function of its circles: sparse, by pairs.
 
-Only pairs whose circles can come near each other's range, however far they are allowed to move,
-enter. Each pair's ten sums land in fixed places of the sparse information matrix, whose LDL
-factorisation CasADi carries out symbolically once; its derivative is the selected inverse.
+Only pairs that can come near each other's range, wherever their circles may move, enter. Each
+pair's ten sums go to fixed places of the sparse information matrix. CasADi finds the pattern of its
+LDL factorisation once; the derivative is the inverse on that pattern.
 """
 
 from dataclasses import dataclass, replace
@@ -16,6 +16,7 @@ from syncplan.refinement.problem import RefineProblem
 from syncplan.refinement.sample_times import SampleTimes
 from syncplan.refinement.smooth_contacts import anchor_contact, pair_contact
 from syncplan.refinement.smooth_sightings import (
+    ALL_ROUND,
     ANCHOR_SUMS,
     PAIR_SUMS,
     Paths,
@@ -26,11 +27,8 @@ from syncplan.refinement.smooth_sightings import (
 __all__ = ["Sighted", "SmoothTeam", "sighted_pairs"]
 
 
-_ALL_ROUND = 1e3
-"""Half a view in rad that no bearing comes near the edge of."""
-
 _FAR = 0.25
-"""Share of the range by which pairs may stay out of range and still enter."""
+"""Share of the range by which pairs may be out of range and still enter."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,8 +37,8 @@ class Sighted:
 
     Attributes
     ----------
-    pairs : (e, 2) vehicles a < b; those to be kept first
-    anchors : (k, 2) vehicle, landmark (from n on); those to be kept first
+    pairs : (e, 2) vehicles a < b; first those whose contact is kept
+    anchors : (k, 2) vehicle, landmark (from n on); first those whose contact is kept
     """
 
     pairs: Index
@@ -53,7 +51,7 @@ class SmoothTeam:
 
     Attributes
     ----------
-    problem, sighted : what may be seen
+    problem, sighted : the pairs that may be in contact
     times : samples that information is summed over
     sparsity : of the (3 n, 3 n) information matrix, all of it
     place : (nnz, sums) where each pair's sums go
@@ -89,7 +87,7 @@ class SmoothTeam:
         return self.place @ ca.vertcat(*parts)
 
     def contacts(self, circles: ca.MX, times: SampleTimes, width: float, safety: float) -> Blocks:
-        """Return the logarithm of the samples in contact, of `times`, of what is to be kept.
+        """Return the logarithm of the samples in contact, out of `times`, of contacts to be kept.
 
         `width` is that of the step; `safety` in m is added to the margins.
         """
@@ -133,7 +131,7 @@ class SmoothTeam:
 
 
 def sighted_pairs(problem: RefineProblem) -> Sighted:
-    """Return the pairs and landmarks that may come near enough to be seen."""
+    """Return the pairs and landmarks that may come within range."""
     orbits, freedom = problem.orbits, problem.freedom
     n = orbits.count
     lower, upper = (
@@ -159,20 +157,20 @@ def sighted_pairs(problem: RefineProblem) -> Sighted:
 
 
 def _pair_parameters(problem: RefineProblem, pairs: Index, views: bool) -> Array:
-    """(6 or 10, e) as `pair_contact` wants them."""
+    """(6 or 10, e) parameters of `pair_contact`."""
     sensors, senses = problem.sensors, problem.orbits.senses
     a, b = pairs[:, 0], pairs[:, 1]
     ranges = sensors.ranges / problem.scale
     rows = [senses[a], senses[b], ranges[a], ranges[b], *_shares(problem, pairs)]
     if views:
         half, boresights = 0.5 * sensors.fields_of_view, sensors.boresights
-        half = np.where(half >= np.pi, _ALL_ROUND, half)
+        half = np.where(half >= np.pi, ALL_ROUND, half)
         rows += [half[a], half[b], boresights[a], boresights[b]]
     return np.array(rows, dtype=float).reshape(len(rows), len(pairs))
 
 
 def _shares(problem: RefineProblem, pairs: Index) -> tuple[Array, Array]:
-    """What either way of seeing counts for contact: half each, all of it where ranges differ."""
+    """Shares of both directions of sight in a contact: half each, or all for the longer range."""
     ranges = problem.sensors.ranges
     a, b = ranges[pairs[:, 0]], ranges[pairs[:, 1]]
     alike = np.isclose(a, b)
@@ -180,17 +178,17 @@ def _shares(problem: RefineProblem, pairs: Index) -> tuple[Array, Array]:
 
 
 def _anchor_parameters(problem: RefineProblem, vehicles: Index, views: bool) -> Array:
-    """(2 or 4, k) as `anchor_contact` wants them."""
+    """(2 or 4, k) parameters of `anchor_contact`."""
     sensors = problem.sensors
     rows = [problem.orbits.senses[vehicles], sensors.ranges[vehicles] / problem.scale]
     if views:
         half = 0.5 * sensors.fields_of_view[vehicles]
-        rows += [np.where(half >= np.pi, _ALL_ROUND, half), sensors.boresights[vehicles]]
+        rows += [np.where(half >= np.pi, ALL_ROUND, half), sensors.boresights[vehicles]]
     return np.array(rows, dtype=float).reshape(len(rows), len(vehicles))
 
 
 def _places(sighted: Sighted, count: int) -> tuple[ca.Sparsity, ca.DM]:
-    """Sparsity of the information, and the matrix that adds each pair's sums into its non-zeros."""
+    """Sparsity of the information, and the matrix that adds all sums into its non-zeros."""
     pairs, anchors = len(sighted.pairs), len(sighted.anchors)
     entries: list[tuple[int, int, int, float]] = []
     for k, (a, b) in enumerate((3 * sighted.pairs).tolist()):
@@ -218,7 +216,7 @@ def _places(sighted: Sighted, count: int) -> tuple[ca.Sparsity, ca.DM]:
 
 
 def _pair_entries(a: int, b: int) -> list[tuple[int, int, int, float]]:
-    """(row, column, sum, sign) of a pair's entries, one of each symmetric two."""
+    """(row, column, sum, sign) of a pair's entries, one of two symmetric ones."""
     entries = []
     for start in (a, b):
         entries += [

@@ -1,8 +1,8 @@
-"""Starting points of a refinement: the plan, the exact rule desynchronised, random ones.
+"""Starting points of a refinement: the plan, the rules desynchronised, then random ones.
 
-Start k draws from the k-th child of SeedSequence(seed), so it does not depend on how many starts
-there are or where they run. Random starts are the most promising of several draws, by the softest
-stage's own objective and constraints.
+Start k draws from the k-th child of SeedSequence(seed), so it depends neither on the number of
+starts nor on where they run. A random start is the most promising of several draws, by the softest
+stage's objective and constraints.
 """
 
 from collections.abc import Callable
@@ -19,8 +19,11 @@ __all__ = ["starting_circles"]
 _NUDGE_RAD = 0.1
 _DESYNC_RAD = 0.4
 _SCATTER_RAD = 1.2
+"""Of phases, from the plan's or those of the rules."""
+
 _DRAWS = 24
 _PENALTY = 10.0
+"""Cost of a unit of violation, in units of the objective."""
 
 
 def starting_circles(
@@ -31,10 +34,10 @@ def starting_circles(
     seed: int,
     softest: Callable[[], StageNlp],
 ) -> Array:
-    """Return the circles (4, n) in m and rad that start `start` (from 0) begins with.
+    """Return the circles (4, n) in m and rad at which start `start` (from 0) begins.
 
-    `rule_phases` (n,) rad meet the rules; `nudged` moves the plan itself a little, because a plan
-    that is not observable may be a saddle from which no slope leads away. `softest` returns the
+    `rule_phases` (n,) rad meet the rules. `nudged` moves the plan itself a little: a plan that is
+    not observable may be a saddle point, where all slopes vanish. `softest` returns the nonlinear
     program of the softest stage, by which random starts are chosen.
     """
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(start,)))
@@ -52,7 +55,7 @@ def starting_circles(
 def _drawn(
     problem: RefineProblem, rule_phases: Array, generator: np.random.Generator, draw: int
 ) -> Array:
-    """Circles anywhere they may be; phases near the rule, or anywhere in every second draw."""
+    """Circles anywhere within bounds; phases near the rules, in every second draw anywhere."""
     given, freedom = circles_of(problem.orbits), problem.freedom
     low = np.maximum(freedom.lower[:3], given[:3] - problem.scale)
     high = np.minimum(freedom.upper[:3], given[:3] + problem.scale)
@@ -65,7 +68,7 @@ def _drawn(
 
 
 def _limited(problem: RefineProblem, circles: Array, phases: Array) -> Array:
-    """Within the bounds, phases brought next to the middle of theirs."""
+    """Circles within their bounds, phases taken modulo 2 pi to the middle of theirs."""
     freedom = problem.freedom
     limited = np.clip(circles, freedom.lower, freedom.upper)
     if problem.area.limited and freedom.free[:2].all():

@@ -1,4 +1,4 @@
-"""What a user asks of refinement: what may move, how far, to what end; what vehicles can do."""
+"""Options of refinement (what may vary, how far, for which objective) and limits of vehicles."""
 
 from typing import Annotated, Literal, Self
 

@@ -133,7 +133,7 @@ def test_bad_sections_are_one_clear_line(
         (
             {"area_m": [[0, 0], [30, 0], [30, 30], [0, 30]]},
             (),
-            "v1: a circle of 20 m finds no place inside area_m",
+            "v1: no place for a circle of 20 m inside area_m",
         ),
     ],
 )
