@@ -68,7 +68,8 @@ def measure(problem: RefineProblem, orbits: Orbits, *, predict: bool = True) -> 
     # judged as the plan is, in its own mean radius; measured in that of the plan refined
     judged, scaled = assessed.observability, assessed.measured_in(problem.scale)
     rms = _predicted(problem, assessed) if predict else np.full(team.count, np.nan)
-    measured = MeasuredTeam(judged.observable, scaled.singular_values**2, rms)
+    bounds = window_bound(judged) if judged.observable else np.full(team.count, np.inf)
+    measured = MeasuredTeam(judged.observable, scaled.singular_values**2, bounds, rms)
     nearest = closest_approach(orbits)
     seen = assessed.sightings
     if problem.contact_span > problem.window:
@@ -77,7 +78,7 @@ def measure(problem: RefineProblem, orbits: Orbits, *, predict: bool = True) -> 
     figures = Figures(
         rank=judged.rank,
         certified=assessed.certificate.holds,
-        window_bound=float(window_bound(judged).max()) if judged.observable else math.inf,
+        window_bound=float(bounds.max()),
         least_distance=nearest.distance if nearest is not None else math.inf,
         contact_margin=min(contact, default=math.inf),
         objectives={name: form.exact(measured) for name, form in FORMS.items()},

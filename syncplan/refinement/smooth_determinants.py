@@ -9,7 +9,7 @@ import casadi as ca
 
 from syncplan.refinement.problem import RefineProblem
 
-__all__ = ["RELATIVE_SHIFT", "log_determinant", "window_excess"]
+__all__ = ["RELATIVE_SHIFT", "log_determinant", "window_excess", "window_variances"]
 
 RELATIVE_SHIFT = 1e-9
 """Added to W's diagonal, in information units: a team that is not observable yet has log det W."""
@@ -26,11 +26,8 @@ def log_determinant(sparsity: ca.Sparsity) -> ca.Function:
     return ca.Function("log_determinant", [entries, shift], [ca.sum1(ca.log(pivots))])
 
 
-def window_excess(sparsity: ca.Sparsity, information: ca.MX, problem: RefineProblem) -> ca.MX:
-    """Return the logarithm of the worst vehicle's window bound over its limit; at most 0 is met.
-
-    The worst is a norm over the vehicles, so never less than the true worst.
-    """
+def window_variances(sparsity: ca.Sparsity, problem: RefineProblem) -> ca.Function:
+    """Return the function (non-zeros of W) -> (n,) squares of the window bounds, scaled."""
     shift = RELATIVE_SHIFT * problem.information_unit
     entries = ca.SX.sym("W", sparsity.nnz())
     matrix = ca.SX(sparsity, entries)
@@ -41,7 +38,16 @@ def window_excess(sparsity: ca.Sparsity, information: ca.MX, problem: RefineProb
         slope[place[3 * k, 3 * k]] + slope[place[3 * k + 1, 3 * k + 1]]
         for k in range(sparsity.size1() // 3)
     ]
+    return ca.Function("window_variances", [entries], [ca.vertcat(*variances)])
+
+
+def window_excess(sparsity: ca.Sparsity, information: ca.MX, problem: RefineProblem) -> ca.MX:
+    """Return the logarithm of the worst vehicle's window bound over its limit; at most 0 is met.
+
+    The worst is a norm over the vehicles, so never less than the true worst.
+    """
+    entries = ca.SX.sym("W", sparsity.nnz())
     limit = (problem.window_limit / problem.scale) ** 2
-    ratio = ca.log(ca.vertcat(*variances) / limit)
+    ratio = ca.log(window_variances(sparsity, problem)(entries) / limit)
     excess = ca.logsumexp(_WORST_POWER * ratio) / (2.0 * _WORST_POWER)
     return ca.Function("window_excess", [entries], [excess])(information)
