@@ -1,11 +1,13 @@
 """Types of NumPy arrays, and pairs as such; docstrings give shapes and units."""
 
 from collections.abc import Sequence
+from dataclasses import fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Array", "Flags", "Index", "as_pairs"]
+__all__ = ["Array", "Flags", "Index", "as_pairs", "short_repr"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -15,3 +17,13 @@ Flags = NDArray[np.bool_]
 def as_pairs(pairs: Sequence[Sequence[int]]) -> Index:
     """Return the (e, 2) array of a list of pairs, also where the list is empty."""
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+
+
+def short_repr(record: Any) -> str:
+    """Return the repr of a dataclass in one line, each array as its shape: `radii=(6,)`."""
+    shown = []
+    for one in fields(record):
+        value = getattr(record, one.name)
+        text = str(value.shape) if isinstance(value, np.ndarray) else repr(value)
+        shown.append(f"{one.name}={text}")
+    return f"{type(record).__name__}({', '.join(shown)})"

@@ -49,7 +49,7 @@ LEAST_SIGMA, LARGEST_SIGMA = 1e-6, 1e6
 """What any sigma may be; those of motion and of the start may be 0 as well."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Replay:
     """What the filter made of a recording.
 
@@ -86,6 +86,14 @@ class Replay:
     unknown: int
     not_asked_for: int
     outside: int
+
+    def __repr__(self) -> str:
+        """Return one line: how many robots, how long, and the error."""
+        found = self.accuracy.overall()
+        return (
+            f"<{type(self).__name__}: {len(self.log.robots)} robots over {self.duration:.4g} s, "
+            f"RMS {float(found.position):.3g} m>"
+        )
 
     @property
     def gate_probability(self) -> float:

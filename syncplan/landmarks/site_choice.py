@@ -27,7 +27,7 @@ from syncplan.scenario.specification import Scenario
 __all__ = ["SiteChoice", "choose_sites"]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class SiteChoice:
     """The chosen sites, what they reach, and what no choice can.
 
@@ -56,6 +56,16 @@ class SiteChoice:
     candidates: Array
     before: Array
     plan: Plan
+
+    def __repr__(self) -> str:
+        """Return one line: the sites, what they reach, and what no choice can beat."""
+        sites = ", ".join(self.names[k] for k in self.chosen[:8])
+        more = f" and {len(self.chosen) - 8} more" if len(self.chosen) > 8 else ""
+        return (
+            f"<{type(self).__name__} {sites}{more} of {len(self.names)} candidates: worst vehicle "
+            f"{self.value:.4g} m, no choice below {self.bound:.4g} m"
+            f"{', proven best' if self.proven else ''}>"
+        )
 
 
 @single_threaded_blas

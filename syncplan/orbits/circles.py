@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from syncplan.arrays import Array, Index
+from syncplan.arrays import Array, Index, short_repr
 
 __all__ = [
     "Orbits",
@@ -20,7 +20,7 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Orbits:
     """Synchronised circular orbits of n vehicles.
 
@@ -38,6 +38,8 @@ class Orbits:
     senses: Array
     phases: Array
     rate: float
+
+    __repr__ = short_repr
 
     @property
     def count(self) -> int:

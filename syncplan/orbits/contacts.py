@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from syncplan.arrays import Array, Flags, Index
+from syncplan.arrays import Array, Flags, Index, short_repr
 from syncplan.orbits.circles import Orbits, perpendicular, unit
 from syncplan.orbits.paths import NO_LANDMARKS, RelativeMotion, relative_motion
 from syncplan.orbits.sensors import Sensors
@@ -43,7 +43,7 @@ DENSE_LIMIT = 500
 """Up to this many bodies all pairs are tried; above, a k-d tree proposes them."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Windows:
     """When each of p directed pairs is in contact, over one period T.
 
@@ -60,6 +60,8 @@ class Windows:
     first: Index
     starts: Array
     ends: Array
+
+    __repr__ = short_repr
 
     def of(self, pair: int) -> Array:
         """Return the (k, 2) windows in s of one pair."""

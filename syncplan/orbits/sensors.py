@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass
 
-from syncplan.arrays import Array, Index
+from syncplan.arrays import Array, Index, short_repr
 
 __all__ = ["Sensors"]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Sensors:
     """What each of n vehicles can see, and how well.
 
@@ -25,6 +25,8 @@ class Sensors:
     boresights: Array
     bearing_sigmas: Array
     sample_time: float
+
+    __repr__ = short_repr
 
     def only(self, vehicles: Index) -> "Sensors":
         """Return the sensors of the vehicles (k,), in that order; a vehicle may stand twice."""

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-from syncplan.arrays import Array, Index
+from syncplan.arrays import Array, Index, short_repr
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.noise import Noise
 from syncplan.orbits.sensors import Sensors
@@ -10,7 +10,7 @@ from syncplan.orbits.sensors import Sensors
 __all__ = ["Team"]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Team:
     """n vehicles and m landmarks; bodies from n on are landmarks.
 
@@ -25,6 +25,8 @@ class Team:
     landmarks: Array
     sensors: Sensors
     noise: Noise
+
+    __repr__ = short_repr
 
     @property
     def count(self) -> int:

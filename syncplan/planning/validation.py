@@ -28,7 +28,7 @@ from syncplan.scenario.specification import Scenario
 __all__ = ["TrialRun", "Validation", "conclude", "run_part", "trial_run", "validate"]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Validation:
     """A Monte Carlo run on a plan.
 
@@ -53,6 +53,14 @@ class Validation:
     coverage: Array
     anees: Consistency
     nis: Consistency
+
+    def __repr__(self) -> str:
+        """Return one line: what was flown, how often, and the error."""
+        found = self.accuracy.overall()
+        return (
+            f"<{type(self).__name__} of {self.plan!r}: {self.result.trials} trials over "
+            f"{self.duration:.4g} s, RMS {float(found.position):.3g} m>"
+        )
 
     @property
     def model(self) -> str:

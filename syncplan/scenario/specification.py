@@ -124,6 +124,15 @@ class Scenario(Section):
 
     # --- what follows from the keys -----------------------------------------------------------
 
+    def __repr__(self) -> str:
+        """Return one line: name, vehicles, landmarks."""
+        name = f" {self.name!r}" if self.name else ""
+        many = "s" if len(self.landmarks_m) != 1 else ""
+        return (
+            f"<{type(self).__name__}{name}: {self.size} vehicle{'s' if self.size > 1 else ''}, "
+            f"{len(self.landmarks_m)} landmark{many}>"
+        )
+
     @property
     def size(self) -> int:
         """Number of vehicles."""
