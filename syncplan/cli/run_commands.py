@@ -190,16 +190,16 @@ def _replay(
         typer.Option(help="Landmarks whose bearings count: numbers such as 7,15, or all, or none"),
     ] = "all",
     meetings: Annotated[
-        bool, typer.Option(help="Whether bearings that robots took of each other count")
+        bool, typer.Option(help="Whether bearings between robots count")
     ] = True,
     bearing_sigma_rad: Annotated[
-        float, typer.Option(help="What the filter takes a bearing's sigma to be")
+        float, typer.Option(help="Sigma of a bearing that the filter assumes")
     ] = 0.08,
     speed_sigma_mps: Annotated[
-        float, typer.Option(help="The same of the speed, per sample")
+        float, typer.Option(help="Assumed sigma of the speed, per sample")
     ] = 0.15,
     turn_rate_sigma_rad_s: Annotated[
-        float, typer.Option(help="The same of the turn rate, per sample")
+        float, typer.Option(help="Assumed sigma of the turn rate, per sample")
     ] = 0.5,
     sample_time_s: Annotated[float, typer.Option(help="Time between the filter's samples")] = 0.05,
     gate: Annotated[

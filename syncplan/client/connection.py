@@ -1,4 +1,4 @@
-"""Requests to a service: sent again while it is away or busy, problems raised as errors."""
+"""Requests to a service: repeated while it is away or busy, its problems raised as errors."""
 
 import importlib.util
 import json
@@ -22,7 +22,7 @@ _CONNECT_S = 10.0
 
 
 class RemoteError(SyncplanError):
-    """The service can't be reached, or refused for a reason that is not the request's.
+    """The service can't be reached, or it refused for a reason other than the request.
 
     `status` is the HTTP status; None where there was no answer.
     """
@@ -122,7 +122,7 @@ def values_of(answer: "Response", key: str = "id") -> dict[str, Any]:
     except ValueError:
         values = None
     if not isinstance(values, dict) or key not in values:
-        raise RemoteError(f"{answer.url.path}: answers, but not as syncplan's service does")
+        raise RemoteError(f"{answer.url.path}: the answer is not one of syncplan's service")
     return values
 
 
@@ -146,9 +146,9 @@ def error_of(problem: Mapping[str, Any], message: str, status: int | None) -> Sy
             Fault(one["path"], one["message"], str(one.get("value", ""))) for one in errors
         )
         first, more = faults[0], len(faults) - 1
-        told = first.problem if more == 0 else f"{first.problem} (and {more} more)"
+        text = first.problem if more == 0 else f"{first.problem} (and {more} more)"
         return InputError(
-            f"{first.value}: {told}" if first.value else told, key=first.key, faults=faults
+            f"{first.value}: {text}" if first.value else text, key=first.key, faults=faults
         )
     if problem.get("title") == "No solution":
         return NoSolutionError(message)

@@ -82,7 +82,7 @@ class Client:
     url : where it is, such as http://127.0.0.1:8000
     api_key : if it asks for one
     timeout_s : for one request
-    patience_s : how long a service that is away, or busy, is asked again
+    patience_s : how long requests to a service that is away or busy are repeated
     """
 
     def __init__(
@@ -115,21 +115,21 @@ class Client:
     def plan(
         self, subject: Scenario | Plan | Mapping[str, Any], *, steady: bool = False
     ) -> RemotePlan:
-        """Return the plan of a scenario, kept by the service; see syncplan.plan.
+        """Return the plan of a scenario, stored by the service; see syncplan.plan.
 
-        Of a plan, or the mapping that a file of one holds, the orbits stay as they are and are
-        judged afresh. Raises InputError.
+        A plan, or the mapping that a plan's file holds, keeps its orbits; they are judged again.
+        Raises InputError.
         """
         body = _as_planned(subject)
         parameters = {"steady": "true"} if steady else None
         return _remote_plan(values_of(self._remote.send("POST", "/v1/plans", body, parameters)))
 
     def stored(self, plan_id: str) -> RemotePlan:
-        """Return a plan that the service keeps."""
+        """Return a plan that the service stores."""
         return _remote_plan(values_of(self._remote.send("GET", f"/v1/plans/{_id(plan_id)}")))
 
     def delete(self, plan: RemotePlan | str) -> None:
-        """Delete a plan that the service keeps."""
+        """Delete a plan that the service stores."""
         self._remote.send("DELETE", f"/v1/plans/{_id(plan)}")
 
     # --- jobs ---
@@ -162,7 +162,7 @@ class Client:
         return _job(values_of(self._remote.send("GET", f"/v1/jobs/{_id(job_id)}")))
 
     def cancel(self, job: RemoteJob | str) -> RemoteJob:
-        """Stop a job; raises RemoteError where it has ended in another way."""
+        """Stop a job; raises RemoteError if it has ended otherwise."""
         return _job(values_of(self._remote.send("POST", f"/v1/jobs/{_id(job)}/cancel", None)))
 
     def wait(
@@ -172,7 +172,7 @@ class Client:
         *,
         timeout_s: float | None = None,
     ) -> Any:
-        """Return what a job comes to, once it does.
+        """Return the result of a job, once it has ended.
 
         A RemotePlan for a refinement, a Validation for a validation, the JSON values of a sweep's
         report. `progress` is called with the job whenever it has changed. Raises InputError or
@@ -188,7 +188,7 @@ class Client:
             if now.ended:
                 return self._result(now, job.plan if isinstance(job, RemoteJob) else None)
             if timeout_s is not None and time.monotonic() - began + pause > timeout_s:
-                raise RemoteError(f"job {now.id} is {now.state} after {timeout_s:g} s; it goes on")
+                raise RemoteError(f"job {now.id} is {now.state} after {timeout_s:g} s; it continues")
             time.sleep(pause)
             pause = min(1.5 * pause, _LOOK_AT_LAST_S)
 

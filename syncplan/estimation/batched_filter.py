@@ -6,24 +6,20 @@ The state stacks (x, y, heading) of n vehicles, 3n in all. Each sample:
     update    one bearing after another:  nu = z - (atan2(target - observer) - observer's heading)
               u = P h,  S = h' u + sigma^2,  x += u nu / S,  P -= u u' / S
 
-F is exact in closed form: an error of heading turns the displacement (dx, dy) about its start, so
-the column of the heading holds (-dy, dx, 1). A bearing's row h has six non-zeros, three for a
-landmark. A bearing whose nu^2 / S exceeds the gate is left out.
+F is exact: an error of heading turns the displacement (dx, dy) about its start, so its column holds
+(-dy, dx, 1). h has six non-zeros, three for a landmark. The gate rejects a bearing by nu^2 / S.
 
 `reference_filter` does this in NumPy for one trial and is the one to read; these kernels filter
-many trials at a time. In simulation the vehicles follow their circles exactly, so the sightings are
-the same in every trial, and a trial is a *lane*: the last, contiguous axis of every array. All
-arithmetic on covariances then runs over lanes in vector registers. Lanes are independent and no sum
-is reordered, so a trial's figures depend neither on the lanes beside it nor on their number. Only
-the lower triangle of P is maintained.
+many trials at a time. All trials share their sightings, so a trial is a *lane*: the last,
+contiguous axis of every array, and arithmetic runs over lanes in vector registers. Lanes are
+independent and no sum is reordered, so a trial's figures depend neither on the lanes beside it nor
+on their number. Of P only the lower triangle is maintained.
 
-Where more goes in: `correct_lanes` takes any scalar measurement whose row has the shape of a
-bearing's, so a distance needs only a function beside `bearing_lanes`. Further states (a wind, a
-bias) follow the poses in P: `_add_product`, `_subtract_outer` and `_add_nees` take any size,
-`predict_lanes` and `correct_lanes` address the poses.
+Extension: a scalar measurement whose row is shaped like a bearing's, such as a distance, needs one
+function beside `bearing_lanes`. Further states (a wind, a bias) follow the poses in P; only
+`predict_lanes`, `correct_lanes` and `_add_errors` address poses.
 
-Source: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001,
-10.3 (the extended Kalman filter) and 5.4.2 (NEES, NIS).
+Source: Bar-Shalom, Li, Kirubarajan (2001), 10.3; NEES and NIS as in `consistency`.
 """
 
 import math
@@ -40,7 +36,7 @@ __all__ = ["EXTENDED", "bearing_lanes", "correct_lanes", "predict_lanes"]
 Work = tuple[Array, Array, Array, Array]
 
 SMALLEST_PIVOT = 1e-13
-"""Share of a variance below which what the other states leave of it is rounding, not variance."""
+"""Share of a variance below which its remainder, given the other states, is rounding."""
 
 SMALLEST_SQUARE = 1e-300
 """Least squared distance in m^2: bodies estimated at one place give a row of zeros, not NaN."""
@@ -143,7 +139,7 @@ def bearing_lanes(
     innovation: Array,
     lanes: Lanes,
 ) -> None:
-    """Fill in the innovation (lanes,) and the observer's part (3, lanes) of a bearing's row.
+    """Fill in a bearing's innovation (lanes,) and the observer's part (3, lanes) of its row.
 
     The target's part is the negative of the first two.
     """
@@ -200,9 +196,9 @@ def correct_lanes(
 ) -> None:
     """Correct x and P by one scalar measurement a lane; count it in the statistics.
 
-    `work` is (row (3, lanes), innovation (lanes,), u (3n, lanes), gain (3n, lanes)), of which
-    row and innovation are filled in: any measurement of where the target (x, y) lies as seen from
-    the observer's pose has a row of this shape. Row and innovation are spent.
+    `work` is (row (3, lanes), innovation (lanes,), u (3n, lanes), gain (3n, lanes)) with row and
+    innovation filled in. Any measurement that depends on the target's position relative to the
+    observer's pose has a row of this shape. The row is overwritten.
     """
     row, innovation, u, gain = work
     n, o, t = len(x), 3 * observer, 3 * target
@@ -234,13 +230,7 @@ def correct_lanes(
 
 @compiled
 def _add_nees(
-    P: Array,
-    error: Array,
-    A: Array,
-    u: Array,
-    factor: Array,
-    statistics: FilterStatistics,
-    lanes: Lanes,
+    P: Array, error: Array, A: Array, u: Array, factor: Array, sums: FilterStatistics, lanes: Lanes
 ) -> None:
     """Add e' P^-1 e by a square-root-free Cholesky factorisation of a copy of P.
 
@@ -264,8 +254,8 @@ def _add_nees(
         _subtract_outer(A, factor, u, j + 1, lanes)
     for lane in range(len(lanes)):
         if valid[lane] > 0.0:
-            statistics.nees[lane] += total[lane]
-            statistics.nees_samples[lane] += 1.0
+            sums.nees[lane] += total[lane]
+            sums.nees_samples[lane] += 1.0
 
 
 @compiled

@@ -1,4 +1,4 @@
-"""Consistency: whether a filter's own covariance tells the truth about its errors.
+"""Consistency: whether a filter's covariance agrees with its errors.
 
 A filter's sigma is no evidence of its error. Three figures compare the two:
 
@@ -7,8 +7,10 @@ A filter's sigma is no evidence of its error. Three figures compare the two:
                                                        1 where S is the innovations' variance
     coverage   share of |error| <= 3 sigma             0.9973 for normal errors
 
-The first two come with the two-sided 95 % band a consistent filter's figure falls into.
-Source: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation, 5.4.
+The first two come with the two-sided 95 % band into which a consistent filter's figure falls.
+
+Source: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001,
+5.4 (consistency of state estimators; chi-square bands of averaged NEES and NIS).
 """
 
 import math
@@ -28,7 +30,7 @@ BAND_PROBABILITY = 0.95
 
 @dataclass(frozen=True, slots=True)
 class Consistency:
-    """A normalised squared error, its band, and on which side of it it lies.
+    """A normalised squared error, its band, and whether it lies inside, above or below.
 
     Attributes
     ----------
@@ -36,7 +38,7 @@ class Consistency:
     band : (low, high) two-sided 95 % band
     degrees : chi-square degrees of freedom behind the band
     verdict : "optimistic" above the band (sigmas too small), "conservative" below,
-        "unknown" where there was nothing to judge
+        "unknown" without samples
     """
 
     value: float
@@ -66,9 +68,9 @@ def gate_threshold(probability: float | None) -> float:
 def anees(nees: Array, dimension: int) -> Consistency:
     """Return the average NEES over its dimension, from the mean NEES of each trial (trials,).
 
-    NEES is correlated along a run, so a run counts as one sample however long it is: the band
-    has trials * dimension degrees of freedom. It is wider than the truth for runs much longer
-    than the errors' memory. Trials without a NEES (NaN) are left out of value and band.
+    NEES is correlated along a run, so each run counts as one sample however long it is: the band
+    has trials * dimension degrees of freedom. For runs much longer than the errors' correlation
+    time the band is wider than it need be. Trials without a NEES (NaN) count in neither.
     """
     judged = nees[~np.isnan(nees)]
     if not len(judged):
@@ -77,12 +79,12 @@ def anees(nees: Array, dimension: int) -> Consistency:
 
 
 def nis(total: float, count: int, gate_probability: float | None = None) -> Consistency:
-    """Return the mean of `count` normalised squared scalar innovations that sum up to `total`.
+    """Return the mean of `count` normalised squared scalar innovations with the sum `total`.
 
-    Innovations of a consistent filter are white, so each is a sample of its own. A gate cuts their
-    tail off: what it leaves has a mean below 1 (0.987 for a gate of 99.9 %) and a smaller variance.
-    The value is over that mean, so 1 stands for a consistent filter whatever the gate; the band is
-    that of the chi-square variable with the same mean and variance.
+    Innovations of a consistent filter are white, so each is a sample of its own. A gate cuts off
+    their tail: the mean of the rest is below 1 (0.987 for a gate of 99.9 %) and its variance
+    smaller. The value is divided by that mean, so a consistent filter has 1 whatever the gate; the
+    band is that of the chi-square variable with the same mean and variance.
     """
     if not count:
         return _nothing()
@@ -102,7 +104,7 @@ def _gated_moments(probability: float | None) -> tuple[float, float]:
     gate = gate_threshold(probability)
     if math.isinf(gate):
         return 1.0, 2.0
-    # y^k times the density of 1 degree is a multiple of that of 1 + 2 k degrees
+    # y^k times the density of 1 degree is a multiple of the density of 1 + 2 k degrees
     share = float(chdtr(1, gate))
     mean = float(chdtr(3, gate)) / share
     return mean, 3.0 * float(chdtr(5, gate)) / share - mean**2

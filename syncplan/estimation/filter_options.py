@@ -1,4 +1,4 @@
-"""What a user asks of a run of the filter: which filter, its gate, how many trials, how long."""
+"""Options of a filter run: which filter, its gate, the number of trials and their length."""
 
 import math
 from collections.abc import Mapping

@@ -1,12 +1,12 @@
-"""What a run of the filter rests on: motion model, initial variances, gate, sightings, readings.
+"""The set-up of a filter run: motion model, initial variances, gate, sightings and readings.
 
-Monte Carlo and replays build it here, in the same way. The kernels are compiled for the order of
-the fields, and numba's disk cache notices only changes of the kernels' own file: whoever reorders
-fields touches batched_filter.py as well.
+Monte Carlo and replays both build it here. The kernels are compiled for the order of the fields,
+and numba's disk cache notices only changes of the kernels' own file: a change of that order must
+touch batched_filter.py too.
 
-Where more is to be estimated, this is where it goes in: the variance of a further state (a wind, a
-bias of a sensor) stands beside `initial_variances`, that of a further kind of measurement (a
-distance, a compass) beside `bearing_variances`.
+Extension: the variance of a further state (a wind, a sensor's bias) goes beside
+`initial_variances`, that of a further kind of measurement (a distance, a compass) beside
+`bearing_variances`.
 """
 
 from typing import NamedTuple
@@ -50,8 +50,8 @@ class FilterSetup(NamedTuple):
     initial_variances : (n, 3) m^2, m^2, rad^2
     bearing_variances : (n,) rad^2, by observer
     motion : the motion model
-    gate : largest innovation^2 / variance that counts
-    sample_every : NEES and coverage are taken at every so many steps, and at the last
+    gate : largest innovation^2 / variance that is accepted
+    sample_every : steps between samples of NEES and coverage; the last step is one too
     """
 
     truth: Array

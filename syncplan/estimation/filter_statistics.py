@@ -1,6 +1,6 @@
-"""What a filter counts on its way: squared errors, coverage, NEES, innovations, a series.
+"""Statistics of a filter run: squared errors, coverage, NEES, innovations and a series.
 
-As in syncplan.estimation.filter_setup, whoever reorders fields touches batched_filter.py as well.
+As in syncplan.estimation.filter_setup, a change of the fields' order must touch batched_filter.py.
 """
 
 from typing import NamedTuple
@@ -18,12 +18,12 @@ SERIES = (
     *("error_x", "error_y", "error_heading", "position", "heading", "var_position", "var_head"),
     *("square_x", "square_y", "var_x", "var_y"),
 )
-"""What the series sums over trials: three signed errors, the squared errors of position and
-heading, their two variances, and squares and variances of x and y alone."""
+"""Quantities that the series sums over trials: three signed errors, the squared errors of position
+and heading, their two variances, and squares and variances of x and y alone."""
 
 
 class FilterStatistics(NamedTuple):
-    """What comes out: per lane, except the series, which is summed over lanes.
+    """Statistics of each lane; only the series is summed over lanes.
 
     Fields
     ------
@@ -31,8 +31,8 @@ class FilterStatistics(NamedTuple):
     final : (n, 3, lanes) error at the last step
     covered : (n, lanes) coordinates within three sigma, over the sampled steps
     nees, nees_samples : (lanes,) sum and number of samples with a positive definite covariance
-    nis, accepted, gated : (lanes,) sum and number over accepted innovations, and number left out
-    series : (steps + 1, n, 11) as SERIES, or (0, n, 11) when not wanted; added to
+    nis, accepted, gated : (lanes,) sum and number of accepted innovations, number of rejected ones
+    series : (steps + 1, n, 11) as SERIES, (0, n, 11) if not wanted; the lanes add to it
     """
 
     squares: Array

@@ -1,4 +1,4 @@
-"""The filters to choose from by name: command line, service, reports, documentation read this.
+"""The table of filters; command line, service and reports take their names from here.
 
 A new filter is its kernel, as a LaneFilter in a module of this package, and a line of FILTERS.
 """

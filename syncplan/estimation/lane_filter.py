@@ -1,4 +1,4 @@
-"""A filter as numba compiles it: run over many trials side by side, and compiled ahead of a run."""
+"""A compiled filter: many trials side by side, and whether numba has compiled it yet."""
 
 import math
 from collections.abc import Callable
@@ -27,21 +27,21 @@ WIDE_UP_TO = 60
 """Largest team filtered in wide lanes; above they gain nothing and cost sixteenfold memory."""
 
 Lanes = NDArray[np.int8] | tuple[int]
-"""Read for its length alone: how many lanes there are.
+"""Only its length counts: the number of lanes.
 
-One lane is passed as the tuple (0,): the length of a tuple is known to the compiler, the loop over
-lanes vanishes and the loop over columns vectorises instead. More lanes are passed as an array, and
-the loop over lanes vectorises.
+One lane is passed as the tuple (0,): the compiler knows the length of a tuple, the loop over lanes
+vanishes and the loop over columns vectorises instead. More lanes are passed as an array, and the
+loop over lanes vectorises.
 """
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 def compiled(function: Function) -> Function:
-    """Return the kernel compiled, and kept in numba's disk cache where there is a place for it.
+    """Return the kernel compiled, and kept in numba's disk cache where one can be written.
 
-    The cache notices changes of the kernel's own file only, so kernels that call each other stay
-    in one file.
+    The cache notices only changes of the kernel's own file, so kernels that call each other stay in
+    one file.
     """
     try:
         jit: Any = numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -66,7 +66,7 @@ class LaneFilter:
 
     @staticmethod
     def lanes_for(n: int) -> int:
-        """Return how many trials of n vehicles are best filtered side by side."""
+        """Return how many trials of n vehicles it is best to filter side by side."""
         return WIDE_LANES if n <= WIDE_UP_TO else 1
 
     def run(
@@ -82,10 +82,10 @@ class LaneFilter:
         return ended
 
     def is_compiled(self, n: int) -> bool:
-        """Return whether the kernel for n vehicles is at hand, in memory or in numba's disk cache.
+        """Return whether the kernel for n vehicles is in memory or in numba's disk cache.
 
-        Where not, the first run compiles it, which takes some seconds: say so before it starts.
-        When numba keeps its cache in another way than known here, the answer is False.
+        If not, the first run compiles it, which takes some seconds: say so before it starts. False
+        where numba's cache has another layout than the one read here.
         """
         typeof: Any = numba.typeof
         types = tuple(typeof(argument) for argument in _specimen(n))

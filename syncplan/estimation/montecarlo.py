@@ -3,7 +3,8 @@
 Trial k draws from SeedSequence(seed, spawn_key=(k,)), the k-th child of SeedSequence(seed), in
 this order: initial pose (n, 3), speed readings (steps, n), turn-rate readings (steps, n),
 bearings (s,) as the sightings are ordered. Trials are filtered in chunks of CHUNK_TRIALS, cut at
-fixed trial numbers, so neither threads nor parts change a byte (see syncplan.estimation.trials).
+fixed trial numbers, so neither threads nor division into parts changes a byte; see
+syncplan.estimation.trials.
 """
 
 import threading
@@ -51,7 +52,7 @@ class _Run:
 
 
 class _StoppedError(Exception):
-    """The run was interrupted; nobody reads this chunk."""
+    """The run was interrupted; this chunk will not be read."""
 
 
 def run_trials(
@@ -67,8 +68,8 @@ def run_trials(
     """Return the errors of the filter over `options.trials` trials of `steps` samples.
 
     `sightings` holds who sees whom at k = 1..steps. `first_trial`, a multiple of CHUNK_TRIALS,
-    makes this a part of a longer run, to be joined by `merge`. `progress` is called with the number
-    of trials done. Raises InputError naming the argument at fault.
+    makes this a part of a longer run, which `merge` joins. `progress` is called with the number of
+    trials done. Raises InputError naming the argument at fault.
     """
     _check_run(steps, first_trial, threads)
     _check_sigmas(team.sensors.bearing_sigmas, team.noise)
@@ -116,7 +117,7 @@ def _check_sigmas(bearing_sigmas: Array, noise: Noise) -> None:
 
 
 def _check_sightings(sightings: Sightings, n: int, landmarks: int) -> None:
-    """The kernels trust these indices, so none may point past the bodies there are."""
+    """The kernels do not check these indices: each must be that of a body."""
     named = (("observers", sightings.observers, n), ("targets", sightings.targets, n + landmarks))
     for key, index, limit in named:
         wrong = index[(index < 0) | (index >= limit)]
@@ -158,7 +159,7 @@ def _true_bearings(setup: FilterSetup) -> Array:
 def _in_order(run: _Run, first_trial: int, threads: int) -> Generator[MonteCarloResult]:
     """Results of all chunks, in order, a few computed ahead.
 
-    Whatever interrupts the caller also stops the threads, each after the trials it is at.
+    Whatever interrupts the caller also stops the threads, each after its present trials.
     """
     pending: deque[Future[MonteCarloResult]] = deque()
     with ThreadPoolExecutor(threads) as pool:

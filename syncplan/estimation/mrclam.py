@@ -1,7 +1,7 @@
 """Recordings of a team of ground robots, in the file format of the UTIAS MRCLAM data sets.
 
-A folder holds text files of numbers in columns, comments after "#". Times are in s by one clock
-common to all files, and never go back; angles are in rad:
+A folder holds text files with columns of numbers and comments after "#". Times are in s by one
+clock common to all files and never decrease; angles are in rad:
 
     Barcodes.dat               subject, barcode        the number a camera reads off a subject
     Landmark_Groundtruth.dat   subject, x, y           m; further columns are not read
@@ -9,7 +9,7 @@ common to all files, and never go back; angles are in rad:
     Robot1_Odometry.dat        time, speed, turn rate  m/s, rad/s
     Robot1_Measurement.dat     time, barcode, range, bearing   m, rad from the robot's heading
 
-The last three are there for each robot; its number is its subject's.
+Each robot has the last three; its number is its subject's.
 
 Source: Leung, Halpern, Barfoot, Liu, "The UTIAS multi-robot cooperative localization and mapping
 dataset", International Journal of Robotics Research 30(8):969-974, 2011.
@@ -29,26 +29,26 @@ __all__ = ["Log", "RobotLog", "load_log"]
 
 
 NOBODY = -1
-"""Subject of a reading whose barcode nobody carries."""
+"""Subject of a reading whose barcode belongs to no subject."""
 
 MOST_ROBOTS = 200
 LARGEST_FILE_BYTES = 256 * 2**20
 LARGEST_VALUE = 1e12
-"""Beyond any clock that counts seconds, and any place."""
+"""Larger than any clock in seconds and any coordinate."""
 
 _OF_ROBOT = re.compile(r"Robot([1-9][0-9]{0,5})_(?:Groundtruth|Odometry|Measurement)\.dat")
 
 
 @dataclass(frozen=True, slots=True)
 class RobotLog:
-    """What one robot recorded; times in s never go back.
+    """The recording of one robot; times in s never decrease.
 
     Attributes
     ----------
     subject : its number
     truth : (k, 4) time s, x m, y m, heading rad
     odometry : (k, 3) time s, speed m/s, turn rate rad/s
-    times, subjects, bearings : (s,) s; number of who was seen, NOBODY where unknown; rad
+    times, subjects, bearings : (s,) s; number of the subject seen, NOBODY where unknown; rad
     """
 
     subject: int
@@ -60,7 +60,7 @@ class RobotLog:
 
     @property
     def name(self) -> str:
-        """What the robot is called in reports."""
+        """The robot's name in reports."""
         return f"robot{self.subject}"
 
 
@@ -83,7 +83,7 @@ class Log:
 
 
 def load_log(folder: str | Path) -> Log:
-    """Return the recording in a folder; raises InputError naming file, line and what is wrong."""
+    """Return the recording in a folder; raises InputError naming file, line and fault."""
     folder = Path(folder)
     numbers = _robots_in(folder)
     landmark_subjects, landmarks = _landmarks(folder / "Landmark_Groundtruth.dat", numbers)
@@ -150,7 +150,7 @@ def _robot(folder: Path, number: int, carried: dict[int, int]) -> RobotLog:
         if not len(table):
             source = str(folder / f"Robot{number}_{kind}.dat")
             raise InputError("holds no rows of numbers", source=source)
-    # nobody sees himself: such a barcode was misread
+    # no robot sees itself: such a barcode was misread
     others = {code: subject for code, subject in carried.items() if subject != number}
     subjects = [others.get(code, NOBODY) for code in seen[:, 1].astype(np.int64).tolist()]
     return RobotLog(
@@ -171,7 +171,7 @@ def _table(
     _check_file(path)
     try:
         with warnings.catch_warnings():
-            # no rows are no fault of a file of measurements
+            # a file of measurements may hold no rows
             warnings.simplefilter("ignore", UserWarning)
             values = np.loadtxt(
                 path, comments="#", usecols=range(len(names)), ndmin=2, encoding="utf-8-sig"
@@ -219,7 +219,7 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
 
 
 def _no_number(path: Path, names: list[str]) -> InputError:
-    """What is wrong with the first line that does not hold numbers in the named columns."""
+    """The fault of the first line that does not hold numbers in the named columns."""
     for number, row in _rows(path):
         if len(row) < len(names):
             there = "1 column" if len(row) == 1 else f"{len(row)} columns"
@@ -240,4 +240,4 @@ def _no_number(path: Path, names: list[str]) -> InputError:
 def _refuse_twice(values: Index, what: str, path: Path) -> None:
     found, count = np.unique(values, return_counts=True)
     if (count > 1).any():
-        raise InputError(f"{what} {found[count > 1][0]} stands there twice", source=str(path))
+        raise InputError(f"{what} {found[count > 1][0]} appears twice", source=str(path))

@@ -1,16 +1,15 @@
-"""The filter run on a recording of real robots, and its errors against where they truly were.
+"""The filter run on a recording of real robots, and its errors against their recorded truth.
 
-Readings are brought onto the filter's own samples k Ts, which begin where the truth of all robots
-does:
+Readings are brought onto the filter's own samples k Ts, which begin as soon as the truth of all
+robots is known:
 
-    odometry    held from one reading to the next, and averaged over each sample; still before the
+    odometry    held from one reading to the next, and averaged over each sample; zero before the
                 first and after the last
     bearings    at the sample nearest to their time, in the order they were taken
     truth       straight lines between its entries; headings unwrapped
 
-What follows is what a Monte Carlo does with one trial (`lane_filter.LaneFilter.run`), so the
-figures mean the same. The filter starts at the truth. Ranges are not used: it is a filter of
-bearings.
+The filter then runs as for one trial of a Monte Carlo (`lane_filter.LaneFilter.run`), so its
+figures mean the same. It starts at the truth and uses bearings, not ranges.
 """
 
 from collections.abc import Iterable
@@ -38,7 +37,7 @@ __all__ = ["GROUND_ROBOTS", "OPTIONS", "Replay", "longest_gap", "replay"]
 GROUND_ROBOTS = Noise(
     speed_sigma=0.15, turn_rate_sigma=0.5, position_sigma=0.01, heading_sigma=0.01
 )
-"""Wide sigmas for the robots of the MRCLAM data sets, at samples of 0.05 s from the truth on."""
+"""Wide sigmas for the robots of the MRCLAM data sets, at samples of 0.05 s, from a known start."""
 
 BEARING_SIGMA = 0.08
 SAMPLE_TIME = 0.05
@@ -46,18 +45,18 @@ OPTIONS = FilterOptions(trials=1, gate_probability=0.999)
 """How the filter runs on a recording where nothing else is asked for."""
 
 LEAST_SIGMA, LARGEST_SIGMA = 1e-6, 1e6
-"""What any sigma may be; those of motion and of the start may be 0 as well."""
+"""Limits of any sigma; those of motion and of the start may also be 0."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Replay:
-    """What the filter made of a recording.
+    """The filter on a recording, and its errors.
 
     Attributes
     ----------
     log : the recording
     landmarks : (l,) numbers of the landmarks whose bearings were used
-    meetings : whether the bearings that robots took of each other were used
+    meetings : whether bearings between robots were used
     sample_time, duration, begin : s; when the run begins by the recording's clock
     bearing_sigma, noise : what the filter assumed, rad and as Noise
     options : which filter, and its gate
@@ -65,7 +64,7 @@ class Replay:
     accuracy : RMS errors by robot
     coverage : (n,) share of coordinates within the filter's own three sigma
     anees, nis : consistency figures
-    unknown, not_asked_for, outside : readings of a barcode that nobody carries; of landmarks or
+    unknown, not_asked_for, outside : number of readings of unknown barcodes; of landmarks or
         robots not asked for; asked for, but nearest to no sample k = 1, 2 .. of the run
     """
 
@@ -115,12 +114,12 @@ def replay(
     """Return the errors of the filter on a recording's odometry and bearings.
 
     `landmarks` are the numbers of those whose bearings count, all if None; `meetings` says whether
-    bearings that robots took of each other do. `bearing_sigma` is in rad, `sample_time` in s; the
+    bearings between robots count. `bearing_sigma` is in rad, `sample_time` in s; the
     sigmas of `noise`, a syncplan.orbits.noise.Noise, are per sample. `options`, or changes of it by
     name, choose the filter: a bearing counts while it is within the gate of `gate_probability`,
     0.999 if not given, where 1 accepts all; `with_series` keeps errors and sigmas over time. A
-    recording is one trial without a seed, as long as its truth. Raises InputError naming the
-    argument or the robot at fault, and NoSolutionError where the filter diverges.
+    recording is one trial: `trials`, `seed` and `duration` have no effect. Raises InputError naming
+    the argument or the robot at fault, and NoSolutionError where the filter diverges.
     """
     _check(bearing_sigma, noise, sample_time)
     chosen = _options(options, changes)
@@ -270,7 +269,7 @@ def _chosen(log: Log, landmarks: Iterable[int] | None) -> Index:
 
 
 def _clock(log: Log, sample_time: float) -> _Clock:
-    """Samples while the truth of all robots is known."""
+    """The samples at which the truth of all robots is known."""
     begin = max(float(robot.truth[0, 0]) for robot in log.robots)
     end = min(float(robot.truth[-1, 0]) for robot in log.robots)
     duration = end - begin
@@ -292,7 +291,7 @@ def _clock(log: Log, sample_time: float) -> _Clock:
                 f"{duration:.6g} s: by another clock?",
                 source=log.name,
             )
-    # a whole number of samples is not to be lost to rounding
+    # rounding must not lose a sample of a whole number
     return _Clock(begin, sample_time, int(duration / sample_time + 1e-4))
 
 

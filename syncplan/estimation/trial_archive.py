@@ -1,4 +1,4 @@
-"""Parts of a Monte Carlo run as bytes, to be kept or sent; an .npz archive of plain arrays."""
+"""Archive of trials: a part of a Monte Carlo run as bytes, an .npz file of plain arrays."""
 
 import io
 from dataclasses import fields
@@ -16,7 +16,7 @@ _BRANCHES = "branches"
 
 
 def pack(part: MonteCarloResult) -> bytes:
-    """Return a part as bytes, every bit of it kept."""
+    """Return a part as bytes that hold every bit of it."""
     arrays: dict[str, Any] = {
         field.name: np.asarray(getattr(part, field.name))
         for field in fields(part)
@@ -33,7 +33,7 @@ def pack(part: MonteCarloResult) -> bytes:
 
 
 def unpack(data: bytes) -> MonteCarloResult:
-    """Return the part that `pack` made bytes of; raises InputError if they are something else."""
+    """Return the part that `pack` turned into bytes; raises InputError for other bytes."""
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as stored:
             places = stored["places"].tolist()

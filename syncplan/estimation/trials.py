@@ -1,13 +1,13 @@
 """Results of trials: errors and consistency figures, kept so that parts join exactly.
 
-What is kept per trial is concatenated. What is summed over trials is summed along a binary tree
-over chunks of CHUNK_TRIALS trials, whose shape the trial numbers alone decide:
+Figures of each trial are concatenated. Sums over trials follow a binary tree over chunks of
+CHUNK_TRIALS trials, whose shape depends on the trial numbers alone:
 
     chunk          0   1   2   3   4   5
-    level 1        01      23      45         a part of a run keeps the sums of its largest whole
-    level 2        0123                       branches; `merge` joins branches that meet
+    level 1        01      23      45         a part of a run keeps the sums of its largest
+    level 2        0123                       complete branches; `merge` joins adjacent ones
 
-so parts of a run computed elsewhere and merged give the bytes of the whole.
+so parts of a run that are computed elsewhere and merged give the bytes of the whole.
 """
 
 from collections.abc import Sequence
@@ -34,7 +34,7 @@ __all__ = [
 
 
 CHUNK_TRIALS = 16
-"""A run may be cut into parts at multiples of this many trials."""
+"""A run can be divided at multiples of this many trials."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +69,7 @@ class MonteCarloResult:
     nees_samples : (trials,) how many of them counted
     nis_sums, accepted, gated : (trials,) sum of innovation^2 / variance over accepted bearings,
         number of these, and number the gate left out
-    branches : sums over trials of the series, empty unless asked for
+    branches : sums of the series over trials, empty unless asked for
     """
 
     seed: int
@@ -177,10 +177,10 @@ def result_of(
 
 
 def merge(parts: Sequence[MonteCarloResult]) -> MonteCarloResult:
-    """Return one result from parts of a run that follow each other, bytes as if run in one.
+    """Return one result from consecutive parts of a run, with the bytes of an undivided run.
 
-    Raises InputError where parts differ in seed or length, leave a gap, or where a part that
-    others follow does not end at a multiple of CHUNK_TRIALS.
+    Raises InputError where parts differ in seed or length, leave a gap, or where a part before the
+    last does not end at a multiple of CHUNK_TRIALS.
     """
     head = parts[0]
     following = head.first_trial
@@ -248,7 +248,7 @@ def series(result: MonteCarloResult) -> ErrorSeries:
 
 
 def joined(branches: Sequence[Branch]) -> tuple[Branch, ...]:
-    """Branches in order, siblings joined to their parent for as long as there are any."""
+    """Return the branches in order, siblings joined to their parent as long as there are any."""
     stack: list[Branch] = []
     for branch in branches:
         stack.append(branch)

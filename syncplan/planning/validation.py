@@ -1,4 +1,4 @@
-"""Validation: the filter run many times on a plan, beside what the bound predicts."""
+"""Validation: many runs of the filter on a plan, beside the error that the bound predicts."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -34,7 +34,7 @@ class Validation:
 
     Attributes
     ----------
-    plan : what was flown
+    plan : the plan that was flown
     duration : s
     options : which filter, and its gate
     result : per trial figures, and the series where asked for
@@ -80,11 +80,11 @@ class Validation:
 
 @dataclass(frozen=True, slots=True)
 class TrialRun:
-    """A validation as it is set up, before a trial has run; parts of it may run apart.
+    """A validation that is set up; its trials can run in parts.
 
     Attributes
     ----------
-    plan : what is flown
+    plan : the plan that is flown
     duration, steps : s, and whole samples in it
     sightings : who sees whom at k = 1..steps
     options : as validate takes them
@@ -127,7 +127,7 @@ def trial_run(
     options: FilterOptions | None = None,
     **changes: Unpack[FilterChanges],
 ) -> TrialRun:
-    """Return a validation set up, its parts to be run by run_part and joined by conclude."""
+    """Return the set-up of a validation, whose parts run_part runs and conclude joins."""
     chosen = options_with(options, changes)
     flown = subject if isinstance(subject, Plan) else plan(subject)
     length = flown.scenario.duration_s if chosen.duration is None else chosen.duration
@@ -146,7 +146,7 @@ def run_part(
     threads: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> MonteCarloResult:
-    """Return the trials from `first_trial` on, a multiple of CHUNK_TRIALS, of a validation."""
+    """Return `trials` trials of a validation from `first_trial` on, a multiple of CHUNK_TRIALS."""
     return run_trials(
         run.plan.team,
         run.sightings,

@@ -86,12 +86,12 @@ BAD = [
     ("Robot2_Groundtruth.dat", 8, "1\t2\t3\t4", "line 8, '1 2 3 4': its time is before that"),
     ("Robot3_Measurement.dat", 3, "1e300\t13\t3\t4", "line 3, '1e300 13 3 4': holds a value over"),
     ("Robot3_Measurement.dat", 3, "1\t1.5\t3\t4", "line 3, '1 1.5 3 4': barcode is not whole"),
-    ("Barcodes.dat", 3, "2\t13\n1\t13", "barcode 13 stands there twice"),
+    ("Barcodes.dat", 3, "2\t13\n1\t13", "barcode 13 appears twice"),
     ("Barcodes.dat", 3, "55\t13", "subject 55 has neither files such as Robot55_Odometry.dat nor"),
     ("Landmark_Groundtruth.dat", 3, "-1\t13\t2", "subject -1 is below 1"),
     ("Robot1_Odometry.dat", 9, "1.0,2.0,3.0", "line 9 has 1 column; needed are time, speed, turn"),
     ("Landmark_Groundtruth.dat", 3, "1\t13\t2", "subject 1 is a robot as well"),
-    ("Landmark_Groundtruth.dat", 3, "6\t13\t2", "subject 6 stands there twice"),
+    ("Landmark_Groundtruth.dat", 3, "6\t13\t2", "subject 6 appears twice"),
 ]
 
 
