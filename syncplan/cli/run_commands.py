@@ -189,9 +189,7 @@ def _replay(
         str,
         typer.Option(help="Landmarks whose bearings count: numbers such as 7,15, or all, or none"),
     ] = "all",
-    meetings: Annotated[
-        bool, typer.Option(help="Whether bearings between robots count")
-    ] = True,
+    meetings: Annotated[bool, typer.Option(help="Whether bearings between robots count")] = True,
     bearing_sigma_rad: Annotated[
         float, typer.Option(help="Sigma of a bearing that the filter assumes")
     ] = 0.08,

@@ -188,7 +188,8 @@ class Client:
             if now.ended:
                 return self._result(now, job.plan if isinstance(job, RemoteJob) else None)
             if timeout_s is not None and time.monotonic() - began + pause > timeout_s:
-                raise RemoteError(f"job {now.id} is {now.state} after {timeout_s:g} s; it continues")
+                late = f"job {now.id} is {now.state} after {timeout_s:g} s; it continues"
+                raise RemoteError(late)
             time.sleep(pause)
             pause = min(1.5 * pause, _LOOK_AT_LAST_S)
 
