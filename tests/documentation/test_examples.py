@@ -110,11 +110,23 @@ def _falls_and_compares(rows: Any) -> bool:
     return bool(falls and near and always)
 
 
+REFINING = {
+    "camera_team_refined",
+    "crooked_line_refined",
+    "degenerate_grid_refined",
+    "service_client",
+    "team_placed",
+}
+"""Examples that search for ten seconds and more."""
+
+
 def test_every_example_is_pinned() -> None:
     assert set(FOUND) == set(PINS)
 
 
-@pytest.mark.parametrize("name", FOUND)
+@pytest.mark.parametrize(
+    "name", [pytest.param(one, marks=pytest.mark.long) if one in REFINING else one for one in FOUND]
+)
 def test_the_example_reaches_its_number(name: str) -> None:
     assert PINS[name](importlib.import_module(f"examples.{name}").main())
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import httpx2
 from playwright.sync_api import Browser, Route, expect
 
-from tests.page.gestures import plan_id_of
+from tests.page.gestures import plan_id_of, refine
 from tests.tools.api_servers import key_of, serving, speaking
 from tests.tools.browsing import Visit, accessibility_faults, visiting
 from tests.tools.serving import Server, running, settings_of
@@ -180,8 +180,7 @@ def test_an_edit_that_waits_for_a_key_is_not_lost(browser: Browser, tmp_path: Pa
 def test_a_refined_plan_opens_though_its_parent_was_deleted(visit: Visit, server: Server) -> None:
     page = visit.page
     visit.choose(ALTERNATE)
-    page.get_by_label("Time limit (s)").fill("5")
-    page.get_by_role("button", name="Refine").click()
+    refine(page)
     expect(page.locator(".outcome")).to_contain_text("Predicted error")
     plan = httpx2.get(f"{server.url}/v1/plans/{plan_id_of(page)}").json()
     assert httpx2.delete(f"{server.url}/v1/plans/{plan['parent_id']}").status_code == 204

@@ -5,7 +5,7 @@ import re
 import httpx2
 from playwright.sync_api import Browser, expect
 
-from tests.page.gestures import opened, plan_id_of
+from tests.page.gestures import opened, plan_id_of, refine
 from tests.tools.browsing import Visit, accessibility_faults, visiting
 from tests.tools.scenarios import document
 from tests.tools.serving import Server
@@ -18,8 +18,7 @@ def test_refine_compare_validate_and_open_the_link_again(
 ) -> None:
     page = visit.page
     visit.choose(ALTERNATE)
-    page.get_by_label("Time limit (s)").fill("5")
-    page.get_by_role("button", name="Refine").click()
+    refine(page)
     expect(page.locator("#job-text")).to_contain_text(re.compile(r"of \d+ starts"))
     visit.verdict("Observable: rank 18 of 18")
     expect(page.locator(".outcome")).to_contain_text("Predicted error")
@@ -77,15 +76,14 @@ def test_what_refinement_may_move_by_suits_the_team_that_was_opened(visit: Visit
 
 def test_refining_tells_what_it_costs_in_separation(visit: Visit) -> None:
     page = visit.page
-    page.get_by_label("Time limit (s)").fill("5")
-    page.get_by_role("button", name="Refine").click()
+    refine(page)
     told = page.locator(".outcome .remark")
     expect(told).to_contain_text(re.compile(r"Least separation 30 → [\d.]+ m"))
     expect(told).to_contain_text("“Least separation” in the scenario bounds it")
     visit.choose("paper-grid-same")
     page.get_by_label("Least separation").fill("29")
     visit.settle()
-    page.get_by_role("button", name="Refine").click()
+    refine(page)
     expect(page.locator(".outcome")).to_contain_text("Least separation 30 → 29")
     expect(told).to_have_count(0)
 

@@ -11,7 +11,7 @@ import httpx2
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.page.gestures import downloaded, handle, phases, plan_id_of, saved
+from tests.page.gestures import downloaded, handle, phases, plan_id_of, refine, saved
 from tests.tools.api_servers import done
 from tests.tools.browsing import Visit, visiting
 from tests.tools.processes import PATIENCE_S
@@ -222,8 +222,7 @@ def test_the_scenario_of_a_refined_plan_is_told_to_lack_its_phases(at_refined: V
 def test_back_leads_from_a_refined_plan_to_the_one_before_it(visit: Visit) -> None:
     page = visit.page
     visit.choose(ALTERNATE)
-    page.get_by_label("Time limit (s)").fill("5")
-    page.get_by_role("button", name="Refine").click()
+    refine(page)
     visit.verdict("Observable: rank 18 of 18")
     expect(page.locator(".outcome")).to_contain_text("Predicted error")
     refined = plan_id_of(page)

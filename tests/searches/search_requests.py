@@ -31,6 +31,7 @@ import httpx2
 import numpy as np
 
 from tests.tools.mutations import FIGURES, Sent, draw_request, valid_scenarios
+from tests.tools.processes import PATIENCE_S
 from tests.tools.serving import ROOT, Server, running
 
 __all__ = ["LARGEST_GROWTH_MB", "SETTINGS", "Found", "main", "search"]
@@ -44,7 +45,7 @@ REHEARSED = 240
 """Drawn requests that are sent, and looked at, before memory is measured."""
 PATIENCE = 5
 """Tries of a valid request: the processes are only starting, on a machine with other work."""
-MARGIN_S = 10.0
+MARGIN_S = 60.0
 """What a request may take beyond the time a plan may take: waiting its turn, being sent."""
 
 SETTINGS = {
@@ -100,7 +101,7 @@ def search(
     """
     found = Found(requests)
     scenarios = valid_scenarios()
-    with httpx2.Client(base_url=server.url, headers=_AUTHORISED, timeout=60.0) as client:
+    with httpx2.Client(base_url=server.url, headers=_AUTHORISED, timeout=PATIENCE_S) as client:
         plans = _warmed_up(client, scenarios, warm_up)
 
         def send(count: int) -> None:

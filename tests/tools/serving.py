@@ -17,6 +17,8 @@ ROOT = Path(__file__).parents[2]
 QUICK = {"SYNCPLAN_HEARTBEAT_S": "0.5", "SYNCPLAN_DEAD_AFTER_S": "2"}
 """Settings under which a dead process is found out in three seconds."""
 
+_WAITING = ("-w", "-t", f"{PATIENCE_S:.0f}")
+
 
 class Process:
     """A `syncplan` command that goes on until it is stopped."""
@@ -88,11 +90,11 @@ class Postgres:
         """Start the server and wait until it takes connections."""
         options = f"-h 127.0.0.1 -p {self._port} -k {self._folder}"
         log = str(self._folder / "log")
-        self._run("pg_ctl", "-D", self._data, "-l", log, "-w", "-o", options, "start")
+        self._run("pg_ctl", "-D", self._data, "-l", log, *_WAITING, "-o", options, "start")
 
     def stop(self) -> None:
         """Stop the server at once: connections are cut."""
-        self._run("pg_ctl", "-D", self._data, "-m", "immediate", "-w", "stop")
+        self._run("pg_ctl", "-D", self._data, "-m", "immediate", *_WAITING, "stop")
 
     def folder_for(self, folder: Path) -> Path:
         """Make a folder that PostgreSQL may write to, and return it."""
@@ -107,7 +109,7 @@ class Postgres:
             check=True,
             cwd=self._folder,
             stdout=subprocess.DEVNULL,
-            timeout=PATIENCE_S,
+            timeout=2.0 * PATIENCE_S,
             user=self._user,
             group=self._user,
             extra_groups=None if self._user is None else [],
