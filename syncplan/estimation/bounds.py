@@ -6,7 +6,17 @@ are referred to time 0 by the closed-form transition, so that prediction only ad
     P <- P + Phi(0, k) G Q G^T Phi(0, k)^T      block diagonal, one 3 x 3 block a vehicle
     P <- P - P H^T (H P H^T + 1)^-1 H P         H: the rows of the windowed matrix, sigma = 1
 
-Positions are in mean radii until the end. How rows are brought in: syncplan.estimation.covariances.
+Positions are in mean radii until the end. syncplan.estimation.covariances brings the rows in.
+
+Sources
+-------
+posterior bound : Tichavsky, Muravchik, Nehorai, "Posterior Cramer-Rao bounds for discrete-time
+    nonlinear filtering", IEEE Transactions on Signal Processing 46(5), 1998, Proposition 1, here
+    for additive Gaussian noise, in covariances, along the nominal path
+its periodic limit : doubling of the Riccati map, Anderson, "Second-order convergent algorithms for
+    the steady-state Riccati equation", International Journal of Control 28(2), 1978; structured
+    doubling, Chu, Fan, Lin, Wang, "Structure-preserving algorithms for periodic discrete-time
+    algebraic Riccati equations", International Journal of Control 77(8), 2004
 """
 
 from dataclasses import dataclass, replace
@@ -62,7 +72,7 @@ def arc_noise_gain(orbits: Orbits, sample_time: float) -> Array:
     """Return (n, 3, 2) derivatives of a step's (x, y, heading) by speed and turn rate.
 
     In the frame of the heading at the step's start. With h half the angle turned in a step, the
-    chord is v Ts sinc(h) e(h).
+    chord is v Ts sinc(h) e(h), here differentiated in closed form.
     """
     half = 0.5 * orbits.turn_rates * sample_time
     sinc = np.sinc(half / np.pi)
@@ -80,7 +90,8 @@ def arc_noise_gain(orbits: Orbits, sample_time: float) -> Array:
 def window_bound(result: Observability) -> Array:
     """Return (n,) m: the bound on each initial position from one window, without motion noise.
 
-    NaN for a vehicle whose position is not determined.
+    The Cramer-Rao bound of the windowed information (Bar-Shalom, Li, Kirubarajan 2001). NaN
+    for a vehicle whose position is not determined.
     """
     variance = result.variances.reshape(-1, 3)[:, :2].sum(axis=1)
     lost = np.sum(result.null_space**2, axis=0).reshape(-1, 3)[:, :2].sum(axis=1)
@@ -110,9 +121,9 @@ def posterior_bound(team: Team, windows: Windows, duration: float) -> PosteriorB
 def steady_bound(team: Team, windows: Windows) -> Array:
     """Return (n,) m: RMS position bound over a period once it has become periodic.
 
-    The fixed point of one period's Riccati map, found by doubling it. The period is taken as a
-    whole number of samples, at least one, and the sample time changed to fit. Infinite where the
-    bound never settles: unobservable teams.
+    The fixed point of one period's Riccati map, by doubling. The period is rounded to a whole
+    number of samples, at least one, and the sample time adapted. Infinite where the bound never
+    settles: unobservable teams.
     """
     period = team.orbits.period
     samples = max(round(period / team.sensors.sample_time), 1)
@@ -135,7 +146,7 @@ class _ReferredSystem:
     """A run with all errors referred to time 0: noise added per step, whitened bearing rows."""
 
     run: Run
-    moved: Array  # (2, n, steps + 1) way gone, in mean radii
+    moved: Array  # (2, n, steps + 1) displacement since time 0, in mean radii
     scale: float
 
     @classmethod
@@ -172,7 +183,7 @@ class _ReferredSystem:
 def _referred_noise(team: Team, arm: Array, moved: Array, scale: float) -> Array:
     """(6, n, steps + 1) motion noise of the step that ends at k, referred to time 0, as in Run.
 
-    `arm` and `moved`, (2, n, steps + 1), are the directions from the centres and the ways gone.
+    `arm` and `moved`, (2, n, steps + 1), are directions from the centres and displacements.
     """
     orbits, noise = team.orbits, team.noise
     gain = arc_noise_gain(orbits, team.sensors.sample_time) * np.array(
@@ -195,7 +206,10 @@ def _referred_noise(team: Team, arm: Array, moved: Array, scale: float) -> Array
 
 
 def _periodic_covariance(system: _ReferredSystem) -> Array | None:
-    """Fixed point of one period's map P -> A P (I + C P)^-1 A^T + B, by structured doubling."""
+    """Fixed point of one period's map P -> A P (I + C P)^-1 A^T + B, by structured doubling.
+
+    After k doublings B is the covariance 2^k periods after an exact start.
+    """
     size = 3 * system.run.count
     a, b, c = _period_map(system, size)
     last = np.inf
@@ -235,7 +249,10 @@ def _period_map(system: _ReferredSystem, size: int) -> tuple[Array, Array, Array
 def _composed(
     first: tuple[Array, Array, Array], then: tuple[Array, Array, Array]
 ) -> tuple[Array, Array, Array]:
-    """The map that does `first`, then `then`; each is P -> A P (I + C P)^-1 A^T + B."""
+    """The map `first`, then `then`; each is P -> A P (I + C P)^-1 A^T + B.
+
+    With first = then it is the doubling step (Anderson 1978).
+    """
     a1, b1, c1 = first
     a2, b2, c2 = then
     inner = np.linalg.inv(np.eye(len(a1)) + b1 @ c2)

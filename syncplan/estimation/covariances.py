@@ -9,16 +9,17 @@ where a group starts and N_j the noise added since, up to the sample of its row 
     half = L^-1 G^T
     P_s  = P + N_s - sum of half_k half_k^T over the rows k up to sample s
 
-which is the recursion sample by sample, term by term, in a few operations on matrices a group.
-Only P + N_j matters, so N is summed from the start of a batch of groups, and P is kept less it.
-The factor of S bordered by G has `half` in its border, so no triangular system is solved; its
-corner is of no use and only has to be large enough for the whole to be positive definite:
+which is the recursion sample by sample (Tichavsky, Muravchik, Nehorai 1998, Proposition 1), term by
+term, in a few matrix operations a group. Only P + N_j matters, so N is summed from the start of a
+batch of groups, and P is kept without it. The factor of S bordered by G has `half` in its border,
+so no triangular system is solved; its corner is not used and only has to be large enough for the
+whole to be positive definite:
 
     [ S    ]   [ L      ] [ L^T  half^T ]
     [ G  c ] = [ half . ] [      .      ]
 
-The border is as long as the state. In larger teams it costs more than it saves: there rows come in
-sample by sample, and so they do where the sigmas span many orders of magnitude.
+The border is as long as the state. In larger teams it costs more than it saves: there, and where
+the sigmas span many orders of magnitude, rows are processed sample by sample.
 """
 
 from dataclasses import dataclass
@@ -31,17 +32,17 @@ __all__ = ["Run", "variances_along"]
 
 
 GROUPED_VEHICLES = 20
-"""Up to this many vehicles rows come in by groups, above by samples."""
+"""Up to this many vehicles, rows are processed by groups, above by samples."""
 
 GROUPED_INNOVATION = 1e8
-"""Up to this largest variance of an innovation, in whitened units, rows come in by groups.
+"""Up to this variance of an innovation, in whitened units, rows are processed by groups.
 
-A group's rounding grows with it, as its rows all meet the covariance from before the first.
+A group's rounding grows with it, since all its rows use the covariance from before the first.
 """
 
 GROUP_ROWS = 64
 GROUPS_AT_ONCE = 24
-"""Groups that are prepared together: what stays in the cache."""
+"""Groups that are prepared together, as many as fit into the processor's cache."""
 
 _SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 """Where the elements of a symmetric block are among its (xx, xy, x psi, yy, y psi, psi psi)."""
@@ -95,7 +96,7 @@ def variances_along(run: Run, covariance: Array) -> Array:
 
 
 def _suits_groups(run: Run, covariance: Array) -> bool:
-    """Whether groups are faster, and lose nothing."""
+    """Whether groups are faster without loss of accuracy."""
     if run.count > GROUPED_VEHICLES:
         return False
     steepest = float(np.max(np.einsum("sc,sc->s", run.rows, run.rows), initial=0.0))
@@ -169,7 +170,7 @@ def _by_groups(run: Run, covariance: Array) -> Array:
         before, halves = _brought_in(covariance, rows, noisy, ceiling)
         row = until_sample[done:until] - 1 - begin
         found[..., done:until] = _four(noise[..., done - start : until - start])
-        found[..., done:until] += _four(before)[..., row // GROUP_ROWS] - _told(halves, row)
+        found[..., done:until] += _four(before)[..., row // GROUP_ROWS] - _reductions(halves, row)
         covariance[blocks] += noise[..., sample[end - 1] - start][_SYMMETRIC]
         start, done = sample[end - 1], until
     return found
@@ -232,8 +233,8 @@ def _brought_in(
     return np.moveaxis(before[:, lines[_UPPER], columns[_UPPER]], 0, -1), halves
 
 
-def _told(halves: Array, row: Index) -> Array:
-    """(4, n, k) what all rows of its group up to each `row` took from each vehicle's four."""
+def _reductions(halves: Array, row: Index) -> Array:
+    """(4, n, k) by how much the rows of its group up to each `row` reduced each vehicle's four."""
     size, number, width = halves.shape
     x, y, turn = np.moveaxis(halves.reshape(size, number, width // 3, 3), 3, 0)
     taken = np.empty((size, 4, number, width // 3))

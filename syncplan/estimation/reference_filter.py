@@ -1,4 +1,4 @@
-"""The filter in plain NumPy, one trial at a time: arcs driven on readings, corrected by bearings.
+"""The filter in plain NumPy, one trial at a time: arcs by readings, corrected by bearings.
 
 This is the filter to read; `batched_filter` computes the same, compiled, and is tested against it.
 The state is (x, y, heading) of each of n vehicles; its covariance runs over the 3n stacked.
@@ -10,8 +10,11 @@ Turning at w while driving v for a time T moves a vehicle along a chord,
     exact arc             s = sin(a) / a                  c = 1 / 2
     Euler, N sub-steps    s = sin(a) / (N sin(a / N))     c = (N - 1) / (2 N)
 
-The second line is the sum over k < N of (v T / N) e(heading + k w T / N), the paper's Algorithm 1,
-in closed form; it tends to the first as N grows. Here the sum is taken as it stands.
+The second line is the closed form of the paper's Algorithm 1, the sum over k < N of
+(v T / N) e(heading + k w T / N); it tends to the first as N grows. Here the sum itself is computed.
+
+Source of predict and update: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking
+and Navigation, 2001, 10.3 (extended Kalman filter).
 """
 
 import math

@@ -1,0 +1,149 @@
+"""Options of a filter run: one type for library, command line and service; the table of filters."""
+
+import inspect
+import json
+from dataclasses import asdict, fields
+from typing import Any, get_type_hints
+
+import pytest
+from typer.main import get_command
+
+import syncplan
+from api.job_kinds.validation_jobs import ValidationRequest
+from syncplan.cli import command_line
+from syncplan.errors import InputError
+from syncplan.estimation.filter_options import (
+    REQUEST_KEYS,
+    FilterChanges,
+    FilterOptions,
+    options_with,
+)
+from syncplan.estimation.filters import FILTERS
+from syncplan.reports.run_schemas import FilterRecord
+from syncplan.reports.validation_report import validation_document
+from tests.tools.scenarios import example
+
+EVERY = FilterOptions(
+    trials=7,
+    seed=3,
+    duration=12.5,
+    model="euler",
+    substeps=3,
+    gate_probability=0.99,
+    with_series=True,
+)
+
+
+def test_keywords_requests_and_options_have_the_same_names() -> None:
+    names = [field.name for field in fields(FilterOptions)]
+    assert list(get_type_hints(FilterChanges)) == names == list(REQUEST_KEYS)
+    assert set(REQUEST_KEYS.values()) == set(ValidationRequest.model_fields)
+
+
+def test_a_request_holds_every_option_and_gives_it_back() -> None:
+    for options in (FilterOptions(), EVERY):
+        request = options.as_request()
+        assert FilterOptions.of_request(request) == options
+        assert ValidationRequest.model_validate(request).run_options() == options
+
+
+def test_defaults_are_those_of_the_library_the_command_line_and_the_service() -> None:
+    assert asdict(FilterOptions()) == {
+        "trials": 200,
+        "seed": 0,
+        "duration": None,
+        "model": "arc",
+        "substeps": 10,
+        "gate_probability": None,
+        "with_series": False,
+    }
+    assert ValidationRequest().run_options() == FilterOptions()
+    command: Any = get_command(command_line.app)
+    shown = {option.name: option.default for option in command.commands["validate"].params}
+    shown |= {"gate_probability": shown["gate"], "with_series": shown["series"]}
+    assert {name: shown[name] for name in REQUEST_KEYS} == asdict(FilterOptions())
+
+
+def test_options_and_keywords_give_the_same_bytes() -> None:
+    plan = syncplan.plan(example("paper-grid-same"))
+
+    def report(**given: Any) -> str:
+        options = given.pop("options", None)
+        return json.dumps(validation_document(syncplan.validate(plan, options, **given)).as_json())
+
+    expected = report(options=EVERY)
+    assert report(**asdict(EVERY)) == expected
+    assert report(options=FilterOptions(trials=7, seed=3), **_rest()) == expected
+    assert report(options=EVERY, seed=4) != expected
+
+
+def _rest() -> dict[str, Any]:
+    return {name: value for name, value in asdict(EVERY).items() if name not in ("trials", "seed")}
+
+
+def test_a_sweep_takes_the_same_options() -> None:
+    scenario = example("paper-grid-same")
+    options = FilterOptions(trials=3, duration=5.0, model="euler", substeps=2)
+    (row,) = syncplan.sweep(scenario, "range", [50.0], options)
+    assert row.validation.options == options
+    (again,) = syncplan.sweep(
+        scenario, "range", [50.0], trials=3, duration=5.0, model="euler", substeps=2
+    )
+    errors = again.validation.result.final_errors
+    assert errors.tobytes() == row.validation.result.final_errors.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("trials", 0, "0 given; allowed are 1 to 1000000"),
+        ("trials", 1_000_001, "allowed are 1 to 1000000"),
+        ("seed", -1, "-1 given; allowed are 0 to 9223372036854775807"),
+        ("seed", 2**63, "allowed are 0 to"),
+        ("model", "rk4", "'rk4' is unknown; choose arc or euler"),
+        ("substeps", 0, "0 given, at least 1 is needed"),
+        ("gate_probability", 1.0, "1.0 is not between 0 and 1"),
+        ("gate_probability", float("nan"), "nan is not between 0 and 1"),
+    ],
+)
+def test_an_option_out_of_range_is_named_with_its_limits(
+    key: str, value: Any, message: str
+) -> None:
+    changes: Any = {key: value}
+    with pytest.raises(InputError) as refused:
+        options_with(None, changes)
+    assert refused.value.key == key
+    assert message in refused.value.problem
+
+
+def test_an_option_that_does_not_exist_is_refused() -> None:
+    changes: Any = {"trails": 3}
+    with pytest.raises(TypeError, match="trails"):
+        options_with(None, changes)
+
+
+def test_choices_everywhere_are_the_table_of_filters(run: Any) -> None:
+    names = list(FILTERS)
+    assert names[0] == FilterOptions().model
+    assert f"<{'|'.join(names)}>" in run("validate", "--help")[1]
+    for model in (ValidationRequest, FilterRecord):
+        assert model.model_json_schema()["properties"]["model"]["enum"] == names
+
+
+@pytest.mark.parametrize("name", list(FILTERS))
+def test_every_filter_runs_and_is_named_in_its_report(name: str) -> None:
+    done = syncplan.validate(example("paper-grid-same"), trials=2, duration=3.0, model=name)
+    record = validation_document(done).filter
+    assert record.model == name
+    assert record.substeps == (10 if FILTERS[name].takes_substeps else 0)
+    assert record.used > 0
+
+
+@pytest.mark.parametrize("function", [syncplan.validate, syncplan.replay, syncplan.sweep])
+def test_options_stand_after_the_subject(function: Any) -> None:
+    positional = [
+        name
+        for name, one in inspect.signature(function).parameters.items()
+        if one.kind is one.POSITIONAL_OR_KEYWORD
+    ]
+    assert positional[-1] == "options"
