@@ -17,10 +17,11 @@ from pathlib import Path
 
 from tests.tools.serving import Server, running
 
-__all__ = ["KEY", "SMALL_JOBS", "Outcome", "main", "search"]
+__all__ = ["KEY", "PHASES", "SMALL_JOBS", "Outcome", "main", "search"]
 
 KEY = "contract-key-0123456789"
 OPERATIONS = 18
+PHASES = "examples,coverage,fuzzing,stateful"
 SMALL_JOBS = {
     "SYNCPLAN_API_KEYS": f"contract:{KEY}",
     "SYNCPLAN_MAX_VEHICLES": "8",
@@ -46,15 +47,15 @@ class Outcome:
     report: str
 
 
-def search(url: str, cases: int, seed: int) -> Outcome:
-    """Return what schemathesis finds at the service at `url`."""
+def search(url: str, cases: int, seed: int, phases: str = PHASES) -> Outcome:
+    """Return what schemathesis finds at the service at `url`, in these phases of its own."""
     each = math.ceil(cases / OPERATIONS)
     done = subprocess.run(
         [
             *(sys.executable, "-m", "schemathesis.cli", "--config-file", str(_CONFIG), "run"),
             f"{url}/openapi.json",
             *("--header", f"Authorization: Bearer {KEY}"),
-            *("--max-examples", str(each), "--seed", str(seed)),
+            *("--max-examples", str(each), "--seed", str(seed), "--phases", phases),
             *("--generation-database", "none", "--no-color"),
         ],
         capture_output=True,
