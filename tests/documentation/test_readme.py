@@ -41,6 +41,17 @@ def test_every_link_to_a_file_leads_somewhere(page: Path) -> None:
     assert missing == []
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_every_module_named_is_there(page: Path) -> None:
+    named = re.findall(r"`(?:python )?([\w./-]+\.py)`", page.read_text("utf-8"))
+    homes = (ROOT, ROOT / "syncplan", ROOT / "benchmarks")
+    assert [one for one in named if not any((home / one).exists() for home in homes)] == []
+    searches = re.findall(r"python -m ((?:tests|benchmarks|docs)[\w.]*)", page.read_text("utf-8"))
+    for one in searches:
+        place = ROOT.joinpath(*one.split("."))
+        assert place.with_suffix(".py").exists() or (place / "__main__.py").exists(), one
+
+
 def test_every_route_is_listed_and_no_other() -> None:
     names = {"figure": "NAME", "format": "FORMAT"}
     paths = {
