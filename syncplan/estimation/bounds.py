@@ -26,7 +26,7 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.errors import NoSolutionError
 from syncplan.estimation.covariances import Run, variances_along
-from syncplan.observability.rank import Observability, bearing_rows
+from syncplan.observability.rank import Observability, sighting_rows
 from syncplan.orbits.circles import Orbits, perpendicular, phase, unit
 from syncplan.orbits.contacts import Windows
 from syncplan.orbits.sightings import sample_sightings, steps_within
@@ -165,7 +165,7 @@ class _ReferredSystem:
         moved = (orbits.radii / scale)[:, None] * (arm - arm[..., :1])
         run = Run(
             noise=_referred_noise(team, arm, moved, scale),
-            rows=bearing_rows(team, sightings),
+            rows=sighting_rows(team, sightings),
             observers=sightings.observers,
             targets=np.where(targets < orbits.count, targets, 0),
             first=sightings.first_of_steps(steps),

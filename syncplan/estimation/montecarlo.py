@@ -31,6 +31,7 @@ from syncplan.estimation.trials import (
 )
 from syncplan.orbits.circles import heading, position
 from syncplan.orbits.noise import Noise
+from syncplan.orbits.sighting_kinds import BEARING
 from syncplan.orbits.sightings import Sightings
 from syncplan.orbits.team import Team
 from syncplan.runtime.cores import usable_cores
@@ -152,8 +153,7 @@ def _true_bearings(setup: FilterSetup) -> Array:
     fixed = np.broadcast_to(setup.landmarks, (steps + 1, *setup.landmarks.shape))
     places = np.concatenate([setup.truth[:, :, :2], fixed], axis=1)
     away = places[step, setup.targets] - places[step, setup.observers]
-    true = np.arctan2(away[:, 1], away[:, 0]) - setup.truth[step, setup.observers, 2]
-    return np.asarray(true)
+    return BEARING.measured(away.T, setup.truth[step, setup.observers, 2])
 
 
 def _in_order(run: _Run, first_trial: int, threads: int) -> Generator[MonteCarloResult]:

@@ -24,6 +24,7 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.estimation.filter_setup import MotionModel
 from syncplan.orbits.circles import perpendicular, unit, wrap
+from syncplan.orbits.sighting_kinds import BEARING
 
 __all__ = [
     "displacement",
@@ -94,14 +95,14 @@ def predict_bearing(x: Array, observer: int, target: int, landmarks: Array) -> t
     Targets from n on are landmarks (m, 2).
     """
     n = len(x)
-    dx, dy = (x[target, :2] if target < n else landmarks[target - n]) - x[observer, :2]
-    across = np.array([dy, -dx]) / max(dx**2 + dy**2, 1e-300)
+    q = (x[target, :2] if target < n else landmarks[target - n]) - x[observer, :2]
+    slope = BEARING.slopes(q[:, None], np.ones(1))[:, 0]
     row = np.zeros((n, 3))
-    row[observer, :2] = across
-    row[observer, 2] = -1.0
+    row[observer, :2] = -slope
+    row[observer, 2] = BEARING.by_heading
     if target < n:
-        row[target, :2] = -across
-    return math.atan2(dy, dx) - x[observer, 2], row.ravel()
+        row[target, :2] = slope
+    return float(BEARING.measured(q, x[observer, 2])), row.ravel()
 
 
 def update(

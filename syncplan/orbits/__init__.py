@@ -5,10 +5,11 @@ paths                       circles as trigonometric polynomials in time
 noise                       sigmas of motion and of the start
 sensors                     what each vehicle can see
 team                        orbits, landmarks, sensors and noise together
-scenario_arrays             a scenario as arrays
+scenario_arrays             a scenario as arrays, and its team
 trigonometric_polynomials   their real roots, many at once
 contacts                    when who sees whom
-separation                  how near vehicles come
+separation                  how near circles and vehicles come
 sightings                   contact sampled at k Ts
+sighting_kinds              what a sighting measures, and its slopes
 graphs                      components, trees and cycles of a team
 """

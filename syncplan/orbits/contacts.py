@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index, short_repr
-from syncplan.orbits.circles import Orbits, perpendicular, unit
+from syncplan.orbits.circles import Orbits, heading, perpendicular, unit
 from syncplan.orbits.paths import NO_LANDMARKS, RelativeMotion, relative_motion
 from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.team import Team
@@ -145,12 +145,16 @@ def in_contact(
     half = 0.5 * sensors.fields_of_view[observers]
     limited = half < np.pi
     if limited.any():
-        sense = orbits.senses[observers]
-        axis = orbits.phases[observers] + sense * np.pi / 2.0 + sensors.boresights[observers]
+        sense, axis = orbits.senses[observers], _view_axes(orbits, sensors)[observers]
         view = unit(axis[:, None] + sense[:, None] * np.broadcast_to(tau, distance.shape))
         ahead = _dot(q, view)
         seen &= ~limited[:, None] | (ahead >= (np.cos(half)[:, None] - BOUNDARY_SLACK) * distance)
     return np.asarray(seen)
+
+
+def _view_axes(orbits: Orbits, sensors: Sensors) -> Array:
+    """(n,) rad: where each sensor looks at time 0; it turns with the heading."""
+    return heading(orbits, 0.0) + sensors.boresights
 
 
 def find_windows(team: Team, pairs: tuple[Index, Index] | None = None) -> Windows:
@@ -179,7 +183,7 @@ def _splits(orbits: Orbits, motion: RelativeMotion, sensors: Sensors, a: Index, 
     if len(limited):
         part = motion.only(limited)
         sense = orbits.senses[a[limited]]
-        axis = (orbits.phases + orbits.senses * np.pi / 2.0 + sensors.boresights)[a[limited]]
+        axis = _view_axes(orbits, sensors)[a[limited]]
         for side in (-1.0, 1.0):
             edges = np.full((len(a), 4), np.nan)
             polynomial = _edge_polynomial(part, axis + side * half[limited], sense)

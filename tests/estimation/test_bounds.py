@@ -12,7 +12,7 @@ from syncplan.estimation.bounds import (
     steady_bound,
     window_bound,
 )
-from syncplan.observability.rank import assess, bearing_rows, link_information
+from syncplan.observability.rank import assess, link_information, sighting_rows
 from syncplan.orbits.circles import Orbits, heading, position
 from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.noise import Noise
@@ -109,7 +109,7 @@ def test_without_motion_noise_the_posterior_tends_to_the_window_bound(grid: Plan
     )
     links = link_information(grid.team, sightings)
     window = window_bound(assess(grid.team, links))
-    rows = bearing_rows(grid.team, sightings)
+    rows = sighting_rows(grid.team, sightings)
     dense = np.zeros((len(rows), 18))
     for s, (a, b) in enumerate(zip(sightings.observers, sightings.targets, strict=True)):
         dense[s, 3 * a : 3 * a + 3] += rows[s, :3]

@@ -10,8 +10,8 @@ from syncplan.observability.rank import (
     NEAREST,
     RANK_TOLERANCE,
     assess,
-    bearing_rows,
     link_information,
+    sighting_rows,
 )
 from syncplan.observability.unobservable_modes import name_modes
 from syncplan.observability.window_assessment import assess_team
@@ -89,11 +89,11 @@ def _measured(
 
 
 @given(st.integers(0, 2**32 - 1))
-def test_bearing_rows_are_the_derivative_by_the_initial_poses(seed: int) -> None:
+def test_rows_of_bearings_are_the_derivative_by_the_initial_poses(seed: int) -> None:
     team = draw_team(np.random.default_rng(seed))
     orbits, landmarks, sensors = team.orbits, team.landmarks, team.sensors
     sightings = sightings_of(team, 40)
-    rows = bearing_rows(team, sightings)
+    rows = sighting_rows(team, sightings)
     scale = orbits.radii.mean()
     poses = np.column_stack([position(orbits, 0.0), heading(orbits, 0.0)])
     for s in range(0, len(rows), max(len(rows) // 10, 1)):
@@ -123,7 +123,7 @@ def test_reducing_each_link_leaves_the_singular_values_alone(seed: int) -> None:
     team = draw_team(np.random.default_rng(seed))
     orbits = team.orbits
     sightings = sightings_of(team, 100)
-    rows = bearing_rows(team, sightings)
+    rows = sighting_rows(team, sightings)
     dense = np.zeros((len(rows), 3 * orbits.count))
     for s, (a, b) in enumerate(zip(sightings.observers, sightings.targets, strict=True)):
         dense[s, 3 * a : 3 * a + 3] += rows[s, :3]

@@ -9,7 +9,7 @@ import pytest
 
 from syncplan.arrays import Array
 from syncplan.estimation.bounds import posterior_bound
-from syncplan.observability.rank import bearing_rows
+from syncplan.observability.rank import sighting_rows
 from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.paths import relative_motion
 from syncplan.orbits.separation import least_distances
@@ -78,7 +78,7 @@ def _exact_information(problem: RefineProblem) -> Array:
     last = int(np.ceil(problem.window / sensors.sample_time - 1e-9)) - 1
     windows = find_windows(problem.team)
     seen = sample_sightings(windows, orbits.period, sensors.sample_time, 0, last)
-    rows = bearing_rows(problem.team, seen)
+    rows = sighting_rows(problem.team, seen)
     total = np.zeros((3 * n, 3 * n))
     for row, observer, target in zip(rows, seen.observers, seen.targets, strict=True):
         dense = np.zeros(3 * n)
