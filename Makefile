@@ -41,9 +41,8 @@ check: chromium $(VENV)/.dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports
-	$(BIN)/mypy
-	@# compiles the filter's kernels once, for all that follows
-	$(BIN)/python docker/warm_up.py
+	@# beside the types, the filter's kernels are compiled, once for all tests
+	$(BIN)/python docker/warm_up.py & $(BIN)/mypy && wait $$!
 	$(TESTS) -m "not long"
 
 check-all: postgresql check

@@ -25,20 +25,18 @@ def test_the_animation_moves_vehicles_sightings_and_a_line_in_the_timeline(visit
     expect(page.locator("#moment-text")).not_to_have_text("0 s")
     page.get_by_role("button", name="Pause").click()
     slider = page.get_by_label("Moment in the period")
-    shown = {}
+    traces = "JSON.stringify(document.getElementById('map-plot').data.map(t => [t.x, t.y]))"
+    lines = (
+        "document.getElementById('panel-plot').layout.shapes"
+        ".filter(s => s.name === 'moment').map(s => s.x0)"
+    )
     for moment in (0, 20, 45):
+        before = page.evaluate(traces)
         slider.fill(str(moment))
-        page.wait_for_timeout(200)
-        traces = page.evaluate(
-            "JSON.stringify(document.getElementById('map-plot').data.map(t => [t.x, t.y]))"
-        )
-        lines = page.evaluate(
-            "document.getElementById('panel-plot').layout.shapes"
-            ".filter(s => s.name === 'moment').map(s => s.x0)"
-        )
-        assert lines == [pytest.approx(31.41592653589793 * moment / 60)]
-        shown[moment] = traces
-    assert len(set(shown.values())) == 3
+        page.wait_for_function(f"before => {traces} !== before", arg=before)
+        at = 31.41592653589793 * moment / 60
+        page.wait_for_function(f"at => {lines}.every(x => Math.abs(x - at) < 1e-6)", arg=at)
+        assert page.evaluate(lines) == [pytest.approx(at)]
     page.get_by_label("Radius of all").fill("21")
     expect(page.locator("#moment-text")).to_have_text("0 s")
 

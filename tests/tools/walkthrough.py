@@ -1,7 +1,7 @@
 """Pages read as a reader does: every block in order, in a folder of the page's own.
 
 console   lines that begin with "$ " are typed (those that follow with "> " go with them); what
-          stands below is compared with what is shown, see tests/likeness.py
+          stands below is compared with what is shown, see tests/tools/likeness.py
 yaml      a scenario, a part of one, or candidate sites; with a title, written to that file
 json      parsed; with a title, written to that file
 python    run, page by page in one namespace; a block of text after it is what it prints
