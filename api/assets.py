@@ -10,6 +10,7 @@ from importlib.resources import files
 from syncplan.exporting.autopilots import AUTOPILOTS
 from syncplan.exporting.format_table import FORMATS
 from syncplan.plotting.figure_table import FIGURES, always_there
+from syncplan.scenario.objectives import OBJECTIVES
 
 __all__ = ["PAGE", "PLOTLY", "TABLES", "Asset", "find_asset"]
 
@@ -96,6 +97,7 @@ def _tables() -> str:
         "FIGURES": {name: FIGURES[name].title for name in figures},
         "PLAN_FIGURES": always_there("plan"),
         "RUN_FIGURES": always_there("run"),
+        "OBJECTIVES": {name: one.title for name, one in OBJECTIVES.items()},
         "FORMATS": {name: one.title for name, one in FORMATS.items()},
         "MISSIONS": [name for name, one in FORMATS.items() if one.mission],
         "PILOTS": pilots,

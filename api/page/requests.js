@@ -2,14 +2,8 @@
 
 import { element, mark } from "./elements.js";
 import { vehiclesOf } from "./scenario.js";
+import { OBJECTIVES } from "./tables.js";
 
-const OBJECTIVES = {
-  "": "predicted error of the team",
-  worst_predicted_rms: "predicted error of the worst vehicle",
-  logdet: "information (log-determinant)",
-  min_eigenvalue: "least-known motion (smallest eigenvalue)",
-  trace: "information (trace)",
-};
 const SERIES_LIMIT = 24;
 /** how far refinement may go where nobody said otherwise, in shares of the radii there are */
 const BOX_SHARE = 0.25;
@@ -89,7 +83,8 @@ export function refinementForm(handIn) {
   const objective = element(
     "select",
     { id: "refine-objective" },
-    ...Object.entries(OBJECTIVES).map(([value, text]) => element("option", { value }, text)),
+    // the first is that of the service, which takes another for large teams: it is not named
+    ...Object.entries(OBJECTIVES).map(([name, title], k) => element("option", { value: k ? name : "" }, title)),
   );
   const centers = check("refine-centers", "centres, by up to", true);
   const box = number("refine-box", 5, "How far a centre may move each way, in m");

@@ -62,7 +62,8 @@ class Objective(FigureOfMerit):
 
     Attributes
     ----------
-    sentence : what it is, for help texts
+    title : what it is, for people who choose
+    sentence : what it is, for people who read
     falls : whether smaller values are better
     predicted : whether it rests on the posterior bound, which takes long for large teams
     neglects_window_bound : whether its optimum may leave one vehicle badly determined, so that the
@@ -71,6 +72,7 @@ class Objective(FigureOfMerit):
         observable, and so cannot rank them
     """
 
+    title: str
     sentence: str
     falls: bool
     predicted: bool = False
@@ -85,6 +87,7 @@ _TABLE = (
         label="predicted error, all",
         caption="predicted RMS,\nall vehicles",
         description="Of all vehicles, over the second half",
+        title="predicted error of the team",
         sentence="the predicted error of all vehicles",
         falls=True,
         predicted=True,
@@ -95,6 +98,7 @@ _TABLE = (
         label="predicted error, worst",
         caption="predicted RMS,\nworst vehicle",
         description="Of the worst vehicle",
+        title="predicted error of the worst vehicle",
         sentence="the predicted error of the worst vehicle",
         falls=True,
         predicted=True,
@@ -103,6 +107,7 @@ _TABLE = (
         name="logdet",
         label="log determinant",
         description="Of the windowed information; null if unobservable",
+        title="information (log-determinant)",
         sentence="the log determinant of the windowed information (D-optimality)",
         falls=False,
         needs_observability=True,
@@ -111,6 +116,7 @@ _TABLE = (
         name="min_eigenvalue",
         label="smallest eigenvalue",
         finite=True,
+        title="least-known motion (smallest eigenvalue)",
         sentence="the smallest eigenvalue of the windowed information (E-optimality)",
         falls=False,
         neglects_window_bound=True,
@@ -120,6 +126,7 @@ _TABLE = (
         name="trace",
         label="trace",
         finite=True,
+        title="information (trace)",
         sentence="the trace of the windowed information (T-optimality)",
         falls=False,
         neglects_window_bound=True,
