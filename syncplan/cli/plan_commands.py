@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 __all__ = ["plans"]
 
 LARGE_TEAM = 500
-"""Teams above this size take several seconds to judge: people are told."""
+"""Teams above this size take several seconds to judge, so a message says so."""
 
 plans = typer.Typer()
 

@@ -10,7 +10,7 @@ from syncplan.orbits.separation import least_distances
 from syncplan.orbits.sightings import Sightings
 from syncplan.refinement.problem import RefineProblem
 
-__all__ = ["TOLERANCE", "ConstraintMargin", "constraint_margins", "contact_margins"]
+__all__ = ["TOLERANCE", "ConstraintMargin", "contact_margins", "margins_of"]
 
 TOLERANCE = 1e-6
 """Share of a constraint's size by which it may be violated: rounding of what is met exactly."""
@@ -25,8 +25,8 @@ class ConstraintMargin:
     label : which constraint it is
     room : m to the limit, negative beyond it
     size : m that the room is compared with
-    required : whether the user asked for it; what is not required only has to be met where the
-        plan to be refined met it
+    required : whether the user gave it; one that is not required only has to be met if the plan
+        to be refined meets it
     """
 
     label: str
@@ -44,7 +44,7 @@ class ConstraintMargin:
         return self.room < other.room - TOLERANCE * other.size
 
 
-def constraint_margins(
+def margins_of(
     problem: RefineProblem, orbits: Orbits, contact: list[float]
 ) -> tuple[ConstraintMargin, ...]:
     """Return the margins of orbits: contacts, as `contact_margins` has them, separation, circles.

@@ -2,7 +2,7 @@
 
 Nothing here is smooth or relaxed: contact windows, sampled sightings, least distances, singular
 values and the posterior bound are those of the plan itself. Positions are in the mean radius of
-the plan that was refined, whatever radii have become.
+the plan that is refined, even where radii have changed.
 """
 
 import math
@@ -21,8 +21,8 @@ from syncplan.planning.figures_of_merit import Figures
 from syncplan.refinement.constraint_margins import (
     TOLERANCE,
     ConstraintMargin,
-    constraint_margins,
     contact_margins,
+    margins_of,
 )
 from syncplan.refinement.problem import RefineProblem
 
@@ -83,7 +83,7 @@ def measure(problem: RefineProblem, orbits: Orbits, *, predict: bool = True) -> 
         contact_margin=min(contact, default=math.inf),
         objectives={name: form.exact(measured) for name, form in FORMS.items()},
     )
-    return Measurement(figures, constraint_margins(problem, orbits, contact))
+    return Measurement(figures, margins_of(problem, orbits, contact))
 
 
 def _predicted(problem: RefineProblem, assessed: Assessment) -> Array:

@@ -26,7 +26,7 @@ _SAFETY_WIDTHS = 3.0
 """Steps of contact by which kept links stay inside their margin in the last stage."""
 
 CONTACT_SAMPLES = 96
-"""Contact asks for few samples, and where the distance is least it hardly changes between them."""
+"""Contact needs few samples; near its minimum the distance hardly changes between them."""
 
 
 @dataclass(frozen=True, slots=True)

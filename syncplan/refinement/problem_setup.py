@@ -140,7 +140,7 @@ def _radius_limits(given: Plan, radii: tuple[float, float]) -> tuple[float, floa
 
 
 def refuse_conflicts(given: Plan, problem: RefineProblem, options: RefineOptions) -> None:
-    """Raise NoSolutionError if no circles whatever can meet all constraints."""
+    """Raise NoSolutionError if constraints conflict, so that no circles can meet them all."""
     conflicts = [*_speed_conflicts(given, options), *_link_conflicts(given, problem, options)]
     if problem.area.limited:
         conflicts += _area_conflicts(problem)

@@ -90,7 +90,7 @@ AREA = [[-40.0, -40.0], [130.0, -40.0], [130.0, 60.0], [-40.0, 60.0]]
 
 
 def test_vehicles_are_not_flown_into_each_other_where_no_separation_is_asked_for() -> None:
-    """Bearings tell most from nearby, and here the centres may go anywhere."""
+    """Bearings say most from nearby, and here the centres may go anywhere."""
     given = _given(area_m=AREA)
     refined = refine(given, starts=2, workers=1, objective="trace")
     assert given.approach is not None
