@@ -3,9 +3,9 @@
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
-from typing import Annotated, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
-from pydantic import ConfigDict, Field, GetJsonSchemaHandler, model_validator
+from pydantic import ConfigDict, Field, GetJsonSchemaHandler, create_model, model_validator
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
@@ -14,7 +14,7 @@ from api.job_kinds.job_kind import JobKind, JobOperation, JobReport, JobSpec, Tr
 from api.limits import RequestLimits, check_at_most, check_size, check_trials
 from syncplan.errors import InputError
 from syncplan.planning.plan_files import Loaded
-from syncplan.planning.sweeps import varied
+from syncplan.planning.swept_keys import SWEPT_KEYS, SweptKey
 from syncplan.planning.validation import TrialRun, Validation
 from syncplan.reports.run_schemas import SweepReport
 from syncplan.scenario.chunked_validation import Many
@@ -24,13 +24,8 @@ from syncplan.scenario.specification import Scenario
 
 __all__ = ["SWEEP", "SweepRequest"]
 
-_SWEPT = {
-    "angular_rate_rad_s": "angular_rate",
-    "range_m": "range",
-    "radius_m": "radius",
-    "spacing_m": "spacing",
-}
-"""What a sweep may vary, with its name in syncplan.planning.sweeps."""
+_SWEPT = {one.request: one for one in SWEPT_KEYS.values()}
+"""What a sweep may vary, by the name of its list in requests."""
 
 
 class _DescribedAsScenario:
@@ -48,20 +43,32 @@ def _just_one(keys: Iterable[str]) -> dict[str, Any]:
     return {"oneOf": [{"required": [key], "properties": {key: one}} for key in keys]}
 
 
-class SweepRequest(FilterRequest):
+class _ScenarioRequest(FilterRequest):
+    scenario: Annotated[dict[str, Any], _DescribedAsScenario()] = Field(
+        description="The scenario that is varied"
+    )
+
+
+def _values(key: SweptKey) -> Any:
+    examples = [list(key.example)] if key.example else None
+    return Many[float] | None, Field(default=None, description=key.many, examples=examples)
+
+
+if TYPE_CHECKING:
+    _SweptRequest = _ScenarioRequest
+else:
+    _SweptRequest = create_model(
+        "_SweptRequest",
+        __base__=_ScenarioRequest,
+        **{name: _values(key) for name, key in _SWEPT.items()},
+    )
+
+
+class SweepRequest(_SweptRequest):
     """One key of a scenario varied, each value planned and validated by the same trials."""
 
     model_config = ConfigDict(json_schema_extra=_just_one(_SWEPT))
 
-    scenario: Annotated[dict[str, Any], _DescribedAsScenario()] = Field(
-        description="The scenario that is varied"
-    )
-    angular_rate_rad_s: Many[float] | None = Field(
-        default=None, description="Common angular rates", examples=[[0.2, 0.4, 0.6]]
-    )
-    range_m: Many[float] | None = Field(default=None, description="Sensor ranges")
-    radius_m: Many[float] | None = Field(default=None, description="Radii of all circles")
-    spacing_m: Many[float] | None = Field(default=None, description="Spacings of the shape")
     connected: bool = Field(
         default=False,
         description="Add a row with a range that connects the team at every instant",
@@ -72,16 +79,15 @@ class SweepRequest(FilterRequest):
         given = [key for key in _SWEPT if getattr(self, key) is not None]
         if len(given) != 1:
             named = " and ".join(given) or "none"
-            raise fault(
-                "angular_rate_rad_s", f"give exactly one of {', '.join(_SWEPT)}; {named} given"
-            )
+            first, *_ = _SWEPT
+            raise fault(first, f"give exactly one of {', '.join(_SWEPT)}; {named} given")
         if not getattr(self, given[0]):
             raise fault(given[0], "is empty; give a list such as [0.2, 0.4]")
         return self
 
     def work(self, subject: Loaded | None, limits: RequestLimits) -> int:
         """Return the number of trials of all rows; raises InputError if it exceeds a limit."""
-        name, values = self.swept()
+        key, values = self.swept()
         rows = len(values) + self.connected
         check_at_most(self._key(), rows, limits.sweep_values, " rows")
         with _within("scenario"):
@@ -90,13 +96,13 @@ class SweepRequest(FilterRequest):
         check_trials(rows * self.trials, scenario.size, limits)
         for value in values:
             with _within(self._key()):
-                one = varied(scenario, name, value)
+                one = key.varied(scenario, value)
             self.check_run(one, limits)
             check_size(one, limits)
         return rows * self.trials
 
-    def swept(self) -> tuple[str, list[float]]:
-        """Return what is swept, as syncplan.planning.sweeps names it, and its values."""
+    def swept(self) -> tuple[SweptKey, list[float]]:
+        """Return the key that is swept and its values."""
         key = self._key()
         return _SWEPT[key], getattr(self, key)
 
@@ -119,8 +125,8 @@ def _planned(spec: JobSpec) -> list[Any]:
 
     request = SweepRequest.model_validate_json(spec.request)
     scenario = scenario_from(request.scenario)
-    name, values = request.swept()
-    return planned_rows(scenario, name, values, connected=request.connected)
+    key, values = request.swept()
+    return planned_rows(scenario, key.name, values, connected=request.connected)
 
 
 @lru_cache(maxsize=2)
@@ -142,7 +148,7 @@ def _report(spec: JobSpec, concluded: Sequence[Validation]) -> JobReport:
         for row, one in zip(_planned(spec), concluded, strict=True)
     ]
     reports = [validation_document(one) for one in concluded]
-    return JobReport(as_text(sweep_document(request.swept()[0], rows, reports).as_json()))
+    return JobReport(as_text(sweep_document(request.swept()[0].name, rows, reports).as_json()))
 
 
 SWEEP = JobKind(

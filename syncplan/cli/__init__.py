@@ -6,7 +6,8 @@ site_tables         tables of landmark sites
 document_table      kinds of documents, their schemas and how reports are known
 arguments           arguments that commands share
 plan_commands       plan, refine, place, landmarks
-run_commands        validate, sweep, replay
+run_commands        validate, sweep
+replay_commands     replay
 plot_commands       plot
 export_commands     export
 service_commands    serve, worker

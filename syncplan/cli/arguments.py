@@ -15,6 +15,7 @@ __all__ = [
     "RequireObservable",
     "ScenarioFile",
     "Seed",
+    "Series",
     "Shown",
     "SubjectFile",
     "Threads",
@@ -44,6 +45,9 @@ Seed = Annotated[int, typer.Option(help="Seed of all random numbers")]
 Duration = Annotated[
     float | None,
     typer.Option(help="Length of each run in s; the scenario's if not given", show_default=False),
+]
+Series = Annotated[
+    bool, typer.Option("--series", help="Add errors and sigmas over time to the report")
 ]
 Threads = Annotated[
     int | None, typer.Option(help="Threads; all cores if not given", show_default=False)

@@ -14,6 +14,7 @@ from syncplan.cli.document_table import DOCUMENTS
 from syncplan.cli.export_commands import exporters
 from syncplan.cli.plan_commands import plans
 from syncplan.cli.plot_commands import plots
+from syncplan.cli.replay_commands import replays
 from syncplan.cli.run_commands import runs
 from syncplan.cli.service_commands import services
 from syncplan.errors import InputError, SyncplanError
@@ -93,6 +94,7 @@ def _schema(
 
 app.add_typer(plans)
 app.add_typer(runs)
+app.add_typer(replays)
 app.add_typer(plots)
 app.add_typer(exporters)
 app.add_typer(services)

@@ -13,9 +13,14 @@ from syncplan.errors import InputError
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from syncplan.estimation.filter_options import FilterOptions
+    from syncplan.reports.document_base import Document
+
 __all__ = [
     "Format",
+    "announce_compilation",
     "deliver",
+    "deliver_document",
     "open_closed_streams",
     "progress_bar",
     "refuse_overwriting",
@@ -62,6 +67,17 @@ def deliver(
     return shown
 
 
+def deliver_document(kind: str, document: "Document", output: Path | None, format_: Format) -> None:
+    """Deliver a document, whose kind is one of DOCUMENTS; its notes follow JSON as words."""
+    from syncplan.cli.document_table import DOCUMENTS
+
+    def show(console: "Console") -> None:
+        DOCUMENTS[kind].show(document, console)
+
+    if deliver(document.as_json(), output, format_, show) is Format.json:
+        say_notes(getattr(document, "notes", []))
+
+
 def refuse_overwriting(source: str, output: Path | None) -> None:
     """Raise InputError if the result would be written over what it is made from."""
     try:
@@ -78,6 +94,12 @@ def open_closed_streams() -> None:
         sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     if sys.stderr is None:
         sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+
+
+def announce_compilation(options: "FilterOptions", count: int) -> None:
+    """Say that the filter's kernels for `count` vehicles are compiled first, if they are."""
+    if not options.filter_model.lane_filter.is_compiled(count):
+        say("compiling the filter's kernels, once; this takes some seconds ...")
 
 
 def say_notes(notes: list[str]) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
+    from rich.console import Console
 
     from syncplan.reports.run_schemas import ReplayDocument, SweepReport, ValidationDocument
 
@@ -29,6 +30,7 @@ class DocumentKind:
     published : whether the command line prints its schema
     known_by : keys that mark a report of this kind; empty for what is no report
     title : of a report without a name
+    shown_by : module of this package and its function that prints it as tables
     """
 
     module: str
@@ -37,6 +39,7 @@ class DocumentKind:
     published: bool = True
     known_by: frozenset[str] = frozenset()
     title: str = ""
+    shown_by: str = ""
 
     @property
     def model(self) -> "type[BaseModel]":
@@ -44,23 +47,45 @@ class DocumentKind:
         found: type[BaseModel] = getattr(import_module(self.module), self.name)
         return found
 
+    def show(self, document: Any, console: "Console") -> None:
+        """Print a document as tables."""
+        module, _, function = self.shown_by.partition(".")
+        getattr(import_module(f"{__package__}.{module}"), function)(document, console)
+
 
 _RUNS = "syncplan.reports.run_schemas"
 
 DOCUMENTS: Mapping[str, DocumentKind] = MappingProxyType(
     {
         "scenario": DocumentKind("syncplan.scenario.specification", "Scenario", "validation"),
-        "plan": DocumentKind("syncplan.reports.plan_schemas", "PlanDocument"),
-        "sites": DocumentKind("syncplan.reports.site_schemas", "SitesDocument"),
+        "plan": DocumentKind(
+            "syncplan.reports.plan_schemas", "PlanDocument", shown_by="terminal_tables.show_plan"
+        ),
+        "sites": DocumentKind(
+            "syncplan.reports.site_schemas", "SitesDocument", shown_by="site_tables.show_sites"
+        ),
         "validation": DocumentKind(
-            _RUNS, "ValidationDocument", known_by=frozenset({"anees"}), title="Validation"
+            _RUNS,
+            "ValidationDocument",
+            known_by=frozenset({"anees"}),
+            title="Validation",
+            shown_by="terminal_tables.show_validation",
         ),
         "replay": DocumentKind(
-            _RUNS, "ReplayDocument", known_by=frozenset({"anees", "readings"}), title="Replay"
+            _RUNS,
+            "ReplayDocument",
+            known_by=frozenset({"anees", "readings"}),
+            title="Replay",
+            shown_by="terminal_tables.show_replay",
         ),
         "sync": DocumentKind("syncplan.exporting.sync_document", "SyncDocument"),
         "sweep": DocumentKind(
-            _RUNS, "SweepReport", published=False, known_by=frozenset({"swept"}), title="Sweep"
+            _RUNS,
+            "SweepReport",
+            published=False,
+            known_by=frozenset({"swept"}),
+            title="Sweep",
+            shown_by="terminal_tables.show_sweep",
         ),
     }
 )

@@ -19,9 +19,9 @@ from syncplan.cli.arguments import (
 from syncplan.cli.console import (
     Format,
     deliver,
+    deliver_document,
     refuse_overwriting,
     say,
-    say_notes,
     search_progress,
 )
 from syncplan.errors import NoSolutionError
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from syncplan.planning.judged_plan import Plan
-    from syncplan.reports.plan_schemas import PlanDocument
 
 __all__ = ["plans"]
 
@@ -85,7 +84,7 @@ def _plan(
     made = plan(loaded, bound=bound.value, steady=steady)
     if refine_:
         return _refined(made, {}, None, output, format_, require_observable, bound)
-    _deliver_plan(plan_document(made), output, format_)
+    deliver_document("plan", plan_document(made), output, format_)
     return verdict_status(made.observable, require_observable)
 
 
@@ -229,14 +228,7 @@ def _landmarks(
     sites = load_candidates(candidates)
     new_sites(loaded.scenario, sites, source=candidates)
     document = sites_document(choose_sites(plan_of(loaded), sites, choose, seed=seed))
-
-    def show(console: "Console") -> None:
-        from syncplan.cli.site_tables import show_sites
-
-        show_sites(document, console)
-
-    if deliver(document.as_json(), output, format_, show) is Format.json:
-        say_notes(document.notes)
+    deliver_document("sites", document, output, format_)
     return 0
 
 
@@ -257,19 +249,9 @@ def _refined(
         better = refine(given, workers=processes, bound=bound.value, progress=progress, **changes)
     record = better.refinement
     if record is None or record.improved:
-        _deliver_plan(plan_document(better), output, format_)
+        deliver_document("plan", plan_document(better), output, format_)
         return verdict_status(better.observable, require_observable)
     if output is None or str(output) == "-":
-        _deliver_plan(plan_document(better), output, format_)
+        deliver_document("plan", plan_document(better), output, format_)
         return NoSolutionError.exit_code
     raise NoSolutionError(f"not refined: {record.reason}; {output} was not written")
-
-
-def _deliver_plan(document: "PlanDocument", output: "Path | None", format_: Format) -> None:
-    def show(console: "Console") -> None:
-        from syncplan.cli.terminal_tables import show_plan
-
-        show_plan(document, console)
-
-    if deliver(document.as_json(), output, format_, show) is Format.json:
-        say_notes(document.notes)

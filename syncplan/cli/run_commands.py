@@ -1,8 +1,9 @@
-"""The commands that run the filter: validate, sweep, replay."""
+"""The commands that run the filter on plans: validate, sweep."""
 
+from collections.abc import Callable
 from enum import StrEnum
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from inspect import Parameter, signature
+from typing import Annotated, Any
 
 import typer
 
@@ -13,6 +14,7 @@ from syncplan.cli.arguments import (
     RequireObservable,
     ScenarioFile,
     Seed,
+    Series,
     Shown,
     SubjectFile,
     Threads,
@@ -20,13 +22,17 @@ from syncplan.cli.arguments import (
     numbers,
     verdict_status,
 )
-from syncplan.cli.console import Format, deliver, progress_bar, refuse_overwriting, say, say_notes
+from syncplan.cli.console import (
+    Format,
+    announce_compilation,
+    deliver_document,
+    progress_bar,
+    refuse_overwriting,
+)
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filters import FILTERS
-
-if TYPE_CHECKING:
-    from rich.console import Console
+from syncplan.planning.swept_keys import SWEPT_KEYS, SweptKey
 
 __all__ = ["runs"]
 
@@ -37,6 +43,17 @@ DEFAULTS = FilterOptions()
 Model = StrEnum("Model", {name: name for name in FILTERS})  # type: ignore[misc]
 DEFAULT_MODEL = Model(DEFAULTS.model)
 ModelOption = Annotated[Model, typer.Option(help="How the filter integrates its readings")]
+Substeps = Annotated[int, typer.Option(help="Euler sub-steps per sample")]
+Gate = Annotated[
+    float | None,
+    typer.Option(help="Probability of the innovation gate, such as 0.999", show_default=False),
+]
+Connected = Annotated[
+    bool,
+    typer.Option(
+        "--connected", help="Add a row with a range that connects the team at every instant"
+    ),
+]
 
 
 @runs.command(
@@ -50,22 +67,15 @@ def _validate(
     trials: Trials = DEFAULTS.trials,
     seed: Seed = DEFAULTS.seed,
     duration: Duration = None,
-    model: Annotated[
-        Model, typer.Option(help="How the filter integrates its readings")
-    ] = DEFAULT_MODEL,
-    substeps: Annotated[int, typer.Option(help="Euler sub-steps per sample")] = DEFAULTS.substeps,
-    gate: Annotated[
-        float | None,
-        typer.Option(help="Probability of the innovation gate, such as 0.999", show_default=False),
-    ] = None,
-    series: Annotated[
-        bool, typer.Option("--series", help="Add errors and sigmas over time to the report")
-    ] = False,
+    model: ModelOption = DEFAULT_MODEL,
+    substeps: Substeps = DEFAULTS.substeps,
+    gate: Gate = None,
+    series: Series = False,
     threads: Threads = None,
     require_observable: RequireObservable = False,
     max_vehicles: MaxVehicles = None,
 ) -> int:
-    """Prove a plan with the filter: Monte Carlo errors beside the bound, and consistency."""
+    """Run the filter on a plan: Monte Carlo errors beside the bound, and consistency."""
     from syncplan.planning.plan_files import load, plan_of
     from syncplan.planning.validation import validate
     from syncplan.reports.validation_report import validation_document
@@ -81,52 +91,57 @@ def _validate(
         with_series=series,
     )
     refuse_overwriting(subject, output)
-    loaded = load(subject, max_vehicles=max_vehicles or MAX_VEHICLES)
-    flown = plan_of(loaded)
-    _announce_compilation(options, flown.team.count)
+    flown = plan_of(load(subject, max_vehicles=max_vehicles or MAX_VEHICLES))
+    announce_compilation(options, flown.team.count)
     with progress_bar("trials", trials) as progress:
         result = validate(flown, options, threads=threads, progress=progress)
-    document = validation_document(result)
-
-    def show(console: "Console") -> None:
-        from syncplan.cli.terminal_tables import show_validation
-
-        show_validation(document, console)
-
-    if deliver(document.as_json(), output, format_, show) is Format.json:
-        say_notes(document.notes)
+    deliver_document("validation", validation_document(result), output, format_)
     return verdict_status(flown.observable, require_observable)
+
+
+def _with_options_of_swept_keys(command: Callable[..., int]) -> Callable[..., int]:
+    """The command with an option for each key that a sweep may vary, in its keyword arguments."""
+    own = signature(command)
+    options = [
+        Parameter(
+            one.name,
+            Parameter.KEYWORD_ONLY,
+            default=None,
+            annotation=Annotated[
+                str | None, typer.Option(one.option, help=_help_of(one), show_default=False)
+            ],
+        )
+        for one in SWEPT_KEYS.values()
+    ]
+    known = [one for one in own.parameters.values() if one.kind is not Parameter.VAR_KEYWORD]
+    later = [one for one in known if one.kind is Parameter.KEYWORD_ONLY]
+    parameters = [*(one for one in known if one not in later), *options, *later]
+    setattr(command, "__signature__", own.replace(parameters=parameters))  # noqa: B010
+    return command
+
+
+def _help_of(key: SweptKey) -> str:
+    text = f"{key.many} in {key.unit}"
+    return f"{text}, such as {','.join(map(str, key.example))}" if key.example else text
 
 
 @runs.command(
     name="sweep",
     epilog="Example: syncplan sweep scenario.yaml --angular-rate 0.2,0.4,0.6,0.8,1.0 --connected",
 )
+@_with_options_of_swept_keys
 def _sweep(
     scenario: ScenarioFile,
     output: Output = None,
     format_: Shown = Format.auto,
-    angular_rate: Annotated[
-        str | None, typer.Option(help="Rates in rad/s, such as 0.2,0.4", show_default=False)
-    ] = None,
-    range_: Annotated[
-        str | None, typer.Option("--range", help="Sensor ranges in m", show_default=False)
-    ] = None,
-    radius: Annotated[str | None, typer.Option(help="Radii in m", show_default=False)] = None,
-    spacing: Annotated[
-        str | None, typer.Option(help="Spacings of the shape in m", show_default=False)
-    ] = None,
-    connected: Annotated[
-        bool,
-        typer.Option(
-            "--connected", help="Add a row with a range that connects the team at every instant"
-        ),
-    ] = False,
+    *,
+    connected: Connected = False,
     trials: Trials = DEFAULTS.trials,
     seed: Seed = DEFAULTS.seed,
     duration: Duration = None,
     threads: Threads = None,
     max_vehicles: MaxVehicles = None,
+    **swept: Any,
 ) -> int:
     """Vary one key: plan and validate each value, tables like the paper's Tables 1 and 2."""
     from syncplan.planning.sweeps import sweep
@@ -134,27 +149,15 @@ def _sweep(
     from syncplan.scenario.loading import load_scenario
     from syncplan.scenario.models import MAX_VEHICLES
 
-    given = {
-        "angular_rate": angular_rate,
-        "range": range_,
-        "radius": radius,
-        "spacing": spacing,
-    }
-    chosen = [(name, text) for name, text in given.items() if text is not None]
-    if len(chosen) != 1:
-        raise InputError(
-            "give exactly one of --angular-rate, --range, --radius, --spacing", key="sweep"
-        )
-    name, text = chosen[0]
-    values = numbers(text, f"--{name.replace('_', '-')}")
+    key, values = _swept(swept)
     options = FilterOptions(trials=trials, seed=seed, duration=duration)
     refuse_overwriting(scenario, output)
     loaded = load_scenario(scenario, max_vehicles=max_vehicles or MAX_VEHICLES)
-    _announce_compilation(options, loaded.size)
+    announce_compilation(options, loaded.size)
     with progress_bar("trials", trials * (len(values) + connected)) as progress:
         rows = sweep(
             loaded,
-            name,
+            key.name,
             values,
             options,
             connected=connected,
@@ -162,105 +165,15 @@ def _sweep(
             progress=progress,
         )
     reports = [validation_document(row.validation) for row in rows]
-
-    def show(console: "Console") -> None:
-        from syncplan.cli.terminal_tables import show_sweep
-
-        show_sweep(name.replace("_", " "), [row.label for row in rows], reports, console)
-
-    deliver(sweep_document(name, rows, reports).as_json(), output, format_, show)
+    deliver_document("sweep", sweep_document(key.name, rows, reports), output, format_)
     return 0
 
 
-@runs.command(
-    name="replay",
-    epilog="Example: syncplan replay mrclam6 --landmarks 7,15 --series -o report.json",
-)
-def _replay(
-    log_dir: Annotated[
-        Path,
-        typer.Argument(
-            metavar="LOG_DIR", help="Folder of a recording in the format of the MRCLAM data sets"
-        ),
-    ],
-    output: Output = None,
-    format_: Shown = Format.auto,
-    landmarks: Annotated[
-        str,
-        typer.Option(help="Landmarks whose bearings count: numbers such as 7,15, or all, or none"),
-    ] = "all",
-    meetings: Annotated[bool, typer.Option(help="Whether bearings between robots count")] = True,
-    bearing_sigma_rad: Annotated[
-        float, typer.Option(help="Sigma of a bearing that the filter assumes")
-    ] = 0.08,
-    speed_sigma_mps: Annotated[
-        float, typer.Option(help="Assumed sigma of the speed, per sample")
-    ] = 0.15,
-    turn_rate_sigma_rad_s: Annotated[
-        float, typer.Option(help="Assumed sigma of the turn rate, per sample")
-    ] = 0.5,
-    sample_time_s: Annotated[float, typer.Option(help="Time between the filter's samples")] = 0.05,
-    gate: Annotated[
-        float, typer.Option(help="Probability of the innovation gate; 1 accepts every bearing")
-    ] = 0.999,
-    series: Annotated[
-        bool, typer.Option("--series", help="Add errors and sigmas over time to the report")
-    ] = False,
-) -> int:
-    """Run the filter on recorded odometry and bearings, and compare it with the recorded truth.
-
-    The filter starts at the truth and uses bearings, not ranges.
-    """
-    from dataclasses import replace
-
-    from syncplan.estimation.mrclam import load_log
-    from syncplan.estimation.replays import GROUND_ROBOTS, OPTIONS, replay
-    from syncplan.reports.replay_report import replay_document
-
-    chosen = _landmark_numbers(landmarks)
-    log = load_log(log_dir)
-    for recorded in log_dir.glob("*.dat"):
-        refuse_overwriting(str(recorded), output)
-    _announce_compilation(OPTIONS, len(log.robots))
-    replayed = replay(
-        log,
-        landmarks=chosen,
-        meetings=meetings,
-        bearing_sigma=bearing_sigma_rad,
-        noise=replace(
-            GROUND_ROBOTS, speed_sigma=speed_sigma_mps, turn_rate_sigma=turn_rate_sigma_rad_s
-        ),
-        sample_time=sample_time_s,
-        gate_probability=gate,
-        with_series=series,
-    )
-    document = replay_document(replayed)
-
-    def show(console: "Console") -> None:
-        from syncplan.cli.terminal_tables import show_replay
-
-        show_replay(document, console)
-
-    if deliver(document.as_json(), output, format_, show) is Format.json:
-        say_notes(document.notes)
-    return 0
-
-
-def _landmark_numbers(text: str) -> list[int] | None:
-    """The landmarks of an option, None for all; raises InputError where they are no numbers."""
-    if text == "all":
-        return None
-    if text == "none":
-        return []
-    try:
-        return [int(part) for part in text.split(",")]
-    except ValueError:
-        raise InputError(
-            f"{text!r}: must be all, none or numbers with commas between, such as 7,15",
-            key="landmarks",
-        ) from None
-
-
-def _announce_compilation(options: FilterOptions, count: int) -> None:
-    if not options.filter_model.lane_filter.is_compiled(count):
-        say("compiling the filter's kernels, once; this takes some seconds ...")
+def _swept(given: dict[str, str | None]) -> tuple[SweptKey, list[float]]:
+    """The one key that is given, and its values."""
+    chosen = [(SWEPT_KEYS[name], text) for name, text in given.items() if text is not None]
+    if len(chosen) != 1:
+        options = ", ".join(one.option for one in SWEPT_KEYS.values())
+        raise InputError(f"give exactly one of {options}", key="sweep")
+    key, text = chosen[0]
+    return key, numbers(text, key.option)

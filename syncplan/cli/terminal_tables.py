@@ -10,9 +10,16 @@ from rich.table import Table
 
 from syncplan.placement.centers import Placement
 from syncplan.planning.figures_of_merit import ROWS
+from syncplan.planning.swept_keys import swept_key
 from syncplan.reports.plan_schemas import LandmarkLink, Link, PlanDocument
 from syncplan.reports.refinement_schemas import RefinementResult
-from syncplan.reports.run_schemas import ErrorFigures, ReplayDocument, Spread, ValidationDocument
+from syncplan.reports.run_schemas import (
+    ErrorFigures,
+    ReplayDocument,
+    Spread,
+    SweepReport,
+    ValidationDocument,
+)
 
 __all__ = ["show_placement", "show_plan", "show_replay", "show_sweep", "show_validation"]
 
@@ -124,31 +131,31 @@ def show_placement(placed: Placement, console: Console) -> None:
         console.print(f"no two circles are nearer than {placed.smallest_gap:.4g} m")
 
 
-def show_sweep(
-    name: str, labels: Sequence[str], reports: Sequence[ValidationDocument], console: Console
-) -> None:
+def show_sweep(report: SweepReport, console: Console) -> None:
     """Print a sweep: errors in x (p_e) and y (p_n) of each vehicle, then means over vehicles."""
+    name = swept_key(report.swept).name.replace("_", " ")
+    labels, reports = [row.label for row in report.rows], [row.validation for row in report.rows]
     each = _table(
         f"RMS error over the run, p_n/p_e in m, by {name}",
         ("vehicle", *(label.partition(",")[0] for label in labels)),
     )
     for k, vehicle in enumerate(reports[0].vehicles[:MOST_ROWS]):
-        figures = [report.vehicles[k] for report in reports]
+        figures = [one.vehicles[k] for one in reports]
         each.add_row(escape(vehicle.name), *(f"{f.rms_y_m:.2f}/{f.rms_x_m:.2f}" for f in figures))
     console.print(each)
     means = _table(
         "means over the vehicles, m", (name, "p_n", "p_e", "2nd half", "bound", "ANEES", "rank")
     )
-    for label, report in zip(labels, reports, strict=True):
-        bound = report.overall.predicted_rms_m
+    for label, one in zip(labels, reports, strict=True):
+        bound = one.overall.predicted_rms_m
         means.add_row(
             label,
-            f"{np.mean([v.rms_y_m for v in report.vehicles]):.2f}",
-            f"{np.mean([v.rms_x_m for v in report.vehicles]):.2f}",
-            f"{report.overall.rms_second_half_m:.2f}",
+            f"{np.mean([v.rms_y_m for v in one.vehicles]):.2f}",
+            f"{np.mean([v.rms_x_m for v in one.vehicles]):.2f}",
+            f"{one.overall.rms_second_half_m:.2f}",
             "-" if bound is None else f"{bound:.2f}",
-            "-" if report.anees.value is None else f"{report.anees.value:.2f}",
-            "full" if report.observable else "short",
+            "-" if one.anees.value is None else f"{one.anees.value:.2f}",
+            "full" if one.observable else "short",
         )
     console.print(means)
 

@@ -6,6 +6,7 @@ judged_plan         the plan: orbits with every verdict
 judgement           orbits to plan
 planner             scenario to plan
 validation          Monte Carlo of a plan beside its bound
+swept_keys          the table of keys that a sweep may vary
 sweeps              one key varied
 plan_files          plans read back and judged afresh
 """

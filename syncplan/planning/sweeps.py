@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Unpack
+from typing import Unpack
 
 import numpy as np
 
@@ -12,19 +12,11 @@ from syncplan.orbits.circles import position
 from syncplan.orbits.graphs import bottleneck
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.planner import plan
+from syncplan.planning.swept_keys import SWEPT_KEYS, swept_key
 from syncplan.planning.validation import Validation, validate
-from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario
 
-__all__ = ["SWEEPABLE", "PlannedRow", "ValidatedRow", "connected_range", "planned_rows", "sweep"]
-
-SWEEPABLE = {
-    "angular_rate": "orbit.angular_rate_rad_s",
-    "range": "sensor.range_m",
-    "radius": "orbit.radius_m",
-    "spacing": "formation.spacing_m",
-}
-"""Names of what can be swept, with the scenario's key."""
+__all__ = ["PlannedRow", "ValidatedRow", "connected_range", "planned_rows", "sweep"]
 
 _INSTANTS = 720
 _RANGE_MARGIN = 1.01
@@ -59,7 +51,7 @@ def sweep(
     progress: Callable[[int], None] | None = None,
     **changes: Unpack[FilterChanges],
 ) -> list[ValidatedRow]:
-    """Return a row for each value of `name` (see SWEEPABLE).
+    """Return a row for each value of the key `name`; see syncplan.planning.swept_keys.
 
     `options`, or changes of it by name, are those of syncplan.validate: trials=200, seed=0,
     duration=None (s, the scenario's) and the rest. `connected` adds a last row: the last value
@@ -84,44 +76,17 @@ def planned_rows(
     scenario: Scenario, name: str, values: Sequence[float], *, connected: bool = False
 ) -> list[PlannedRow]:
     """Return the plans of a sweep, none of them validated; see sweep."""
-    if name not in SWEEPABLE:
-        raise InputError(f"{name!r} can't be swept; choose from {', '.join(SWEEPABLE)}", key="name")
+    key = swept_key(name)
     if not values:
         raise InputError("no values given; give a list such as 0.2,0.4", key=name)
-    rows = [
-        PlannedRow(f"{value:g}", value, plan(varied(scenario, name, value))) for value in values
-    ]
+    rows = [PlannedRow(f"{value:g}", value, plan(key.varied(scenario, value))) for value in values]
     if connected:
         last = rows[-1]
         reach = connected_range(last.plan)
-        wider = plan(varied(last.plan.scenario, "range", reach))
+        wider = plan(SWEPT_KEYS["range"].varied(last.plan.scenario, reach))
         label = f"connected, {last.label} at range {reach:.4g} m"
         rows.append(PlannedRow(label, last.value, wider))
     return rows
-
-
-def varied(scenario: Scenario, name: str, value: float) -> Scenario:
-    """Return the scenario with one key changed, checked anew."""
-    document: dict[str, Any] = scenario.model_dump(exclude_none=True)
-    if name == "angular_rate":
-        document["orbit"].pop("speed_mps", None)
-        document["orbit"]["angular_rate_rad_s"] = value
-        if scenario.window_s is not None and np.isclose(scenario.window_s, scenario.period):
-            document.pop("window_s")
-    elif name == "radius":
-        document["orbit"]["radius_m"] = value
-    elif name == "range":
-        sensors = document["sensor"]
-        for sensor in sensors if isinstance(sensors, list) else [sensors]:
-            sensor["range_m"] = value
-    else:
-        if scenario.formation.shape is None:
-            raise InputError(
-                "the formation lists its centres; only a shape has a spacing to sweep",
-                key="formation.spacing_m",
-            )
-        document["formation"]["spacing_m"] = value
-    return scenario_from(document, max_vehicles=scenario.size)
 
 
 def connected_range(subject: Plan) -> float:

@@ -7,7 +7,7 @@ from syncplan.estimation.replays import Replay
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.validation import Validation
 from syncplan.plotting.canvas import Spec
-from syncplan.plotting.figure_table import FIGURES, Drawing, SubjectKind
+from syncplan.plotting.figure_table import FIGURES, FigureInput, SubjectKind
 from syncplan.plotting.palette import Theme, themed
 from syncplan.reports.refinement_report import refinement_result
 from syncplan.reports.refinement_schemas import RefinementResult
@@ -35,19 +35,19 @@ def specs_of(
     a second plan to compare with. Needs no Plotly. Raises InputError for a name that the subject
     does not have.
     """
-    of, drawing = _drawing(subject, refined, after)
-    known = _known(of, drawing)
+    of, given = _given(subject, refined, after)
+    known = _known(of, given)
     for name in names:
         if name not in known:
             raise InputError(f"{name!r}: {_why_not(name, of, known)}", key="figure")
-    return {name: themed(FIGURES[name].draw(drawing), theme) for name in names or known}
+    return {name: themed(FIGURES[name].draw(given), theme) for name in names or known}
 
 
 def first_figure(
     subject: Subject, *, refined: RefinementResult | None = None, after: Plan | None = None
 ) -> str:
     """Return the name of the figure to show where there is room for one; see specs_of."""
-    known = _known(*_drawing(subject, refined, after))
+    known = _known(*_given(subject, refined, after))
     return next((name for name in known if FIGURES[name].compares), known[0])
 
 
@@ -58,22 +58,22 @@ def report_of(run: Run) -> ValidationDocument | ReplayDocument:
     return replay_document(run) if isinstance(run, Replay) else run
 
 
-def _drawing(
+def _given(
     subject: Subject, refined: RefinementResult | None, after: Plan | None
-) -> tuple[SubjectKind, Drawing]:
+) -> tuple[SubjectKind, FigureInput]:
     if isinstance(subject, Plan):
         if subject.refinement is not None:
             refined = refinement_result(subject.refinement)
-        return "plan", Drawing(subject, refined, after)
+        return "plan", FigureInput(subject, refined, after)
     if after is not None:
         raise InputError("only a plan can be compared with a plan", key="compare")
     if isinstance(subject, SweepReport):
-        return "sweep", Drawing(subject)
-    return "run", Drawing(report_of(subject))
+        return "sweep", FigureInput(subject)
+    return "run", FigureInput(report_of(subject))
 
 
-def _known(of: SubjectKind, drawing: Drawing) -> list[str]:
-    return [name for name, one in FIGURES.items() if one.of == of and one.fits(drawing)]
+def _known(of: SubjectKind, given: FigureInput) -> list[str]:
+    return [name for name, one in FIGURES.items() if one.of == of and one.fits(given)]
 
 
 def _why_not(name: str, of: SubjectKind, known: list[str]) -> str:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from syncplan.plotting.canvas import Spec
     from syncplan.reports.refinement_schemas import RefinementResult
 
-__all__ = ["FIGURES", "SUBJECTS", "Drawing", "Figure", "SubjectKind", "always_there"]
+__all__ = ["FIGURES", "SUBJECTS", "Figure", "FigureInput", "SubjectKind", "always_there"]
 
 SubjectKind = Literal["plan", "run", "sweep"]
 
@@ -25,7 +25,7 @@ SUBJECTS: Mapping[SubjectKind, str] = MappingProxyType(
 
 
 @dataclass(frozen=True, slots=True)
-class Drawing:
+class FigureInput:
     """What figures are drawn from.
 
     Attributes
@@ -40,8 +40,8 @@ class Drawing:
     after: "Plan | None" = None
 
 
-def _subject_alone(drawing: Drawing) -> tuple[Any, ...]:
-    return (drawing.subject,)
+def _subject_alone(given: FigureInput) -> tuple[Any, ...]:
+    return (given.subject,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,20 +63,20 @@ class Figure:
     sentence: str
     of: SubjectKind
     maker: str
-    takes: Callable[[Drawing], tuple[Any, ...]] = _subject_alone
-    there: Callable[[Drawing], bool] | None = None
+    takes: Callable[[FigureInput], tuple[Any, ...]] = _subject_alone
+    there: Callable[[FigureInput], bool] | None = None
     why_not: str = ""
     compares: bool = False
 
-    def fits(self, drawing: Drawing) -> bool:
+    def fits(self, given: FigureInput) -> bool:
         """Whether a subject of the right kind has this figure."""
-        return self.there is None or self.there(drawing)
+        return self.there is None or self.there(given)
 
-    def draw(self, drawing: Drawing) -> "Spec":
+    def draw(self, given: FigureInput) -> "Spec":
         """Return the figure as Plotly's plain values, in light colours."""
         module, _, function = self.maker.partition(".")
         make = getattr(import_module(f"{__package__}.{module}"), function)
-        spec: Spec = make(*self.takes(drawing))
+        spec: Spec = make(*self.takes(given))
         return spec
 
 
@@ -119,8 +119,8 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "Figures of merit of the plan before it was refined, and after.",
             "plan",
             "comparison_figure.refinement_spec",
-            takes=lambda drawing: (drawing.refined, drawing.subject.scenario.name),
-            there=lambda drawing: drawing.refined is not None,
+            takes=lambda given: (given.refined, given.subject.scenario.name),
+            there=lambda given: given.refined is not None,
             why_not="the plan was not refined",
         ),
         "comparison": Figure(
@@ -128,8 +128,8 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "Circles and predicted errors of two plans of the same vehicles.",
             "plan",
             "comparison_figure.comparison_spec",
-            takes=lambda drawing: (drawing.subject, drawing.after),
-            there=lambda drawing: drawing.after is not None,
+            takes=lambda given: (given.subject, given.after),
+            there=lambda given: given.after is not None,
             why_not="there is no second plan (--compare)",
             compares=True,
         ),
@@ -144,7 +144,7 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "Errors in x, y and heading with the filter's own 3-sigma band.",
             "run",
             "errors_figure.errors_spec",
-            there=lambda drawing: drawing.subject.series is not None,
+            there=lambda given: given.subject.series is not None,
             why_not="the report has no errors over time (--series keeps them)",
         ),
         "consistency": Figure(

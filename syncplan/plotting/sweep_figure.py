@@ -4,18 +4,12 @@ from collections.abc import Callable
 
 import numpy as np
 
+from syncplan.planning.swept_keys import swept_key
 from syncplan.plotting.canvas import Spec, axis, escaped, layout, numbers
 from syncplan.plotting.palette import BLUE, GREEN, INK, ORANGE, VERMILLION
 from syncplan.reports.run_schemas import SweepReport, SweepRow
 
 __all__ = ["sweep_spec"]
-
-_UNITS = {
-    "orbit.angular_rate_rad_s": "angular rate, rad/s",
-    "sensor.range_m": "sensor range, m",
-    "orbit.radius_m": "radius, m",
-    "formation.spacing_m": "spacing, m",
-}
 
 FEW_TRIALS = 100
 
@@ -49,6 +43,7 @@ def sweep_spec(report: SweepReport) -> Spec:
     A row for a team connected at every instant stands beside the curves, with hollow marks; rows
     whose plan is not observable are crossed out.
     """
+    key = swept_key(report.swept)
     connected = [row for row in report.rows if row.label.startswith("connected")]
     swept = sorted((row for row in report.rows if row not in connected), key=lambda row: row.value)
     traces = [
@@ -66,7 +61,7 @@ def sweep_spec(report: SweepReport) -> Spec:
         note=f"{first.trials} trials of {first.duration_s:g} s at each value, seed {first.seed}"
         + ("; so few leave much to chance" if first.trials < FEW_TRIALS else ""),
         height=520,
-        xaxis=axis(_UNITS.get(report.swept, escaped(report.swept))),
+        xaxis=axis(f"{key.one}, {key.unit}"),
         yaxis=axis("RMS error over all vehicles, m", rangemode="tozero"),
     )
     drawn["margin"]["b"] = 150

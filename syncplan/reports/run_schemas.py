@@ -1,11 +1,17 @@
 """The JSON contracts of runs of the filter: validations, replays and sweeps."""
 
-from typing import ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from pydantic import Field
 
 from syncplan.estimation.filters import FilterName
+from syncplan.planning.swept_keys import SWEPT_KEYS
 from syncplan.reports.document_base import Document, DocumentPart, VersionedDocument
+
+if TYPE_CHECKING:
+    SweptName = str
+else:
+    SweptName = Literal[*(one.key for one in SWEPT_KEYS.values())]
 
 __all__ = [
     "ErrorFigures",
@@ -200,9 +206,7 @@ class SweepRow(Document):
 class SweepReport(Document):
     """A sweep: a row for each value."""
 
-    swept: Literal[
-        "orbit.angular_rate_rad_s", "sensor.range_m", "orbit.radius_m", "formation.spacing_m"
-    ]
+    swept: SweptName
     rows: list[SweepRow] = Field(min_length=1)
 
     @property

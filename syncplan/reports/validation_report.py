@@ -8,7 +8,8 @@ import numpy as np
 from syncplan import __version__
 from syncplan.estimation.consistency import Consistency
 from syncplan.estimation.trials import Accuracy, MonteCarloResult, series
-from syncplan.planning.sweeps import SWEEPABLE, ValidatedRow
+from syncplan.planning.sweeps import ValidatedRow
+from syncplan.planning.swept_keys import swept_key
 from syncplan.planning.validation import Validation
 from syncplan.reports.plan_report import separation_notes
 from syncplan.reports.run_schemas import (
@@ -77,7 +78,7 @@ def sweep_document(
     """Return the report of a sweep of `name`: label, verdict and validation for each value."""
     return SweepReport.model_validate(
         {
-            "swept": SWEEPABLE[name],
+            "swept": swept_key(name).key,
             "rows": [_row(row, report) for row, report in zip(rows, reports, strict=True)],
         }
     )

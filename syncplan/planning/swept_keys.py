@@ -1,0 +1,117 @@
+"""The table of keys that a sweep may vary. A new one is an entry here.
+
+A key is spelt as in the scenario, `sensor.range_m`; all other spellings follow from it: the
+service's `range_m` is its last part, the library's `range` that without its unit, and the command
+line's `--range` that with dashes.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from math import isclose
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Literal
+
+from syncplan.errors import InputError
+
+if TYPE_CHECKING:
+    from syncplan.scenario.specification import Scenario
+
+__all__ = ["SWEPT_KEYS", "SweptKey", "swept_key"]
+
+
+@dataclass(frozen=True, slots=True)
+class SweptKey:
+    """A key of the scenario that a sweep may vary.
+
+    Attributes
+    ----------
+    key : where it stands in the scenario; its name ends with its unit
+    unit : in words
+    one, many : a value and a list of values in words
+    change : sets it in the values of a scenario, given that scenario
+    example : a list of values worth sweeping
+    """
+
+    key: str
+    unit: Literal["m", "rad/s"]
+    one: str
+    many: str
+    change: Callable[[dict[str, Any], "Scenario", float], None]
+    example: tuple[float, ...] = ()
+
+    @property
+    def request(self) -> str:
+        """Its name in requests to the service: the last part of the key."""
+        return self.key.rpartition(".")[2]
+
+    @property
+    def name(self) -> str:
+        """Its name in the library: without the unit."""
+        return self.request.removesuffix("_" + self.unit.replace("/", "_"))
+
+    @property
+    def option(self) -> str:
+        """Its option on the command line."""
+        return "--" + self.name.replace("_", "-")
+
+    def varied(self, scenario: "Scenario", value: float) -> "Scenario":
+        """Return the scenario with this key changed, checked anew; raises InputError."""
+        from syncplan.scenario.loading import scenario_from
+
+        document: dict[str, Any] = scenario.model_dump(exclude_none=True)
+        self.change(document, scenario, value)
+        return scenario_from(document, max_vehicles=scenario.size)
+
+
+def _change_rate(document: dict[str, Any], scenario: "Scenario", value: float) -> None:
+    """A speed gives way, and so does a window of one period."""
+    document["orbit"].pop("speed_mps", None)
+    document["orbit"]["angular_rate_rad_s"] = value
+    window = scenario.window_s
+    if window is not None and isclose(window, scenario.period, rel_tol=1e-5, abs_tol=1e-8):
+        document.pop("window_s")
+
+
+def _change_range(document: dict[str, Any], scenario: "Scenario", value: float) -> None:
+    sensors = document["sensor"]
+    for sensor in sensors if isinstance(sensors, list) else [sensors]:
+        sensor["range_m"] = value
+
+
+def _change_radius(document: dict[str, Any], scenario: "Scenario", value: float) -> None:
+    document["orbit"]["radius_m"] = value
+
+
+def _change_spacing(document: dict[str, Any], scenario: "Scenario", value: float) -> None:
+    if scenario.formation.shape is None:
+        raise InputError(
+            "the formation lists its centres; only a shape has a spacing to sweep",
+            key="formation.spacing_m",
+        )
+    document["formation"]["spacing_m"] = value
+
+
+_KEYS = (
+    SweptKey(
+        "orbit.angular_rate_rad_s",
+        "rad/s",
+        "angular rate",
+        "Common angular rates",
+        _change_rate,
+        example=(0.2, 0.4, 0.6),
+    ),
+    SweptKey("sensor.range_m", "m", "sensor range", "Sensor ranges", _change_range),
+    SweptKey("orbit.radius_m", "m", "radius", "Radii of all circles", _change_radius),
+    SweptKey("formation.spacing_m", "m", "spacing", "Spacings of the shape", _change_spacing),
+)
+
+SWEPT_KEYS: Mapping[str, SweptKey] = MappingProxyType({one.name: one for one in _KEYS})
+"""All keys that a sweep may vary, by the library's name."""
+
+
+def swept_key(name: str) -> SweptKey:
+    """Return a key by any of its spellings; raises InputError for what can't be swept."""
+    for one in _KEYS:
+        if name in (one.name, one.request, one.key):
+            return one
+    raise InputError(f"{name!r} can't be swept; choose from {', '.join(SWEPT_KEYS)}", key="name")
