@@ -13,9 +13,9 @@ __all__ = ["commands_page"]
 
 _INTRODUCTION = """# Command line
 
-Results go to standard output, or whole or not at all to the file named with `-o`; words and
-progress go to standard error. `-` is standard input. At a terminal a table is shown, elsewhere
-JSON.
+Results go to standard output: a table at a terminal, JSON elsewhere (`--format` chooses). A file
+named with `-o` is written whole or not at all. Messages and progress go to standard error. `-` in
+place of a file is standard input.
 
 | exit status | meaning |
 |---|---|

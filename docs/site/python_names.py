@@ -10,9 +10,9 @@ __all__ = ["python_page"]
 
 _INTRODUCTION = """# Python
 
-Everything a program needs stands at the top of the package; figures and exports are modules of
-their own. Notation, units and shapes are those of `syncplan/__init__.py`: SI units and radians,
-arrays of NumPy.
+The package exports everything a program needs; figures and exports are modules of their own.
+Notation, units and shapes are those of `syncplan/__init__.py`: SI units and radians, NumPy arrays.
+Names that are not on this page are not public and may move.
 """
 
 _SECTIONS = (

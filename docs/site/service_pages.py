@@ -21,17 +21,17 @@ _MOST_NAMED = 4
 
 _SERVICE = """# REST API
 
-`syncplan serve` answers at the paths below; `GET /openapi.json` is the same as an OpenAPI 3.1
-document with whole examples, which were recorded from the service itself and are shortened here.
-Bodies are JSON or YAML, answers JSON. [Settings](settings.md) has what an operator may set,
-[Problems](problems.md) what is answered when something is wrong.
+`syncplan serve` answers at the paths below. `GET /openapi.json` is the same as an OpenAPI 3.1
+document with whole examples, recorded from the service itself; here they are shortened. Bodies are
+JSON or YAML, answers JSON. [Run the service](../how-to/service.md) shows the paths at work,
+[Settings](settings.md) lists what an operator may set, and [Problems](problems.md) the errors.
 """
 
 _PROBLEMS = """# Problems
 
-What goes wrong is answered with a problem document (RFC 9457), `application/problem+json`: `title`
-and `status`, `detail` in a sentence, `errors` with up to twenty faults of a scenario (`path`,
-`value`, `message`), and `request_id`, under which the log holds the request.
+Errors are problem documents (RFC 9457), `application/problem+json`: `title` and `status`, `detail`
+in a sentence, `errors` with up to twenty faults of a scenario (`path`, `value`, `message`), and
+`request_id`, by which to find the request in the log.
 
 | status | title | for example | answered by |
 |---|---|---|---|
@@ -91,9 +91,9 @@ def problems_page() -> str:
     return (
         _PROBLEMS
         + "\n".join(rows)
-        + "\n\nBeside these, whatever the path: 400 for a request that can't be read, 404 for a "
-        "path that is not there, 405 for a method that it does not take, 431 for a head above "
-        "64 KiB.\n\nA scenario that is sound, but has no solution, is a 422 of the type "
+        + "\n\nWhatever the path, the service also answers 400 to a request that it cannot read, "
+        "404 to an unknown path, 405 to a method that the path does not take, and 431 to a head "
+        "above 64 KiB.\n\nA scenario that is sound, but has no solution, is a 422 of the type "
         + f"`{NO_SOLUTION}`; all others are `about:blank`.\n"
     )
 
