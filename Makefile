@@ -49,10 +49,10 @@ check-all: postgresql check
 	$(TESTS) -m long
 	$(TESTS) -m hypothesis --hypothesis-profile=fresh-cases
 	$(BIN)/python -m tests.searches.search_counterexamples 20000 $(SEED)
-	$(BIN)/python -m tests.searches.search_refinements 12 $(SEED)
+	$(BIN)/python -m tests.searches.search_refinements 8 $(SEED)
 	$(BIN)/python -m tests.searches.search_contract 500 $(SEED)
-	$(BIN)/python -m tests.searches.search_requests 1000 $(SEED)
-	$(BIN)/python -m tests.searches.search_survival 3 $(SEED)
+	$(BIN)/python -m tests.searches.search_requests 400 $(SEED)
+	$(BIN)/python -m tests.searches.search_survival 2 $(SEED)
 	docker/steps.sh
 
 # only the long tests start a PostgreSQL of their own

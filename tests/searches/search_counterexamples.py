@@ -2,7 +2,7 @@
 
     python -m tests.searches.search_counterexamples [DRAWS [FIRST]]
 
-Not part of the suite; the suite runs the first draws of the same generator.
+Part of `make check-all`; `make check` runs the first draws of the same generator.
 """
 
 import sys

@@ -3,8 +3,8 @@
     python -m tests.searches.search_survival [ROUNDS [SEED]]
 
 ROUNDS kills on SQLite and as many on PostgreSQL, the server's and a worker's in turn, at moments
-from the last acceptance of a job to well after the end of an undisturbed run. Not part of the
-suite; the suite does the same at a few moments.
+from the last acceptance of a job to well after the end of an undisturbed run. Part of
+`make check-all`; the suite does the same at a few moments.
 """
 
 import random
