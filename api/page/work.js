@@ -118,7 +118,7 @@ export class Work {
     else notice(`${name} cancelled.`);
   }
 
-  /** The motions that no sighting tells of the plan that a validation was about. */
+  /** The motions that no sighting can detect, of the plan that a validation was about. */
   async #lostOf(job) {
     if (job.kind !== "validation") return [];
     const current = this.#store.planId === job.plan_id;

@@ -1,4 +1,4 @@
-"""What candidate landmark sites would tell: the windowed information as a function of the choice.
+"""What candidate sites would add: the windowed information as a function of the choice.
 
 With x_s the share of candidate s, the information of the team over the window is linear in x,
 
@@ -98,9 +98,9 @@ class SiteInformation:
         """Return height and slopes (S,) of the cut of one vehicle from any U (3 n, 2)."""
         overlap = float(np.trace(directions[3 * vehicle : 3 * vehicle + 2]))
         pose = (directions / overlap).reshape(self.count, 3, 2)
-        told = np.sum((self.blocks @ pose[self.vehicles]) ** 2, axis=(1, 2))
+        gained = np.sum((self.blocks @ pose[self.vehicles]) ** 2, axis=(1, 2))
         slopes = np.zeros(self.site_count)
-        np.add.at(slopes, self.sites, told)
+        np.add.at(slopes, self.sites, gained)
         return float(np.sum((self.fixed @ pose.reshape(-1, 2)) ** 2)), slopes
 
 
@@ -126,7 +126,7 @@ class Evaluation:
 
 
 def candidate_information(plan: Plan, candidates: Array) -> SiteInformation:
-    """Return what candidates (S, 2) m would add to what the sightings of a plan tell."""
+    """Return what candidates (S, 2) m would add to the sightings of a plan."""
     team, window = plan.team, plan.scenario.window
     links = link_information(team, sightings_over(team, plan.windows, window))
     fixed = stacked_rows(links, team.count)
@@ -138,8 +138,8 @@ def candidate_information(plan: Plan, candidates: Array) -> SiteInformation:
     added = link_information(beside, sightings_over(beside, windows, window))
     blocks = np.zeros((len(added), 3, 3))
     for k, link in enumerate(added):
-        told = link.singular_values[:3, None] * link.directions[:3, :3]
-        blocks[k, : len(told)] = told
+        rows = link.singular_values[:3, None] * link.directions[:3, :3]
+        blocks[k, : len(rows)] = rows
     return SiteInformation(
         fixed=fixed,
         blocks=blocks,

@@ -60,7 +60,7 @@ def best_sites(
 class _Search:
     """The best choice known, and the cuts that rule others out.
 
-    Choices that leave a vehicle undetermined all have precision 0; their rank tells them apart.
+    Choices that leave a vehicle undetermined all have precision 0; their rank distinguishes them.
     """
 
     def __init__(self, information: SiteInformation, choose: int, cuts: Cuts) -> None:

@@ -6,9 +6,10 @@ theorem also accepts components joined only through a landmark, which can turn a
 Sufficient, not necessary: the rank of the windowed matrix decides, the certificate explains.
 
 A link counts if the singular value its rank rests on exceeds LINK_TOLERANCE times the largest of
-its own, and times the largest of the whole team's matrix as well. Its own alone is not enough: a
-link that is barely of rank 3 and seen from afar drowns beside a close pass elsewhere, and the
-team's rank, judged at RANK_TOLERANCE of the largest of all, falls short of what was certified.
+its own, and times the largest of the whole team's matrix as well. Its own alone is not enough:
+beside a close pass elsewhere, a link that is barely of rank 3 and seen from afar is lost in
+rounding, and the team's rank, judged at RANK_TOLERANCE of the largest of all, falls short of what
+was certified.
 
     L1        L2            two landmarks hold each component ...
       \\      /

@@ -29,8 +29,8 @@ def connectivity_period(assessed: Assessment) -> float | None:
     For every start just after a sample, each pair's earliest sample is found by which its
     sightings since the start have the rank that the certificate asks for; the certificate then
     holds as soon as those pairs hold together and to two distinct landmarks. The worst start is
-    the answer. Between two starts where no pair's earliest sample jumps, the window only shrinks,
-    so the graph is looked at where one jumps.
+    the answer. From a start to the next where no pair's earliest sample jumps, the window only
+    shrinks: the graph is examined only where one jumps.
     """
     team = assessed.team
     orbits, sample_time = team.orbits, team.sensors.sample_time

@@ -1,4 +1,10 @@
-"""Link verdicts: when and how near a pair meets, how far a phase may slip, and the pair's rank."""
+"""Link verdicts: when and how near a pair meets, how far a phase may slip, and the pair's rank.
+
+A link's reason is read from its own null vectors, not from the three conditions of Lemma 3.1, which
+do not decide the rank: with one sense, a one-way sighting and R_seen = R_seeing cos(phase
+difference) all three hold, and a turn is unobservable; with parallel headings and unequal radii the
+third fails, and the rank is 3.
+"""
 
 from dataclasses import dataclass
 

@@ -79,7 +79,7 @@ class PairRows:
 
 @dataclass(frozen=True, slots=True)
 class LinkInformation:
-    """What the sightings of one pair, both ways together, tell of its two poses.
+    """What the sightings of one pair, both ways together, determine of its two poses.
 
     Attributes
     ----------
@@ -212,9 +212,9 @@ def pair_rows(team: Team, sightings: Sightings, scale: float | None = None) -> I
 def link_information(
     team: Team, sightings: Sightings, scale: float | None = None
 ) -> list[LinkInformation]:
-    """Return what each pair that is sighted at least once tells, ordered by (a, b).
+    """Return what the sightings of each pair determine, ordered by (a, b); none without sightings.
 
-    Positions in mean radii, or in `scale` m, which `assess` is then to be told too.
+    Positions in mean radii, or in `scale` m: pass the same to `assess`.
     """
     links = []
     for pair in pair_rows(team, sightings, scale):
@@ -226,7 +226,10 @@ def link_information(
 
 
 def assess(team: Team, links: list[LinkInformation], scale: float | None = None) -> Observability:
-    """Return rank, gap and unobservable directions of the windowed matrix."""
+    """Return rank, gap and unobservable directions of the windowed matrix.
+
+    `scale` in m is the one that `links` were computed with.
+    """
     size = 3 * team.count
     matrix = stacked_rows(links, team.count)
     if len(matrix) > size:
@@ -248,7 +251,7 @@ def assess(team: Team, links: list[LinkInformation], scale: float | None = None)
 def _decomposed(matrix: Array, size: int) -> tuple[Array, Array, Array]:
     """Singular values (size,), null space, and the diagonal of the information's pseudo-inverse.
 
-    Large matrices of full rank get by without singular vectors, at half the time.
+    Large matrices of full rank need no singular vectors, which halves the time.
     """
     if size > VECTORS_LIMIT and len(matrix) == size:
         values = np.asarray(np.linalg.svd(matrix, compute_uv=False), dtype=float)

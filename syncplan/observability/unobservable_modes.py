@@ -2,7 +2,8 @@
 
 The null space of the windowed matrix is matched against motions that have a name, simplest first:
 a shift or turn of vehicles that nothing ties to the ground, a turn about the only landmark seen,
-a stretch along lines of sight that never turn. What is left over is told by its largest parts.
+a stretch along lines of sight that never turn. What is left over is described by the vehicles that
+move most.
 """
 
 from dataclasses import dataclass
@@ -30,7 +31,7 @@ _MOST_NAMED = 6
 
 @dataclass(frozen=True, slots=True)
 class UnobservableMode:
-    """One direction in which the team's state can't be told apart.
+    """One way in which the team can move without any sighting changing.
 
     Attributes
     ----------
@@ -49,7 +50,7 @@ class UnobservableMode:
 
 @dataclass(frozen=True, slots=True)
 class _Naming:
-    """A team with what naming its modes needs besides."""
+    """A team with what else it takes to name its modes."""
 
     team: Team
     places: Array  # (n, 2) m, at time 0
@@ -164,7 +165,8 @@ def _free_modes(naming: _Naming, part: list[int]) -> list[_Candidate]:
         for axis, angle in (("x", 0.0), ("y", np.pi / 2.0))
     ]
     middle = naming.places[part].mean(axis=0)
-    about = "itself" if len(part) == 1 else "their middle"
+    about = "its middle" if len(part) == naming.count else "their middle"
+    about = "itself" if len(part) == 1 else about
     return [*shifts, _Candidate(f"turn of {who} about {about}", _turn(naming, part, middle), cure)]
 
 
@@ -221,22 +223,23 @@ def _stretch(
     )
 
 
-def _grounding(naming: _Naming, part: list[int], wanted: str, besides: int | None = None) -> str:
-    """What would tie these vehicles down: the nearest landmark and the nearest other vehicle."""
+def _grounding(
+    naming: _Naming, part: list[int], wanted: str, passed_over: int | None = None
+) -> str:
+    """What would hold these vehicles: landmarks and how near they are, and the nearest vehicle."""
     choices = []
     for number, place in enumerate(naming.team.landmarks):
-        if number != besides:
+        if number != passed_over:
             gap, k = min((_gap_to_point(naming, k, place), k) for k in part)
-            choices.append(
-                f"{naming.landmark_names[number]} from {naming.names[k]} {_beyond(naming, gap, k)}"
-            )
+            who, what = naming.names[k], naming.landmark_names[number]
+            choices.append(f"{who} passes {what} at {_beyond(naming, gap, k)}")
     others = [k for k in range(naming.count) if k not in set(part)]
     links = sorted((_gap(naming, a, b), a, b) for a in part for b in others)[:1]
     text = wanted + (f" ({'; '.join(choices[:2])})" if choices else "")
     for gap, a, b in links:
         text += (
             f", or a rank-3 link to a located vehicle "
-            f"({naming.names[a]}-{naming.names[b]} {_beyond(naming, gap, a)})"
+            f"({naming.names[a]} and {naming.names[b]} can pass at {_beyond(naming, gap, a)})"
         )
     return text
 
@@ -253,8 +256,7 @@ def _gap_to_point(naming: _Naming, vehicle: int, place: Array) -> float:
 
 def _beyond(naming: _Naming, gap: float, vehicle: int) -> str:
     excess = gap - float(naming.team.sensors.ranges[vehicle])
-    near = f"comes to {gap:.3g} m"
-    return f"{near}, {excess:.3g} m out of range" if excess > 0.0 else f"{near}, within range"
+    return f"{gap:.3g} m, {f'{excess:.3g} m out of' if excess > 0.0 else 'within'} range"
 
 
 def _left_over(null_space: Array, basis: Array) -> Array:

@@ -1,4 +1,4 @@
-"""What the filter is told of the noise: motion, initial pose, and the length of a run."""
+"""Noise that the filter assumes: of the motion readings and of the initial pose."""
 
 from dataclasses import dataclass
 

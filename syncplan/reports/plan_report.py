@@ -33,7 +33,7 @@ from syncplan.reports.refinement_report import refinement_result
 __all__ = ["certificate_reason", "plan_document", "separation_notes"]
 
 NEAR_MISS = 0.05
-"""Vehicles that come nearer than this share of the mean radius are told of in any case."""
+"""Vehicles that come nearer than this share of the mean radius are always reported."""
 
 GIVEN = "the phases were given and judged as they are"
 
@@ -91,7 +91,9 @@ def certificate_reason(plan: Plan) -> str:
     if len(certificate.lacking) > 8:
         who += f" and {len(certificate.lacking) - 8} more"
     if not certificate.anchors:
-        return f"{who}: no link of rank 2 to any landmark, and no rank-3 link to vehicles that have"
+        return (
+            f"{who}: no link of rank 2 to a landmark, and no rank-3 link to a vehicle that has one"
+        )
     seen = ", ".join(landmarks[k] for k in certificate.anchors)
     return (
         f"{who}: links of rank 2 only to {seen}; two distinct landmarks are needed, and a landmark "

@@ -108,7 +108,7 @@ class VehicleMotion(DocumentPart):
 
 
 class Unobservable(DocumentPart):
-    """A motion of the team that no sighting tells."""
+    """A motion of the team that no sighting can detect."""
 
     description: str
     vehicles: list[str]

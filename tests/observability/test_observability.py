@@ -248,7 +248,7 @@ def test_a_team_without_landmarks_shifts_and_turns(plans: dict[str, Plan]) -> No
     assert names == [
         "shift of everything along x",
         "shift of everything along y",
-        "turn of everything about their middle",
+        "turn of everything about its middle",
     ]
 
 
@@ -366,17 +366,17 @@ def test_the_modes_named_span_the_null_space(seed: int) -> None:
         assert np.linalg.svd(np.array(vectors), compute_uv=False)[-1] > 1e-3
 
 
-def test_the_cure_tells_how_far_out_of_range_the_nearest_landmark_is() -> None:
+def test_the_cure_states_how_far_out_of_range_the_nearest_landmark_is() -> None:
     made = plan(small(formation={"centers_m": [[0, 0]]}, landmarks_m=[[5, 0], [150, 0]]))
     (motion,) = made.unobservable
     assert motion.description == "turn of v1 about L1"
-    assert "L2 from v1 comes to 130 m, 80 m out of range" in motion.cure
+    assert "v1 passes L2 at 130 m, 80 m out of range" in motion.cure
     alone = plan(small(formation={"centers_m": [[0, 0]]}, landmarks_m=[[5, 0]]))
     assert "L1" not in alone.unobservable[0].cure.replace("other than L1", "")
     inside = plan(
         small(formation={"centers_m": [[0, 0]]}, landmarks_m=[[5, 0]], sensor={"range_m": 9})
     )
-    assert all("L1 from v1 comes to 15 m" in item.cure for item in inside.unobservable)
+    assert all("v1 passes L1 at 15 m" in item.cure for item in inside.unobservable)
 
 
 def test_a_stretch_names_no_vehicle_that_a_landmark_holds() -> None:
