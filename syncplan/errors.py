@@ -1,4 +1,4 @@
-"""The errors syncplan raises on purpose; each message names the object, its value and a remedy."""
+"""The errors syncplan raises on purpose; a message names the object, its value and a remedy."""
 
 from dataclasses import dataclass
 
@@ -35,7 +35,7 @@ class InputError(SyncplanError):
     problem : what is wrong, with the value and what is allowed, in one line
     key : dotted path inside the scenario or plan, or the name of an option
     source : file the input came from
-    faults : all that is wrong, where more than this one thing is known
+    faults : everything that is wrong, where there is more than one thing
     """
 
     exit_code = 2
@@ -51,7 +51,7 @@ class InputError(SyncplanError):
         super().__init__("".join(c if c.isprintable() else ascii(c)[1:-1] for c in message))
 
     def within(self, section: str) -> "InputError":
-        """Return the error as told of a document that holds this one as a section."""
+        """Return the error with its keys inside `section` of a larger document."""
         faults = (Fault(_joined(section, one.key), one.problem, one.value) for one in self.faults)
         key = _joined(section, self.key)
         return InputError(self.problem, key=key, source=self.source, faults=tuple(faults))

@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from syncplan.scenario.formations import SHAPES
 from syncplan.scenario.specification import Scenario
 
 __all__ = ["described_keys", "keys_page", "unit_of"]
@@ -38,6 +39,8 @@ def keys_page() -> str:
             "| key | type | unit | default | meaning | example |\n|---|---|---|---|---|---|"
         )
         parts.append("\n".join(f"| {' | '.join(row)} |" for row in rows) + "\n")
+    parts.append("## Shapes of a formation\n\n| shape | centres |\n|---|---|")
+    parts.append("\n".join(f"| `{one.name}` | {one.sentence} |" for one in SHAPES.values()) + "\n")
     return "\n".join(parts)
 
 

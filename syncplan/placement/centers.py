@@ -80,8 +80,8 @@ def place(
     formation = scenario.formation
     if formation.placed:
         raise InputError(
-            "the centres are given already; plan it as it is, or give links alone (or shape, "
-            "count and gap_m) to have them found",
+            "the centres are already given; plan the scenario as it is, or give links alone (or "
+            "shape, count and gap_m) to have centres found",
             key="formation.centers_m" if formation.centers_m is not None else "formation.spacing_m",
         )
     if starts < 1:

@@ -91,7 +91,7 @@ class Demands:
 
 
 def demands_of(scenario: Scenario, margin: float | None) -> Demands:
-    """Return the demands of a scenario whose centres are to be found.
+    """Return the demands of a scenario that gives no centres.
 
     Raises InputError for a margin beyond the range, NoSolutionError for a gap of a shape below
     the separation.

@@ -44,12 +44,12 @@ def complaint(drawing: Drawing) -> str:
         a, b = (names.vehicles[int(v)] for v in missed.pairs[k])
         gap = demands.least - missed.gaps[k]
         near = f"{gap:.3g} m apart" if gap >= 0.0 else f"cross by {-gap:.3g} m"
-        faults.append(f"{a} and {b}: circles {near}, to be {demands.least:.3g} m apart at least")
+        faults.append(f"{a} and {b}: circles {near}, at least {demands.least:.3g} m are required")
     for k in _worst(missed.landmarks):
         vehicle, landmark = drawing.sightings[k]
         faults.append(
-            f"landmark {names.landmarks[landmark]}: {missed.landmarks[k]:.3g} m out of the range "
-            f"of {names.vehicles[vehicle]}, the nearest of its linked vehicles that could serve it"
+            f"landmark {names.landmarks[landmark]}: {missed.landmarks[k]:.3g} m out of range "
+            f"of {names.vehicles[vehicle]}, the nearest of the vehicles linked to it"
         )
     for k in _worst(missed.area):
         faults.append(
@@ -70,7 +70,7 @@ def _tight_link(demands: Demands) -> str:
     names = demands.names
     for k in np.flatnonzero(demands.most < demands.least):
         return (
-            f"link {names.link(demands.links[k])}: its circles are to be at least "
+            f"link {names.link(demands.links[k])}: its circles must be at least "
             f"{demands.least:.4g} m apart, more than the range {demands.most[k] + names.margin:.4g}"
             f" m less margin {names.margin:.3g} m; lower min_separation_m or give a longer range"
         )

@@ -1,4 +1,4 @@
-"""What the machine gives: cores and threads, child processes, files written whole.
+"""The machine: cores and threads, child processes, files written whole, solvers loaded late.
 
 blas              one thread for linear algebra
 cores             how many cores there are

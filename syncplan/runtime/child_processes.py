@@ -1,9 +1,8 @@
-"""Child processes that work off tasks: plain Python, messages over a pipe, gone with their parent.
+"""Child processes for tasks: plain Python, messages over a pipe, ended with their parent.
 
-A child needs nothing of the program that started it: it looks for modules where its parent does,
-and not where it happens to stand. On Linux the kernel ends it with the thread that started it, from
-its first moments on, before it imports what it runs; elsewhere it ends when it next looks at the
-pipe.
+A child imports from its parent's path, not from its working directory. On Linux the kernel ends it
+with the thread that started it, even before it has imported what it runs; elsewhere it ends when it
+next reads the pipe.
 """
 
 import contextlib
@@ -76,7 +75,7 @@ class ChildProcess:
         self._errors.close()
 
     def kill(self) -> None:
-        """End the process at once, whatever it is at."""
+        """End the process at once, whatever it is doing."""
         with contextlib.suppress(ProcessLookupError):
             self.process.kill()
         self.process.wait()

@@ -27,7 +27,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write `content` to `path` by way of a temporary file beside it, so that no half is ever left.
+    """Write `content` to `path` by way of a temporary file beside it, so no half is ever left.
 
     Links are followed and an existing file keeps its permissions. Devices, pipes and standard
     streams by name are written to as they are. Raises InputError if the path can't be written;

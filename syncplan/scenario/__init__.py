@@ -1,4 +1,4 @@
-"""What the user says, read and checked: vehicles, sensors, formation, areas, options.
+"""What the user states, read and checked: vehicles, sensors, formation, areas, options.
 
 chunked_validation   long lists checked in chunks
 quantities           numbers with units and limits

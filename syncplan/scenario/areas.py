@@ -136,5 +136,5 @@ def polygon_fault(corners: Sequence[tuple[float, float]]) -> str:
     if polygon.convex_hull.area <= 0.0:
         return "encloses nothing: its corners lie on one line"
     if not polygon.is_valid:
-        return f"is no simple polygon ({shapely.is_valid_reason(polygon)}); edges must not cross"
+        return f"is not a simple polygon ({shapely.is_valid_reason(polygon)}); edges must not cross"
     return ""

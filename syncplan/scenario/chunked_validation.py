@@ -1,4 +1,4 @@
-"""Lists of any length, checked in portions: of a million wrong values the first ones are told."""
+"""Long lists, checked chunk by chunk: of a million wrong values only the first are reported."""
 
 import itertools
 from typing import Annotated, Any, TypeVar
@@ -11,7 +11,7 @@ __all__ = ["PORTION", "Many", "as_template", "in_portions"]
 T = TypeVar("T")
 
 PORTION = 1000
-"""A long list is checked in portions of this many values, up to the first portion with faults."""
+"""Values in a chunk; the check ends with the first chunk that has faults."""
 
 
 def in_portions(value: Any, check: ValidatorFunctionWrapHandler) -> Any:
@@ -35,7 +35,7 @@ def in_portions(value: Any, check: ValidatorFunctionWrapHandler) -> Any:
 
 
 def _portion(values: list[Any], start: int, check: ValidatorFunctionWrapHandler) -> list[Any]:
-    """Check part of a list, its faults told by their places in the whole."""
+    """Check part of a list; faults carry their positions in the whole."""
     try:
         checked: list[Any] = check(values)
     except ValidationError as error:

@@ -14,12 +14,12 @@ Altitude = Annotated[float, Field(ge=-1000, le=100_000)]
 
 
 class GeoOrigin(Section):
-    """The point of the WGS 84 ellipsoid's surroundings that the plane touches at [0, 0]."""
+    """The point on Earth (WGS 84) at which the plane has [0, 0]."""
 
     lat_deg: Latitude = Field(description="Latitude, positive north", examples=[47.3977])
     lon_deg: Longitude = Field(description="Longitude, positive east", examples=[8.5456])
     alt_m: Altitude = Field(
         default=0.0,
-        description="Altitude above mean sea level, which autopilots take for home's",
+        description="Altitude above mean sea level, used by autopilots as that of home",
         examples=[488.0],
     )

@@ -51,7 +51,8 @@ def load_scenario(path: str | Path, *, max_vehicles: int = MAX_VEHICLES) -> Scen
     document = parse_document(text, name)
     if is_plan(document):
         raise InputError(
-            "is a plan already; validate it as it is, or plan its 'scenario' part anew", source=name
+            "is already a plan; validate it as it is, or plan its 'scenario' section again",
+            source=name,
         )
     return scenario_from(document, source=name, max_vehicles=max_vehicles)
 
@@ -93,7 +94,9 @@ def decoded(data: bytes, source: str) -> str:
             f"is not text: byte {error.start} is not UTF-8; give YAML or JSON", source=source
         ) from None
     if not text.strip():
-        raise InputError("is empty; see 'syncplan schema' for what a scenario holds", source=source)
+        raise InputError(
+            "is empty; see 'syncplan schema' for what a scenario contains", source=source
+        )
     return text
 
 
@@ -112,7 +115,7 @@ def parse_document(text: str, source: str, syntax: Syntax | None = None) -> dict
 def parse_values(text: str, source: str, syntax: Syntax | None = None) -> Any:
     """Return what a JSON or YAML 1.2 text holds, a mapping or not.
 
-    Which of the two is known from the source's name or the text, where it is not said.
+    Without a syntax, the source's name or the text decides.
     """
     document = None
     if syntax == "json" or (syntax is None and source.endswith(".json")):
@@ -149,7 +152,7 @@ def _parse_yaml(text: str, source: str) -> Any:
     try:
         values = YAML(typ="safe", pure=True).load(io.StringIO(text))
         if _count(values, {}) > max(len(text), FEWEST_VALUES):
-            raise InputError("its aliases make too many values; write them out", source=source)
+            raise InputError("its aliases expand to too many values; write them out", source=source)
         return values
     except MarkedYAMLError as error:
         mark = error.problem_mark
@@ -161,13 +164,13 @@ def _parse_yaml(text: str, source: str) -> Any:
     except (InputError, MemoryError):
         raise
     except Exception as error:
-        # the parser lets its own slips out: an AssertionError for a key that stands twice in !!omap
+        # the parser's own faults escape too: an AssertionError for a repeated key in !!omap
         what = " ".join(str(error).split())[:200] or "can't be read"
         raise InputError(f"not valid YAML: {what}", source=source) from None
 
 
 def _count(value: Any, known: dict[int, float]) -> float:
-    """How many values a value holds, aliases as often as they stand; inf if it holds itself."""
+    """How many values a value contains, each alias counted; inf if it contains itself."""
     if not isinstance(value, list | dict | set | tuple):
         return 1.0
     count = known.get(id(value))
@@ -197,11 +200,11 @@ def validation_fault(error: ValidationError, model: type[BaseModel], source: str
     """
     faults = error.errors(include_url=False)
     faults.sort(key=lambda item: item["type"] != "extra_forbidden")
-    told = tuple(_fault(dict(item), model) for item in faults[:LARGEST_LIST])
-    first, more = told[0], len(faults) - 1
+    listed = tuple(_fault(dict(item), model) for item in faults[:LARGEST_LIST])
+    first, more = listed[0], len(faults) - 1
     problem = first.problem if more == 0 else f"{first.problem} (and {more} more)"
     message = f"{first.value}: {problem}" if first.value else problem
-    raise InputError(message, key=first.key, source=source, faults=told) from None
+    raise InputError(message, key=first.key, source=source, faults=listed) from None
 
 
 def _fault(item: dict[str, Any], model: type[BaseModel]) -> Fault:
@@ -271,7 +274,7 @@ def _describe(value: Any) -> str:
     try:
         text = repr(value) if isinstance(value, str) else json.dumps(value, default=str)
     except (ValueError, RecursionError):
-        text = f"a {type(value).__name__} that holds itself"
+        text = f"a {type(value).__name__} that contains itself"
     except TypeError:
-        text = f"a {type(value).__name__} with keys that are no text"
+        text = f"a {type(value).__name__} with keys that are not text"
     return text if len(text) <= _VALUE_LENGTH else text[: _VALUE_LENGTH - 3] + "..."

@@ -134,7 +134,7 @@ class Orbit(Section):
 
 
 class Formation(Section):
-    """Where the centres are: listed, a shape, or to be found; and which pairs to synchronise."""
+    """Where the centres are (listed, a shape, or yet to be found), and the pairs to synchronise."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -177,7 +177,7 @@ class Formation(Section):
     links: Many[Pair] | None = Field(
         default=None,
         description="Pairs to synchronise; every pair that can come within range if not given. "
-        "Without centers_m and shape, the pairs that centres are to be found for",
+        "Without centers_m and shape, centres are found for these pairs",
         examples=[[["v1", "v2"]]],
     )
 
@@ -189,34 +189,34 @@ class Formation(Section):
             others = {"shape": self.shape, "count": self.count, **shape_keys}
             extra = [key for key, value in others.items() if value]
             if extra:
-                raise fault(extra[0], "does not go with centers_m; give one of the two")
+                raise fault(extra[0], "can't be combined with centers_m; give one of the two")
             if not self.centers_m:
                 raise fault("centers_m", "is empty; a formation has at least one vehicle")
             if isinstance(self.centers_m, dict) and self.names is not None:
-                raise fault("names", "does not go with centers_m that carries names already")
+                raise fault("names", "can't be combined with centers_m that already gives names")
         elif self.shape is not None:
             if self.count is None:
                 raise fault("count", f"is missing: shape {self.shape} needs count and spacing_m")
             if self.spacing_m is None and self.gap_m is None:
                 raise fault("spacing_m", f"is missing: shape {self.shape} needs spacing_m or gap_m")
             if self.spacing_m is not None and self.gap_m is not None:
-                raise fault("gap_m", "does not go with spacing_m; give one of the two")
+                raise fault("gap_m", "can't be combined with spacing_m; give one of the two")
         else:
             extra = [key for key, value in shape_keys.items() if value]
             if extra:
-                raise fault(extra[0], "goes with a shape; give shape too")
+                raise fault(extra[0], "needs a shape; give shape too")
             if not self.links:
                 raise fault(
                     "centers_m",
-                    "is missing: list the centres, give shape, count, spacing_m, or give links "
-                    "that centres are to be found for",
+                    "is missing: list the centres, give shape, count and spacing_m, or give links "
+                    "to have centres found",
                 )
         _check_team_size(self, info)
         return self
 
     @property
     def placed(self) -> bool:
-        """Whether the centres follow from the keys; if not, they are to be found."""
+        """Whether the keys give the centres; otherwise syncplan.placement finds them."""
         return self.centers_m is not None or self.spacing_m is not None
 
     @property
@@ -248,7 +248,7 @@ def _check_team_size(formation: Formation, info: ValidationInfo) -> None:
         raise fault(
             "count" if formation.centers_m is None else "centers_m",
             f"{formation.size} vehicles are more than the limit of {limit}; "
-            "raise it with --max-vehicles (library: max_vehicles=) if you mean it",
+            "raise it with --max-vehicles (library: max_vehicles=)",
         )
 
 

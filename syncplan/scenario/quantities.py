@@ -120,13 +120,13 @@ def _moment_with_zone(value: str) -> str:
     if not _RFC3339.fullmatch(value):
         raise fault(
             "",
-            "must be a date and time of RFC 3339 with its time zone, like 2026-05-01T09:00:00Z",
+            "must be an RFC 3339 date and time with its time zone, such as 2026-05-01T09:00:00Z",
             value,
         )
     try:
         datetime.fromisoformat(value)
     except ValueError as error:
-        raise fault("", f"is no date and time: {error}", value) from None
+        raise fault("", f"is not a date and time: {error}", value) from None
     return value
 
 

@@ -54,9 +54,7 @@ def check_names(vehicles: Sequence[str], landmarks: Sequence[str]) -> None:
     named += [("landmarks_m", name) for name in landmarks]
     for key, name in named:
         if name in seen:
-            raise fault(
-                key, "stands twice among vehicles and landmarks; give one another name", name
-            )
+            raise fault(key, "is used twice among vehicles and landmarks; rename one of them", name)
         seen.add(name)
 
 
@@ -99,9 +97,7 @@ def check_extent(key: str, places: Iterable[Point]) -> None:
     """Raise the fault if a place lies further out than coordinates may."""
     furthest = max((abs(value) for place in places for value in place), default=0.0)
     if furthest > FURTHEST_M:
-        raise fault(
-            key, f"puts a centre {furthest:g} m out; coordinates are allowed up to {FURTHEST_M:g} m"
-        )
+        raise fault(key, f"puts a coordinate at {furthest:g} m; allowed are up to {FURTHEST_M:g} m")
 
 
 def check_landmarks(names: Sequence[str], places: Sequence[Point]) -> None:
@@ -174,7 +170,7 @@ def check_link_names(links: Sequence[Pair], names: Sequence[str]) -> None:
         if a == b:
             raise fault(key, f"link {a}-{b}: a vehicle can't be linked to itself")
         if frozenset((a, b)) in seen:
-            raise fault(key, f"link {a}-{b}: stands twice; remove one of them")
+            raise fault(key, f"link {a}-{b}: is listed twice; remove one of them")
         seen.add(frozenset((a, b)))
 
 

@@ -1,4 +1,4 @@
-"""The scenario: what a user says of a formation, checked. One model for files and service."""
+"""The scenario: a formation as a user states it, checked. One model for files and service."""
 
 import math
 from collections.abc import Sequence
@@ -59,7 +59,7 @@ class Scenario(Section):
     )
     window_s: Duration | None = Field(
         default=None,
-        description="What observability is judged over; one period if not given",
+        description="Time over which observability is judged; one period if not given",
         examples=[60.0],
     )
     min_separation_m: Annotated[float, Field(ge=0, le=1e7)] = Field(
@@ -67,12 +67,12 @@ class Scenario(Section):
     )
     area_m: Polygon | None = Field(
         default=None,
-        description="Corners [x, y] of the polygon that all circles are to lie within, in order",
+        description="Corners [x, y], in order, of the polygon that all circles must lie within",
         examples=[[[-50.0, -50.0], [250.0, -50.0], [250.0, 150.0], [-50.0, 150.0]]],
     )
     keep_out_m: Many[Polygon] | None = Field(
         default=None,
-        description="Polygons that all circles are to lie clear of",
+        description="Polygons that all circles must lie clear of",
         examples=[[[[100.0, 20.0], [110.0, 20.0], [105.0, 30.0]]]],
     )
     limits: Limits | None = Field(default=None, description="What the vehicles can do")
@@ -152,7 +152,7 @@ class Scenario(Section):
 
     @property
     def centers(self) -> list[Point]:
-        """Centre [x, y] of each circle in m; empty where the centres are to be found."""
+        """Centre [x, y] of each circle in m; empty where none are given."""
         formation = self.formation
         if formation.centers_m is not None:
             return _points(formation.centers_m)
@@ -206,7 +206,7 @@ class Scenario(Section):
     def resolved(self) -> "Scenario":
         """Return the scenario with defaults written out and its shape turned into centres.
 
-        Centres that are to be found stay so; see syncplan.placement.centers.
+        Centres that are not given stay so; syncplan.placement.centers finds them.
         """
         formation = self.formation
         if formation.centers_m is None and formation.placed:

@@ -3,7 +3,11 @@
 With Z = z z^* and z_k = e^{i theta_k}, the cosine of each link's residual is linear in Z:
 cos = Re(Z_ab e^{-i offset}). Dropping rank(Z) = 1 leaves a convex problem, because the margin
 (range less least distance) of a link is bounded above by a concave function of that cosine. Its
-value bounds what any phases can reach; its Z is rounded to phases.
+value bounds what any phases can reach; its Z is rounded to phases by random projections.
+
+The relaxation and its rounding are those of Goemans and Williamson (Journal of the ACM 42, 1995),
+for angles: Singer, Angular synchronization by eigenvectors and semidefinite programming (Applied
+and Computational Harmonic Analysis 30, 2011).
 """
 
 from dataclasses import dataclass
@@ -29,8 +33,8 @@ _EXACT_OFFSET = 1e-12
 class PhaseRelaxation:
     """Upper bound on the smallest margin in m, and the (n, n) Gram matrix that attains it.
 
-    The bound is None where the solver stopped short of its accuracy: the matrix still serves as a
-    start, but what it attains bounds nothing.
+    The bound is None where the solver stopped short of its accuracy: the matrix is still a start,
+    but its value bounds nothing.
     """
 
     bound: float | None
@@ -40,7 +44,7 @@ class PhaseRelaxation:
 def relax(rules: Rules, count: int) -> PhaseRelaxation | None:
     """Return the relaxation of max min margin over `count` time-phases, None if it failed."""
     cp = load_cvxpy()
-    # Real when all offsets are 0 or pi: Z and its conjugate then serve alike.
+    # Real when all offsets are 0 or pi: Z and its conjugate then have the same value.
     real = bool(np.all(np.abs(np.sin(rules.offset)) < _EXACT_OFFSET))
     # Variables
     gram: Any = (

@@ -1,14 +1,15 @@
-"""Synchronisation: phases that bring every link's vehicles together once a turn.
+"""Synchronisation: phases that bring the vehicles of every link together once a turn.
 
 Whatever the senses, each rule fixes a difference of time-phases theta_i = d_i phi_i, so a spanning
-tree satisfies the rules on its links in closed form (the paper's Algorithm 2 for any graph). If
-the other links agree, that is the answer. If not (odd cycles of one sense, even cycles that do not
-close), the phases maximise the smallest margin, range less least distance:
+tree satisfies the rules on its links in closed form (the paper's Algorithm 2, for any graph; after
+Diaz-Banez et al., IEEE T-RO 2017). If the other links agree, that is the answer. If not (odd cycles
+of one sense, even cycles that do not close), the phases maximise the smallest margin, range less
+least distance:
 
     start    spanning tree, semidefinite relaxation, spectral and random starts
     polish   for given turns round the cycles, "every margin at least t" is a system of difference
-             constraints lo <= theta_a - theta_b - offset <= hi: feasible or not by shortest paths,
-             so the largest t is found by bisection, globally for those turns
+             constraints lo <= theta_a - theta_b - offset <= hi, which shortest paths decide, so
+             bisection finds the largest t, globally for those turns
 
 Separation enters as further difference constraints on pairs that could meet.
 """
@@ -47,8 +48,8 @@ _STARTS_SMALL, _STARTS_LARGE = 16, 4
 _SMALL_TEAM = 40
 _SEED = 0
 _NEAR_ENOUGH = 1e-6
-"""Relative change of the smooth cost at which descending ends: a start gives no more than the turns
-round the cycles, and for these the polish finds the best phases."""
+"""Relative change of the smooth cost at which a descent ends: only its turns round the cycles
+count, and for these the polish finds the best phases."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,8 +98,8 @@ def synchronise(
     """Return phases for the links `pairs` (e, 2) from the first vehicle's phase.
 
     The first vehicle of every connected component starts at `first_phase`. `reach` is (n,) m.
-    Without `margin_bound` the relaxation is left out where no closed form exists: the phases then
-    come from the other starts alone, mostly the same ones, in half the time.
+    Without `margin_bound`, and where no closed form exists, the relaxation is skipped: the other
+    starts mostly lead to the same phases, in half the time.
     """
     count = len(radii)
     pairs = np.asarray(pairs, dtype=np.int64).reshape(-1, 2)
@@ -124,7 +125,7 @@ def synchronise(
 def _guards(
     centers: Array, radii: Array, senses: Array, reach: Array, pairs: Index, min_separation: float
 ) -> Rules:
-    """Rules of all pairs whose circles come nearer than the separation asked for."""
+    """Rules of the unlinked pairs whose circles come nearer than the separation."""
     none = rules_of(centers, radii, senses, reach, np.zeros((0, 2), dtype=np.int64))
     if min_separation <= 0.0:
         return none
@@ -222,7 +223,7 @@ def _search(
     if len(rules) == 0:
         note = "no links"
     elif not margin_bound:
-        note = "no bound: it was not asked for"
+        note = "no bound: none was requested"
     elif count <= RELAXATION_LIMIT:
         from syncplan.synchronisation.phase_relaxation import relax, rounded
 
@@ -256,7 +257,7 @@ def _smooth_starts(rules: Rules, count: int, generator: np.random.Generator) -> 
     number = _STARTS_SMALL if count <= _SMALL_TEAM else _STARTS_LARGE
     starts = [_spectral(rules, count)]
     starts += [generator.uniform(-np.pi, np.pi, count) for _ in range(number)]
-    # all starts descend at once, as one problem of many parts: most of the time is in the calls
+    # all starts descend at once, as one problem: most of the time is in the calls
     apart = count * np.arange(len(starts))[:, None]
     a, b = (apart + rules.a).ravel(), (apart + rules.b).ravel()
 
@@ -286,7 +287,7 @@ def _separated_starts(
 
 
 def _spectral(rules: Rules, count: int) -> Array:
-    """Phases of the leading eigenvector of the matrix of required differences."""
+    """Phases of the leading eigenvector of the matrix of required differences (Singer 2011)."""
     matrix = np.zeros((count, count), dtype=complex)
     matrix[rules.a, rules.b] = np.exp(1j * rules.offset)
     matrix[rules.b, rules.a] = np.exp(-1j * rules.offset)
@@ -313,7 +314,7 @@ def _smallest_margin(rules: Rules, theta: Array) -> float | None:
 def _why_dropped(rules: Rules, link: int, cycle: tuple[int, ...]) -> str:
     if cycle and rules.same[link]:
         return (
-            "the phases can't serve all links at once: they hold an odd cycle, round which "
+            "the phases can't serve all links at once: the links contain an odd cycle, round which "
             "neighbours of one sense can't all be opposite"
         )
-    return "the phases can't serve all links and the separation at once"
+    return "the phases can't serve all links and keep the separation"

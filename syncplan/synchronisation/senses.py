@@ -1,4 +1,7 @@
-"""Senses for `direction: alternate`: as many links as possible join vehicles of opposite sense."""
+"""Senses for `direction: alternate`: as many links as possible join opposite senses.
+
+That is the largest cut of the graph of links; a bipartite graph is cut entirely.
+"""
 
 from collections import Counter
 

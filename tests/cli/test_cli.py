@@ -193,7 +193,7 @@ def test_planning_a_plan_says_that_it_is_one(run: Any, tmp_path: Path) -> None:
     run("plan", GRID, "-o", plan)
     status, _, err = run("plan", plan)
     assert status == 2
-    assert "is a plan already" in err
+    assert "is already a plan" in err
 
 
 def test_a_failed_write_keeps_what_was_there(run: Any, tmp_path: Path) -> None:

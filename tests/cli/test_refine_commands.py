@@ -106,7 +106,10 @@ def test_bad_options_are_one_clear_line(
         ({"refine": {"center_box_m": 0}}, "refine.center_box_m: 0: must be greater than 0"),
         ({"area_m": []}, "area_m: has 0 corners"),
         ({"area_m": [[0, 0], [1, 1], [2, 2]]}, "area_m: encloses nothing"),
-        ({"keep_out_m": [[[0, 0], [9, 9], [9, 0], [1, 9]]]}, "keep_out_m[0]: is no simple polygon"),
+        (
+            {"keep_out_m": [[[0, 0], [9, 9], [9, 0], [1, 9]]]},
+            "keep_out_m[0]: is not a simple polygon",
+        ),
         ({"limits": {"speed_mps": [6, 5]}}, "limits.speed_mps: [6.0, 5.0]: the least is larger"),
         ({"limits": {"speed_mps": [5, 6]}}, "limits.speed_mps: v1 flies 4 m/s"),
         ({"limits": {"turn_rate_rad_s": 0.1}}, "limits.turn_rate_rad_s: 0.1: the orbits turn at"),

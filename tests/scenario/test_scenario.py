@@ -70,8 +70,8 @@ def test_yaml_is_read_as_version_1_2(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("value", "words"),
     [
-        ("{? [1, 2] : 3}", "name: a dict with keys that are no text: must be"),
-        ("&a [*a]", "its aliases make too many values"),
+        ("{? [1, 2] : 3}", "name: a dict with keys that are not text: must be"),
+        ("&a [*a]", "its aliases expand to too many values"),
     ],
 )
 def test_what_yaml_can_say_and_json_cannot_is_refused_in_words(

@@ -148,7 +148,7 @@ def test_phases_without_the_relaxation_are_as_good_and_say_that_none_bounds_them
     assert quick.synchronisation.margin == pytest.approx(bounded.synchronisation.margin, abs=1e-4)
     assert bounded.synchronisation.bound is not None
     assert quick.synchronisation.bound is None
-    assert quick.synchronisation.bound_note == "no bound: it was not asked for"
+    assert quick.synchronisation.bound_note == "no bound: none was requested"
 
 
 def test_links_that_cannot_all_be_served_are_dropped_with_a_reason() -> None:
