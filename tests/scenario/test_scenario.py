@@ -120,10 +120,10 @@ def _bomb(opening: bytes, levels: int) -> bytes:
         (b'{"a": 1, "a": 2}', "duplicate"),
         (b"a: !!omap [b: 1, b: 2]", "not valid YAML: can't be read"),
         (b"a: !!timestamp 2026-13-45", "not valid YAML: month must be"),
-        (b"orbit: {radius_m: &o [*o]}", "aliases make too many values"),
-        (b"orbit: &o {radius_m: 1, sub: *o}", "aliases make too many values"),
-        (_bomb(b"landmarks_m: [&a0 [0, 0]", 12), "aliases make too many values"),
-        (_bomb(b"a0: [&a0 {? &b 1: 2}", 30), "aliases make too many values"),
+        (b"orbit: {radius_m: &o [*o]}", "aliases expand to too many values"),
+        (b"orbit: &o {radius_m: 1, sub: *o}", "aliases expand to too many values"),
+        (_bomb(b"landmarks_m: [&a0 [0, 0]", 12), "aliases expand to too many values"),
+        (_bomb(b"a0: [&a0 {? &b 1: 2}", 30), "aliases expand to too many values"),
     ],
 )
 def test_files_that_are_no_scenario_say_what_they_are(
