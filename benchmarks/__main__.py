@@ -26,40 +26,27 @@ BEGIN, END = "<!-- figures: python -m benchmarks --write -->", "<!-- end of figu
 BEGIN_ERRORS, END_ERRORS = "<!-- errors: python -m benchmarks --write -->", "<!-- end of errors -->"
 
 
-def montecarlo_figures(result: dict[str, float]) -> list[Figure]:
-    """Return what is shown of the Monte Carlo's result."""
-    name = "Monte Carlo, a trial of 6 vehicles over 200 s"
-    return [
-        Figure(f"{name}: filterpy", result["filterpy_s"], "s"),
-        Figure(f"{name}: one thread", result["one_thread_s"], "s"),
-        Figure(f"{name}: all cores", result["all_cores_s"], "s"),
-        Figure(f"{name}: faster than filterpy, one thread", result["ratio_one_thread"], "x"),
-        Figure(f"{name}: faster than filterpy, all cores", result["ratio_all_cores"], "x", 200.0),
-    ]
+PARTS = (
+    startup,
+    contacts,
+    observability,
+    montecarlo,
+    refinement,
+    service,
+    drawings,
+    page,
+    exports,
+)
+"""Modules whose `main` measures and whose `figures` turns the result into rows, in order."""
 
 
 def main() -> list[Figure]:
     """Run all benchmarks with figures and return these."""
-    figures = []
-    _announce("startup")
-    figures += startup.figures(startup.main())
-    _announce("contacts")
-    figures += contacts.figures(contacts.main())
-    _announce("observability")
-    figures += observability.figures(observability.main())
-    _announce("montecarlo")
-    figures += montecarlo_figures(montecarlo.main())
-    _announce("refinement")
-    figures += refinement.main()
-    _announce("service")
-    figures += service.figures(service.main())
-    _announce("figures")
-    figures += drawings.figures(drawings.main())
-    _announce("page")
-    figures += page.figures(page.main())
-    _announce("exports")
-    figures += exports.figures(exports.main())
-    return figures
+    rows: list[Figure] = []
+    for part in PARTS:
+        _announce(part.__name__.rpartition(".")[2])
+        rows += part.figures(part.main())
+    return rows
 
 
 def _announce(name: str) -> None:

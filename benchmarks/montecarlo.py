@@ -15,6 +15,7 @@ from filterpy.kalman import ExtendedKalmanFilter
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmarks import Figure
 from syncplan.arrays import Array
 from syncplan.estimation.batched_filter import EXTENDED
 from syncplan.estimation.filter_options import FilterOptions
@@ -164,6 +165,18 @@ def main(trials: int = 1000, filterpy_trials: int = 3) -> dict[str, float]:
         "ratio_all_cores": slow / timings[1],
         "difference": difference,
     }
+
+
+def figures(result: dict[str, float]) -> list[Figure]:
+    """Return what is shown of the Monte Carlo's result."""
+    name = "Monte Carlo, a trial of 6 vehicles over 200 s"
+    return [
+        Figure(f"{name}: filterpy", result["filterpy_s"], "s"),
+        Figure(f"{name}: one thread", result["one_thread_s"], "s"),
+        Figure(f"{name}: all cores", result["all_cores_s"], "s"),
+        Figure(f"{name}: faster than filterpy, one thread", result["ratio_one_thread"], "x"),
+        Figure(f"{name}: faster than filterpy, all cores", result["ratio_all_cores"], "x", 200.0),
+    ]
 
 
 if __name__ == "__main__":

@@ -387,14 +387,21 @@ def growth_figures(processes: dict[str, Process]) -> list[Figure]:
     return shown
 
 
-def main() -> list[Figure]:
+Results = tuple[dict[int, tuple[Posed, dict[str, Outcome]]], dict[str, Process]]
+
+
+def main() -> Results:
+    """Return the outcomes side by side by size of team, and the processes by name of run."""
+    compared = {count: compare(count) for count in COMPARED}
+    return compared, {name: measured(count, given) for name, (count, given, _) in RUNS.items()}
+
+
+def figures(results: Results) -> list[Figure]:
     """Return all figures: side by side, then growth."""
-    shown = []
-    for count in COMPARED:
-        shown += compare_figures(count, *compare(count))
-    processes = {name: measured(count, options) for name, (count, options, _) in RUNS.items()}
+    compared, processes = results
+    shown = [row for count, one in compared.items() for row in compare_figures(count, *one)]
     return shown + growth_figures(processes)
 
 
 if __name__ == "__main__":
-    print_figures(main())
+    print_figures(figures(main()))

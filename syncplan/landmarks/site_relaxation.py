@@ -25,16 +25,6 @@ from syncplan.runtime.convex_solver import has_solution, load_cvxpy
 __all__ = ["SiteRelaxation", "relax"]
 
 
-ROUNDS = 200
-"""Most linear programs; the bound is true after any of them."""
-
-ACCURACY = 1e-4
-"""Relative difference of the bound's precision from the best shares' at which it is settled."""
-
-_STEP = 0.5
-_STEEPEST = 1e5
-
-
 @dataclass(frozen=True, slots=True)
 class SiteRelaxation:
     """The best shares, what they reach, and a line above what any choice can reach.
@@ -66,6 +56,15 @@ class SiteRelaxation:
         return self.height + np.where(inside, whole, others + self.slopes)
 
 
+ROUNDS = 200
+"""Most linear programs; the bound is true after any of them."""
+
+ACCURACY = 1e-4
+"""Relative difference of the bound's precision from the best shares' at which it is settled."""
+
+_STEP = 0.5
+
+
 def relax(information: SiteInformation, choose: int) -> SiteRelaxation:
     """Return the relaxation for `choose` sites of S."""
     count = information.site_count
@@ -94,6 +93,9 @@ def _lowest_line(cuts: Cuts, weights: Array, choose: int) -> tuple[float, float,
     ceilings = heights + np.sort(slopes, axis=1)[:, -choose:].sum(axis=1)
     lowest = int(np.argmin(ceilings))
     return float(ceilings[lowest]), float(heights[lowest]), slopes[lowest]
+
+
+_STEEPEST = 1e5
 
 
 def _propose(cuts: Cuts, choose: int, ceiling: float) -> tuple[Array, Array] | None:

@@ -7,7 +7,7 @@ from syncplan.orbits.circles import Orbits
 from syncplan.orbits.noise import Noise
 from syncplan.orbits.sensors import Sensors
 
-__all__ = ["Team"]
+__all__ = ["Team", "WithTeam"]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -40,3 +40,31 @@ class Team:
     def on(self, orbits: Orbits) -> "Team":
         """Return the same team on other orbits."""
         return replace(self, orbits=orbits)
+
+
+class WithTeam:
+    """Whatever has a `team` offers the parts of the team as its own."""
+
+    __slots__ = ()
+
+    team: Team
+
+    @property
+    def orbits(self) -> Orbits:
+        """The team's orbits."""
+        return self.team.orbits
+
+    @property
+    def landmarks(self) -> Array:
+        """(m, 2) m: the landmarks that the team knows."""
+        return self.team.landmarks
+
+    @property
+    def sensors(self) -> Sensors:
+        """The team's sensors."""
+        return self.team.sensors
+
+    @property
+    def noise(self) -> Noise:
+        """The team's noise."""
+        return self.team.noise

@@ -44,15 +44,6 @@ FIRM = 3.0
 APART_WEIGHT = 0.1
 """Weight of unlinked circles apart and of landmarks aside, relative to the gaps of links."""
 
-_FACET = 0.3
-"""Turn of the outer facets of a link, rad."""
-
-_EDGES = 6
-"""Most polygon edges that limit a circle at a time."""
-
-_SAFETY = 1e-3
-"""Share of the play of a link by which the QP stays within its limits."""
-
 
 @dataclass(frozen=True, slots=True)
 class LayoutQP:
@@ -110,6 +101,10 @@ def compile_qp(demands: Demands, free: Index) -> LayoutQP:
     return LayoutQP(cp.Problem(cp.Minimize(cost), limits), step, given, free)
 
 
+_EDGES = 6
+"""Most polygon edges that limit a circle at a time."""
+
+
 def _holds(demands: Demands) -> dict[str, int]:
     """Rows that hold one circle each: a whole number of them for every circle."""
     n = demands.count
@@ -159,6 +154,14 @@ def solved(qp: LayoutQP) -> tuple[Array | None, float]:
     if not has_solution(qp.problem, **settings):
         return None, np.inf
     return np.asarray(qp.steps.value, dtype=float), float(qp.problem.value)
+
+
+_FACET = 0.3
+"""Turn of the outer facets of a link, rad."""
+
+
+_SAFETY = 1e-3
+"""Share of the play of a link by which the QP stays within its limits."""
 
 
 def set_parameters(qp: LayoutQP, drawing: Drawing, trust: float) -> None:

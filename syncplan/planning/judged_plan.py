@@ -7,12 +7,9 @@ from syncplan.observability.certificate import Certificate
 from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.observability.rank import Observability
 from syncplan.observability.unobservable_modes import UnobservableMode
-from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import Windows
-from syncplan.orbits.noise import Noise
-from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.separation import Approach
-from syncplan.orbits.team import Team
+from syncplan.orbits.team import Team, WithTeam
 from syncplan.placement.centers import Placement
 from syncplan.planning.refinement_record import RefinementRecord
 from syncplan.scenario.specification import Scenario
@@ -49,7 +46,7 @@ class Prediction:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Plan:
+class Plan(WithTeam):
     """Orbits with all that the exact code found of them.
 
     Attributes
@@ -101,26 +98,6 @@ class Plan:
             f"{'observable' if verdict.observable else 'not observable'}, "
             f"period {self.orbits.period:.4g} s>"
         )
-
-    @property
-    def orbits(self) -> Orbits:
-        """The team's orbits."""
-        return self.team.orbits
-
-    @property
-    def landmarks(self) -> Array:
-        """(m, 2) m: the landmarks that the team knows."""
-        return self.team.landmarks
-
-    @property
-    def sensors(self) -> Sensors:
-        """The team's sensors."""
-        return self.team.sensors
-
-    @property
-    def noise(self) -> Noise:
-        """The team's noise."""
-        return self.team.noise
 
     @property
     def observable(self) -> bool:

@@ -10,10 +10,8 @@ import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import Orbits
-from syncplan.orbits.noise import Noise
-from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.separation import least_circle_gaps
-from syncplan.orbits.team import Team
+from syncplan.orbits.team import Team, WithTeam
 from syncplan.scenario.areas import Area
 from syncplan.scenario.objectives import Objective
 
@@ -47,7 +45,7 @@ class Freedom:
 
 
 @dataclass(frozen=True, slots=True)
-class RefineProblem:
+class RefineProblem(WithTeam):
     """All that the solver needs of a plan to refine.
 
     Attributes
@@ -85,26 +83,6 @@ class RefineProblem:
     separation_required: bool
     area: Area
     window_limit: float
-
-    @property
-    def orbits(self) -> Orbits:
-        """The plan's orbits."""
-        return self.team.orbits
-
-    @property
-    def landmarks(self) -> Array:
-        """(m, 2) m: the landmarks that the team knows."""
-        return self.team.landmarks
-
-    @property
-    def sensors(self) -> Sensors:
-        """The team's sensors."""
-        return self.team.sensors
-
-    @property
-    def noise(self) -> Noise:
-        """The team's noise."""
-        return self.team.noise
 
     @property
     def contact_span(self) -> float:

@@ -19,13 +19,9 @@ from syncplan.synchronisation.phase_rules import Rules, closest_distance, residu
 __all__ = ["PhaseConstraints", "ServedLinks", "largest_margin", "serve_greedily"]
 
 
-_LIMIT_SHARE = 0.5
 _SAMPLES = 513
 _SAMPLES_SEPARATED = 2049
 """With a separation to keep, feasible intervals may be narrow."""
-
-_BISECTIONS = 40
-_ROUNDING_RAD = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +115,9 @@ class PhaseConstraints:
         return np.asarray(self.residual[inn] + np.clip(np.nan_to_num(share), 0.0, 1.0) * step)
 
 
+_LIMIT_SHARE = 0.5
+
+
 def _cost(rules: Rules, residual: Array, table: Array) -> Array:
     crossing = rules.distance < rules.radius_a + rules.radius_b
     ra, rb = rules.radius_a[:, None], rules.radius_b[:, None]
@@ -128,6 +127,10 @@ def _cost(rules: Rules, residual: Array, table: Array) -> Array:
     reach = rules.reach[:, None]
     at_limit = reach - (reach - table) / _LIMIT_SHARE
     return np.where(crossing[:, None], np.maximum(grown, at_limit), table)
+
+
+_BISECTIONS = 40
+_ROUNDING_RAD = 1e-12
 
 
 def largest_margin(

@@ -28,11 +28,11 @@ PINS: dict[str, Callable[[Any], bool]] = {
     ),
     "rate_sweep": lambda rows: _falls_and_compares(rows),
     "hardware_size": lambda report: abs(report.accuracy.late_position.max() - 0.084) < 0.03,
-    "degenerate_grid_cured": lambda cure: (
-        cure.degenerate.plan.observability.rank == 16
-        and cure.cured.plan.observability.rank == 18
-        and cure.cured.accuracy.late_position.max()
-        < 0.5 * cure.degenerate.accuracy.late_position.max()
+    "degenerate_grid_cured": lambda grids: (
+        grids["exact"].plan.observability.rank == 16
+        and grids["desynchronised"].plan.observability.rank == 18
+        and grids["desynchronised"].accuracy.late_position.max()
+        < 0.5 * grids["exact"].accuracy.late_position.max()
     ),
     "landmark_bridge": lambda plan: (
         plan.observability.rank == 5 and plan.unobservable[0].description == "turn of v2 about L2"
@@ -48,11 +48,11 @@ PINS: dict[str, Callable[[Any], bool]] = {
         and cure.after.accuracy.late_position.max() < 1.9
     ),
     # issue: v1 to v5 together at least halved, v6 no worse
-    "crooked_line_refined": lambda cure: (
-        _observable_and_certified(cure.after.plan)
-        and cure.after.accuracy.late_position[:5].sum()
-        < 0.5 * cure.before.accuracy.late_position[:5].sum()
-        and cure.after.accuracy.late_position[5] <= cure.before.accuracy.late_position[5]
+    "crooked_line_refined": lambda lines: (
+        _observable_and_certified(lines[1].plan)
+        and lines[1].accuracy.late_position[:5].sum()
+        < 0.5 * lines[0].accuracy.late_position[:5].sum()
+        and lines[1].accuracy.late_position[5] <= lines[0].accuracy.late_position[5]
     ),
     "camera_team_refined": lambda plan: (
         abs(plan.refinement.before.predicted_rms - 1.526) < 0.01

@@ -232,7 +232,7 @@ def test_a_number_must_be_a_sensible_number(key: str, value: object) -> None:
         (
             {"formation": {"shape": "line", "count": 4, "spacing_m": 5e6}},
             "formation.spacing_m",
-            "1.5e+07 m out",
+            "at 1.5e+07 m",
         ),
         ({"orbit": {"radius_m": 1e-300, "speed_mps": 1}}, "orbit.radius_m", "at least 1e-06"),
         ({"name": "two\nlines"}, "name", "two"),
