@@ -21,12 +21,8 @@ from syncplan.orbits.team import Team
 __all__ = ["UnobservableMode", "lost_bearing", "name_modes"]
 
 
-MATCH_TOLERANCE = 1e-3
-"""Share of a named motion that may lie outside the null space."""
-
 _SAME_DIRECTION_RAD = 1e-4
 _MOVES = 1e-3
-_MOST_NAMED = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +66,10 @@ class _Candidate:
     description: str
     vector: Array  # (3 n,) scaled columns
     cure: str
+
+
+MATCH_TOLERANCE = 1e-3
+"""Share of a named motion that may lie outside the null space."""
 
 
 def name_modes(
@@ -177,6 +177,9 @@ def _turn_about(naming: _Naming, part: list[int], landmark: int) -> _Candidate:
         _turn(naming, part, naming.team.landmarks[landmark]),
         _grounding(naming, part, f"a sighting of a landmark other than {name}", landmark),
     )
+
+
+_MOST_NAMED = 6
 
 
 def _stretches(naming: _Naming, held: dict[int, set[int]]) -> list[_Candidate]:

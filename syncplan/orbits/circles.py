@@ -1,6 +1,6 @@
 """Circular orbits: where every vehicle is, where it heads, and how an initial error is carried."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -63,13 +63,8 @@ class Orbits:
 
     def only(self, vehicles: Index) -> "Orbits":
         """Return the orbits of the vehicles (k,), in that order; a vehicle may stand twice."""
-        return Orbits(
-            self.centers[vehicles],
-            self.radii[vehicles],
-            self.senses[vehicles],
-            self.phases[vehicles],
-            self.rate,
-        )
+        names = ("centers", "radii", "senses", "phases")
+        return replace(self, **{name: getattr(self, name)[vehicles] for name in names})
 
 
 def unit(angle: ArrayLike) -> Array:

@@ -35,6 +35,24 @@ __all__ = [
 ]
 
 
+@dataclass(frozen=True, slots=True)
+class LayoutQP:
+    """A compiled QP; lengths in typical distances of linked centres.
+
+    Attributes
+    ----------
+    problem : of cvxpy
+    steps : variable (n, 2), of the centres
+    parameters : by name, see set_parameters
+    free : (p, 2) unlinked pairs that have rows
+    """
+
+    problem: Any
+    steps: Any
+    parameters: dict[str, Any]
+    free: Index
+
+
 PRICE = 50.0
 """Price of missing a link by a typical distance."""
 
@@ -43,16 +61,6 @@ FIRM = 3.0
 
 APART_WEIGHT = 0.1
 """Weight of unlinked circles apart and of landmarks aside, relative to the gaps of links."""
-
-
-@dataclass(frozen=True, slots=True)
-class LayoutQP:
-    """A compiled QP: `set_parameters` sets its parameters, lengths in typical distances."""
-
-    problem: Any
-    steps: Any
-    parameters: dict[str, Any]
-    free: Index
 
 
 def compile_qp(demands: Demands, free: Index) -> LayoutQP:

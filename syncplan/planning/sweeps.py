@@ -18,9 +18,6 @@ from syncplan.scenario.specification import Scenario
 
 __all__ = ["PlannedRow", "ValidatedRow", "connected_range", "planned_rows", "sweep"]
 
-_INSTANTS = 720
-_RANGE_MARGIN = 1.01
-
 
 @dataclass(frozen=True, slots=True)
 class PlannedRow:
@@ -87,6 +84,10 @@ def planned_rows(
         label = f"connected, {last.label} at range {reach:.4g} m"
         rows.append(PlannedRow(label, last.value, wider))
     return rows
+
+
+_INSTANTS = 720
+_RANGE_MARGIN = 1.01
 
 
 def connected_range(subject: Plan) -> float:

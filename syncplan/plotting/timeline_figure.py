@@ -16,11 +16,6 @@ from syncplan.plotting.palette import BLUE, INK, PURPLE
 
 __all__ = ["Row", "rows_of", "timeline_spec", "union_growth", "within_period"]
 
-ROW_PX = 19
-NARROW_ROW_PX = 11
-MANY_ROWS = 60
-UNION_PX = 170
-
 
 @dataclass(frozen=True, slots=True)
 class Row:
@@ -31,6 +26,12 @@ class Row:
     windows: Array
     meeting: LinkVerdict
     shown: Standing
+
+
+ROW_PX = 19
+NARROW_ROW_PX = 11
+MANY_ROWS = 60
+UNION_PX = 170
 
 
 def timeline_spec(plan: Plan) -> Spec:

@@ -25,9 +25,6 @@ __all__ = ["SolverProgress", "SolverRun", "StagedSolver", "Steering"]
 _FEASIBLE = 1e-6
 """Largest violation of a feasible iterate."""
 
-_NAMED = 4
-"""Most constraints that are named as unmet."""
-
 
 @dataclass(frozen=True, slots=True)
 class SolverProgress:
@@ -170,6 +167,10 @@ def _ipopt(nlp: StageNlp, stage: Stage, watcher: "_Watcher") -> ca.Function:
         },
     }
     return ca.nlpsol("refine", "ipopt", nlp.as_dictionary(), options)
+
+
+_NAMED = 4
+"""Most constraints that are named as unmet."""
 
 
 def _unmet(nlp: StageNlp, variables: Array) -> tuple[str, ...]:

@@ -19,16 +19,6 @@ from syncplan.refinement.stages import Stage, samples_in
 __all__ = ["CONTACT_SAMPLES", "StageNlp", "nlp_of"]
 
 
-_CONTACT_WIDTH = 0.25
-"""Contact's step is narrower than that of information by this factor."""
-
-_SAFETY_WIDTHS = 3.0
-"""Steps of contact by which kept links stay inside their margin in the last stage."""
-
-CONTACT_SAMPLES = 96
-"""Contact needs few samples; near its minimum the distance hardly changes between them."""
-
-
 @dataclass(frozen=True, slots=True)
 class StageNlp:
     """One stage's nonlinear program, in scaled variables.
@@ -167,6 +157,16 @@ def _circles(problem: RefineProblem, chosen: ca.MX, free: Index) -> ca.MX:
         free.tolist(), list(range(len(free))), ca.DM.ones(len(free)), len(fixed), len(free)
     )
     return ca.reshape(ca.DM(fixed) + spread @ chosen, 4, problem.orbits.count)
+
+
+_CONTACT_WIDTH = 0.25
+"""Contact's step is narrower than that of information by this factor."""
+
+_SAFETY_WIDTHS = 3.0
+"""Steps of contact by which kept links stay inside their margin in the last stage."""
+
+CONTACT_SAMPLES = 96
+"""Contact needs few samples; near its minimum the distance hardly changes between them."""
 
 
 def _constraints(problem: RefineProblem, stage: Stage, team: SmoothTeam, circles: ca.MX) -> Blocks:

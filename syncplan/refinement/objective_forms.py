@@ -30,15 +30,6 @@ from syncplan.refinement.stages import Stage, step_width
 
 __all__ = ["FORMS", "MeasuredTeam", "ObjectiveForm", "SmoothInputs", "SmoothObjective"]
 
-_WORST_POWER = 16.0
-"""Exponent of the norm over vehicles that stands for the worst predicted RMS."""
-
-_INSIDE = 0.7
-"""Share of the smallest eigenvalue at which the variable below it starts."""
-
-_LARGEST_EXPONENT = 700.0
-"""Of an exponential that a float can hold."""
-
 
 @dataclass(frozen=True, slots=True)
 class MeasuredTeam:
@@ -117,6 +108,10 @@ def _logdet(given: SmoothInputs) -> SmoothObjective:
     return SmoothObjective(-log_determinant(given.team.sparsity)(given.information, shift) / size)
 
 
+_INSIDE = 0.7
+"""Share of the smallest eigenvalue at which the variable below it starts."""
+
+
 def _min_eigenvalue(given: SmoothInputs) -> SmoothObjective:
     problem, sparsity = given.problem, given.team.sparsity
     unit = problem.information_unit
@@ -146,6 +141,10 @@ def _predicted_rms(given: SmoothInputs) -> SmoothObjective:
     return SmoothObjective(0.5 * ca.log(ca.sumsqr(rms) / rms.numel()))
 
 
+_WORST_POWER = 16.0
+"""Exponent of the norm over vehicles that stands for the worst predicted RMS."""
+
+
 def _worst_predicted_rms(given: SmoothInputs) -> SmoothObjective:
     rms = _rms_of_vehicles(given)
     return SmoothObjective(ca.logsumexp(_WORST_POWER * ca.log(rms)) / _WORST_POWER)
@@ -158,6 +157,10 @@ def _rms_of_vehicles(given: SmoothInputs) -> ca.MX:
     width = max(given.stage.width, step_width(problem, run.times))
     each = seen.information(given.circles, width, each=True)
     return smooth_rms(problem, run, seen.sparsity, each, given.circles)
+
+
+_LARGEST_EXPONENT = 700.0
+"""Of an exponential that a float can hold."""
 
 
 def _exponential(value: float) -> float:
