@@ -53,7 +53,7 @@ FORMATIONS = {
     },
     "gaps": {
         "name": "gaps",
-        "orbit": {"radius_m": [10.0, 12.0, 9.0, 14.0, 10.0, 11.0], "speed_mps": 3.0},
+        "orbit": {"radius_m": [10.0, 12.0, 9.0, 14.0, 10.0, 11.0], "angular_rate_rad_s": 0.25},
         "formation": {"shape": "hex", "count": 6, "columns": 3, "gap_m": 12.0},
         "landmarks_m": [[0.0, -30.0], [60.0, -30.0]],
         "sensor": {"range_m": 30.0, "fov_deg": 200.0, "bearing_sigma_rad": 0.05},
@@ -133,7 +133,7 @@ def _of_scenario(name: str, file: Path, given: Path) -> Iterator[Run]:
     yield Run(f"{name}/landmarks", sites)
     yield Run(f"{name}/landmarks-table", f"{sites} --format table")
     yield Run(f"{name}/sweep", f"sweep {file} --angular-rate 0.2,0.3 --trials 5")
-    origin = _with_origin(file, given)
+    origin = _with_origin(name, file, given)
     for form, options in {
         "all": "--format all",
         "px4": "--format qgc --autopilot px4",
@@ -144,9 +144,9 @@ def _of_scenario(name: str, file: Path, given: Path) -> Iterator[Run]:
     yield Run(f"{name}/plot", f"plot {file} -o {{out}}/plan.html")
 
 
-def _with_origin(path: Path, given: Path) -> Path:
+def _with_origin(name: str, path: Path, given: Path) -> Path:
     """A copy of a scenario with a geographic origin, in YAML or JSON as it was."""
-    copy = given / f"origin-{path.parent.name}-{path.name}"
+    copy = given / f"origin-{name}{path.suffix}"
     text = path.read_text()
     if path.suffix == ".json":
         document = json.loads(text)
