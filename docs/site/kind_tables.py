@@ -11,6 +11,7 @@ from pathlib import Path
 from syncplan.errors import InputError
 from syncplan.estimation.filters import FILTERS
 from syncplan.exporting.format_table import ALL, FORMATS
+from syncplan.planning.swept_keys import SWEPT_KEYS
 from syncplan.plotting.figure_table import FIGURES, SUBJECTS
 from syncplan.scenario.objectives import OBJECTIVES
 
@@ -59,11 +60,20 @@ def _filters() -> str:
     )
 
 
+def _swept_keys() -> str:
+    rows = [
+        (f"`{one.option}`", f"`{one.key}`", one.many, f"`{name}`", f"`{one.request}`")
+        for name, one in SWEPT_KEYS.items()
+    ]
+    return _table(("option", "key", "values", "in Python", "over HTTP"), rows)
+
+
 TABLES: Mapping[str, Callable[[], str]] = {
     "figures": _figures,
     "filters": _filters,
     "formats": _formats,
     "objectives": _objectives,
+    "swept-keys": _swept_keys,
 }
 """Every table by the name that pages give."""
 
