@@ -9,6 +9,7 @@ filter_statistics  what a filter counts on its way
 filter_setup       motion model, initial variances, gate, sightings and readings of a run
 reference_filter   the filter in plain NumPy, one trial
 lane_filter        a compiled filter, many trials side by side
+lane_statistics    kernels that compare lanes with the truth
 batched_filter     the kernels of the extended Kalman filter
 trials             results of trials, whole and in parts
 montecarlo         many trials along a plan

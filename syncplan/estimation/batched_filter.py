@@ -17,7 +17,7 @@ on their number. Of P only the lower triangle is maintained.
 
 Extension: a scalar measurement whose row is shaped like a bearing's, such as a distance, needs one
 function beside `bearing_lanes`. Further states (a wind, a bias) follow the poses in P; only
-`predict_lanes`, `correct_lanes` and `_add_errors` address poses.
+`predict_lanes`, `correct_lanes` and the errors of `record_lanes` address poses.
 
 Source: Bar-Shalom, Li, Kirubarajan (2001), 10.3; NEES and NIS as in `consistency`.
 """
@@ -30,13 +30,11 @@ from syncplan.arrays import Array
 from syncplan.estimation.filter_setup import FilterSetup, MotionModel, Readings
 from syncplan.estimation.filter_statistics import FilterStatistics
 from syncplan.estimation.lane_filter import LaneFilter, Lanes, compiled
+from syncplan.estimation.lane_statistics import record_lanes, subtract_outer
 
 __all__ = ["EXTENDED", "bearing_lanes", "correct_lanes", "predict_lanes"]
 
 Work = tuple[Array, Array, Array, Array]
-
-SMALLEST_PIVOT = 1e-13
-"""Share of a variance below which its remainder, given the other states, is rounding."""
 
 SMALLEST_SQUARE = 1e-300
 """Least squared distance in m^2: bodies estimated at one place give a row of zeros, not NaN."""
@@ -174,15 +172,6 @@ def _add_product(
 
 
 @compiled
-def _subtract_outer(P: Array, factor: Array, u: Array, start: int, lanes: Lanes) -> None:
-    """P -= factor u' on the lower triangle, rows and columns from `start` on."""
-    for i in range(start, len(P)):
-        for j in range(start, i + 1):
-            for lane in range(len(lanes)):
-                P[i, j, lane] -= factor[i, lane] * u[j, lane]
-
-
-@compiled
 def correct_lanes(
     x: Array,
     P: Array,
@@ -225,90 +214,7 @@ def correct_lanes(
         for c in range(3):
             for lane in range(len(lanes)):
                 x[i, c, lane] += gain[3 * i + c, lane] * innovation[lane]
-    _subtract_outer(P, gain, u, 0, lanes)
-
-
-@compiled
-def _add_nees(
-    P: Array, error: Array, A: Array, u: Array, factor: Array, sums: FilterStatistics, lanes: Lanes
-) -> None:
-    """Add e' P^-1 e by a square-root-free Cholesky factorisation of a copy of P.
-
-    Lanes whose covariance is not positive definite (to rounding) are left out of sum and count.
-    """
-    size = len(P)
-    total, valid = np.zeros(len(lanes)), np.ones(len(lanes))
-    for i in range(size):
-        A[i, : i + 1] = P[i, : i + 1]
-    for j in range(size):
-        for lane in range(len(lanes)):
-            if not A[j, j, lane] > SMALLEST_PIVOT * P[j, j, lane]:
-                valid[lane] = 0.0
-                A[j, j, lane] = np.inf
-            total[lane] += error[j, lane] * error[j, lane] / A[j, j, lane]
-        for k in range(j + 1, size):
-            for lane in range(len(lanes)):
-                u[k, lane] = A[k, j, lane]
-                factor[k, lane] = A[k, j, lane] / A[j, j, lane]
-                error[k, lane] -= factor[k, lane] * error[j, lane]
-        _subtract_outer(A, factor, u, j + 1, lanes)
-    for lane in range(len(lanes)):
-        if valid[lane] > 0.0:
-            sums.nees[lane] += total[lane]
-            sums.nees_samples[lane] += 1.0
-
-
-@compiled
-def _add_errors(
-    x: Array,
-    truth: Array,
-    error: Array,
-    squares: Array,
-    late: bool,
-    statistics: FilterStatistics,
-    lanes: Lanes,
-) -> None:
-    """Fill in the errors (3n, lanes), heading wrapped, and add their squares."""
-    for i in range(len(x)):
-        for c in range(3):
-            for lane in range(len(lanes)):
-                e = x[i, c, lane] - truth[i, c]
-                if c == 2:
-                    e -= 2.0 * math.pi * math.floor((e + math.pi) / (2.0 * math.pi))
-                error[3 * i + c, lane] = e
-                statistics.final[i, c, lane] = e
-                squares[i, c, lane] += e * e
-                if late:
-                    statistics.late_squares[i, c, lane] += e * e
-
-
-@compiled
-def _add_coverage(P: Array, error: Array, statistics: FilterStatistics, lanes: Lanes) -> None:
-    """Count the coordinates within three of the filter's own sigmas."""
-    for k in range(len(P)):
-        for lane in range(len(lanes)):
-            inside = error[k, lane] * error[k, lane] <= 9.0 * P[k, k, lane]
-            statistics.covered[k // 3, lane] += 1.0 if inside else 0.0
-
-
-@compiled
-def _add_series(P: Array, error: Array, sums: Array, lanes: Lanes) -> None:
-    """Add one step's errors and variances, lane after lane, to (n, 11)."""
-    for i in range(len(sums)):
-        r = 3 * i
-        for lane in range(len(lanes)):
-            ex, ey, eh = error[r, lane], error[r + 1, lane], error[r + 2, lane]
-            sums[i, 0] += ex
-            sums[i, 1] += ey
-            sums[i, 2] += eh
-            sums[i, 3] += ex * ex + ey * ey
-            sums[i, 4] += eh * eh
-            sums[i, 5] += P[r, r, lane] + P[r + 1, r + 1, lane]
-            sums[i, 6] += P[r + 2, r + 2, lane]
-            sums[i, 7] += ex * ex
-            sums[i, 8] += ey * ey
-            sums[i, 9] += P[r, r, lane]
-            sums[i, 10] += P[r + 1, r + 1, lane]
+    subtract_outer(P, gain, u, 0, lanes)
 
 
 @compiled
@@ -316,19 +222,14 @@ def _filter(
     setup: FilterSetup, readings: Readings, statistics: FilterStatistics, lanes: Lanes
 ) -> tuple[Array, Array]:
     n, width = len(setup.initial_variances), len(lanes)
-    steps = len(setup.truth) - 1
-    x = readings.initial.copy()
-    P, A = np.zeros((3 * n, 3 * n, width)), np.empty((3 * n, 3 * n, width))
-    moves, error = np.empty((6, width)), np.empty((3 * n, width))
-    u, gain = np.empty((3 * n, width)), np.empty((3 * n, width))
+    x, P = readings.initial.copy(), np.zeros((3 * n, 3 * n, width))
+    moves, u, gain = np.empty((6, width)), np.empty((3 * n, width)), np.empty((3 * n, width))
     work = (np.empty((3, width)), np.empty(width), u, gain)
+    scratch = (np.empty((3 * n, width)), np.empty((3 * n, 3 * n, width)), u, gain)
     for k in range(3 * n):
         P[k, k] = setup.initial_variances[k // 3, k % 3]
-    unwanted = np.zeros((n, 3, width))
-    _add_errors(x, setup.truth[0], error, unwanted, False, statistics, lanes)
-    if len(statistics.series):
-        _add_series(P, error, statistics.series[0], lanes)
-    for step in range(1, steps + 1):
+    record_lanes(x, P, setup, 0, scratch, statistics, lanes)
+    for step in range(1, len(setup.truth)):
         speeds, turn_rates = readings.speeds[step - 1], readings.turn_rates[step - 1]
         predict_lanes(x, P, speeds, turn_rates, setup.motion, moves, lanes)
         for s in range(setup.first[step], setup.first[step + 1]):
@@ -336,13 +237,7 @@ def _filter(
             bearing_lanes(x, o, t, setup.landmarks, z, work[0], work[1], lanes)
             variance = setup.bearing_variances[o]
             correct_lanes(x, P, o, t, variance, setup.gate, work, statistics, lanes)
-        late = 2 * step > steps
-        _add_errors(x, setup.truth[step], error, statistics.squares, late, statistics, lanes)
-        if len(statistics.series):
-            _add_series(P, error, statistics.series[step], lanes)
-        if step % setup.sample_every == 0 or step == steps:
-            _add_coverage(P, error, statistics, lanes)
-            _add_nees(P, error, A, u, gain, statistics, lanes)
+        record_lanes(x, P, setup, step, scratch, statistics, lanes)
     return x, P
 
 

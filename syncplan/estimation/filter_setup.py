@@ -1,8 +1,6 @@
 """The set-up of a filter run: motion model, initial variances, gate, sightings and readings.
 
-Monte Carlo and replays both build it here. The kernels are compiled for the order of the fields,
-and numba's disk cache notices only changes of the kernels' own file: a change of that order must
-touch batched_filter.py too.
+Monte Carlo and replays both build it here.
 
 Extension: the variance of a further state (a wind, a sensor's bias) goes beside
 `initial_variances`, that of a further kind of measurement (a distance, a compass) beside

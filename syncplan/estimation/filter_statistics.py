@@ -1,7 +1,4 @@
-"""Statistics of a filter run: squared errors, coverage, NEES, innovations and a series.
-
-As in syncplan.estimation.filter_setup, a change of the fields' order must touch batched_filter.py.
-"""
+"""Statistics of a filter run: squared errors, coverage, NEES, innovations and a series."""
 
 from typing import NamedTuple
 

@@ -1,9 +1,13 @@
 """A compiled filter: many trials side by side, and whether numba has compiled it yet."""
 
+import hashlib
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar, cast
 
 import numba
 import numpy as np
@@ -26,6 +30,14 @@ WIDE_LANES = 16
 WIDE_UP_TO = 60
 """Largest team filtered in wide lanes; above they gain nothing and cost sixteenfold memory."""
 
+KERNEL_FILES = (
+    "batched_filter.py",
+    "filter_setup.py",
+    "filter_statistics.py",
+    "lane_statistics.py",
+)
+"""Files that compiled kernels rest on: kernels that others call, records whose fields are known."""
+
 Lanes = NDArray[np.int8] | tuple[int]
 """Only its length counts: the number of lanes.
 
@@ -40,16 +52,26 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 def compiled(function: Function) -> Function:
     """Return the kernel compiled, and kept in numba's disk cache where one can be written.
 
-    The cache notices only changes of the kernel's own file, so kernels that call each other stay in
-    one file.
+    The cache alone notices only changes of the kernel's own file; here it notices changes of
+    KERNEL_FILES as well.
     """
     try:
         jit: Any = numba.njit(cache=True, nogil=True, error_model="numpy")
-        kernel: Function = jit(function)
+        kernel: Any = jit(function)
     except RuntimeError:  # neither the package nor the home directory can be written
         jit = numba.njit(nogil=True, error_model="numpy")
         kernel = jit(function)
-    return kernel
+    with suppress(AttributeError):  # a numba whose cache has another layout
+        file = kernel._cache._cache_file
+        file._source_stamp = (file._source_stamp, _shared_stamp())
+    return cast(Function, kernel)
+
+
+@cache
+def _shared_stamp() -> bytes:
+    """Digest of the kernel files."""
+    files = (Path(__file__).with_name(name).read_bytes() for name in KERNEL_FILES)
+    return hashlib.sha256(b"".join(files)).digest()
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,10 +1,16 @@
 """The compiled filter against its plain form, finite differences, and a linear Kalman filter."""
 
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
+import syncplan
 from syncplan.arrays import Array
 from syncplan.estimation.batched_filter import EXTENDED
 from syncplan.estimation.filter_setup import FilterSetup, MotionModel, Readings
@@ -14,7 +20,7 @@ from syncplan.estimation.filter_statistics import (
     empty_series,
     empty_statistics,
 )
-from syncplan.estimation.lane_filter import WIDE_UP_TO
+from syncplan.estimation.lane_filter import KERNEL_FILES, WIDE_UP_TO
 from syncplan.estimation.reference_filter import (
     displacement,
     displacement_jacobian,
@@ -398,3 +404,35 @@ def test_kernels_count_as_compiled_once_they_are() -> None:
     EXTENDED.compile(3)
     assert EXTENDED.is_compiled(3)
     assert EXTENDED.is_compiled(WIDE_UP_TO)
+
+
+def test_the_cache_of_kernels_notices_changes_of_every_file_they_are_built_on(
+    tmp_path: Path,
+) -> None:
+    """Field order of records and kernels of other files are compiled in."""
+    estimation = tmp_path / "syncplan" / "estimation"
+    shutil.copytree(Path(syncplan.__file__).parent, estimation.parent)
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+
+    def stamps() -> str:
+        return subprocess.run(
+            [sys.executable, "-c", STAMPS],
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+
+    seen = {stamps()}
+    for name in KERNEL_FILES:
+        file = estimation / name
+        file.write_text(file.read_text() + "\n# changed\n")
+        seen.add(stamps())
+    assert len(seen) == 1 + len(KERNEL_FILES)
+
+
+STAMPS = """
+from syncplan.estimation.batched_filter import EXTENDED
+print(EXTENDED.kernel._cache._cache_file._source_stamp)
+"""
