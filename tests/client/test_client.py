@@ -42,7 +42,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
 @pytest.fixture(scope="module")
 def client(server: Server) -> Iterator[Client]:
     """A client with its key."""
-    with Client(server.url, KEY) as one:
+    with Client(server.url, KEY, timeout_s=PATIENCE_S, patience_s=PATIENCE_S) as one:
         yield one
 
 

@@ -16,6 +16,7 @@ from syncplan.planning.plan_files import loaded_from, plan_of, stated
 from syncplan.reports.plan_report import plan_document
 from syncplan.runtime.files import as_text
 from tests.tools.api_servers import key_of, problem, serving, speaking
+from tests.tools.processes import PATIENCE_S
 from tests.tools.scenarios import document, example, small
 from tests.tools.serving import Server
 
@@ -192,7 +193,7 @@ def test_the_same_plan_under_the_same_key_is_answered_alike(ann: httpx2.Client) 
 
 def test_the_client_keeps_a_plan_with_its_phases(server: Server) -> None:
     better = syncplan.refine(example("paper-grid-alternate"), starts=1, seed=1)
-    with Client(server.url, key_of("ann")) as client:
+    with Client(server.url, key_of("ann"), timeout_s=PATIENCE_S) as client:
         kept = client.plan(better)
         assert kept.document["synchronisation"]["method"] == "given"
         again = client.plan(kept.document)

@@ -155,6 +155,13 @@ def running(*processes: Process) -> Iterator[None]:
 
 
 def settings_of(data: Path, database_url: str | None = None) -> Mapping[str, str]:
-    """Return the settings of a service that keeps its data in a folder, or in PostgreSQL."""
-    given = {"SYNCPLAN_DATA_DIR": str(data), "SYNCPLAN_DATABASE_URL": database_url}
+    """Return the settings of a service that keeps its data in a folder, or in PostgreSQL.
+
+    On a busy machine a plan may take longer than a service lets it.
+    """
+    given = {
+        "SYNCPLAN_DATA_DIR": str(data),
+        "SYNCPLAN_DATABASE_URL": database_url,
+        "SYNCPLAN_PLAN_TIMEOUT_S": f"{PATIENCE_S:g}",
+    }
     return {key: value for key, value in given.items() if value is not None}
