@@ -11,7 +11,7 @@ Thin over syncplan, which does all the numbers. Modules, each using only those b
     storage.*                          plans, jobs, answers given: SQLite or PostgreSQL
     jobs.*                             durable workflows, heartbeats, what dead processes left
     responses, service, idempotency    what responses hold, what routes work with
-    assets, routes.*                   the page's files, the routes
+    page_tables, assets, routes.*      the page's tables and files, the routes
     operations, openapi                what the OpenAPI document adds to the routes
     main, protocol, server             the application, HTTP below it, serving both
 

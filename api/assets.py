@@ -2,15 +2,11 @@
 
 import gzip
 import hashlib
-import json
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
 
-from syncplan.exporting.autopilots import AUTOPILOTS
-from syncplan.exporting.format_table import FORMATS
-from syncplan.plotting.figure_table import FIGURES, always_there
-from syncplan.scenario.objectives import OBJECTIVES
+from api.page_tables import tables_script
 
 __all__ = ["PAGE", "PLOTLY", "TABLES", "Asset", "find_asset"]
 
@@ -77,30 +73,5 @@ def _content(name: str) -> bytes:
     if name == PLOTLY:
         return files("plotly").joinpath("package_data", PLOTLY).read_bytes()
     if name == TABLES:
-        return _tables().encode()
+        return tables_script().encode()
     return files("api").joinpath("page", *name.split("/")).read_bytes()
-
-
-def _tables() -> str:
-    """The library's tables as JavaScript: names and words, in the order people are shown them."""
-    pilots = {
-        f"autopilot={name}&vehicle={vehicle}": title
-        for name, autopilot in AUTOPILOTS.items()
-        for vehicle, title in autopilot.titles.items()
-    }
-    # what compares two plans is what their reader looks at first
-    figures = sorted(
-        (name for name, figure in FIGURES.items() if figure.of != "sweep"),
-        key=lambda name: (name not in always_there("plan"), not FIGURES[name].compares),
-    )
-    tables = {
-        "FIGURES": {name: FIGURES[name].title for name in figures},
-        "PLAN_FIGURES": always_there("plan"),
-        "RUN_FIGURES": always_there("run"),
-        "OBJECTIVES": {name: one.title for name, one in OBJECTIVES.items()},
-        "FORMATS": {name: one.title for name, one in FORMATS.items()},
-        "MISSIONS": [name for name, one in FORMATS.items() if one.mission],
-        "PILOTS": pilots,
-    }
-    lines = [f"export const {name} = {json.dumps(table)};" for name, table in tables.items()]
-    return "\n".join(lines) + "\n"

@@ -55,7 +55,7 @@ export class Body {
     const known = selected && selected.k < (selected.kind === "vehicle" ? vehicles : landmarks).length;
     picker.value = known ? `${selected.kind} ${selected.k}` : "";
     this.group.replaceChildren(
-      element("legend", {}, "One of them"),
+      element("legend", {}, "Selected vehicle or landmark"),
       element("div", { class: "field wide" }, element("label", { for: "chosen" }, "Vehicle or landmark"), picker),
       ...(known ? this.#fieldsOf(selected) : []),
       element(
@@ -85,7 +85,7 @@ export class Body {
       this.#field("x", `${center}[0]`, "Centre east", "m", (old, x) => withCenter(old, k, x, at().y)),
       this.#field("y", `${center}[1]`, "Centre north", "m", (old, y) => withCenter(old, k, at().x, y)),
       orbit("radius", "radius_m", "Radius", "m", (old, radius) => withRadius(old, k, radius), AT_LEAST_0),
-      orbit("direction", "direction", "Turns", "", (old, turn) => withDirection(old, this.#store.plan, k, turn), CHOICE),
+      orbit("direction", "direction", "Its direction", "", (old, turn) => withDirection(old, this.#store.plan, k, turn), CHOICE),
       sensor("range_m", "Its range", "m", AT_LEAST_0),
       sensor("fov_deg", "Its field of view", "°", AT_LEAST_0),
       sensor("boresight_deg", "Its boresight", "°"),

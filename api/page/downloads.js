@@ -23,7 +23,7 @@ export function offerDownloads(store, storePlan) {
     element("div", { class: "field wide" }, element("label", { for: "format" }, "Format"), format),
     pilots,
     buttons[2],
-    element("p", { class: "hint" }, "Missions, GeoJSON and KML need the place of the origin: in the scenario, under “Place and time”."),
+    element("p", { class: "hint" }, "Missions, GeoJSON and KML need the origin's place: in the scenario, under “Place and time”."),
     fault,
     notes,
   );
@@ -59,7 +59,7 @@ export function offerDownloads(store, storePlan) {
     save(file, `${nameOf(store)}-${format.value}.zip`, "application/zip");
     const told = JSON.parse(answer.headers.get("Syncplan-Notes") || "[]");
     notes.replaceChildren(...told.map((note) => element("p", { class: "remark" }, note)));
-    notice(`Exported, ${shown(file.size / 1024)} KiB. How vehicles join their circles is in the file ending in .sync.json.`);
+    notice(`Exported, ${shown(file.size / 1024)} KiB. The file that ends in .sync.json says how vehicles join their circles.`);
   }
 
   /** The report of the validation on show, the bytes that the command line would write. */
@@ -75,7 +75,7 @@ function choice(id, texts) {
 
 function saveScenario(store) {
   save(`${JSON.stringify(store.scenario, null, 1)}\n`, `${nameOf(store)}.json`, "application/json");
-  if (store.given) notice("The scenario alone: opened again, its phases are found anew. The file of the plan keeps them.");
+  if (store.given) notice("This file holds the scenario alone: its phases are computed anew when it is opened. The file of the plan keeps them.");
 }
 
 function nameOf(store) {

@@ -11,7 +11,7 @@ const TEAM = [
   { path: "orbit.angular_rate_rad_s", label: "Angular rate", unit: "rad/s", min: 0 },
   { path: "orbit.speed_mps", label: "Speed", unit: "m/s", min: 0 },
   { path: "orbit.radius_m", label: "Radius of all", unit: "m", min: 0 },
-  { path: "orbit.direction", label: "Turn", kind: "choice" },
+  { path: "orbit.direction", label: "Direction", kind: "choice" },
   { path: "orbit.desync_rad", label: "Desynchronise by", unit: "rad" },
   { path: "min_separation_m", label: "Least separation", unit: "m", min: 0 },
   { path: "duration_s", label: "Duration", unit: "s", min: 0 },
@@ -25,9 +25,9 @@ const SENSOR = [
 ];
 const NOISE = [
   { path: "motion.speed_sigma_mps", label: "Speed sigma", unit: "m/s", min: 0 },
-  { path: "motion.turn_rate_sigma_rad_s", label: "Turn rate sigma", unit: "rad/s", min: 0 },
-  { path: "initial_sigma.position_m", label: "First position sigma", unit: "m", min: 0 },
-  { path: "initial_sigma.heading_rad", label: "First heading sigma", unit: "rad", min: 0 },
+  { path: "motion.turn_rate_sigma_rad_s", label: "Turn-rate sigma", unit: "rad/s", min: 0 },
+  { path: "initial_sigma.position_m", label: "Initial position sigma", unit: "m", min: 0 },
+  { path: "initial_sigma.heading_rad", label: "Initial heading sigma", unit: "rad", min: 0 },
 ];
 const PLACE = [
   { path: "geo_origin.lat_deg", label: "Latitude of the origin", unit: "°" },
@@ -72,7 +72,7 @@ export class Editor {
       this.#group("Team", TEAM),
       this.#body.group,
       this.#links.group,
-      this.#group("Sensors of all", SENSOR),
+      this.#group("All sensors", SENSOR),
       this.#folded("Noise", NOISE),
       this.#folded("Place and time, for exports", PLACE),
     );

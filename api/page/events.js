@@ -1,9 +1,9 @@
 // A job's server-sent events by fetch: EventSource could not send a key.
 
 import { ask, pause, Refusal, Unreachable } from "./service.js";
+import { ENDED } from "./tables.js";
 
 const RETRY_S = 1;
-export const ENDED = ["succeeded", "failed", "cancelled"];
 
 /** Call `told(event)` for every change of a job until it has ended, whatever the connection does.
  *

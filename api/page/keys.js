@@ -52,7 +52,7 @@ export function askForKeys(entered) {
 
 /** What makes a text no key, in words; empty where nothing does. */
 function wrongWith(text) {
-  if (!text) return "Enter the key that whoever runs this service gave you.";
+  if (!text) return "Enter the key that the operator of this service gave you.";
   if (SIGNS.test(text)) return "";
   const place = [...text].findIndex((one) => !SIGNS.test(one));
   const code = [...text][place].codePointAt(0).toString(16).toUpperCase().padStart(4, "0");

@@ -14,7 +14,7 @@ import { keepOverReloads } from "./session.js";
 import { offerLink } from "./sharing.js";
 import { listenForKeys } from "./shortcuts.js";
 import { Store } from "./store.js";
-import { RUN_FIGURES } from "./tables.js";
+import { JOB_KINDS, RUN_FIGURES } from "./tables.js";
 import { showVerdicts, wayBack } from "./verdict.js";
 import { Work } from "./work.js";
 
@@ -75,9 +75,9 @@ async function ended(job, result) {
   const outcome = current ? { id: job.id, ended: true } : null;
   followed = outcome;
   address();
-  if (result && job.kind === "validation") store.reported(job.id);
+  if (result && JOB_KINDS[job.kind].reports) store.reported(job.id);
   if (!result || !current) return current;
-  if (job.kind === "refinement") {
+  if (job.result_plan_id) {
     if (store.planId !== result.id) await openRefined(result.id, outcome);
     return true;
   }
@@ -150,7 +150,7 @@ for (const name of ["opened", "scenario", "plan"]) {
   });
 }
 store.addEventListener("scenario", (event) => {
-  if (event.detail.lost) notice(`Edited: phases are found anew. ${wayBack(store.lost)}`);
+  if (event.detail.lost) notice(`Edited: phases are computed anew. ${wayBack(store.lost)}`);
   if (event.detail.restored) notice("");
 });
 store.addEventListener("plan", (event) => event.detail.again && opening.compare(store.plan));

@@ -11,7 +11,7 @@ const RADIUS_SHARES = [0.75, 1.25];
 
 /** A form that hands in a job.
  *
- * `read()` returns the request; `fields` are its inputs by the request's keys; an input that does
+ * `kind` is the job's; `read()` returns the request; `fields` are its inputs by the request's keys; an input that does
  * not count just now is not looked at.
  */
 export class RequestForm {
@@ -21,8 +21,8 @@ export class RequestForm {
   #suited;
   #typed = new Set();
 
-  constructor(title, hint, collection, { fields, read, rows, handIn, suited = () => ({}) }) {
-    this.collection = collection;
+  constructor(kind, title, hint, { fields, read, rows, handIn, suited = () => ({}) }) {
+    this.kind = kind;
     this.#suited = suited;
     this.#fields = fields;
     this.#read = read;
@@ -72,7 +72,7 @@ export class RequestForm {
     const missing = Object.values(this.#fields).filter(
       (input) => input.type === "number" && !input.disabled && Number.isNaN(input.valueAsNumber),
     );
-    for (const input of missing) mark(input, "is missing, or no number");
+    for (const input of missing) mark(input, "is missing or not a number");
     missing[0]?.focus();
     return missing.length === 0;
   }
@@ -105,11 +105,11 @@ export function refinementForm(handIn) {
     ...(radii.input.checked ? { radius_m: [least.valueAsNumber, most.valueAsNumber] } : {}),
     ...(objective.value ? { objective: objective.value } : {}),
   });
-  return new RequestForm("Refine", "Move phases, centres and radii to the least predicted error.", "refinements", {
+  return new RequestForm("refinement", "Refine", "Move phases, centres and radii to improve the plan.", {
     fields: { time_limit_s: time, center_box_m: box, radius_m: least, "radius_m[1]": most },
     read,
     rows: [
-      element("div", { class: "field wide" }, element("label", { for: objective.id }, "Improve the"), objective),
+      element("div", { class: "field wide" }, element("label", { for: objective.id }, "Objective"), objective),
       element("p", {}, "Move phases and"),
       element("div", { class: "row" }, centers.label, amount(box, "m")),
       faultOf(box),
@@ -147,9 +147,9 @@ export function validationForm(size, handIn) {
     series: size() <= SERIES_LIMIT,
   });
   return new RequestForm(
+    "validation",
     "Validate",
-    "Fly the plan many times with the filter and compare the errors with the prediction.",
-    "validations",
+    "Simulate the plan many times with the filter and compare its errors with the prediction.",
     { fields: { trials, seed }, read, rows: [labelled("Trials", trials), labelled("Seed", seed)], handIn },
   );
 }

@@ -36,7 +36,7 @@ export async function ask(method, path, { body, type, accept, headers, signal } 
   }
   if (answer.status === 401) {
     document.dispatchEvent(new Event("syncplan:key"));
-    throw new Refusal(401, { detail: "This service asks for a key. Enter yours to go on." });
+    throw new Refusal(401, { detail: "This service needs a key. Enter yours to continue." });
   }
   if (!answer.ok) throw new Refusal(answer.status, await problemOf(answer));
   return answer;
@@ -49,7 +49,7 @@ export async function askJson(method, path, options) {
     return await answer.json();
   } catch (error) {
     if (error.name === "AbortError") throw error;
-    throw new Unreachable("the service's answer broke off");
+    throw new Unreachable("the service's answer was cut short");
   }
 }
 

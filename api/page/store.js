@@ -104,7 +104,7 @@ export class Store extends EventTarget {
   deleted(error) {
     if (error.status !== 404 || !this.planId) return null;
     this.stored(null);
-    return "This plan was deleted from the service. Try again: it is stored anew.";
+    return "This plan was deleted from the service. Try again to store it anew.";
   }
 
   reported(jobId) {

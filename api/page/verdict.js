@@ -9,10 +9,10 @@ const MOST_TOLD = 3;
 
 /** What the verdict on show is not of, by why: what the badge begins with, and a remark. */
 const DOUBTS = {
-  fault: ["Before the fault", "Of the scenario before the fault."],
-  away: ["Waiting for the service, before it", "Of the scenario before your edits, which wait for the service."],
-  key: ["Waiting for a key, before it", "Of the scenario before your edits, which wait for a key."],
-  typing: ["Before the field half typed", "Of the scenario without the field that is half typed."],
+  fault: ["Before the fault", "This verdict is of the scenario before the fault."],
+  away: ["Waiting for the service; before your edits", "This verdict is of the scenario before your edits, which wait for the service."],
+  key: ["Waiting for a key; before your edits", "This verdict is of the scenario before your edits, which wait for a key."],
+  typing: ["Before the unfinished field", "This verdict is of the scenario without the unfinished field."],
 };
 
 /** Fields that are never empty begin with this: those of one vehicle or landmark. */
@@ -101,14 +101,14 @@ function verdictOf({ plan, given, lost }, quick, cure) {
       element("p", { class: "remark" }, element("strong", {}, `${link.a}–${link.b} dropped: `), link.reason),
     ),
     ...plan.notes.map((note) => element("p", { class: "remark" }, note)),
-    element("p", { class: "hint" }, quick ? "Quick look while you move things …" : ""),
+    element("p", { class: "hint" }, quick ? "Quick preview while you edit …" : ""),
   ];
 }
 
 /** Where the phases of a plan come from, and how to have others back. */
 function phases({ synchronisation: { method } }, given, lost) {
   const kept = method === "refined" || method === "given";
-  return [kept ? ORIGINS[given?.origin] || ORIGINS[method] : "synchronised", lost ? `Found anew. ${wayBack(lost)}` : ""];
+  return [kept ? ORIGINS[given?.origin] || ORIGINS[method] : "synchronised", lost ? `Computed anew. ${wayBack(lost)}` : ""];
 }
 
 function table(plan, predicted, [origin, how]) {
@@ -119,7 +119,7 @@ function table(plan, predicted, [origin, how]) {
     ["Worst vehicle", worst(predicted.vehicles), ""],
     ["Connectivity period", connectivity(plan), ""],
     ["Period", shown(plan.period_s, "s"), ""],
-    ["Least separation", separation(plan), plan.separation.violations.length ? "nearer than asked for" : ""],
+    ["Least separation", separation(plan), plan.separation.violations.length ? "closer than required" : ""],
     ["Certificate", certificate.holds ? "holds" : "does not hold", certificate.reason],
   ];
   return element(
@@ -155,12 +155,12 @@ function separation({ separation: least }) {
   return least.between ? `${shown(least.min_m, "m")}, ${least.between.join("–")}` : "—";
 }
 
-/** A line of its own where vehicles come nearer than asked for: however observable, that is no plan to fly. */
+/** A line of its own where vehicles come closer than required: however observable, that is no plan to fly. */
 function tooNear({ violations, required_m: required }) {
   if (!violations.length) return [];
   const told = violations.slice(0, MOST_TOLD).map((one) => `${one.between.join("–")} to ${shown(one.min_m, "m")}`);
   const more = violations.length > MOST_TOLD ? ` and ${violations.length - MOST_TOLD} more` : "";
-  const text = `✗ Nearer than the ${shown(required, "m")} asked for: ${told.join(", ")}${more}`;
+  const text = `✗ Closer than the required ${shown(required, "m")}: ${told.join(", ")}${more}`;
   return [element("p", { class: "badge bad", id: "too-near" }, text)];
 }
 
@@ -169,7 +169,7 @@ function motionOf(motion, cure) {
   return element(
     "div",
     { class: "motion" },
-    element("p", {}, element("strong", {}, "Not seen: "), motion.description),
+    element("p", {}, element("strong", {}, "Unobservable: "), motion.description),
     element("p", {}, element("strong", {}, "Cure: "), motion.cure),
     cured ? element("button", { type: "button", onclick: cure }, `Desynchronise by ${DESYNC_RAD}`) : null,
   );

@@ -1,15 +1,17 @@
 // Refinement and validation as jobs: handed in, followed, cancelled, and what came of them.
 
 import { byId, element, notice, shown } from "./elements.js";
-import { ENDED, follow } from "./events.js";
+import { follow } from "./events.js";
 import { refinementForm, validationForm } from "./requests.js";
 import { ask, askJson, patiently, postOnce, Refusal } from "./service.js";
+import { ENDED, JOB_KINDS } from "./tables.js";
 
 /** share of the least separation that may be lost without a word */
 const KEPT_SHARE = 0.9;
 /** trials below which chance alone may put the filter on either side */
 const FEWEST_TRIALS = 30;
-const NAMES = { refinement: "Refinement", validation: "Validation" };
+/** What a result says, by the kind of its job: `(result, lost) => elements`. */
+const OUTCOMES = { refinement: refined, validation: validated };
 
 /** The panel of jobs.
  *
@@ -54,7 +56,7 @@ export class Work {
     this.#enable(false);
     let job;
     try {
-      job = await postOnce(`v1/plans/${await this.#storePlan()}/${form.collection}`, request);
+      job = await postOnce(`v1/plans/${await this.#storePlan()}/${JOB_KINDS[form.kind].collection}`, request);
     } catch (error) {
       const deleted = this.#store.deleted(error);
       form.tell(deleted ? { message: deleted } : error);
@@ -73,7 +75,7 @@ export class Work {
     if (button) this.#cancel.focus();
     this.#told.began(job);
     this.#show(job);
-    notice(`${NAMES[job.kind]} begun.`);
+    notice(`${JOB_KINDS[job.kind].title} started.`);
     try {
       await follow(job.id, {
         told: (event) => this.#show({ ...job, ...event }),
@@ -95,21 +97,21 @@ export class Work {
     const { done, total } = job.progress;
     this.#progress.max = total;
     this.#progress.value = done;
-    const what = job.kind === "refinement" ? "starts" : "trials";
-    this.#text.textContent = `${NAMES[job.kind]} ${job.state}: ${done} of ${total} ${what}`;
+    const what = JOB_KINDS[job.kind].unit;
+    this.#text.textContent = `${JOB_KINDS[job.kind].title} ${job.state}: ${done} of ${total} ${what}`;
   }
 
   #sayAway(job) {
-    this.#text.textContent = `${NAMES[job.kind]}: the service can't be reached; the job goes on once it is back. Trying again …`;
+    this.#text.textContent = `${JOB_KINDS[job.kind].title}: the service can't be reached; the job goes on once it is back. Trying again …`;
   }
 
   async #conclude(job) {
-    const name = NAMES[job.kind];
+    const name = JOB_KINDS[job.kind].title;
     if (job.state === "succeeded") {
       const result = await patiently(() => askJson("GET", `v1/jobs/${job.id}/result`));
       const lost = await this.#lostOf(job);
       const current = await this.#told.ended(job, result);
-      this.#outcome.replaceChildren(...outcomeOf(job, result, lost), ...(current ? [] : [elsewhere(job)]));
+      this.#outcome.replaceChildren(...OUTCOMES[job.kind](result, lost), ...(current ? [] : [elsewhere(job)]));
       notice(`${name} done.`);
       return;
     }
@@ -118,9 +120,9 @@ export class Work {
     else notice(`${name} cancelled.`);
   }
 
-  /** The motions that no sighting can detect, of the plan that a validation was about. */
+  /** The motions that no sighting can detect, of the plan that a report is about. */
   async #lostOf(job) {
-    if (job.kind !== "validation") return [];
+    if (!JOB_KINDS[job.kind].reports) return [];
     const current = this.#store.planId === job.plan_id;
     const plan = current ? this.#store.plan : await patiently(() => askJson("GET", `v1/plans/${job.plan_id}`));
     return plan.observability.unobservable;
@@ -150,17 +152,13 @@ export class Work {
   }
 }
 
-function outcomeOf(job, result, lost) {
-  return job.kind === "refinement" ? refined(result) : validated(result, lost);
-}
-
 /** What leads to the plan of a job, where another is on show by now. */
 function elsewhere(job) {
   const plan = job.result_plan_id || job.plan_id;
   return element(
     "p",
     {},
-    "This is of the plan before your edits: ",
+    "This result is of the plan before your edits: ",
     element("a", { href: `?plan=${plan}`, target: "_blank", rel: "noopener" }, "open it in a new tab"),
     ".",
   );
@@ -173,7 +171,7 @@ function refined(plan) {
     element(
       "p",
       { class: `badge ${improved ? "good" : ""}` },
-      improved ? `Predicted error ${rms(before)} → ${rms(after)}` : "Nothing better was found",
+      improved ? `Predicted error ${rms(before)} → ${rms(after)}` : "No better plan was found",
     ),
     element("p", {}, improved ? `Rank ${before.rank} → ${after.rank}.` : reason),
     improved && after.least_distance_m !== null ? separationOf(before.least_distance_m, after.least_distance_m) : null,
@@ -188,7 +186,7 @@ function separationOf(before, after) {
     "p",
     { class: "remark" },
     element("strong", {}, `⚠ ${text} `),
-    "Vehicles come nearer to each other than before. “Least separation” in the scenario bounds it.",
+    "Vehicles come closer to each other than before. “Least separation” in the scenario limits this.",
   );
 }
 
@@ -196,7 +194,7 @@ function validated(report, lost) {
   const { overall, anees, trials } = report;
   const few = trials < FEWEST_TRIALS;
   const consistent = anees.verdict === "consistent";
-  // what a filter believes of a motion that nothing tells is no proof, nor is a handful of trials
+  // what a filter believes of a motion that nothing detects is no proof, nor is a handful of trials
   const look = !consistent && !few ? "bad" : few || lost.length ? "" : "good";
   const verdict = few ? `Too few trials to tell whether the filter is consistent: give ${FEWEST_TRIALS} or more.` : `The filter is ${anees.verdict}: ANEES ${shown(anees.value)}.`;
   return [
@@ -215,7 +213,7 @@ function unproven(lost) {
     "p",
     { class: "remark" },
     element("strong", {}, "The plan is not observable. "),
-    `That a filter is consistent does not make known what no sighting tells: ${lost.map((one) => one.description).join("; ")}.`,
+    `A consistent filter does not determine what no sighting can detect: ${lost.map((one) => one.description).join("; ")}.`,
   );
 }
 

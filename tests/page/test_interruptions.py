@@ -42,7 +42,7 @@ def test_a_service_with_keys_asks_for_one(browser: Browser, tmp_path: Path) -> N
         visit.expect_complaints("401")
         field = page.get_by_label("API key")
         expect(field).to_be_focused()
-        expect(page.locator("#notice")).to_have_text(re.compile("^This service asks for a key"))
+        expect(page.locator("#notice")).to_have_text(re.compile("^This service needs a key"))
         expect(page.locator("#notice.bad")).to_have_count(0)
         expect(page.locator("body")).not_to_contain_text("Authorization")
         expect(page.get_by_role("button", name="Change key")).to_be_hidden()
@@ -94,7 +94,7 @@ def test_a_key_can_be_changed_and_others_plans_are_not_told_from_none(
         change.click()
         expect(page.get_by_label("API key")).to_be_focused()
         assert accessibility_faults(page) == []
-        page.get_by_role("button", name="Keep the present key").click()
+        page.get_by_role("button", name="Keep the current key").click()
         expect(change).to_be_focused()
         change.click()
         page.get_by_label("API key").fill(key_of("bob"))
@@ -151,8 +151,8 @@ def test_an_edit_while_the_service_is_away_is_planned_once_it_is_back(
         first.kill()
         page.get_by_label("Desynchronise by").fill("0.2")
         expect(page.locator("#notice.bad")).to_contain_text("can't be reached")
-        visit.doubt("Waiting for the service, before it: ✗ Not observable: rank 16 of 18")
-        expect(page.locator("#verdict")).to_contain_text("Of the scenario before your edits")
+        visit.doubt("Waiting for the service; before your edits: ✗ Not observable: rank 16 of 18")
+        expect(page.locator("#verdict")).to_contain_text("of the scenario before your edits")
         with running(Server(tmp_path / "log", port=first.port, **given)):
             visit.verdict("Observable: rank 18 of 18")
             expect(page.locator("#notice.bad")).to_have_count(0)

@@ -79,7 +79,7 @@ def test_refining_tells_what_it_costs_in_separation(visit: Visit) -> None:
     refine(page)
     told = page.locator(".outcome .remark")
     expect(told).to_contain_text(re.compile(r"Least separation 30 → [\d.]+ m"))
-    expect(told).to_contain_text("“Least separation” in the scenario bounds it")
+    expect(told).to_contain_text("“Least separation” in the scenario limits this")
     visit.choose("paper-grid-same")
     page.get_by_label("Least separation").fill("29")
     visit.settle()

@@ -83,7 +83,7 @@ def test_an_edit_that_moves_nothing_keeps_a_refined_plan(
     assert "plan=" not in page.url
     page.locator("summary", has_text="Noise").click()
     page.get_by_label("Bearing sigma").fill("0.02")
-    page.get_by_label("First position sigma").fill("3")
+    page.get_by_label("Initial position sigma").fill("3")
     at_refined.settle()
     expect(phases(page)).to_have_text("refined")
     expect(predicted(page)).not_to_contain_text(error_of(refined))
@@ -212,7 +212,7 @@ def test_a_fault_in_a_plan_file_is_told_by_its_path(
 def test_the_scenario_of_a_refined_plan_is_told_to_lack_its_phases(at_refined: Visit) -> None:
     page = at_refined.page
     downloaded(page)
-    expect(page.locator("#notice")).to_contain_text("its phases are found anew")
+    expect(page.locator("#notice")).to_contain_text("its phases are computed anew")
     with page.expect_download() as waiting:
         page.get_by_role("button", name="Plan", exact=True).click()
     page.get_by_label("Open a file").set_input_files(waiting.value.path())

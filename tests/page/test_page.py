@@ -137,7 +137,7 @@ def test_a_phone_tells_the_marks_below_the_map(browser: Browser, server: Server)
         visit.choose(ALTERNATE)
         told = visit.page.get_by_role("listitem")
         expect(told).to_have_count(0)
-        visit.page.get_by_text("What the marks mean").tap()
+        visit.page.get_by_text("Legend").tap()
         expect(told.filter(has_text="link, rank 2 of 3")).to_be_visible()
         named = visit.page.evaluate(
             "document.getElementById('map-plot').data"
@@ -148,7 +148,7 @@ def test_a_phone_tells_the_marks_below_the_map(browser: Browser, server: Server)
         expect(swatch).to_have_attribute("stroke", "#e69f00")
     with visiting(browser, server.url) as visit:
         visit.verdict("Observable")
-        expect(visit.page.get_by_text("What the marks mean")).to_be_hidden()
+        expect(visit.page.get_by_text("Legend")).to_be_hidden()
         expect(visit.page.locator("#map-plot .legend .traces").first).to_be_visible()
 
 

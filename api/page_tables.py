@@ -1,0 +1,47 @@
+"""The tables that the page reads: figures, formats, objectives, kinds and states of jobs."""
+
+import json
+
+from api.job_kinds.job_table import JOB_KINDS
+from syncplan.exporting.autopilots import AUTOPILOTS
+from syncplan.exporting.format_table import FORMATS
+from syncplan.plotting.figure_table import FIGURES, always_there
+from syncplan.reports.job_contract import STATES, has_ended
+from syncplan.scenario.objectives import OBJECTIVES
+
+__all__ = ["tables_script"]
+
+
+def tables_script() -> str:
+    """Return the tables as JavaScript: names and words, in the order of the page."""
+    pilots = {
+        f"autopilot={name}&vehicle={vehicle}": title
+        for name, autopilot in AUTOPILOTS.items()
+        for vehicle, title in autopilot.titles.items()
+    }
+    # what compares two plans is what their reader looks at first
+    figures = sorted(
+        (name for name, figure in FIGURES.items() if figure.of != "sweep"),
+        key=lambda name: (name not in always_there("plan"), not FIGURES[name].compares),
+    )
+    tables = {
+        "FIGURES": {name: FIGURES[name].title for name in figures},
+        "PLAN_FIGURES": always_there("plan"),
+        "RUN_FIGURES": always_there("run"),
+        "FORMATS": {name: one.title for name, one in FORMATS.items()},
+        "MISSIONS": [name for name, one in FORMATS.items() if one.mission],
+        "PILOTS": pilots,
+        "OBJECTIVES": {name: one.title for name, one in OBJECTIVES.items()},
+        "JOB_KINDS": {
+            name: {
+                "title": kind.title.capitalize(),
+                "collection": kind.plural,
+                "unit": kind.unit,
+                "reports": kind.report is not None,
+            }
+            for name, kind in JOB_KINDS.items()
+        },
+        "ENDED": [state for state in STATES if has_ended(state)],
+    }
+    lines = [f"export const {name} = {json.dumps(table)};" for name, table in tables.items()]
+    return "\n".join(lines) + "\n"
