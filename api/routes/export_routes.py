@@ -4,6 +4,7 @@ import json
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from fastapi import APIRouter, Depends, Query, Response
+from pydantic import BaseModel, Field
 from starlette.concurrency import run_in_threadpool
 
 from api.idempotency import computed
@@ -32,6 +33,30 @@ else:
     ExportName = Literal[*FORMATS, ALL]
 
 
+class ExportQuery(BaseModel):
+    """Options of an export, as syncplan.exporting.export_options has them."""
+
+    autopilot: AutopilotName = Field("ardupilot", description="Autopilot that missions are for")
+    vehicle: VehicleName = Field("multicopter", description="Kind of vehicle that flies them")
+    altitude_m: float | None = Field(
+        None,
+        ge=-1000,
+        le=100_000,
+        description="Height above the origin; the format's own if not given",
+    )
+    altitude_step_m: float = Field(
+        0.0, ge=0, le=1000, description="How much higher each vehicle flies than the one before"
+    )
+    turns: int | None = Field(
+        None,
+        ge=1,
+        le=20_000,
+        description="Whole turns flown; the scenario's duration if not given",
+    )
+    waypoints: bool = Field(False, description="Waypoints where loiter turns would do")
+    snap_radius: bool = Field(False, description="Fly the nearest radii that ArduPilot can store")
+
+
 @router.get(
     "/plans/{plan_id}/exports/{format}",
     response_class=Response,
@@ -47,45 +72,14 @@ async def read_export(
     format: ExportName,
     service: CurrentService,
     owner: CurrentOwner,
-    autopilot: Annotated[AutopilotName, Query(description="Whom missions are for")] = "ardupilot",
-    vehicle: Annotated[VehicleName, Query(description="What flies the missions")] = "multicopter",
-    altitude_m: Annotated[
-        float | None,
-        Query(
-            ge=-1000,
-            le=100_000,
-            description="Height above the origin; the format's own if not given",
-        ),
-    ] = None,
-    altitude_step_m: Annotated[
-        float, Query(ge=0, le=1000, description="Each vehicle so much above the one before")
-    ] = 0.0,
-    turns: Annotated[
-        int | None,
-        Query(
-            ge=1, le=20_000, description="Whole turns flown; the scenario's duration if not given"
-        ),
-    ] = None,
-    waypoints: Annotated[bool, Query(description="Waypoints where loiter turns would do")] = False,
-    snap_radius: Annotated[
-        bool, Query(description="Fly the nearest radii that ArduPilot can store")
-    ] = False,
+    query: Annotated[ExportQuery, Query()],
 ) -> Response:
     """The files of a format, one for each vehicle where it holds one, and the sidecar with phases.
 
-    The sidecar says how each vehicle joins its circle at the right phase, and what to know.
+    The sidecar says how each vehicle joins its circle at the right phase, and what to watch for.
     """
     row = await run_in_threadpool(find_or_refuse, service, owner, plan_id)
-    options = {
-        "autopilot": autopilot,
-        "vehicle": vehicle,
-        "altitude_m": altitude_m,
-        "altitude_step_m": altitude_step_m,
-        "turns": turns,
-        "waypoints": waypoints,
-        "snap_radius": snap_radius,
-    }
-    archive, notes = await computed(service, "exported", row.text, format, options)
+    archive, notes = await computed(service, "exported", row.text, format, query.model_dump())
     headers = {
         "content-disposition": f'attachment; filename="plan-{format}.zip"',
         NOTES: json.dumps(notes),

@@ -15,6 +15,7 @@ from api.job_kinds.job_table import JOB_KINDS, plurals
 from api.negotiation import accepts
 from api.problems import Conflict, NotFound, TooManyRequests, problem_responses
 from api.responses import Job, JobPage, job_answer
+from api.routes.paging import Before, Limit, page_and_next
 from api.routes.plan_routes import Identifier, find_or_refuse
 from api.security import CurrentOwner
 from api.service import CurrentEnding, CurrentService, Service
@@ -75,20 +76,16 @@ for _kind in JOB_KINDS.values():
 def read_jobs(
     service: CurrentService,
     owner: CurrentOwner,
-    limit: Annotated[int, Query(ge=1, le=200, description="Most jobs on a page")] = 50,
-    before: Annotated[
-        str | None, Query(pattern=r"^[0-9a-f-]{36}$", description="Cursor: older than this job")
-    ] = None,
+    limit: Limit = 50,
+    before: Before = None,
     state: Annotated[JobState | None, Query(description="Only jobs in this state")] = None,
 ) -> JobPage:
     """Your jobs, newest first, a page at a time."""
     with service.database.reading() as connection:
         found = job_records.list_jobs(connection, owner, limit + 1, before, state)
-    items = [job_answer(row) for row in found[:limit]]
-    chosen = f"&state={state}" if state else ""
-    more = len(found) > limit
-    following = f"/v1/jobs?limit={limit}&before={items[-1].id}{chosen}" if more else None
-    return JobPage(items=items, next=following)
+    ids = [row.id for row in found]
+    rows, following = page_and_next("/v1/jobs", found, ids, limit, state=state)
+    return JobPage(items=[job_answer(row) for row in rows], next=following)
 
 
 def _owned(job_id: Identifier, service: CurrentService, owner: CurrentOwner) -> JobRow:

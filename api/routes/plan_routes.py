@@ -10,6 +10,7 @@ from api.negotiation import accepts
 from api.plan_texts import PlanText
 from api.problems import NotFound, PreconditionFailed, problem_responses
 from api.responses import PlanPage, PlanSummary, StoredPlan
+from api.routes.paging import Before, Limit, page_and_next
 from api.security import CurrentOwner
 from api.service import CurrentService, Service
 from api.storage.kept_answers import Answer
@@ -70,18 +71,14 @@ async def create_plan(
 def read_plans(
     service: CurrentService,
     owner: CurrentOwner,
-    limit: Annotated[int, Query(ge=1, le=200, description="Most plans on a page")] = 50,
-    before: Annotated[
-        str | None, Query(pattern=r"^[0-9a-f-]{36}$", description="Cursor: older than this plan")
-    ] = None,
+    limit: Limit = 50,
+    before: Before = None,
 ) -> PlanPage:
     """Summaries of your plans, newest first, a page at a time."""
     with service.database.reading() as connection:
         found = list_plans(connection, owner, limit + 1, before)
-    items = [PlanSummary(**one) for one in found[:limit]]
-    more = len(found) > limit
-    following = f"/v1/plans?limit={limit}&before={items[-1].id}" if more else None
-    return PlanPage(items=items, next=following)
+    rows, following = page_and_next("/v1/plans", found, [one["id"] for one in found], limit)
+    return PlanPage(items=[PlanSummary(**one) for one in rows], next=following)
 
 
 @router.get(

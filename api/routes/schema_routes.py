@@ -1,5 +1,6 @@
 """The schemas of scenarios and plans."""
 
+from collections.abc import Awaitable, Callable
 from functools import cache
 from typing import Any
 
@@ -17,35 +18,37 @@ router = APIRouter(
 )
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
-
-
-@router.get(
-    "/scenario",
-    operation_id="readScenarioSchema",
-    summary="Schema of scenarios",
-    responses=problem_responses(406),
-)
-async def scenario_schema() -> dict[str, Any]:
-    """The JSON Schema of the scenarios that POST /plans takes."""
-    return _scenario()
-
-
-@router.get(
-    "/plan",
-    operation_id="readPlanSchema",
-    summary="Schema of plans",
-    responses=problem_responses(406),
-)
-async def plan_schema() -> dict[str, Any]:
-    """The JSON Schema of a stored plan."""
-    return _plan()
+_SCHEMAS: dict[str, tuple[str, Callable[[], dict[str, Any]]]] = {
+    "scenario": (
+        "The JSON Schema of the scenarios that POST /plans takes.",
+        Scenario.model_json_schema,
+    ),
+    "plan": (
+        "The JSON Schema of a stored plan.",
+        lambda: StoredPlan.model_json_schema(mode="serialization"),
+    ),
+}
+"""What each schema is, and what makes it."""
 
 
 @cache
-def _scenario() -> dict[str, Any]:
-    return {"$schema": _DIALECT, **Scenario.model_json_schema()}
+def _schema(name: str) -> dict[str, Any]:
+    return {"$schema": _DIALECT, **_SCHEMAS[name][1]()}
 
 
-@cache
-def _plan() -> dict[str, Any]:
-    return {"$schema": _DIALECT, **StoredPlan.model_json_schema(mode="serialization")}
+def _reader(name: str) -> Callable[[], Awaitable[dict[str, Any]]]:
+    async def read_schema() -> dict[str, Any]:
+        return _schema(name)
+
+    return read_schema
+
+
+for _name, (_sentence, _) in _SCHEMAS.items():
+    router.add_api_route(
+        f"/{_name}",
+        _reader(_name),
+        operation_id=f"read{_name.capitalize()}Schema",
+        summary=f"Schema of {_name}s",
+        description=_sentence,
+        responses=problem_responses(406),
+    )
