@@ -33,7 +33,7 @@ IdempotencyKey = Annotated[
         max_length=255,
         pattern=r"^[\x21-\x7e]+$",
         description="Any name of your choice, such as a UUID: repeated with the same body, the "
-        "request does nothing more and gets the same answer",
+        "request has no further effect and gets the same answer",
     ),
 ]
 
@@ -71,7 +71,7 @@ async def _empty_call(
 
 
 EmptyCall = Annotated[Call, Depends(_empty_call)]
-"""Parameter type of a route that takes no body: whatever is sent as one is not looked at."""
+"""Parameter type of a route that takes no body: one that is sent is ignored."""
 
 
 async def _call(request: Request, call: EmptyCall) -> Call:
@@ -85,7 +85,7 @@ CurrentCall = Annotated[Call, Depends(_call)]
 async def answer_once(
     call: Call, compute: Callable[[], Awaitable[T]], store: Callable[[Connection, T], Answer]
 ) -> Response:
-    """Return the answer to a request: compute, then store what came of it and the answer at once.
+    """Return the answer to a request: compute, then store result and answer together.
 
     With an Idempotency-Key that was answered before, that answer. Raises KeyReused where it was
     given to another request.
@@ -143,8 +143,8 @@ async def computed(service: Service, task: str, *arguments: Any) -> Any:
             f"takes longer than the {limit:g} s a request may; ask for fewer vehicles or samples"
         ) from None
     except ChildGoneError as error:
-        _logger.error("the process computing %s ended, twice: %s", task, error)
+        _logger.error("the process computing %s ended twice: %s", task, error)
         raise TooMuchWork(
-            "can't be computed: the process at it ended, most likely for want of memory; ask for "
+            "can't be computed: its process ended, most likely out of memory; ask for "
             "fewer vehicles or samples"
         ) from None

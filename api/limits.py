@@ -1,4 +1,4 @@
-"""What a request may ask for at most, so that nobody's keeps the service from the others."""
+"""The most a request may ask for, so that no client can starve the others."""
 
 from dataclasses import dataclass
 

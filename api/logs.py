@@ -25,7 +25,7 @@ __all__ = [
 
 REQUEST_LOGGER = "api.requests"
 PROBES = frozenset({"/healthz", "/readyz", "/metrics"})
-"""Paths that machines ask for all day: logged only at the level debug while they succeed."""
+"""Paths that machines poll: logged only at level debug while they succeed."""
 
 _HEADER = b"x-request-id"
 _SANE = re.compile(r"[A-Za-z0-9._-]{1,64}")
@@ -107,7 +107,7 @@ def configure_logs(level: str) -> None:
     durable = logging.getLogger("dbos")
     durable.handlers = [handler]
     durable.propagate = False
-    # and tells of every migration and connection
+    # and logs every migration and connection
     durable.setLevel(logging.getLogger().level if level == "debug" else logging.WARNING)
     logging.captureWarnings(True)
 

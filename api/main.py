@@ -37,10 +37,10 @@ initial poses and phases at once, refinement and Monte Carlo as jobs that surviv
 
 
 def create_app(settings: Settings | None = None) -> FastAPI:
-    """Return the application, which opens its database and starts its processes when it is started.
+    """Return the application, which opens its database and starts its processes on start-up.
 
-    Where it listens is the business of whoever serves it: `syncplan serve` refuses to let others in
-    without keys, another ASGI server does not.
+    The server decides where it listens: `syncplan serve` refuses to listen beyond this machine
+    without keys; another ASGI server does not.
 
     Settings come from the environment where none are given. Raises InputError.
     """
@@ -106,7 +106,7 @@ class _Running:
             return count_by_state(connection)
 
     def processes_at_work(self) -> int:
-        """Return how many child processes of this process compute something."""
+        """Return how many child processes of this process are busy."""
         return self.pool.busy + (0 if self.worker is None else self.worker.pool.busy)
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""What Prometheus reads: requests by route and status, jobs by state, children at work."""
+"""What Prometheus reads: requests by route and status, jobs by state, busy child processes."""
 
 import logging
 import time
@@ -32,7 +32,7 @@ BUCKETS_S = (
     20.0,
 )
 NO_ROUTE = "none"
-"""Label of all paths that belong to no route: paths are the client's to invent."""
+"""Label of all paths that belong to no route: clients can invent any path."""
 
 _METHODS = frozenset({"DELETE", "GET", "HEAD", "OPTIONS", "PATCH", "POST", "PUT"})
 _LABELS = ("method", "route", "status")
@@ -83,7 +83,7 @@ class Metrics:
 
 
 class _Watched(Collector):
-    """Gauges that others are asked for at each reading; one that fails is left out."""
+    """Gauges read from elsewhere at each scrape; one that fails is left out."""
 
     def __init__(self) -> None:
         self.jobs: Callable[[], Mapping[str, int]] | None = None
@@ -95,7 +95,7 @@ class _Watched(Collector):
             try:
                 metric = read()
             except Exception as error:
-                # the database may be gone while Prometheus has to learn so much
+                # the database may be away, and Prometheus needs the rest
                 _log.warning("gauge left out: %s: %s", type(error).__name__, error)
                 continue
             if metric is not None:
@@ -118,7 +118,7 @@ class _Watched(Collector):
 
 
 class RequestMetrics:
-    """ASGI middleware that counts requests and takes their times.
+    """ASGI middleware that counts and times requests.
 
     A stream counts when it begins to answer, and stays in flight until it ends.
     """

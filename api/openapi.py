@@ -41,7 +41,7 @@ _DONE = {"200", "201", "202", "204"}
 
 
 def document_operations(app: FastAPI) -> None:
-    """Let the OpenAPI document of `app` tell all; it is made when it is first asked for."""
+    """Complete the OpenAPI document of `app`; it is made when it is first requested."""
     plain = app.openapi
     made: list[Tree] = []
 

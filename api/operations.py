@@ -1,4 +1,4 @@
-"""What is told of each operation beside its route: bodies, answers, headers, what follows."""
+"""What the OpenAPI document adds to each route: bodies, answers, headers, what follows."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -27,7 +27,7 @@ _JOB_OPERATIONS = tuple(kind.operation.id for kind in JOB_KINDS.values())
 _PLANNED = Body(
     (Scenario, PlanFile),
     True,
-    "A scenario, as in a file of it, to find phases for; or a plan, as in a file of it, whose own "
+    "A scenario, as in its file, to find phases for; or a plan, as in its file, whose own "
     "orbits are judged with its scenario: of a plan, `scenario` and `vehicles` are read",
 )
 
@@ -104,7 +104,7 @@ HEADERS: dict[str, dict[str, Any]] = {
         "example": "5b1f0c52a7c14f7e9d4b8a1a6f0b6f0e",
     },
 }
-"""Headers of answers, by the name they are referred to with."""
+"""Headers of answers, by the name that refers to them."""
 
 SENT: dict[tuple[str, str], dict[str, str]] = {
     ("createPlan", "201"): {"Location": "Location", "ETag": "ETag"},

@@ -1,4 +1,4 @@
-"""Scenarios and plans as texts: as requests hold them, and as plans are stored."""
+"""Scenarios and plans as text: as requests send them, and as plans are stored."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal

@@ -1,4 +1,4 @@
-"""HTTP below the application: what can't be read as HTTP is answered with a problem as well."""
+"""HTTP below the application: what can't be read as HTTP gets a problem as well."""
 
 import json
 import uuid
@@ -21,7 +21,7 @@ _DETAILS = {
 
 
 class HttpProtocol(HttpToolsProtocol):
-    """uvicorn's protocol: refuses as the application does, and heads without end.
+    """uvicorn's protocol: refuses with problems as the application does, and endless heads.
 
     WebSockets are not spoken; a request to change to them is answered like any other.
     """
@@ -58,7 +58,7 @@ class HttpProtocol(HttpToolsProtocol):
         self._refuse(400)
 
     def _unsupported_upgrade_warning(self) -> None:
-        """Say nothing: no other protocol is spoken on purpose."""
+        """No warning: other protocols are left out on purpose."""
 
     def _refuse(self, status: int) -> None:
         """Answer with a problem, unless another answer is to come, and close the connection."""
@@ -78,7 +78,7 @@ class HttpProtocol(HttpToolsProtocol):
         if not self.transport.can_write_eof():
             self.transport.close()
             return
-        # closed at once, with bytes still coming in, the answer would be lost to a reset
+        # closed while bytes still arrive, the connection would be reset and the answer lost
         self.transport.write_eof()
         self.loop.call_later(_LINGER_S, self.transport.close)
 

@@ -115,7 +115,7 @@ class JobPage(_Answer):
 
 
 class JobEvent(_Answer):
-    """A change of a job, as the event stream tells it."""
+    """A change of a job, as an event of its stream."""
 
     state: JobState
     progress: Progress

@@ -36,8 +36,8 @@ class Keyring:
     def owner_of(self, presented: str | None) -> str:
         """Return the owner of a presented key; without configured keys always LOCAL_OWNER.
 
-        Raises Unauthorized for no key and for one that is not known. The time it takes tells
-        nothing of the keys: every digest is compared, to its last byte.
+        Raises Unauthorized for no key and for one that is not known. The time it takes reveals
+        nothing about the keys: every digest is compared, to its last byte.
         """
         if not self._owners:
             return LOCAL_OWNER

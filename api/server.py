@@ -1,4 +1,4 @@
-"""The application served on a socket until a signal ends it, those who follow jobs let go first."""
+"""The application served on a socket until a signal ends it; event streams end first."""
 
 import contextlib
 import signal
@@ -17,14 +17,14 @@ _GRACE_S = 5
 
 
 class _Server(uvicorn.Server):
-    """A server that tells streams of its end: on their own they would outlast its patience."""
+    """A server that ends streams when it closes; else they would outlast its grace period."""
 
     def __init__(self, config: uvicorn.Config, ending: Ending) -> None:
         super().__init__(config)
         self._ending = ending
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        """Begin to end."""
+        """End the streams, then the server."""
         self._ending.set()
         super().handle_exit(sig, frame)
 

@@ -39,9 +39,9 @@ class Settings(BaseSettings):
         allow_inf_nan=False,
     )
 
-    host: str = Field(default="127.0.0.1", description="address or name to listen at")
+    host: str = Field(default="127.0.0.1", description="address or name to listen on")
     port: int = Field(
-        default=8000, ge=0, le=65535, description="port to listen at; 0 takes a free one"
+        default=8000, ge=0, le=65535, description="port to listen on; 0 takes a free one"
     )
     data_dir: Path = Field(
         default_factory=lambda: _data_home() / "syncplan",
@@ -57,7 +57,7 @@ class Settings(BaseSettings):
         default=(),
         description="keys that clients may present: NAME:KEY or KEY, separated by commas",
     )
-    insecure: bool = Field(default=False, description="listen beyond this machine without any key")
+    insecure: bool = Field(default=False, description="listen beyond this machine without a key")
     body_limit_bytes: Count = Field(
         default=2**20, description="largest body of a request, in bytes"
     )
@@ -72,7 +72,7 @@ class Settings(BaseSettings):
     )
     max_sweep_values: Count = Field(default=50, description="most values in a sweep")
     plan_timeout_s: Seconds = Field(
-        default=20.0, description="longest a plan may compute, in seconds"
+        default=20.0, description="longest time to compute a plan, in seconds"
     )
     max_queued_jobs: Count = Field(default=20, description="most unfinished jobs of one key")
     max_plan_queue: Count = Field(default=64, description="most requests waiting for a process")
@@ -81,11 +81,11 @@ class Settings(BaseSettings):
         description="child processes that compute; one for each usable core if not given",
     )
     keep_jobs_s: Seconds = Field(
-        default=7 * 86400.0, description="how long ended jobs stay, in seconds"
+        default=7 * 86400.0, description="how long ended jobs are kept, in seconds"
     )
     keep_answers_s: Seconds = Field(
         default=86400.0,
-        description="how long an answer stays under its Idempotency-Key, in seconds",
+        description="how long an answer is kept under its Idempotency-Key, in seconds",
     )
     heartbeat_s: Seconds = Field(
         default=2.0, description="time between a worker's heartbeats, in seconds"
@@ -96,7 +96,7 @@ class Settings(BaseSettings):
     batch_s: Seconds = Field(
         default=7.0, description="computing time aimed at for a batch, in seconds"
     )
-    embedded_worker: bool = Field(default=True, description="let the server work on jobs as well")
+    embedded_worker: bool = Field(default=True, description="let the server run jobs as well")
     log_level: Literal["debug", "info", "warning", "error"] = Field(
         "info", description="least severity that is logged"
     )
@@ -163,19 +163,19 @@ def load_settings(**overrides: Any) -> Settings:
         return Settings(**given)
     except ValidationError as error:
         faults = [
-            (_label(str(item["loc"][0]), given), _told(str(item["loc"][0]), dict(item)))
+            (_label(str(item["loc"][0]), given), _shown(str(item["loc"][0]), dict(item)))
             for item in error.errors(include_url=False)
         ]
     (key, problem), rest = faults[0], faults[1:]
-    told = [problem, *(f"{name}: {text}" for name, text in rest)]
-    raise InputError("; ".join(told), key=key)
+    shown = [problem, *(f"{name}: {text}" for name, text in rest)]
+    raise InputError("; ".join(shown), key=key)
 
 
 def _label(name: str, given: dict[str, Any]) -> str:
     return name if name in given else PREFIX + name.upper()
 
 
-def _told(name: str, fault: dict[str, Any]) -> str:
+def _shown(name: str, fault: dict[str, Any]) -> str:
     if fault["type"] == "extra_forbidden":
         return "is no setting"
     message = str(fault["msg"]).removeprefix("Value error, ").replace("Input should", "must")

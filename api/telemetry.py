@@ -15,7 +15,7 @@ REMEDY = "pip install 'fastapi[opentelemetry]'"
 
 
 def telemetry_options(settings: Settings) -> TelemetryConfig:
-    """Return FastAPI's argument `telemetry`; where to export to is told by OTEL_* variables.
+    """Return FastAPI's argument `telemetry`; OTEL_* variables say where to export to.
 
     Raises InputError if telemetry is asked for and the packages that export it are missing.
     """

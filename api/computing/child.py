@@ -1,4 +1,4 @@
-"""A child process that works off tasks by name, and the parent's handle on it."""
+"""A child process that runs tasks by name, and the parent's handle on it."""
 
 import contextlib
 import gc
@@ -17,7 +17,7 @@ __all__ = ["Child", "ChildGoneError", "TaskFailedError", "TooSlowError", "serve"
 _PROGRESS_EVERY_S = 0.2
 _WITH_PROGRESS = {"computed_batch", "computed_job"}
 _POLITE = 10
-"""How far work in the background stands back for requests (nice)."""
+"""How far background work yields to requests (nice)."""
 
 
 class ChildGoneError(Exception):
@@ -25,7 +25,7 @@ class ChildGoneError(Exception):
 
 
 class TaskFailedError(Exception):
-    """The task has a fault of its own; the text is the trace, for the log alone."""
+    """The task failed through a fault of the program; the text is the trace, for the log alone."""
 
 
 class TooSlowError(Exception):
@@ -33,11 +33,11 @@ class TooSlowError(Exception):
 
 
 class Child:
-    """One child process; a task at a time. Not for several threads, but for `kill`.
+    """One child process, one task at a time. Only `kill` may be called from another thread.
 
     Parameters
     ----------
-    background : whether it stands back for others and gets ready to fly trials
+    background : whether it yields to others and prepares to run trials
     """
 
     def __init__(self, *, background: bool) -> None:
@@ -96,7 +96,7 @@ def _as_error(kind: str, problem: str, key: str, faults: list[tuple[str, str, st
 
 
 def serve(descriptor: int) -> None:
-    """Work off tasks until the parent goes: what the process runs."""
+    """Run tasks until the parent ends: the process's main function."""
     connection = connect_to_parent(descriptor)
     background = connection.recv()
     if background:
@@ -104,19 +104,19 @@ def serve(descriptor: int) -> None:
     tasks.warm_up(trials=background)
     if not background:
         renditions.ready()
-    # what is loaded by now stays: the collector need not look through it again and again
+    # what is loaded by now stays: the collector need not scan it again and again
     gc.freeze()
 
     def progress_every() -> Callable[[int], None]:
         last = time.monotonic()
 
-        def told(done: int) -> None:
+        def report(done: int) -> None:
             nonlocal last
             if time.monotonic() - last >= _PROGRESS_EVERY_S:
                 last = time.monotonic()
                 connection.send(("progress", done))
 
-        return told
+        return report
 
     with contextlib.suppress(EOFError, BrokenPipeError):
         while True:

@@ -1,4 +1,4 @@
-"""A pool of child processes: tasks wait in order, a task may be given up, the memory stays small.
+"""A pool of child processes: tasks wait in order and can be given up; memory stays bounded.
 
     submit --> waiting --> a thread for each child --> the child process
                  |                                          |
@@ -57,9 +57,9 @@ class Ticket:
     child: Child | None = None
 
     def settle(self, error: Exception | None, value: Any = None) -> None:
-        """Tell who waits what came of the task, unless nobody does any more."""
+        """Hand the outcome to the caller, unless it no longer waits."""
         if not self.future.cancelled():
-            # whoever waits may go at this very moment
+            # the caller may give up at this very moment
             with contextlib.suppress(InvalidStateError):
                 if error is None:
                     self.future.set_result(value)
@@ -80,7 +80,7 @@ class Pool:
     Parameters
     ----------
     size : processes
-    background : whether they stand back for others
+    background : whether they yield to others
     most_waiting : tasks that may wait before PoolFullError; no limit if None
     """
 
@@ -101,7 +101,7 @@ class Pool:
 
     @property
     def busy(self) -> int:
-        """Number of processes at work."""
+        """Number of processes that compute something."""
         return len(self._running)
 
     def submit(

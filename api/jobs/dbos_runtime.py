@@ -18,8 +18,8 @@ class Runtime:
 
     Attributes
     ----------
-    at_work : the workflows that this process is at; one begun anew while it ran is there twice
-    closing : set once the process is about to end, so that nothing killed then counts as failed
+    at_work : the workflows that this process runs; one restarted while it ran is there twice
+    closing : set before the process ends, so that what is killed then does not count as failed
     """
 
     settings: Settings
@@ -30,7 +30,7 @@ class Runtime:
 
     @contextmanager
     def at(self, workflow_id: str) -> Iterator[None]:
-        """Be at a workflow until the block ends."""
+        """Count a workflow as running until the block ends."""
         self.at_work.append(workflow_id)
         try:
             yield
@@ -42,7 +42,7 @@ _in_use: list[Runtime] = []
 
 
 def use(runtime: Runtime | None) -> None:
-    """Let the workflows of this process work with a runtime; None when it is over."""
+    """Let the workflows of this process use a runtime; None ends its use."""
     _in_use[:] = [] if runtime is None else [runtime]
 
 

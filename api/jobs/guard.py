@@ -1,12 +1,12 @@
-"""Heartbeats, and what is done about processes without one.
+"""Heartbeats, and what happens to the work of processes without one.
 
 Every process raises its count in the database every few seconds and watches the counts of the
 others: a count that has not changed for a while belongs to a dead process. A watcher that could not
-look for a time, because the database was away or held by somebody, or because it was frozen itself,
+look for a time, because the database was away or locked, or because it was frozen itself,
 counts no more of that time than one heartbeat, since the others could do no better; so an outage
-makes nobody dead. Workflows begun by a process that is not on the list go back to their queues, and
-so do those that this process has begun and is no longer at, because a fault ended them without a
-trace in the database.
+declares no process dead. Workflows begun by a process that is not on the list go back to their
+queues, and so do those that this process has begun and no longer runs, because a fault ended them
+without a trace in the database.
 """
 
 import logging
@@ -36,7 +36,7 @@ _logger = logging.getLogger("syncplan.guard")
 
 
 class Guard:
-    """A thread that keeps this process on the list of the living and looks after the others.
+    """A thread that keeps this process on the list of live processes and watches the others.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ class Guard:
         self._thread.start()
 
     def close(self) -> None:
-        """Stop, and strike this process off the list: what it had begun goes on elsewhere."""
+        """Stop, and remove this process from the list: what it had begun continues elsewhere."""
         self._stop.set()
         self._thread.join(timeout=10.0)
         if self._executor_id is not None:
@@ -90,7 +90,7 @@ class Guard:
                     executors.forget(connection, self._executor_id)
                 self._resume_orphans()
             except Exception as error:
-                _logger.warning("could not strike this process off the list: %s", error)
+                _logger.warning("could not remove this process from the list: %s", error)
 
     def _run(self) -> None:
         while not self._stop.wait(self._heartbeat_s):
@@ -100,12 +100,12 @@ class Guard:
                 _logger.warning("no heartbeat: %s", error)
 
     def look_after(self) -> None:
-        """Raise this process's count, strike the dead off, take up what they left."""
+        """Raise this process's count, remove dead processes, and resume what they left."""
         with self._database.writing() as connection:
             if self._executor_id is not None:
                 executors.beat(connection, self._executor_id)
             for dead, beats in self._dead(executors.living(connection)).items():
-                _logger.warning("process %s is dead; its jobs go on elsewhere", dead)
+                _logger.warning("process %s is dead; its jobs continue elsewhere", dead)
                 executors.forget(connection, dead, beats)
         self._resume_orphans()
         if self._clock() - self._swept >= _SWEEP_EVERY_S:
@@ -131,7 +131,7 @@ class Guard:
         }
 
     def _resume_orphans(self) -> None:
-        """Put back what nobody is at: what processes not on the list had begun, or this one."""
+        """Put abandoned workflows back: of processes not on the list, or dropped by this one."""
         # of this application: others may keep theirs in the same database
         begun = self._client.list_workflows(
             status="PENDING",
@@ -152,11 +152,11 @@ class Guard:
                 orphans[workflow.queue_name].append(name)
         self._dropped = dropped
         for queue_name, identifiers in orphans.items():
-            _logger.warning("taking up %d workflows that nobody is at", len(identifiers))
+            _logger.warning("resuming %d abandoned workflows", len(identifiers))
             self._client.resume_workflows(identifiers, queue_name=queue_name)
 
     def _fail_lost(self) -> None:
-        """Fail jobs whose workflow is broken or gone, so that nobody waits for them for ever."""
+        """Fail jobs whose workflow is broken or gone, so that no client waits for them for ever."""
         with self._database.reading() as connection:
             waiting = job_records.unfinished(connection)
         for first in range(0, len(waiting), _BATCH):

@@ -1,4 +1,4 @@
-"""Handing jobs in: a job and the workflow that does it are entered in one transaction."""
+"""Submitting jobs: a job and its workflow are entered in one transaction."""
 
 from dbos import DBOS, DBOSClient, EnqueueOptions
 from sqlalchemy import Connection
@@ -10,7 +10,7 @@ JOBS_QUEUE = "syncplan-jobs"
 JOB_WORKFLOW = "syncplan-job"
 
 WORKFLOWS_VERSION = "1"
-"""Raised when jobs begun by an older syncplan can't be gone on with; they then fail, and say so."""
+"""Raised when jobs begun by an older syncplan can't be continued; they then fail and say so."""
 
 
 class JobQueue:
@@ -36,5 +36,5 @@ class JobQueue:
         self.client.enqueue_in_transaction(connection, options, job_id)
 
     def close(self) -> None:
-        """Let go of the database."""
+        """Close the connection to the database."""
         self.client.destroy()

@@ -26,7 +26,7 @@ _logger = logging.getLogger("syncplan.worker")
 
 
 class Worker:
-    """Works on jobs from its making to `close`; one in a process at a time."""
+    """Runs jobs from its creation to `close`; one per process at a time."""
 
     def __init__(self, settings: Settings, database: Database) -> None:
         self.executor_id = f"{socket.gethostname()[:32]}-{os.getpid()}-{secrets.token_hex(4)}"
@@ -38,7 +38,7 @@ class Worker:
         self._guard = guard_of(
             settings, database, self._queue, self.executor_id, self._runtime.at_work
         )
-        # first: what is begun by a process that is not on the list is taken up by others
+        # first: others take over what a process that is not on the list has begun
         self._guard.start()
         DBOS(config=_config(settings, self.executor_id))
         DBOS.listen_queues([JOBS_QUEUE, BATCHES_QUEUE])
@@ -53,7 +53,7 @@ class Worker:
         _logger.info("worker %s with %d processes", self.executor_id, size)
 
     def close(self) -> None:
-        """Give up the work at hand; another process, or this one's successor, takes it up."""
+        """Give up the jobs that run; another process, or this one's successor, continues them."""
         self._runtime.closing.set()
         self.pool.close()
         DBOS.destroy(workflow_completion_timeout_sec=0)

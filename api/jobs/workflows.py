@@ -3,8 +3,8 @@
     run_job:  start --> divide into batches --> run_batch on any worker, each --> conclude
               start --> compute whole --> conclude
 
-Workflows only order steps. A step may run twice, on two workers even, when one of them is taken
-for dead: what it writes is the same, and written once. What ends a job is its row in the database:
+Workflows only order steps. A step may run twice, even on two workers, when one of them is presumed
+dead: it writes the same, and only once. What ends a job is its row in the database:
 a step that finds its job ended does nothing.
 
 Names of workflows, steps and queues are in the database of every job begun: they stay as they are.
@@ -262,7 +262,7 @@ async def _goes_on(job_id: str, done: int, number: int | None) -> bool:
 
 
 async def _stay_if_closing() -> None:
-    """Never come back in a process that is about to end: another one takes the workflow up."""
+    """Never return in a process that is about to end: another one continues the workflow."""
     while current().closing.is_set():
         await asyncio.sleep(1.0)
 

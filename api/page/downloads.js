@@ -1,4 +1,4 @@
-// Files to take along: the scenario, the plan, and every export of it.
+// Files to save: the scenario, the plan, and every export of it.
 
 import { byId, element, notice, save, shown } from "./elements.js";
 import { ask } from "./service.js";

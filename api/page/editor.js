@@ -1,4 +1,4 @@
-// The scenario as a form: every field has a path, and a fault is told next to its field.
+// The scenario as a form: every field has a path, and a fault is shown next to its field.
 
 import { Body } from "./body.js";
 import { byId, element, mark } from "./elements.js";

@@ -33,14 +33,14 @@ export function shown(value, unit = "") {
   return unit ? `${text} ${unit}` : text;
 }
 
-/** Tell people something, in the one line for it; an empty text clears it. */
+/** Show a message in the line for messages; an empty text clears it. */
 export function notice(text, { fault = false } = {}) {
   const line = byId("notice");
   line.textContent = text;
   line.classList.toggle("bad", fault);
 }
 
-/** Tell what is wrong with an input next to it, in the element of its id and "-fault". */
+/** Show what is wrong with an input next to it, in the element of its id and "-fault". */
 export function mark(input, text) {
   const place = byId(`${input.id}-fault`);
   if (place.textContent === text) return;

@@ -6,7 +6,7 @@ import { element, mark } from "./elements.js";
 export class Fields {
   #inputs = new Map();
 
-  /** Return a label, its input and the place where its fault is told; `changed` hears each new value. */
+  /** Return a label, its input and the place for its fault; `changed` hears each new value. */
   add({ path, label, unit, kind, min, key = path }, changed) {
     const id = `field-${key.replaceAll(/[^a-z0-9]+/gi, "-")}`;
     const input = kind === "choice" ? element("select", {}) : element("input", typed(kind, min));

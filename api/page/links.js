@@ -36,7 +36,7 @@ export class Links {
     this.#fault.textContent = "";
   }
 
-  /** Tell what is wrong with links, each at its place; returns the faults that are of something else. */
+  /** Show what is wrong with links, each at its place; returns the faults of anything else. */
   tell(faults) {
     const told = new Map();
     const others = [];

@@ -195,7 +195,7 @@ function labelOf(body) {
   return body.kind === "vehicle" ? `Circle of ${body.name}, centre at ${where}` : `Landmark ${body.name} at ${where}`;
 }
 
-/** A coordinate rounded to what a pixel tells. */
+/** A coordinate rounded to the size of a pixel. */
 function tidied(value, plot) {
   const { range, _length: length } = plot._fullLayout.xaxis;
   const pixel = Math.abs(range[1] - range[0]) / length;

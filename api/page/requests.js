@@ -5,7 +5,7 @@ import { vehiclesOf } from "./scenario.js";
 import { OBJECTIVES } from "./tables.js";
 
 const SERIES_LIMIT = 24;
-/** how far refinement may go where nobody said otherwise, in shares of the radii there are */
+/** how far refinement may go by default, in shares of the radii */
 const BOX_SHARE = 0.25;
 const RADIUS_SHARES = [0.75, 1.25];
 
@@ -51,7 +51,7 @@ export class RequestForm {
     }
   }
 
-  /** Tell what is wrong next to the fields it concerns. */
+  /** Show what is wrong next to the fields it concerns. */
   tell(error) {
     const rest = [];
     for (const { path, message } of error.faults || []) {

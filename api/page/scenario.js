@@ -20,7 +20,7 @@ export function editable(plan) {
   return scenario;
 }
 
-/** What of a scenario neither its orbits nor who meets whom rest on. */
+/** Keys of a scenario on which neither orbits nor meetings depend. */
 const LOOSE = ["name", "start_time", "geo_origin", "duration_s", "motion", "initial_sigma"];
 const LOOSE_OF_SENSOR = ["bearing_sigma_rad"];
 

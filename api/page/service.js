@@ -1,4 +1,4 @@
-// Requests to the service: what it refuses and what never reached it are told apart.
+// Requests to the service: a refusal and a lost connection are different errors.
 
 import { notice } from "./elements.js";
 
@@ -66,7 +66,7 @@ export function noSuchPlan(error) {
   throw new Refusal(error.status, { detail: "There is no such plan, or it belongs to another key." });
 }
 
-/** Return what a request comes to, asked again while the service is away; people are told at once. */
+/** Return the answer to a request, repeated while the service is away; a notice says so at once. */
 export async function patiently(request) {
   let told = false;
   try {

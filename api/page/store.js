@@ -17,7 +17,7 @@ export class Store extends EventTarget {
   scenario = null;
   plan = null;
   selected = null;
-  /** identifier of the plan as stored; null while it is an edit that nobody has stored */
+  /** identifier of the plan as stored; null while it is an edit not yet stored */
   planId = null;
   /** orbits that were given and hold for the scenario: `{ vehicles, origin }`, or null */
   given = null;
@@ -63,12 +63,12 @@ export class Store extends EventTarget {
     this.#tell("scenario", { live, lost: given && !this.given });
   }
 
-  /** Start over with a plan, stored or not; `origin` says where phases come from that were given. */
+  /** Start over with a plan, stored or not; `origin` says where its given phases come from. */
   open({ plan, planId = null, origin = "given" }) {
     const scenario = editable(plan);
     const { method } = plan.synchronisation;
-    const whence = { refined: "refined", given: origin }[method];
-    const given = whence ? { vehicles: orbitsOf(plan), origin: whence } : null;
+    const source = { refined: "refined", given: origin }[method];
+    const given = source ? { vehicles: orbitsOf(plan), origin: source } : null;
     this.reopen({ scenario, anchor: { scenario, planId, given } }, plan);
   }
 
@@ -91,7 +91,7 @@ export class Store extends EventTarget {
     this.#tell("plan", { figures, quick, again, current: scenario === this.scenario });
   }
 
-  /** Tell what is wrong; `why` is "fault", "away" or "key". */
+  /** Report what is wrong; `why` is "fault", "away" or "key". */
   faulty(faults, message, why) {
     this.#tell("faults", { faults, message, why });
   }

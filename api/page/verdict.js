@@ -24,7 +24,7 @@ const ORIGINS = {
   given: "as given",
 };
 
-/** Shows the verdict on a store's plan; one that is not of what the fields hold is told as such. */
+/** Shows the verdict on a store's plan, and says when the fields hold something else. */
 export function showVerdicts(store) {
   const place = byId("verdict");
   const badge = byId("badge");

@@ -1,4 +1,4 @@
-// Refinement and validation as jobs: handed in, followed, cancelled, and what came of them.
+// Refinement and validation as jobs: submitted, followed, cancelled, and their results.
 
 import { byId, element, notice, shown } from "./elements.js";
 import { follow } from "./events.js";
@@ -134,7 +134,7 @@ export class Work {
     try {
       await ask("POST", `v1/jobs/${this.#following}/cancel`);
     } catch (error) {
-      // 409: it has ended meanwhile, which the events tell as well
+      // 409: it has ended meanwhile, which the events report as well
       if (!(error instanceof Refusal && error.status === 409)) this.#fault.textContent = error.message;
     }
   }

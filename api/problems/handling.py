@@ -1,4 +1,4 @@
-"""Every failure of a request comes out as a problem document; its trace goes to the log alone."""
+"""Every failed request is answered with a problem document; the trace goes to the log alone."""
 
 import json
 import logging
@@ -37,21 +37,21 @@ def install_handlers(app: FastAPI) -> None:
     for kind in TABLE:
         if kind is not Exception:
             app.add_exception_handler(kind, _answered)
-    # what fails further out than Answered: the server logs it
+    # what fails outside Answered: the server logs it
     app.add_exception_handler(Exception, _unlogged)
     app.add_middleware(Answered, body_limit_bytes=limit)
     document_problems(app)
 
 
 class Answered:
-    """ASGI middleware that lets no exception out and no body in beyond the limit."""
+    """ASGI middleware that lets no exception escape and no body exceed the limit."""
 
     def __init__(self, app: ASGIApp, body_limit_bytes: int | None) -> None:
         self.app = app
         self.limit = body_limit_bytes
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer one request, whatever happens further in."""
+        """Answer one request, whatever happens inside."""
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
@@ -68,7 +68,7 @@ class Answered:
         except Exception as error:
             if started:
                 # the server sees an answer without its end and closes the connection
-                _log.error("answer broken off: %s", type(error).__name__, exc_info=error)
+                _log.error("answer cut short: %s", type(error).__name__, exc_info=error)
                 return
             response = await _answered(Request(scope), error)
             await response(scope, receive, send)

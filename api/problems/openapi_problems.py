@@ -14,7 +14,7 @@ _ID = "5b1f0c52a7c14f7e9d4b8a1a6f0b6f0e"
 _FAULT = FaultEntry(path="sensor.range_m", value=-5, message="-5: must be greater than 0")
 _RETRY = {
     "Retry-After": {
-        "description": "seconds after which another try is worth it",
+        "description": "seconds to wait before another try",
         "schema": {"type": "integer", "minimum": 1},
     }
 }
@@ -31,13 +31,13 @@ _DETAILS = {
     404: "no plan has this id",
     405: "this path does not take the method",
     406: "the Accept header excludes application/json, which is all there is here",
-    409: "the job has ended already",
+    409: "the job has already ended",
     412: "the plan is not the one If-Match names",
     413: "the body is larger than 1048576 bytes",
     415: "text/plain: the body must be application/json or application/yaml",
     422: "sensor.range_m: -5: must be greater than 0",
-    429: "20 jobs of this key are unfinished, as many as allowed; wait for one to end",
-    500: "the service failed on this request; its log tells why, under this request id",
+    429: "you have 20 unfinished jobs, the most allowed; wait for one to end, or cancel one",
+    500: "the service failed on this request; its log says why, under this request id",
     503: "the database can't be used just now; try again",
     507: "the storage is full; nothing was stored",
 }

@@ -38,28 +38,28 @@ class ServiceError(Exception):
 
 
 class NotFound(ServiceError):
-    """404: there is no such thing, or it is another owner's."""
+    """404: there is no such resource, or it is another owner's."""
 
     def __init__(self, detail: str) -> None:
         super().__init__(404, detail)
 
 
 class Conflict(ServiceError):
-    """409: what is asked for does not fit the state of the thing."""
+    """409: the request does not fit the state of the resource."""
 
     def __init__(self, detail: str) -> None:
         super().__init__(409, detail)
 
 
 class PreconditionFailed(ServiceError):
-    """412: the thing is not the one If-Match names."""
+    """412: the resource is not the one that If-Match names."""
 
     def __init__(self, detail: str) -> None:
         super().__init__(412, detail)
 
 
 class KeyReused(ServiceError):
-    """422: an Idempotency-Key that came with another request before."""
+    """422: an Idempotency-Key that was used for another request."""
 
     def __init__(
         self, detail: str = "this Idempotency-Key came with another request; take a new one"
@@ -84,14 +84,14 @@ class Unauthorized(ServiceError):
 
 
 class TooManyRequests(ServiceError):
-    """429: the owner has as much in work as allowed; worth another try in `retry_after_s`."""
+    """429: the owner has as many unfinished jobs as allowed; try again after `retry_after_s`."""
 
     def __init__(self, detail: str, *, retry_after_s: float) -> None:
         super().__init__(429, detail, headers=_retry_after(retry_after_s))
 
 
 class Unavailable(ServiceError):
-    """503: the service can't serve anybody now; worth another try in `retry_after_s`."""
+    """503: the service can't answer now; try again after `retry_after_s`."""
 
     def __init__(self, detail: str, *, retry_after_s: float = 2.0) -> None:
         super().__init__(503, detail, headers=_retry_after(retry_after_s))

@@ -21,7 +21,7 @@ __all__ = ["TABLE", "FailedRequest", "Logged", "failure_of"]
 MOST_ERRORS = 50
 """Most faults that are listed of one request."""
 
-INTERNAL = "the service failed on this request; its log tells why, under this request id"
+INTERNAL = "the service failed on this request; its log says why, under this request id"
 NO_SOLUTION = "urn:syncplan:no-solution"
 """The type of problem that is not the request's form: nothing fulfils what it asks for."""
 
@@ -32,7 +32,7 @@ SENTENCES = {
     "Method Not Allowed": "this path does not take the method",
     "There was an error parsing the body": "the body can't be read; send JSON in UTF-8",
 }
-"""What the framework says, in words that help."""
+"""The framework's sentences, in words that help."""
 
 _PLACES = {"query", "path", "header", "cookie"}
 _DISK_FULL = "53100"

@@ -1,4 +1,4 @@
-"""Jobs: handed in, looked at, followed, cancelled, and what came of them."""
+"""Jobs: submitted, read, followed, cancelled, and their results."""
 
 import asyncio
 from collections.abc import AsyncIterator
@@ -32,7 +32,7 @@ __all__ = ["Owned", "router"]
 router = APIRouter(tags=["jobs"])
 
 _JSON = [Depends(accepts("application/json"))]
-_HANDED_IN = problem_responses(401, 404, 406, 413, 415, 422, 429, 503, 507)
+_SUBMITTED = problem_responses(401, 404, 406, 413, 415, 422, 429, 503, 507)
 _RETRY_AFTER_S = 5
 _LOOK_EVERY_S = 0.3
 
@@ -41,10 +41,10 @@ def _offer(kind: JobKind) -> None:
     """Add the route that takes requests for jobs of a kind."""
 
     async def create_about_plan(plan_id: Identifier, call: CurrentCall) -> Response:
-        return await _hand_in(call, kind, plan_id)
+        return await _submit(call, kind, plan_id)
 
     async def create(call: CurrentCall) -> Response:
-        return await _hand_in(call, kind, None)
+        return await _submit(call, kind, None)
 
     operation = kind.operation
     router.add_api_route(
@@ -57,7 +57,7 @@ def _offer(kind: JobKind) -> None:
         operation_id=operation.id,
         summary=operation.summary,
         description=operation.description,
-        responses=_HANDED_IN,
+        responses=_SUBMITTED,
     )
 
 
@@ -127,30 +127,32 @@ async def follow_job(
     ending: CurrentEnding,
     last_event_id: Annotated[
         str,
-        Header(alias="Last-Event-ID", pattern="^[0-9]{1,9}$", description="Go on after this event"),
+        Header(
+            alias="Last-Event-ID", pattern="^[0-9]{1,9}$", description="Continue after this event"
+        ),
     ] = "0",
 ) -> AsyncIterator[ServerSentEvent]:
     """Every change of a job as a server-sent event; the stream ends when the job has ended.
 
-    It also ends with the server; Last-Event-ID goes on where it ended.
+    It also ends with the server; send Last-Event-ID to continue where it ended.
     """
 
     def changes(after: int) -> list[tuple[int, str]]:
         with service.database.reading() as connection:
             return events_after(connection, row.id, after)
 
-    told, ended = int(last_event_id), False
+    seen, ended = int(last_event_id), False
     while not ended and not ending.is_set():
         try:
             # the state first: all that led to it is among the events then
             now = await run_in_threadpool(_state, service, row.id)
-            found = await run_in_threadpool(changes, told)
+            found = await run_in_threadpool(changes, seen)
         except Exception as error:
             if not unavailable(error):
                 raise
             now, found = "running", []
         for number, data in found:
-            told = number
+            seen = number
             yield ServerSentEvent(id=str(number), event="job", raw_data=data)
         ended = (now is None or has_ended(now)) and len(found) < MOST_EVENTS
         if not ended:
@@ -171,9 +173,9 @@ def _state(service: Service, job_id: str) -> JobState | None:
     responses=problem_responses(401, 404, 406, 409, 413, 422, 503, 507),
 )
 async def cancel_job(row: Owned, call: EmptyCall) -> Response:
-    """Stop a job; what runs of it stops within two seconds. A job that has ended stays as it is.
+    """Stop a job within two seconds. A job that has ended stays as it is.
 
-    Takes no body; one that is sent is not looked at.
+    Takes no body and ignores one that is sent.
     """
 
     async def nothing() -> None:
@@ -183,7 +185,7 @@ async def cancel_job(row: Owned, call: EmptyCall) -> Response:
         if not job_records.end_job(connection, row.id, "cancelled"):
             state = job_records.state_of(connection, row.id)
             if state != "cancelled":
-                raise Conflict(f"the job has ended already: it has {state}")
+                raise Conflict(f"the job has already ended: it has {state}")
         now = job_records.find_job(connection, call.owner, row.id)
         if now is None:
             raise NotFound(f"there is no job {row.id}")
@@ -238,7 +240,7 @@ def read_trials(row: Owned, service: CurrentService) -> Response:
     return Response(trials, media_type="application/octet-stream")
 
 
-async def _hand_in(call: Call, kind: JobKind, plan_id: str | None) -> Response:
+async def _submit(call: Call, kind: JobKind, plan_id: str | None) -> Response:
     service = call.service
 
     async def compute() -> NewJob:
@@ -256,7 +258,7 @@ async def _hand_in(call: Call, kind: JobKind, plan_id: str | None) -> Response:
         waiting = len(job_records.unfinished(connection, call.owner))
         if waiting >= service.settings.max_queued_jobs:
             raise TooManyRequests(
-                f"you have {waiting} unfinished jobs, the most there may be; "
+                f"you have {waiting} unfinished jobs, the most allowed; "
                 "wait for one to end, or cancel one",
                 retry_after_s=_RETRY_AFTER_S,
             )

@@ -80,7 +80,7 @@ def open_database(url: str) -> Database:
     try:
         if parsed.get_backend_name() == "sqlite":
             folder = Path(parsed.database or "").parent
-            # what it holds is for nobody else on this machine
+            # no other user of this machine may read it
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             os.close(os.open(parsed.database or "", os.O_CREAT | os.O_RDWR, 0o600))
         database = Database(_engine(url, parsed.get_backend_name() == "sqlite"))
@@ -100,7 +100,7 @@ def _engine(url: str, sqlite: bool) -> Engine:
         "pool_size": 10,
         "max_overflow": 30,
         "pool_timeout": BUSY_S,
-        # what customers plan is nothing for logs
+        # what users plan does not belong in logs
         "hide_parameters": True,
     }
     if not sqlite:

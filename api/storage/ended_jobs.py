@@ -17,5 +17,5 @@ def ended_before(connection: Connection, time: str, most: int) -> list[str]:
 
 
 def delete_jobs(connection: Connection, job_ids: Sequence[str]) -> None:
-    """Delete jobs, with all that hangs on them."""
+    """Delete jobs, with everything that refers to them."""
     connection.execute(delete(jobs).where(jobs.c.id.in_(job_ids)))

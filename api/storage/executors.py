@@ -22,7 +22,7 @@ def living(connection: Connection) -> dict[str, int]:
 
 
 def forget(connection: Connection, executor_id: str, beats: int | None = None) -> None:
-    """Strike an executor off, if its count is still the one given."""
+    """Remove an executor, if its count is still the one given."""
     query = delete(executors).where(executors.c.id == executor_id)
     if beats is not None:
         query = query.where(executors.c.beats == beats)

@@ -1,4 +1,4 @@
-"""What workers ask of a job: whether to begin, what to compute, for whom, and what came of it."""
+"""What workers ask about a job: whether to begin, what to compute, for whom, and its result."""
 
 from sqlalchemy import Connection, func, select
 

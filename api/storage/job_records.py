@@ -1,4 +1,4 @@
-"""Jobs kept: what was asked, how far it is, what came of it, and every change as an event.
+"""Stored jobs: request, progress and result, and every change as an event.
 
 syncplan.reports.job_contract has the states a job goes through. Each change raises the job's event
 number in the same transaction, so that events are numbered without gaps and a reader who has seen
@@ -115,7 +115,7 @@ def list_jobs(
 
 
 def hold_owner(connection: Connection, owner: str) -> None:
-    """Let an owner's transactions that do this go one after the other."""
+    """Let an owner's transactions that call this follow one another."""
     if connection.dialect.name == "postgresql":
         connection.execute(select(func.pg_advisory_xact_lock(func.hashtext(owner))))
 

@@ -17,7 +17,7 @@ class AnswerTakenError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """A response as it was given; `request_digest` tells what it answered."""
+    """A response as it was given; `request_digest` identifies the request it answered."""
 
     request_digest: str
     status: int

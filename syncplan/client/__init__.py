@@ -1,4 +1,4 @@
-"""The library computed by a service: requests, repeated while it is away, and its answers as types.
+"""A client of the service: requests, repeated while it is away, and its answers as types.
 
 connection       requests and the errors they mean
 service_client   plans and jobs of a service

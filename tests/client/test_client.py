@@ -181,7 +181,7 @@ def test_waiting_ends_in_time_and_the_job_goes_on_until_it_is_cancelled(
 def test_a_job_that_has_succeeded_is_not_cancelled(client: Client, stored: RemotePlan) -> None:
     job = client.validate(stored, trials=1, duration=1.0)
     client.wait(job)
-    with pytest.raises(RemoteError, match="409: the job has ended already") as caught:
+    with pytest.raises(RemoteError, match="409: the job has already ended") as caught:
         client.cancel(job)
     assert caught.value.status == 409
 
