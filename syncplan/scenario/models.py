@@ -96,7 +96,7 @@ class Orbit(Section):
         if self.speed_mps is None:
             return self
         speeds = self.speed_mps if isinstance(self.speed_mps, list) else [self.speed_mps]
-        count = max(len(speeds), len(radii))
+        count = max(len(speeds), len(radii), 1)
         if len(speeds) not in (1, count) or len(radii) not in (1, count):
             raise fault(
                 "speed_mps", f"has {len(speeds)} values for {len(radii)} radii", self.speed_mps

@@ -393,3 +393,13 @@ def test_the_schema_tells_which_keys_go_together(
 def test_the_example_files_are_as_the_schema_says(path: Path) -> None:
     values = parse_values(path.read_text(), "")
     assert jsonschema_rs.validator_for(Scenario.model_json_schema()).is_valid(values)
+
+
+def test_speeds_and_radii_that_are_both_empty_are_a_fault_of_the_input() -> None:
+    document = {
+        "orbit": {"radius_m": [], "speed_mps": []},
+        "formation": {"centers_m": [[0.0, 0.0], [70.0, 0.0]]},
+        "sensor": {"range_m": 50.0, "bearing_sigma_rad": 0.1},
+    }
+    with pytest.raises(InputError, match=r"orbit\.speed_mps.*has 0 values for 0 radii"):
+        scenario_from(document)
