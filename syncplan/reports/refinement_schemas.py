@@ -43,16 +43,18 @@ else:
 
 
 class StartResult(DocumentPart):
-    """What one start of the solver came to."""
+    """The result of one start of the solver."""
 
-    start: int = Field(description="0 the plan, 1 the rules desynchronised, then random ones")
-    status: str = Field(description="IPOPT's")
+    start: int = Field(description="0: the plan; 1: the rules desynchronised; then random ones")
+    status: str = Field(description="IPOPT's return status")
     iterations: int
-    constraint_violation: float | None = Field(description="IPOPT's, scaled")
-    dual_infeasibility: float | None = Field(description="IPOPT's, scaled")
+    constraint_violation: float | None = Field(description="At the end, as IPOPT scales it")
+    dual_infeasibility: float | None = Field(description="At the end, as IPOPT scales it")
     value: float | None = Field(description="Exact objective of the best candidate")
-    violations: list[str] = Field(description="What the input met and the candidate does not")
-    unmet: list[str] = Field(description="What the solver could not meet")
+    violations: list[str] = Field(
+        description="Constraints that the input met and the candidate violates"
+    )
+    unmet: list[str] = Field(description="Constraints that the solver could not meet")
 
 
 class RefinementResult(DocumentPart):

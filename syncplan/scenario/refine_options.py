@@ -82,7 +82,8 @@ class RefineOptions(Section):
         default=60.0, description="Wall time after which the best plan so far is taken"
     )
     starts: Annotated[int, Field(ge=1, le=1000)] = Field(
-        default=4, description="Starting points: the plan, the rule desynchronised, random ones"
+        default=4,
+        description="Starting points: the plan, the rules desynchronised, then random ones",
     )
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(
         default=0, description="Seed of the starting points"
@@ -93,7 +94,7 @@ class RefineOptions(Section):
         if not self.vary:
             raise fault("vary", "is empty; name at least one of phases, centers, radii")
         if len(set(self.vary)) < len(self.vary):
-            raise fault("vary", "names one of them twice", self.vary)
+            raise fault("vary", "names one value twice", self.vary)
         _check_order("radius_m", self.radius_m)
         if self.radius_m is not None and "radii" not in self.vary:
             raise fault("radius_m", "does nothing unless vary names radii")
