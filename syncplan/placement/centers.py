@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from syncplan.arrays import Array, Index, as_pairs
+from syncplan.arrays import Array, Index, as_pairs, short_repr
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.orbits.separation import outer_gaps
 from syncplan.placement.demands import Demands, demands_of
@@ -32,7 +32,7 @@ __all__ = ["Placement", "place"]
 _SHAPE_ACCURACY = 1e-12
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Placement:
     """A scenario with its centres found, and what they attain, recomputed from the centres.
 
@@ -65,6 +65,8 @@ class Placement:
     starts: int
     iterations: int
     seed: int
+
+    __repr__ = short_repr
 
 
 @single_threaded_blas
