@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index, short_repr
-from syncplan.orbits.circles import Orbits, heading, perpendicular, unit
-from syncplan.orbits.paths import NO_LANDMARKS, RelativeMotion, relative_motion
+from syncplan.orbits.circles import Orbits
+from syncplan.orbits.paths import NO_LANDMARKS, RelativeMotion, directions_at, rays, relative_motion
 from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.team import Team
 from syncplan.orbits.trigonometric_polynomials import real_roots
@@ -85,10 +85,8 @@ def range_polynomial(motion: RelativeMotion, ranges: Array | float = 0.0) -> Arr
     )
 
 
-def _edge_polynomial(motion: RelativeMotion, edge: Array, sense: Array) -> Array:
-    """(p, 5) coefficients of q x e(edge + sense tau): zero where the target is on that line."""
-    ray = unit(edge)
-    turned = sense[:, None] * perpendicular(ray)
+def _edge_polynomial(motion: RelativeMotion, ray: Array, turned: Array) -> Array:
+    """(p, 5) coefficients of q x (ray cos tau + turned sin tau): zero where q is on that line."""
     cosine_ray, sine_turned = _cross(motion.cosine, ray), _cross(motion.sine, turned)
     harmonic = ~motion.circular
     return np.column_stack(
@@ -145,16 +143,11 @@ def in_contact(
     half = 0.5 * sensors.fields_of_view[observers]
     limited = half < np.pi
     if limited.any():
-        sense, axis = orbits.senses[observers], _view_axes(orbits, sensors)[observers]
-        view = unit(axis[:, None] + sense[:, None] * np.broadcast_to(tau, distance.shape))
+        tau = np.broadcast_to(tau, distance.shape)
+        view = directions_at(orbits, observers, sensors.boresights[observers], tau)
         ahead = _dot(q, view)
         seen &= ~limited[:, None] | (ahead >= (np.cos(half)[:, None] - BOUNDARY_SLACK) * distance)
     return np.asarray(seen)
-
-
-def _view_axes(orbits: Orbits, sensors: Sensors) -> Array:
-    """(n,) rad: where each sensor looks at time 0; it turns with the heading."""
-    return heading(orbits, 0.0) + sensors.boresights
 
 
 def find_windows(team: Team, pairs: tuple[Index, Index] | None = None) -> Windows:
@@ -182,12 +175,11 @@ def _splits(orbits: Orbits, motion: RelativeMotion, sensors: Sensors, a: Index, 
     limited = np.flatnonzero((half < np.pi) & reached)
     if len(limited):
         part = motion.only(limited)
-        sense = orbits.senses[a[limited]]
-        axis = _view_axes(orbits, sensors)[a[limited]]
+        who = a[limited]
         for side in (-1.0, 1.0):
             edges = np.full((len(a), 4), np.nan)
-            polynomial = _edge_polynomial(part, axis + side * half[limited], sense)
-            edges[limited] = real_roots(polynomial)
+            edge = rays(orbits, who, sensors.boresights[who], side * half[limited])
+            edges[limited] = real_roots(_edge_polynomial(part, *edge))
             columns.append(edges)
     splits = np.concatenate(columns, axis=1)
     splits[np.isnan(splits)] = np.inf

@@ -1,6 +1,8 @@
 """Paths as trigonometric polynomials in time: all that contacts need to know of a circle.
 
 A body is at center + cosine cos(tau) + sine sin(tau), with tau = omega t; a landmark stands still.
+A direction fixed to a vehicle is along ray cos(tau) + turned sin(tau): on a circle the heading
+turns at the rate itself. An ellipse has both too, the second along its velocity.
 """
 
 from dataclasses import dataclass
@@ -8,9 +10,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.orbits.circles import Orbits, perpendicular, unit
+from syncplan.orbits.circles import Orbits, heading, perpendicular, unit
 
-__all__ = ["NO_LANDMARKS", "RelativeMotion", "body_paths", "relative_motion"]
+__all__ = [
+    "NO_LANDMARKS",
+    "RelativeMotion",
+    "body_paths",
+    "directions_at",
+    "rays",
+    "relative_motion",
+]
 
 
 NO_LANDMARKS: Array = np.zeros((0, 2))
@@ -73,3 +82,23 @@ def relative_motion(
         sine=sine[b] - sine[a],
         circular=(b >= orbits.count) | (senses[a] == senses[b]),
     )
+
+
+def rays(orbits: Orbits, vehicles: Index, boresights: Array, offsets: Array) -> tuple[Array, Array]:
+    """Return (ray, turned), each (p, 2): the direction `offsets` rad off the boresight of a sensor.
+
+    At tau it is along ray cos(tau) + turned sin(tau); `boresights` are (p,) rad from the heading.
+    """
+    ray = unit(_axes(orbits, vehicles, boresights) + offsets)
+    return ray, orbits.senses[vehicles][:, None] * perpendicular(ray)
+
+
+def directions_at(orbits: Orbits, vehicles: Index, boresights: Array, tau: Array) -> Array:
+    """Return the unit vectors (p, k, 2) along the boresights (p,) rad at tau (p, k) rad."""
+    axes, senses = _axes(orbits, vehicles, boresights), orbits.senses[vehicles]
+    return unit(axes[:, None] + senses[:, None] * tau)
+
+
+def _axes(orbits: Orbits, vehicles: Index, boresights: Array) -> Array:
+    """(p,) rad: where the sensors look at time 0."""
+    return np.asarray(heading(orbits, 0.0)[vehicles] + boresights)
