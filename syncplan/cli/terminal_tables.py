@@ -171,7 +171,7 @@ def _synchronisation(document: PlanDocument) -> str:
 def _vehicle_table(document: PlanDocument) -> Table:
     table = _table(
         "vehicles at time 0, with the predicted RMS error",
-        ("vehicle", "centre m", "R m", "turns", "phase", "position m", "heading", "error m"),
+        ("vehicle", "centre m", "R m", "sense", "phase", "position m", "heading", "error m"),
     )
     errors = document.predicted_rms_m.vehicles
     for vehicle in document.vehicles[:MOST_ROWS]:
@@ -193,7 +193,7 @@ def _vehicle_table(document: PlanDocument) -> Table:
 def _print_links(document: PlanDocument, console: Console) -> None:
     table = _table(
         "meetings, once a period",
-        ("link", "rule", "least m", "contact s", "from s", "may slip rad", "rank"),
+        ("link", "rule", "closest m", "contact s", "from s", "tolerance rad", "rank"),
     )
     short: dict[str, list[str]] = {}
     rows: list[tuple[Link, str]] = [(link, link.rule) for link in document.links]
