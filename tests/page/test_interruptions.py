@@ -23,14 +23,14 @@ def test_a_server_that_dies_in_mid_job_and_returns_costs_nothing_but_time(
         page = visit.page
         visit.expect_complaints("net::ERR", "503")
         visit.verdict("Observable")
-        page.get_by_label("Trials").fill("4000")
+        page.get_by_label("Trials").fill("3000")
         page.get_by_role("button", name="Validate").click()
         expect(page.locator("progress")).not_to_have_attribute("value", "0")
         first.kill()
         expect(page.locator("#job-text")).to_contain_text("can't be reached")
         with running(Server(tmp_path / "log", port=first.port, **given)):
             expect(page.locator("#job-text")).to_contain_text("Validation running")
-            expect(page.locator(".outcome")).to_contain_text("of 4000 trials")
+            expect(page.locator(".outcome")).to_contain_text("of 3000 trials")
 
 
 def test_a_service_with_keys_asks_for_one(browser: Browser, tmp_path: Path) -> None:

@@ -158,9 +158,9 @@ def test_a_plan_that_was_deleted_is_stored_anew(visit: Visit, server: Server) ->
 
 def test_what_is_edited_while_a_job_runs_stays(visit: Visit) -> None:
     page = visit.page
-    page.get_by_label("Trials").fill("4000")
+    page.get_by_label("Trials").fill("3000")
     page.get_by_role("button", name="Validate").click()
-    expect(page.locator("#job-text")).to_contain_text("of 4000 trials")
+    expect(page.locator("#job-text")).to_contain_text("of 3000 trials")
     page.get_by_label("Radius of all").fill("21")
     visit.settle()
     assert "job=" in page.url
@@ -174,8 +174,8 @@ def test_what_is_edited_while_a_job_runs_stays(visit: Visit) -> None:
 
 def test_a_reload_goes_on_following_the_job(visit: Visit) -> None:
     page = visit.page
-    page.get_by_label("Trials").fill("6000")
+    page.get_by_label("Trials").fill("3000")
     page.get_by_role("button", name="Validate").click()
-    expect(page.locator("#job-text")).to_contain_text("of 6000 trials")
+    expect(page.locator("#job-text")).to_contain_text("of 3000 trials")
     page.reload()
-    expect(page.locator(".outcome")).to_contain_text("of 6000 trials")
+    expect(page.locator(".outcome")).to_contain_text("of 3000 trials")
