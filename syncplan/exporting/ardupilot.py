@@ -4,10 +4,10 @@ One item a line, tab-separated: index, current, frame, command, parameters 1 to 
 longitude, altitude, autocontinue. Item 0 is home. Source: MAVLink, "File Formats".
 """
 
-from syncplan.exporting.exported_files import ExportedFile, Written
+from syncplan.exporting.exported_files import Written
 from syncplan.exporting.flight import Flight
 from syncplan.exporting.mission_items import WAYPOINT, Mission, MissionItem
-from syncplan.exporting.missions import missions_of, written_missions
+from syncplan.exporting.missions import write_missions
 
 __all__ = ["write_ardupilot"]
 
@@ -20,13 +20,7 @@ def write_ardupilot(flight: Flight) -> Written:
 
     Raises InputError as missions_of does.
     """
-    missions, notes = missions_of(flight)
-    names = [f"{flight.title}-{label}.waypoints" for label in flight.labels]
-    files = [
-        ExportedFile(name, _text(flight, mission).encode())
-        for name, mission in zip(names, missions, strict=True)
-    ]
-    return written_missions(flight, missions, notes, files)
+    return write_missions(flight, "waypoints", _text)
 
 
 def _text(flight: Flight, mission: Mission) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.exporting.autopilots import AUTOPILOTS, VEHICLES, Autopilot, Vehicle
-from syncplan.exporting.export_options import ExportOptions
+from syncplan.exporting.export_options import MOST_TURNS, ExportOptions
 from syncplan.exporting.geodesy import geodetic
 from syncplan.exporting.safe_names import file_names, file_title
 from syncplan.orbits.circles import heading, position
@@ -31,9 +31,6 @@ __all__ = [
 
 MOST_POINTS = 2_000_000
 """Most poses, waypoints or pieces of all vehicles together that are written."""
-
-MOST_TURNS = 20_000
-"""Longest flight, in turns: as long as a scenario's run may be."""
 
 _SLIVER = 1e-9
 

@@ -1,5 +1,7 @@
 """Missions of autopilots: loiter turns where the autopilot has them, else waypoints."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from syncplan.exporting.exported_files import ExportedFile, Written
@@ -8,7 +10,7 @@ from syncplan.exporting.loiter_turns import loiter_missions
 from syncplan.exporting.mission_items import Mission
 from syncplan.exporting.polygons import waypoint_missions
 
-__all__ = ["flies_loiter_turns", "missions_of", "written_missions"]
+__all__ = ["flies_loiter_turns", "missions_of", "write_missions"]
 
 _GRAVITY = 9.81
 _STEEP = 45.0
@@ -30,15 +32,21 @@ def missions_of(flight: Flight) -> tuple[list[Mission], list[str]]:
     return missions, [*notes, *_airspeed_notes(flight), *_waiting_notes(flight)]
 
 
-def written_missions(
-    flight: Flight, missions: list[Mission], notes: list[str], files: list[ExportedFile]
-) -> Written:
-    """Return what is known of the files of missions, one of each vehicle."""
+def write_missions(flight: Flight, ending: str, text: Callable[[Flight, Mission], str]) -> Written:
+    """Return a file for each vehicle, its name with this ending, its `text` that of its mission.
+
+    Raises InputError as missions_of does.
+    """
+    missions, notes = missions_of(flight)
     turns = flies_loiter_turns(flight)
+    names = tuple(f"{flight.title}-{label}.{ending}" for label in flight.labels)
     return Written(
-        files=tuple(files),
+        files=tuple(
+            ExportedFile(name, text(flight, mission).encode())
+            for name, mission in zip(names, missions, strict=True)
+        ),
         kind="loiter_turns" if turns else "waypoints",
-        own_files=tuple(file.name for file in files),
+        own_files=names,
         start_items=tuple(one.start_item for one in missions),
         leg_speeds=() if turns else tuple(one.speed for one in missions),
         parameters=tuple(one.parameters for one in missions),

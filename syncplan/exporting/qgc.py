@@ -5,10 +5,10 @@ Source: QGroundControl developer guide, "Plan File Format".
 
 from typing import Any
 
-from syncplan.exporting.exported_files import ExportedFile, Written
+from syncplan.exporting.exported_files import Written
 from syncplan.exporting.flight import Flight
 from syncplan.exporting.mission_items import Mission, MissionItem
-from syncplan.exporting.missions import missions_of, written_missions
+from syncplan.exporting.missions import write_missions
 from syncplan.runtime.files import as_text
 
 __all__ = ["write_qgc"]
@@ -21,13 +21,11 @@ def write_qgc(flight: Flight) -> Written:
 
     Raises InputError as missions_of does.
     """
-    missions, notes = missions_of(flight)
-    names = [f"{flight.title}-{label}.plan" for label in flight.labels]
-    files = [
-        ExportedFile(name, as_text(_plan(flight, mission)).encode())
-        for name, mission in zip(names, missions, strict=True)
-    ]
-    return written_missions(flight, missions, notes, files)
+    return write_missions(flight, "plan", _text)
+
+
+def _text(flight: Flight, mission: Mission) -> str:
+    return as_text(_plan(flight, mission))
 
 
 def _plan(flight: Flight, mission: Mission) -> dict[str, Any]:

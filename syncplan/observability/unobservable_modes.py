@@ -21,10 +21,6 @@ from syncplan.orbits.team import Team
 __all__ = ["UnobservableMode", "lost_bearing", "name_modes"]
 
 
-_SAME_DIRECTION_RAD = 1e-4
-_MOVES = 1e-3
-
-
 @dataclass(frozen=True, slots=True)
 class UnobservableMode:
     """One way in which the team can move without any sighting changing.
@@ -70,6 +66,10 @@ class _Candidate:
 
 MATCH_TOLERANCE = 1e-3
 """Share of a named motion that may lie outside the null space."""
+
+
+_SAME_DIRECTION_RAD = 1e-4
+_MOVES = 1e-3
 
 
 def name_modes(

@@ -17,8 +17,10 @@ __all__ = ["Area", "polygon_fault"]
 
 
 _ARC_SEGMENTS = 64
+"""Segments that stand for a quarter of a circle."""
+
 _ARC_ERROR = 1e-4
-"""Share of a radius by which such arcs, made of segments, may miss the true one."""
+"""Share of a radius by which such arcs may miss the true one."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,6 +19,9 @@ from syncplan.arrays import Array, Index, as_pairs
 __all__ = ["SHAPES", "Shape", "ShapeName"]
 
 
+# --- a shape --------------------------------------------------------------------------------------
+
+
 @dataclass(frozen=True, slots=True)
 class Shape:
     """A shape of formation by its name.
@@ -80,6 +83,15 @@ def _fitted_line(sides: Array) -> Array:
     return np.asarray(np.column_stack([along, np.zeros(len(sides))]))
 
 
+LINE = Shape(
+    "line",
+    "a row along x; neighbours follow each other",
+    _line,
+    _line_neighbours,
+    _fitted_line,
+)
+
+
 # --- rows -----------------------------------------------------------------------------------------
 
 
@@ -115,6 +127,22 @@ def _steps_of_rows(count: int, width: int) -> list[tuple[Index, Index]]:
 def _pairs_within(count: int, steps: list[tuple[Index, Index]]) -> Index:
     every = np.concatenate([np.column_stack(step) for step in steps])
     return np.array(np.unique(every[every[:, 1] < count], axis=0), dtype=np.int64)
+
+
+GRID = Shape(
+    "grid",
+    "rows of `columns`, one above the other; neighbours lie beside or above a circle",
+    _grid,
+    _grid_neighbours,
+)
+
+HEX = Shape(
+    "hex",
+    "rows of `columns`, every other one shifted by half a spacing; up to six neighbours surround "
+    "a circle",
+    _hexagonal,
+    _hexagonal_neighbours,
+)
 
 
 # --- ring -----------------------------------------------------------------------------------------
@@ -165,39 +193,16 @@ def _inscribed(sides: Array) -> Array:
     return np.asarray(circumradius * np.column_stack([np.cos(angle), np.sin(angle)]))
 
 
-# --- the table ------------------------------------------------------------------------------------
-
-_TABLE = (
-    Shape(
-        name="line",
-        sentence="a row along x; neighbours follow each other",
-        regular=_line,
-        adjacent=_line_neighbours,
-        fitted=_fitted_line,
-    ),
-    Shape(
-        name="grid",
-        sentence="rows of `columns`, one above the other; neighbours lie beside or above a circle",
-        regular=_grid,
-        adjacent=_grid_neighbours,
-    ),
-    Shape(
-        name="hex",
-        sentence="rows of `columns`, every other one shifted by half a spacing; up to six "
-        "neighbours surround a circle",
-        regular=_hexagonal,
-        adjacent=_hexagonal_neighbours,
-    ),
-    Shape(
-        name="ring",
-        sentence="corners of a polygon inscribed in a circle; neighbours share a side",
-        regular=_ring,
-        adjacent=_ring_neighbours,
-        fitted=_inscribed,
-    ),
+RING = Shape(
+    "ring",
+    "corners of a polygon inscribed in a circle; neighbours share a side",
+    _ring,
+    _ring_neighbours,
+    _inscribed,
 )
 
-SHAPES: Mapping[str, Shape] = MappingProxyType({one.name: one for one in _TABLE})
+SHAPES: Mapping[str, Shape] = MappingProxyType({one.name: one for one in (LINE, GRID, HEX, RING)})
+"""The shapes by name."""
 
 if TYPE_CHECKING:
     ShapeName = str

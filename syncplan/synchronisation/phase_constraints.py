@@ -19,9 +19,8 @@ from syncplan.synchronisation.phase_rules import Rules, closest_distance, residu
 __all__ = ["PhaseConstraints", "ServedLinks", "largest_margin", "serve_greedily"]
 
 
-_SAMPLES = 513
-_SAMPLES_SEPARATED = 2049
-"""With a separation to keep, feasible intervals may be narrow."""
+_SAMPLES, _SAMPLES_SEPARATED = 513, 2049
+"""Residuals in a table, without and with a separation: it may leave narrow intervals."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -54,7 +54,13 @@ count, and for these the polish finds the best phases."""
 
 @dataclass(frozen=True, slots=True)
 class Dropped:
-    """A link (position in the list of links) that the phases do not serve, and why."""
+    """A link that the phases do not serve.
+
+    Attributes
+    ----------
+    link : its position in the list of links
+    reason : why, in words
+    """
 
     link: int
     reason: str

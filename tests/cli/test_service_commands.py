@@ -26,6 +26,7 @@ from tests.tools.serving import (
     Process,
     Server,
     free_port,
+    open_server,
     running,
     settings_of,
 )
@@ -271,9 +272,7 @@ def children_of(pid: int) -> list[int]:
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     """One server for the tests that compare."""
-    folder = tmp_path_factory.mktemp("serve")
-    one = Server(folder / "log", port=None, **settings_of(folder / "data"))
-    with running(one):
+    with open_server(tmp_path_factory.mktemp("serve")) as one:
         yield one
 
 

@@ -6,7 +6,7 @@ import pytest
 from playwright.sync_api import Browser
 
 from tests.tools.browsing import Visit, chromium, visiting
-from tests.tools.serving import Server, running, settings_of
+from tests.tools.serving import Server, open_server
 
 
 @pytest.fixture(scope="package")
@@ -19,9 +19,7 @@ def browser() -> Iterator[Browser]:
 @pytest.fixture(scope="package")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     """A service that asks nobody for a key, its filter's kernels compiled."""
-    folder = tmp_path_factory.mktemp("page")
-    one = Server(folder / "log", port=None, **settings_of(folder / "data"))
-    with running(one):
+    with open_server(tmp_path_factory.mktemp("page")) as one:
         yield one
 
 

@@ -3,7 +3,6 @@
 import io
 import json
 import zipfile
-from collections.abc import Iterator
 from typing import Any, get_args
 
 import httpx2
@@ -17,25 +16,10 @@ from syncplan.plotting.catalogue import specs_of
 from syncplan.plotting.figure_table import FIGURES
 from syncplan.reports.plan_report import plan_document
 from syncplan.scenario.loading import scenario_from
-from tests.tools.api_servers import done, problem, serving, speaking
+from tests.tools.api_servers import done, problem
 from tests.tools.scenarios import document, example
-from tests.tools.serving import Server
 
 ORIGIN = {"lat_deg": 47.4, "lon_deg": 8.5, "alt_m": 410.0}
-
-
-@pytest.fixture(scope="module")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    """A service with an owner."""
-    with serving(tmp_path_factory.mktemp("figures"), "ann") as one:
-        yield one
-
-
-@pytest.fixture(scope="module")
-def ann(server: Server) -> Iterator[httpx2.Client]:
-    """A client of the service."""
-    with speaking(server, "ann") as http:
-        yield http
 
 
 def stored(http: httpx2.Client, **changes: Any) -> str:

@@ -4,7 +4,6 @@ import json
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Iterator
 from typing import Any
 
 import jsonschema_rs
@@ -25,6 +24,7 @@ from syncplan.planning.plan_files import PlanFile
 from syncplan.reports.run_schemas import SweepReport
 from syncplan.scenario.loading import is_plan
 from syncplan.scenario.specification import Scenario
+from tests.tools.api_servers import references_in
 from tests.tools.record_examples import BINARY, SCENARIO
 from tests.tools.serving import ROOT
 
@@ -82,22 +82,11 @@ def test_operations_have_short_names_that_stay() -> None:
 
 
 def test_references_lead_somewhere() -> None:
-    for reference in set(_references(DOCUMENT)):
+    for reference in set(references_in(DOCUMENT)):
         node: Any = DOCUMENT
         for part in reference.removeprefix("#/").split("/"):
             assert part in node, reference
             node = node[part]
-
-
-def _references(node: Any) -> Iterator[str]:
-    if isinstance(node, dict):
-        if isinstance(node.get("$ref"), str):
-            yield node["$ref"]
-        for inner in node.values():
-            yield from _references(inner)
-    elif isinstance(node, list):
-        for inner in node:
-            yield from _references(inner)
 
 
 def test_the_document_is_made_when_it_is_first_asked_for() -> None:

@@ -8,7 +8,7 @@ import httpx2
 import pytest
 
 from api.main import create_app
-from tests.tools.api_servers import done, events_of, operations_of, problem, serving, speaking
+from tests.tools.api_servers import done, events_of, operations_of, problem, speaking
 from tests.tools.scenarios import document
 from tests.tools.serving import Server
 
@@ -16,20 +16,6 @@ NOBODY = "01a1fd95-df6b-7a20-9383-c20e93a41e86"
 LONG = {"trials": 60_000}
 OPERATIONS = operations_of(create_app().openapi())
 WITH_IDENTIFIER = [(method, path) for method, path in OPERATIONS if "{" in path]
-
-
-@pytest.fixture(scope="module")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    """A service with two owners."""
-    with serving(tmp_path_factory.mktemp("owners"), "ann bob") as one:
-        yield one
-
-
-@pytest.fixture(scope="module")
-def ann(server: Server) -> Iterator[httpx2.Client]:
-    """The one who has plans and jobs."""
-    with speaking(server, "ann") as http:
-        yield http
 
 
 @pytest.fixture(scope="module")

@@ -24,6 +24,7 @@ from api.problems.problem_document import printable, shown, title_of
 from api.problems.table import failure_of
 from syncplan.errors import InputError, NoSolutionError, SyncplanError
 from tests.tools.api_apps import BODY_LIMIT, ask, bare_app, served
+from tests.tools.api_servers import references_in
 
 SECRET = "hush-hush"
 
@@ -391,19 +392,8 @@ def test_the_document_refers_to_one_schema_of_problems(client: TestClient) -> No
     assert not {"HTTPValidationError", "ValidationError"} & set(schemas)
     text = json.dumps(document)
     assert "HTTPValidationError" not in text
-    for reference in set(_references(document)):
+    for reference in set(references_in(document)):
         assert reference.removeprefix("#/components/schemas/") in schemas, reference
-
-
-def _references(node: Any) -> Iterator[str]:
-    if isinstance(node, dict):
-        if isinstance(node.get("$ref"), str):
-            yield node["$ref"]
-        for inner in node.values():
-            yield from _references(inner)
-    elif isinstance(node, list):
-        for inner in node:
-            yield from _references(inner)
 
 
 def test_documented_problems_have_their_media_type_and_a_true_example(client: TestClient) -> None:

@@ -24,20 +24,6 @@ BODY_LIMIT = 6000
 
 
 @pytest.fixture(scope="module")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    """A service that does its jobs."""
-    with serving(tmp_path_factory.mktemp("routes"), "ann bob") as one:
-        yield one
-
-
-@pytest.fixture(scope="module")
-def ann(server: Server) -> Iterator[httpx2.Client]:
-    """A client of the service that does its jobs."""
-    with speaking(server, "ann") as http:
-        yield http
-
-
-@pytest.fixture(scope="module")
 def idle(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     """A service with narrow limits whose jobs wait for a worker that never comes."""
     limits = {

@@ -107,3 +107,15 @@ def events_of(answer: httpx2.Response) -> Iterator[Event]:
             yield Event(int(fields.pop("id")), told["state"], told["progress"]["done"])
             assert not fields
     assert not fields
+
+
+def references_in(node: Any) -> Iterator[str]:
+    """Every $ref of a document, nested as it may be."""
+    if isinstance(node, dict):
+        if isinstance(node.get("$ref"), str):
+            yield node["$ref"]
+        for inner in node.values():
+            yield from references_in(inner)
+    elif isinstance(node, list):
+        for inner in node:
+            yield from references_in(inner)

@@ -165,3 +165,11 @@ def settings_of(data: Path, database_url: str | None = None) -> Mapping[str, str
         "SYNCPLAN_PLAN_TIMEOUT_S": f"{PATIENCE_S:g}",
     }
     return {key: value for key, value in given.items() if value is not None}
+
+
+@contextlib.contextmanager
+def open_server(folder: Path) -> Iterator[Server]:
+    """A running service that asks nobody for a key; its log and data lie in the folder."""
+    one = Server(folder / "log", port=None, **settings_of(folder / "data"))
+    with running(one):
+        yield one

@@ -1,0 +1,23 @@
+"""A service in its own processes, one for each module that asks for it."""
+
+from collections.abc import Iterator
+
+import httpx2
+import pytest
+
+from tests.tools.api_servers import serving, speaking
+from tests.tools.serving import Server
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """A service with two owners that does its jobs."""
+    with serving(tmp_path_factory.mktemp("service"), "ann bob") as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def ann(server: Server) -> Iterator[httpx2.Client]:
+    """The first owner, who has plans and jobs."""
+    with speaking(server, "ann") as http:
+        yield http
