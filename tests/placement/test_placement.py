@@ -185,7 +185,7 @@ def test_a_separation_within_the_range_holds_for_every_pair() -> None:
 
 
 def test_centres_that_are_given_are_not_placed() -> None:
-    with pytest.raises(InputError, match=r"formation\.centers_m: the centres are given"):
+    with pytest.raises(InputError, match=r"formation\.centers_m: the centres are already given"):
         place(small())
     with pytest.raises(InputError, match=r"formation\.spacing_m"):
         place(small(formation={"shape": "ring", "count": 3, "spacing_m": 70.0}))
