@@ -87,7 +87,7 @@ def _listening(host: str, port: int) -> socket.socket:
     epilog="Example: SYNCPLAN_DATABASE_URL=postgresql://syncplan@db/syncplan syncplan worker",
 )
 def _worker() -> NoReturn:
-    """Work on the jobs of a service, beside it or on another machine, until told to stop."""
+    """Work on the jobs of a service, beside it or on another machine, until it is stopped."""
     _require_extra()
     from api.jobs.worker import Worker
     from api.logs import configure_logs

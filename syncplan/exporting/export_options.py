@@ -23,7 +23,7 @@ class ExportOptions:
     ----------
     altitude_m : height flown above the origin, m; None: the format's, see
         syncplan.exporting.format_table.FORMATS
-    altitude_step_m : each vehicle so much above the one before, m
+    altitude_step_m : each vehicle flies this much higher than the last, m
     duration : time flown, s; None: the scenario's duration_s
     turns : whole turns flown, instead of `duration`
     sample_time_s : time between poses, s; None: the scenario's sample time

@@ -29,7 +29,7 @@ __all__ = [
 ]
 
 PLANE_ERROR_M = 0.5
-"""Difference of plane and ground from which the reader is told."""
+"""Difference of plane and ground from which a note states it."""
 
 
 def export(plan: Plan, format: str, options: ExportOptions | None = None) -> Export:
@@ -87,7 +87,7 @@ def _all(plan: Plan, options: ExportOptions) -> Export:
             refused.append(f"{name} is left out: {error.problem}")
     notes = [f"{one.format}: {note}" for one in exports for note in one.notes]
     if left_out:
-        refused.insert(0, f"left out, for {why}: {', '.join(left_out)}")
+        refused.insert(0, f"left out, because {why}: {', '.join(left_out)}")
     notes = [*refused, *notes]
     files = [
         ExportedFile(f"{one.format}/{file.name}", file.content)
@@ -105,7 +105,7 @@ def _ground_notes(flight: Flight) -> list[str]:
         return []
     return [
         f"the team reaches {reach / 1000.0:.4g} km from geo_origin, where plane and ground differ "
-        f"by {error:.2g} m; put the origin in the middle"
+        f"by {error:.2g} m; put the origin in the middle of the team"
     ]
 
 
@@ -132,11 +132,13 @@ def _snapped(flight: Flight) -> tuple[Flight, list[str]]:
         "speeds keep the common period"
     ]
     if plan.observable and not judged.observable:
-        notes.append("NOT observable any more with the radii snapped")
+        notes.append("NOT observable with the radii snapped")
     before = {(item.a, item.b) for item in plan.links}
     lost = before - {(item.a, item.b) for item in judged.links}
     for a, b in sorted(lost):
-        notes.append(f"{flight.names[a]} and {flight.names[b]} meet no more with the radii snapped")
+        notes.append(
+            f"{flight.names[a]} and {flight.names[b]} no longer meet with the radii snapped"
+        )
     if len(judged.too_close) > len(plan.too_close):
         notes.append("vehicles come below min_separation_m with the radii snapped")
     return replace(flight, plan=judged), notes

@@ -22,12 +22,12 @@ def procedure(flight: Flight, written: Written) -> list[str]:
 def _before_a_mission(flight: Flight, written: Written) -> list[str]:
     steps = [
         "Take-off and landing are not in the mission: take off first, then start the mission in "
-        "the air (ArduPilot refuses one without a take-off from the ground). Until it is on its "
-        "circle, keep each vehicle at a height of its own and clear of all circles."
+        "the air (ArduPilot refuses one without a take-off from the ground). Until a vehicle is on "
+        "its circle, keep it at an altitude of its own and clear of all circles."
     ]
     if any(written.parameters):
         steps.insert(
-            0, "Set on each vehicle the autopilot_parameters given for it; CIRCLE_RATE has a sign."
+            0, "Set the autopilot_parameters of each vehicle on it; CIRCLE_RATE is signed."
         )
     return steps
 
@@ -36,8 +36,8 @@ def _start_of_a_mission(flight: Flight, written: Written) -> list[str]:
     known = start_of(flight.plan) is not None
     period = f"{flight.plan.orbits.period:.6g} s"
     again = (
-        "Who misses time 0 holds at entry.position_m and is given item start_item as its current "
-        f"one a whole number of periods ({period}) later."
+        "A vehicle that misses time 0 holds at entry.position_m; make start_item its current item "
+        f"a whole number of periods ({period}) later."
     )
     if flight.is_copter:
         join = [
@@ -45,13 +45,13 @@ def _start_of_a_mission(flight: Flight, written: Written) -> list[str]:
             + (
                 "It waits for entry.time by the vehicle's own UTC clock, then begins to circle: "
                 "start it early enough. A vehicle without a clock (it takes GPS, or a ground "
-                "station that sends SYSTEM_TIME) does not wait at all, and one that comes too late "
-                "waits for the next day."
+                "station that sends SYSTEM_TIME) does not wait at all, and one that arrives too "
+                "late waits for the next day."
                 if known
-                else "Then it circles at once, so that its phase is what the moment of arrival "
-                "makes it: hold each vehicle at its entry.position_m and make start_item the "
-                "current item of all at one moment, time 0. With a start_time in the scenario "
-                "missions wait for it by themselves."
+                else "Then it circles at once, so that its phase depends on when it arrives: hold "
+                "each vehicle at its entry.position_m and make start_item the current item of all "
+                "at the same moment, time 0. With a start_time in the scenario, missions wait for "
+                "it by themselves."
             ),
             _lag(flight),
             again,
@@ -59,13 +59,13 @@ def _start_of_a_mission(flight: Flight, written: Written) -> list[str]:
     else:
         when = "entry.time" if known else "a moment that all agree on, time 0,"
         join = [
-            f"A mission waits for nobody: start each so that it passes entry.position_m at {when} "
-            "on entry.course_deg, and hold it near by until then.",
+            "A mission does not wait: start each one so that its vehicle passes entry.position_m "
+            f"at {when} on entry.course_deg, and hold the vehicle nearby until then.",
             again,
         ]
     hold = (
-        "Between waypoints it is told leg_speed_mps, as the legs are shorter than the arcs; see "
-        "the notes on corners."
+        "Between waypoints the mission commands leg_speed_mps, because legs are shorter than "
+        "arcs; see the notes on corners."
         if written.leg_speeds
         else "On the circle every vehicle takes one period for a turn, whatever its radius."
     )
@@ -76,18 +76,21 @@ def _lag(flight: Flight) -> str:
     speeds = flight.plan.orbits.speeds
     spread = float(speeds.max() - speeds.min()) / (2.0 * ACCELERATION)
     between = (
-        "alike for all, as all are as fast" if spread < 0.01 else f"up to {spread:.2g} s apart"
+        "the same for all, because all fly at one speed"
+        if spread < 0.01
+        else f"up to {spread:.2g} s apart"
     )
     return (
-        "From rest it lags by speed_mps / (2 a), with a the acceleration in waypoint flight "
-        f"({ACCELERATION:g} m/s^2 by default): {between}. Only what vehicles lag apart counts."
+        "A start from rest costs speed_mps / (2 a), where a is the acceleration in waypoint flight "
+        f"({ACCELERATION:g} m/s^2 by default): {between}. Only the difference between vehicles "
+        "matters."
     )
 
 
 def _stand_by() -> str:
     return (
-        "One that is further off leaves its circle, holds at its entry point at a height of its "
-        "own, and joins again as if it had missed time 0."
+        "A vehicle that is further off leaves its circle, holds at its entry point at an altitude "
+        "of its own, and joins again as if it had missed time 0."
     )
 
 
@@ -100,8 +103,8 @@ def _start_of_trajectories(flight: Flight) -> list[str]:
         "after the other where paths cross; then start all trajectories by one broadcast, at time "
         "0.",
         "A trajectory begins at speed_mps. From hover a vehicle lags behind it at first and "
-        "catches up; vehicles of one speed do so alike.",
-        "At the end of the trajectory have the next command ready, or start it anew: after whole "
+        "catches up; vehicles of the same speed lag alike.",
+        "Have the next command ready at the end of the trajectory, or start it again: after whole "
         "turns it ends where it began.",
     ]
 
@@ -111,13 +114,13 @@ def _start_by_oneself(flight: Flight) -> list[str]:
     when = "start_time" if known else "a moment that all agree on (time 0)"
     period = flight.plan.orbits.period
     return [
-        "Take-off and landing are the operator's; wait clear of all circles, each vehicle at a "
-        "height of its own.",
+        "Take-off and landing are the operator's; wait clear of all circles, each vehicle at an "
+        "altitude of its own.",
         f"Be at entry.position_m at {when}, under way on entry.course_deg at speed_mps; come in "
         "along the tangent. A vehicle that starts there from rest loses speed / (2 acceleration) "
-        "seconds: let it start that much earlier.",
-        f"Who misses it passes the same point at any whole number of periods ({period:.6g} s) "
-        "later.",
+        "seconds: start it that much earlier.",
+        "A vehicle that misses it passes the same point a whole number of periods "
+        f"({period:.6g} s) later.",
         "From then on hold speed_mps over ground on the circle: every vehicle then takes one "
         "period for a turn, whatever its radius.",
     ]
@@ -126,9 +129,9 @@ def _start_by_oneself(flight: Flight) -> list[str]:
 def _off_time(flight: Flight) -> list[str]:
     return [
         _check(),
-        "Late by s seconds, or early by -s, at most half a period: fly one turn at speed_mps "
-        "period_s / (period_s - s), or if that is too fast or too slow, wait at a height of its "
-        "own and join a period later.",
+        "A vehicle late by s seconds (s < 0: early), at most half a period, flies one turn at "
+        "speed_mps period_s / (period_s - s); if that is too fast or too slow, it waits at an "
+        "altitude of its own and joins a period later.",
     ]
 
 
@@ -137,5 +140,5 @@ def _check() -> str:
         "Check the time at which each entry point is passed, every turn. While all others are on "
         "time, one vehicle may be off by tolerance_s before a planned meeting is lost, and by "
         "separation_tolerance_s before it comes nearer than min_separation_m to another; two that "
-        "are off share what is allowed."
+        "are both off share the tolerance."
     )

@@ -5,11 +5,11 @@ What ArduPilot makes of them:
 - It keeps turns and radius in one byte each (AP_Mission.cpp): the radius in whole metres up to
   255, in tens of metres up to 2,550, fractions cut off, not rounded; turns up to 255, and of more
   than one turn the fraction is cut off as well.
-- Copter turns at its parameter CIRCLE_RATE, whatever speed it was told, and at no more than half of
+- Copter turns at its parameter CIRCLE_RATE, whatever speed is commanded, at no more than half of
   its acceleration in waypoint flight and its speed allow (AC_Circle::calc_velocities). Which way
   round is the radius's sign from 4.4 on (ArduPilot pull request 22834), but the parameter's before
   and in some versions since (pull request 34178): with a parameter of the same sign all agree.
-- Plane holds the airspeed told, if it lies between AIRSPEED_MIN and AIRSPEED_MAX.
+- Plane holds the airspeed commanded, if it lies between AIRSPEED_MIN and AIRSPEED_MAX.
 """
 
 import math
@@ -134,9 +134,9 @@ def _radius_notes(flight: Flight) -> list[str]:
         notes.append(
             f"ArduPilot stores radii in {'tens of' if stored[worst] > 255 else 'whole'} metres: "
             f"{_listed([flight.names[k] for k in cut])} would fly smaller circles "
-            f"({flight.names[worst]} {stored[worst]:g} m instead of {radii[worst]:g} m), at the "
-            f"speed told up to {drift:.2g} rad ahead after each turn; snap the radii, or fly "
-            "waypoints"
+            f"({flight.names[worst]} {stored[worst]:g} m instead of {radii[worst]:g} m) and, at "
+            f"the commanded speed, be up to {drift:.2g} rad ahead after each turn; snap the radii, or "
+            "fly waypoints"
         )
     large = [flight.names[k] for k in np.flatnonzero(radii > WHOLE_METRES_UP_TO)]
     if large:

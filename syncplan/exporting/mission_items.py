@@ -53,7 +53,7 @@ class Mission:
     Attributes
     ----------
     items : without home
-    speed : m/s, as told to the autopilot; along the chords where the items are waypoints
+    speed : m/s, as commanded; along the chords where the items are waypoints
     start_item : number, home being 0, of the item that begins at time 0
     parameters : autopilot parameters it rests on
     """

@@ -61,8 +61,8 @@ def _airspeed_notes(flight: Flight) -> list[str]:
     slow, fast = float(orbits.speeds.min()), float(orbits.speeds.max())
     notes = [
         "autopilots of fixed wings hold airspeed: in wind the speed over ground varies along "
-        "the circle; correct by the times at which entry points are to be passed",
-        f"airspeeds from {slow:.3g} to {fast:.3g} m/s are told, and Plane drops one outside "
+        "the circle; correct it by the times at which entry points are to be passed",
+        f"missions command airspeeds from {slow:.3g} to {fast:.3g} m/s; Plane ignores one outside "
         "AIRSPEED_MIN to AIRSPEED_MAX",
     ]
     bank = np.degrees(np.arctan(orbits.speeds * orbits.rate / _GRAVITY))
@@ -70,7 +70,7 @@ def _airspeed_notes(flight: Flight) -> list[str]:
     if bank[steepest] > _STEEP:
         notes.append(
             f"{flight.names[steepest]} would bank {bank[steepest]:.0f} deg: more than autopilots "
-            "allow as they come; fly larger circles or a longer period"
+            "allow by default; fly larger circles or a longer period"
         )
     return notes
 

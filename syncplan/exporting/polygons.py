@@ -123,7 +123,7 @@ def _pace_notes(flight: Flight) -> list[str]:
     if flight.vehicle.holds_airspeed:
         return [
             "fixed wings cut and overshoot the corners of short legs, so that turns of waypoints "
-            "take another time than planned; where the autopilot has loiter turns, fly those"
+            "do not take the time planned; where the autopilot has loiter turns, fly those"
         ]
     if flight.autopilot.loiter_turns:
         return [
@@ -131,19 +131,19 @@ def _pace_notes(flight: Flight) -> list[str]:
             "and meetings are lost; fly loiter turns where you can"
         ]
     orbits = flight.plan.orbits
-    slowest, told, name = math.inf, 0.0, ""
+    slowest, fastest, name = math.inf, 0.0, ""
     for k, radius in enumerate(orbits.radii.tolist()):
         legs = _legs_per_turn(radius, flight.options.sagitta_m)
         speed = _chord_speed(flight, radius, legs)
         corner = px4_corner_speed(radius, legs)
         if corner < speed and corner / speed < slowest:
-            slowest, told, name = corner / speed, speed, flight.names[k]
+            slowest, fastest, name = corner / speed, speed, flight.names[k]
     if not name:
         return []
     return [
-        f"PX4's defaults pass the corners of {name} at {slowest * told:.2g} m/s, and {told:.3g} "
-        "m/s is told: turns take longer than planned and meetings are lost; fly slower, allow a "
-        "larger sagitta, or raise MPC_ACC_HOR and MPC_JERK_AUTO"
+        f"by default PX4 passes the corners of {name} at {slowest * fastest:.2g} m/s where the "
+        f"mission commands {fastest:.3g} m/s: turns take longer than planned and meetings are "
+        "lost; fly slower, allow a larger sagitta, or raise MPC_ACC_HOR and MPC_JERK_AUTO"
     ]
 
 

@@ -91,7 +91,7 @@ def bars(
     color: str,
     pattern: str,
 ) -> Spec:
-    """Return bars over vehicles (escaped names), told apart by pattern as well as colour."""
+    """Return bars over vehicles (escaped names), distinguished by pattern as well as colour."""
     marker: Spec = {"color": color, "line": {"color": INK, "width": 0.8}}
     if pattern:
         marker["pattern"] = {"shape": pattern, "fillmode": "replace", "size": 6}

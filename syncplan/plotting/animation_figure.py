@@ -28,7 +28,7 @@ FRAMES = 60
 FRAME_MS = 100
 
 _HEAD_AT = 0.68
-"""Where on a sight line its arrowhead lies: past the middle, so that both ways can be told."""
+"""Where on a sight line its arrowhead lies: past the middle, which keeps both ways apart."""
 
 
 def animation_spec(plan: Plan, frames: int = FRAMES) -> Spec:

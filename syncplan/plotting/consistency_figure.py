@@ -75,13 +75,13 @@ def _room(values: list[float]) -> list[float | None]:
 def _spread_traces(name: str, figure: Spread, suffix: str) -> list[Spec]:
     """The band as a thick line, the value as a mark on it: a circle if within, else a triangle."""
     shared = {"type": "scatter", "xaxis": f"x{suffix}", "yaxis": f"y{suffix}"}
+
+    def trace(part: str, words: str, mode: str) -> Spec:
+        about = {"uid": f"{name}-{part}", "name": words, "legendgroup": part}
+        return {**shared, **about, "showlegend": not suffix, "mode": mode}
+
     ideal = {
-        **shared,
-        "uid": f"{name}-ideal",
-        "name": "1: errors as large as the filter says",
-        "legendgroup": "ideal",
-        "showlegend": not suffix,
-        "mode": "lines",
+        **trace("ideal", "1: errors as large as the filter says", "lines"),
         "x": [1, 1],
         "y": [-0.8, 0.8],
         "line": {"color": MUTED, "width": 1.5, "dash": "dash"},
@@ -89,39 +89,27 @@ def _spread_traces(name: str, figure: Spread, suffix: str) -> list[Spec]:
     }
     if figure.value is None or figure.band is None:
         return [ideal]
-    within = figure.verdict == "consistent"
-    return [
-        {
-            **shared,
-            "uid": f"{name}-band",
-            "name": "95 % band",
-            "legendgroup": "band",
-            "showlegend": not suffix,
-            "mode": "lines",
-            "x": numbers(figure.band),
-            "y": [0, 0],
-            "line": {"color": SKY, "width": 16},
-            "hovertemplate": "%{x}<extra>edge of the band</extra>",
+    band = {
+        **trace("band", "95 % band", "lines"),
+        "x": numbers(figure.band),
+        "y": [0, 0],
+        "line": {"color": SKY, "width": 16},
+        "hovertemplate": "%{x}<extra>edge of the band</extra>",
+    }
+    value = {
+        **trace("value", "found", "markers"),
+        "legendgroup": "found",
+        "x": [figure.value],
+        "y": [0],
+        "marker": {
+            "symbol": _SYMBOLS.get(figure.verdict, "circle"),
+            "size": 14,
+            "color": BLUE if figure.verdict == "consistent" else VERMILLION,
+            "line": {"color": INK, "width": 1},
         },
-        ideal,
-        {
-            **shared,
-            "uid": f"{name}-value",
-            "name": "found",
-            "legendgroup": "found",
-            "showlegend": not suffix,
-            "mode": "markers",
-            "x": [figure.value],
-            "y": [0],
-            "marker": {
-                "symbol": _SYMBOLS.get(figure.verdict, "circle"),
-                "size": 14,
-                "color": BLUE if within else VERMILLION,
-                "line": {"color": INK, "width": 1},
-            },
-            "hovertemplate": f"{name} %{{x}}, {figure.verdict}<extra></extra>",
-        },
-    ]
+        "hovertemplate": f"{name} %{{x}}, {figure.verdict}<extra></extra>",
+    }
+    return [band, ideal, value]
 
 
 def _coverage_traces(names: list[str], covered: list[float]) -> list[Spec]:

@@ -107,35 +107,38 @@ def _panel(
         "yaxis": f"y{suffix}",
         "showlegend": number == 0,
     }
-    at, back = numbers(times, 6), numbers(times[::-1], 6)
-    key = f"{row.name}-{column}"
-    band = {
-        **shared,
-        "uid": f"band-{key}",
-        "name": "filter's own 3 sigma",
-        "legendgroup": "band",
-        "x": at + back,
-        "y": numbers(np.concatenate([3.0 * sigma, -3.0 * sigma[::-1]]), 5),
-        "fill": "toself",
-        "fillcolor": translucent(SKY, 0.35),
-        "line": {"color": SKY, "width": 0.5},
-        "hoverinfo": "skip",
-    }
+    key, at, single = f"{row.name}-{column}", numbers(times, 6), report.trials == 1
+    band = {**shared, "uid": f"band-{key}", **_band(at + numbers(times[::-1], 6), sigma)}
     line = {
         **shared,
         "uid": f"mean-{key}",
-        "name": "error" if report.trials == 1 else "mean error over the trials",
+        "name": "error" if single else "mean error over the trials",
         "legendgroup": "mean",
         "x": at,
         "y": numbers(mean, 5),
         "line": {"color": INK, "width": 1.3},
         "hovertemplate": f"{escaped(row.name)} at %{{x}} s: %{{y}}<extra></extra>",
     }
-    if report.trials == 1:
+    if single:
         return [band, line]
-    spread = {
-        **shared,
-        "uid": f"spread-{key}",
+    return [band, {**shared, "uid": f"spread-{key}", **_spread(at, rms)}, line]
+
+
+def _band(there_and_back: list[float | None], sigma: Array) -> Spec:
+    return {
+        "name": "filter's own 3 sigma",
+        "legendgroup": "band",
+        "x": there_and_back,
+        "y": numbers(np.concatenate([3.0 * sigma, -3.0 * sigma[::-1]]), 5),
+        "fill": "toself",
+        "fillcolor": translucent(SKY, 0.35),
+        "line": {"color": SKY, "width": 0.5},
+        "hoverinfo": "skip",
+    }
+
+
+def _spread(at: list[float | None], rms: Array) -> Spec:
+    return {
         "name": "3 times the RMS error over the trials",
         "legendgroup": "spread",
         "x": [*at, None, *at],
@@ -143,7 +146,6 @@ def _panel(
         "line": {"color": VERMILLION, "width": 1.4, "dash": "dot"},
         "hoverinfo": "skip",
     }
-    return [band, spread, line]
 
 
 def _axes(rows: list[VehicleSeries], whole: int) -> tuple[Spec, list[Spec]]:

@@ -1,6 +1,6 @@
 """The formation: circles and senses, poses at time 0, links by worth, unobservable motions."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -53,7 +53,7 @@ def formation_spec(plan: Plan) -> Spec:
 
     Links run between centres, by what they are worth. An unobservable motion is an arrow at each
     vehicle that it displaces, the longest 0.9 mean radii long (more on a large map).
-    Turns are told when pointed at.
+    Turns are shown when pointed at.
     """
     low, high = view_box(plan)
     places = decimals(float(np.max(high - low)))
@@ -190,47 +190,36 @@ def _motion_trace(
     plan: Plan, motion: UnobservableMode, names: list[str], places: int, number: int
 ) -> Spec:
     """Arrows at the vehicles that move, to one scale; an arc for one that only turns."""
-    radius = float(plan.orbits.radii.mean())
-    low, high = view_box(plan)
-    length = max(_ARROW * radius, _LEAST_ARROW * float(np.max(high - low)))
-    head = mark_px(plan, 15)
-    where = position(plan.orbits, 0.0)
-    shifts = np.hypot(motion.motion[:, 0], motion.motion[:, 1])
-    x: list[float | None] = []
-    y: list[float | None] = []
-    sizes: list[float] = []
-    angles: list[float] = []
-    text: list[str] = []
-    for k in motion.vehicles:
-        if shifts[k] > 1e-3:
-            path = where[k] + length * np.array([[0.0, 0.0], motion.motion[k, :2]])
-            ahead = motion.motion[k, :2]
-        else:
-            path = _turning_arc(where[k], radius / 3.0, float(motion.motion[k, 2]))
-            ahead = path[-1] - path[-2]
-        one_x, one_y = gapped(path[None], places)
-        x, y = x + one_x, y + one_y
-        plain = len(path) - 1
-        sizes += [0] * plain + [head, 0]
-        angles += [0.0] * plain + compass(np.arctan2(ahead[1], ahead[0])) + [0.0]
-        told = (
-            f"{names[k]} may move unseen: {shifts[k]:.2f} toward "
-            f"({motion.motion[k, 0]:.2f}, {motion.motion[k, 1]:.2f}), turning "
-            f"{motion.motion[k, 2]:.4f} rad<br>{label(motion.description)}"
-        )
-        text += [told] * (plain + 1) + [""]
     return {
         "type": "scatter",
         "uid": f"motion-{number}",
         "name": label(f"unobservable: {motion.description}"),
         "mode": "lines+markers",
+        **_arrows(plan, motion, names, places, _MOTION_DASHES[number % len(_MOTION_DASHES)]),
+        "hovertemplate": "%{text}<extra></extra>",
+        "visible": True if number < MOTIONS_SHOWN else "legendonly",
+    }
+
+
+def _arrows(plan: Plan, motion: UnobservableMode, names: list[str], places: int, dash: str) -> Spec:
+    """Lines, their heads, and what each of them says."""
+    head = mark_px(plan, 15)
+    x: list[float | None] = []
+    y: list[float | None] = []
+    sizes: list[float] = []
+    angles: list[float] = []
+    text: list[str] = []
+    for k, path, ahead in _arrow_paths(plan, motion):
+        one_x, one_y = gapped(path[None], places)
+        x, y = x + one_x, y + one_y
+        plain = len(path) - 1
+        sizes += [0] * plain + [head, 0]
+        angles += [0.0] * plain + compass(np.arctan2(ahead[1], ahead[0])) + [0.0]
+        text += [_motion_words(motion, names[k], k)] * (plain + 1) + [""]
+    return {
         "x": x,
         "y": y,
-        "line": {
-            "color": PURPLE,
-            "dash": _MOTION_DASHES[number % len(_MOTION_DASHES)],
-            "width": 3.5,
-        },
+        "line": {"color": PURPLE, "dash": dash, "width": 3.5},
         "marker": {
             "symbol": "arrow",
             "size": sizes,
@@ -240,9 +229,32 @@ def _motion_trace(
             "line": {"width": 0},
         },
         "text": text,
-        "hovertemplate": "%{text}<extra></extra>",
-        "visible": True if number < MOTIONS_SHOWN else "legendonly",
     }
+
+
+def _arrow_paths(plan: Plan, motion: UnobservableMode) -> Iterator[tuple[int, Array, Array]]:
+    """Each vehicle that moves, its line (p, 2) in m, and the direction of its head."""
+    radius = float(plan.orbits.radii.mean())
+    low, high = view_box(plan)
+    length = max(_ARROW * radius, _LEAST_ARROW * float(np.max(high - low)))
+    where = position(plan.orbits, 0.0)
+    shifts = np.hypot(motion.motion[:, 0], motion.motion[:, 1])
+    for k in motion.vehicles:
+        if shifts[k] > 1e-3:
+            ahead = motion.motion[k, :2]
+            yield k, where[k] + length * np.array([[0.0, 0.0], ahead]), ahead
+        else:
+            path = _turning_arc(where[k], radius / 3.0, float(motion.motion[k, 2]))
+            yield k, path, path[-1] - path[-2]
+
+
+def _motion_words(motion: UnobservableMode, name: str, k: int) -> str:
+    east, north, turn = motion.motion[k]
+    shift = np.hypot(motion.motion[:, 0], motion.motion[:, 1])[k]
+    return (
+        f"{name} may move unseen: {shift:.2f} toward ({east:.2f}, {north:.2f}), turning "
+        f"{turn:.4f} rad<br>{label(motion.description)}"
+    )
 
 
 def _turning_arc(place: Array, radius: float, turn: float) -> Array:

@@ -59,7 +59,7 @@ def _swapped(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _swapped(one) for key, one in value.items()}
     if isinstance(value, list):
-        # long lists are numbers: the first value tells
+        # long lists are numbers: the first value decides
         return [_swapped(one) for one in value] if _may_hold_colors(value) else value
     return DARK.get(value, value) if isinstance(value, str) else value
 

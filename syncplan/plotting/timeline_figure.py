@@ -161,7 +161,7 @@ def _note(plan: Plan) -> str:
 
 
 def _bars(plan: Plan, rows: list[Row], names: list[str]) -> list[Spec]:
-    """One trace for each kind of link, so that the legend tells them."""
+    """One trace for each kind of link, so that the legend distinguishes them."""
     traces = []
     for shown in dict.fromkeys(row.shown for row in rows):
         base, length, at, text = [], [], [], []

@@ -15,10 +15,10 @@ __all__ = ["replay_document"]
 
 
 LONG_GAP_S = 0.5
-"""A gap of the truth worth telling."""
+"""A gap of the truth worth a note."""
 
 LONG_PAUSE_S = 2.0
-"""A time without odometry worth telling."""
+"""A time without odometry worth a note."""
 
 SHARE_WORTH_TELLING = 0.01
 """Of a recording, where it can't be used."""

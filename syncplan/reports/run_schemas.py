@@ -134,7 +134,7 @@ class RobotFigures(_Errors):
 
 
 class ReplayFilter(DocumentPart):
-    """What the filter was told of a recording; sigmas of motion are per sample."""
+    """What the filter assumes of a recording; sigmas of motion are per sample."""
 
     bearing_sigma_rad: float
     speed_sigma_mps: float
@@ -146,7 +146,7 @@ class ReplayFilter(DocumentPart):
 
 
 class ReadingCounts(DocumentPart):
-    """What became of the readings of bearings."""
+    """How many bearings were used, and why others were not."""
 
     used: int
     rejected: int = Field(description="Rejected by the gate")
@@ -161,7 +161,7 @@ class ReplayDocument(_RunReport):
     begin_s: float = Field(description="When the run begins by the recording's clock")
     duration_s: float
     landmarks: list[int] = Field(description="Numbers of those whose bearings were asked for")
-    meetings: bool = Field(description="Whether bearings that robots took of each other were")
+    meetings: bool = Field(description="Whether bearings between robots were")
     filter: ReplayFilter
     position_rmse_m: float = Field(description="Over all robots and samples after the first")
     heading_rmse_rad: float
@@ -190,7 +190,7 @@ class ReplayDocument(_RunReport):
 
 
 class SweepRow(Document):
-    """One value of a sweep: what came of its plan, and of the trials."""
+    """One value of a sweep: the verdict on its plan, and its validation."""
 
     label: str = Field(examples=["0.4"])
     value: float = Field(description="What the swept key was set to", examples=[0.4])

@@ -163,12 +163,12 @@ def _filter_notes(validation: Validation) -> list[str]:
         motions = "; ".join(item.description for item in plan.unobservable[:3])
         text = (
             f"the plan is NOT observable (rank {verdict.rank} of {verdict.state_dim}): no sighting "
-            f"tells {motions}"
+            f"can detect {motions}"
         )
         if figure.verdict == "optimistic":
             text += (
                 f". The filter does not know: it is inconsistent (ANEES {figure.value:.2f}, "
-                "1 is honest), its sigmas are too small there and must not be trusted"
+                "1 is consistent), its sigmas are too small there and must not be trusted"
             )
         notes.append(text)
     elif figure.verdict == "optimistic":

@@ -72,10 +72,10 @@ def test_all_leaves_out_what_the_scenario_does_not_allow() -> None:
     folders = {file.name.split("/")[0] for file in made.files}
     assert folders == {"csv", "rosbag2", "mcap", "crazyswarm"}
     assert made.notes[0] == (
-        "left out, for the scenario has no geo_origin: qgc, ardupilot, geojson, kml"
+        "left out, because the scenario has no geo_origin: qgc, ardupilot, geojson, kml"
     )
     px4 = export(mixed_team(), ALL, ExportOptions(autopilot="px4"))
-    assert px4.notes[0] == "left out, for the autopilot is px4: ardupilot"
+    assert px4.notes[0] == "left out, because the autopilot is px4: ardupilot"
 
 
 def test_an_unknown_format_is_refused() -> None:
@@ -256,8 +256,8 @@ def test_the_time_lost_is_made_up_as_the_sidecar_says() -> None:
     ("name", "options", "words"),
     [
         ("qgc", {}, "It waits for entry.time by the vehicle's own UTC clock"),
-        ("qgc", {"autopilot": "px4"}, "A mission waits for nobody"),
-        ("ardupilot", {"waypoints": True}, "Between waypoints it is told leg_speed_mps"),
+        ("qgc", {"autopilot": "px4"}, "A mission does not wait"),
+        ("ardupilot", {"waypoints": True}, "Between waypoints the mission commands leg_speed_mps"),
         ("crazyswarm", {}, "start all trajectories by one broadcast"),
         ("mcap", {}, "Be at entry.position_m at start_time, under way"),
     ],

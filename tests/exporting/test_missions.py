@@ -209,7 +209,7 @@ def test_snapping_that_loses_a_meeting_says_so() -> None:
     )
     assert plan.links
     made = export(plan, "qgc", ExportOptions(snap_radius=True))
-    assert "v1 and v2 meet no more with the radii snapped" in made.notes
+    assert "v1 and v2 no longer meet with the radii snapped" in made.notes
 
 
 @given(st.floats(0.2, 2550.0))
@@ -373,7 +373,9 @@ def test_a_px4_that_is_told_more_than_it_dares_is_told_of() -> None:
 def test_planes_are_told_their_airspeeds_and_steep_banks() -> None:
     plane = ExportOptions(vehicle="fixed_wing")
     told = " ".join(export(mixed_team(), "qgc", plane).notes)
-    assert "airspeeds from 4 to 6 m/s are told, and Plane drops one outside AIRSPEED_MIN" in told
+    assert (
+        "missions command airspeeds from 4 to 6 m/s; Plane ignores one outside AIRSPEED_MIN" in told
+    )
     assert "would bank" not in told
     steep = {"radius_m": 40.0, "angular_rate_rad_s": 0.55, "direction": "ccw"}
     # 22 m/s on 40 m: atan(22^2 / (9.81 40)) = 51 deg
