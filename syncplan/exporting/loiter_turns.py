@@ -135,8 +135,8 @@ def _radius_notes(flight: Flight) -> list[str]:
             f"ArduPilot stores radii in {'tens of' if stored[worst] > 255 else 'whole'} metres: "
             f"{_listed([flight.names[k] for k in cut])} would fly smaller circles "
             f"({flight.names[worst]} {stored[worst]:g} m instead of {radii[worst]:g} m) and, at "
-            f"the commanded speed, be up to {drift:.2g} rad ahead after each turn; snap the radii, or "
-            "fly waypoints"
+            f"the commanded speed, be up to {drift:.2g} rad ahead after each turn; snap the radii, "
+            "or fly waypoints"
         )
     large = [flight.names[k] for k in np.flatnonzero(radii > WHOLE_METRES_UP_TO)]
     if large:
