@@ -244,7 +244,7 @@ def test_the_sidecar_says_who_meets_whom_and_when() -> None:
 
 def test_the_time_lost_is_made_up_as_the_sidecar_says() -> None:
     told = _sidecar("csv")
-    (rule,) = [step for step in told["procedure"] if "Late by s" in step]
+    (rule,) = [step for step in told["procedure"] if "late by s seconds" in step]
     assert "speed_mps period_s / (period_s - s)" in rule
     period, late = told["period_s"], 3.0
     length = told["vehicles"][0]["speed_mps"] * period
