@@ -43,7 +43,7 @@ def paper_grid_same() -> Scene:
     noise = Noise(0.1, 0.01, 5.0, 0.1)
     team = Team(orbits, landmarks, sensors, noise)
     windows = find_windows(team)
-    sightings = sample_sightings(windows, orbits.period, sensors.sample_time, 1, STEPS)
+    sightings = sample_sightings(windows, orbits.period, sensors, 1, STEPS)
     return team, sightings, STEPS
 
 

@@ -106,7 +106,7 @@ def _scene(
     team = Team(orbits, landmarks, sensors, Noise(0.1, 0.01, 5.0, 0.1))
     windows = find_windows(team)
     last = math.ceil(orbits.period / SAMPLE_TIME_S) - 1
-    sightings = sample_sightings(windows, orbits.period, SAMPLE_TIME_S, 0, last)
+    sightings = sample_sightings(windows, orbits.period, sensors, 0, last)
     return Scene(key, team, sightings, last + 1)
 
 

@@ -1,13 +1,14 @@
-"""The extended Kalman filter of a team: every vehicle's x, y and heading from all bearings.
+"""The extended Kalman filter of a team: every vehicle's x, y and heading from sightings.
 
 The state stacks (x, y, heading) of n vehicles, 3n in all. Each sample:
 
     predict   x += displacement(speed, turn rate readings),   P = F P F' + G Q G'
-    update    one bearing after another:  nu = z - (atan2(target - observer) - observer's heading)
+    update    one sighting after another, such as a bearing:
+              nu = z - (atan2(target - observer) - observer's heading)
               u = P h,  S = h' u + sigma^2,  x += u nu / S,  P -= u u' / S
 
 F is exact: an error of heading turns the displacement (dx, dy) about its start, so its column holds
-(-dy, dx, 1). h has six non-zeros, three for a landmark. The gate rejects a bearing by nu^2 / S.
+(-dy, dx, 1). h has six non-zeros, three for a landmark. The gate rejects a sighting by nu^2 / S.
 
 `reference_filter` does this in NumPy for one trial and is the one to read; these kernels filter
 many trials at a time. All trials share their sightings, so a trial is a *lane*: the last,
@@ -15,8 +16,8 @@ contiguous axis of every array, and arithmetic runs over lanes in vector registe
 independent and no sum is reordered, so a trial's figures depend neither on the lanes beside it nor
 on their number. Of P only the lower triangle is maintained.
 
-Extension: a scalar measurement whose row is shaped like a bearing's, such as a distance, needs one
-function beside `bearing_lanes`. Further states (a wind, a bias) follow the poses in P; only
+Extension: a further kind of sighting, such as a distance, needs one function beside `bearing_lanes`
+and a branch of `sighting_lanes`. Further states (a wind, a bias) follow the poses in P; only
 `predict_lanes`, `correct_lanes` and the errors of `record_lanes` address poses.
 
 Source: Bar-Shalom, Li, Kirubarajan (2001), 10.3; NEES and NIS as in `consistency`.
@@ -32,9 +33,12 @@ from syncplan.estimation.filter_statistics import FilterStatistics
 from syncplan.estimation.lane_filter import LaneFilter, Lanes, compiled
 from syncplan.estimation.lane_statistics import record_lanes, subtract_outer
 
-__all__ = ["EXTENDED", "bearing_lanes", "correct_lanes", "predict_lanes"]
+__all__ = ["EXTENDED", "correct_lanes", "predict_lanes", "sighting_lanes"]
 
 Work = tuple[Array, Array, Array, Array]
+
+BEARING_KIND = 0
+"""Place of bearings in SIGHTING_KINDS, as the kernel has it."""
 
 SMALLEST_SQUARE = 1e-300
 """Least squared distance in m^2: bodies estimated at one place give a row of zeros, not NaN."""
@@ -158,6 +162,26 @@ def bearing_lanes(
 
 
 @compiled
+def sighting_lanes(
+    kind: int,
+    x: Array,
+    observer: int,
+    target: int,
+    landmarks: Array,
+    measured: Array,
+    row: Array,
+    innovation: Array,
+    lanes: Lanes,
+) -> None:
+    """Fill in innovation and row of a sighting of the kind at this place in SIGHTING_KINDS.
+
+    Shapes are as in `bearing_lanes`. A kind that is not in the table leaves both as they are.
+    """
+    if kind == BEARING_KIND:
+        bearing_lanes(x, observer, target, landmarks, measured, row, innovation, lanes)
+
+
+@compiled
 def _add_product(
     P: Array, r: int, row: Array, sign: float, width: int, u: Array, lanes: Lanes
 ) -> None:
@@ -233,9 +257,9 @@ def _filter(
         speeds, turn_rates = readings.speeds[step - 1], readings.turn_rates[step - 1]
         predict_lanes(x, P, speeds, turn_rates, setup.motion, moves, lanes)
         for s in range(setup.first[step], setup.first[step + 1]):
-            o, t, z = setup.observers[s], setup.targets[s], readings.bearings[s]
-            bearing_lanes(x, o, t, setup.landmarks, z, work[0], work[1], lanes)
-            variance = setup.bearing_variances[o]
+            o, t, z = setup.observers[s], setup.targets[s], readings.sightings[s]
+            kind, variance = setup.kinds[s], setup.variances[s]
+            sighting_lanes(kind, x, o, t, setup.landmarks, z, work[0], work[1], lanes)
             correct_lanes(x, P, o, t, variance, setup.gate, work, statistics, lanes)
         record_lanes(x, P, setup, step, scratch, statistics, lanes)
     return x, P

@@ -143,7 +143,7 @@ def steady_bound(team: Team, windows: Windows) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class _ReferredSystem:
-    """A run with all errors referred to time 0: noise added per step, whitened bearing rows."""
+    """A run with all errors referred to time 0: noise added per step, whitened rows."""
 
     run: Run
     moved: Array  # (2, n, steps + 1) displacement since time 0, in mean radii
@@ -157,7 +157,7 @@ class _ReferredSystem:
         steps: int,
     ) -> "_ReferredSystem":
         orbits, sample_time = team.orbits, team.sensors.sample_time
-        sightings = sample_sightings(windows, orbits.period, sample_time, 1, steps)
+        sightings = sample_sightings(windows, orbits.period, team.sensors, 1, steps)
         targets = sightings.targets
         scale = float(orbits.radii.mean())
         angle = phase(orbits, np.arange(steps + 1) * sample_time).T

@@ -1,7 +1,7 @@
 """Covariance along a run with all errors referred to time 0, where prediction only adds noise.
 
-Noise is block diagonal, one 3 x 3 block a vehicle, and a whitened bearing row h is wide as the
-state, with six non-zeros. Bearings come in by groups of consecutive rows: let P be the covariance
+Noise is block diagonal, one 3 x 3 block a vehicle, and a whitened row h of a sighting is wide as
+the state, with six non-zeros. Rows come in by groups of consecutive rows: let P be the covariance
 where a group starts and N_j the noise added since, up to the sample of its row j. Then
 
     g_j  = (P + N_j) h_j                     of the state with row j: noise after j is not in it
@@ -52,13 +52,13 @@ _UPPER = np.triu_indices(3)
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Noise and bearings along a run of n vehicles, referred to time 0.
+    """Noise and sightings along a run of n vehicles, referred to time 0.
 
     Attributes
     ----------
     noise : (6, n, steps + 1) of the step that ends at k, nothing at 0: the upper triangle of each
         vehicle's block, (xx, xy, x psi, yy, y psi, psi psi)
-    rows : (s, 6) whitened bearing rows in order of time, observer's three, target's three
+    rows : (s, 6) whitened rows in order of time, observer's three, target's three
     observers, targets : (s,) vehicles; any for a landmark, whose three are zero
     first : (steps + 2,) rows of sample k are first[k] to first[k + 1]
     """

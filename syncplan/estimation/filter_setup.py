@@ -3,8 +3,8 @@
 Monte Carlo and replays both build it here.
 
 Extension: the variance of a further state (a wind, a sensor's bias) goes beside
-`initial_variances`, that of a further kind of measurement (a distance, a compass) beside
-`bearing_variances`.
+`initial_variances`. A further kind of sighting (a distance) is a number in `kinds`; a measurement
+that is no sighting (a compass) needs fields of its own.
 """
 
 from typing import NamedTuple
@@ -43,10 +43,11 @@ class FilterSetup(NamedTuple):
     ------
     truth : (steps + 1, n, 3) m, m, rad
     landmarks : (m, 2) m
-    first : (steps + 2,) bearings of step k are first[k] to first[k + 1]
-    observers, targets : (s,) of each bearing; targets from n on are landmarks
+    first : (steps + 2,) sightings of step k are first[k] to first[k + 1]
+    observers, targets : (s,) of each sighting; targets from n on are landmarks
+    kinds : (s,) what each sighting measures, as its place in SIGHTING_KINDS
+    variances : (s,) of each sighting, in its kind's unit squared
     initial_variances : (n, 3) m^2, m^2, rad^2
-    bearing_variances : (n,) rad^2, by observer
     motion : the motion model
     gate : largest innovation^2 / variance that is accepted
     sample_every : steps between samples of NEES and coverage; the last step is one too
@@ -57,8 +58,9 @@ class FilterSetup(NamedTuple):
     first: Index
     observers: Index
     targets: Index
+    kinds: Index
+    variances: Array
     initial_variances: Array
-    bearing_variances: Array
     motion: MotionModel
     gate: float
     sample_every: int
@@ -71,13 +73,13 @@ class Readings(NamedTuple):
     ------
     initial : (n, 3, lanes) initial estimate in m, m, rad
     speeds, turn_rates : (steps, n, lanes) m/s, rad/s
-    bearings : (s, lanes) rad
+    sightings : (s, lanes) in the unit of their kind
     """
 
     initial: Array
     speeds: Array
     turn_rates: Array
-    bearings: Array
+    sightings: Array
 
 
 def build_setup(
@@ -87,7 +89,8 @@ def build_setup(
     first: Index,
     observers: Index,
     targets: Index,
-    bearing_variances: Array,
+    kinds: Index,
+    variances: Array,
     noise: Noise,
     sample_time: float,
     options: FilterOptions,
@@ -103,8 +106,9 @@ def build_setup(
         first=first,
         observers=observers,
         targets=targets,
+        kinds=kinds,
+        variances=variances,
         initial_variances=np.tile(np.square(deviations), (truth.shape[1], 1)),
-        bearing_variances=bearing_variances,
         motion=MotionModel(
             time=float(sample_time),
             substeps=options.motion_substeps,

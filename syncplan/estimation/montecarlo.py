@@ -2,7 +2,7 @@
 
 Trial k draws from SeedSequence(seed, spawn_key=(k,)), the k-th child of SeedSequence(seed), in
 this order: initial pose (n, 3), speed readings (steps, n), turn-rate readings (steps, n),
-bearings (s,) as the sightings are ordered. Trials are filtered in chunks of CHUNK_TRIALS, cut at
+sightings (s,) in their order. Trials are filtered in chunks of CHUNK_TRIALS, cut at
 fixed trial numbers, so neither threads nor division into parts changes a byte; see
 syncplan.estimation.trials.
 """
@@ -30,8 +30,7 @@ from syncplan.estimation.trials import (
     result_of,
 )
 from syncplan.orbits.circles import heading, position
-from syncplan.orbits.noise import Noise
-from syncplan.orbits.sighting_kinds import BEARING
+from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, measured_by_kind, sigmas_by_kind
 from syncplan.orbits.sightings import Sightings
 from syncplan.orbits.team import Team
 from syncplan.runtime.cores import usable_cores
@@ -45,8 +44,8 @@ class _Run:
 
     team: Team
     setup: FilterSetup
-    bearings: Array
-    bearing_sigmas: Array
+    sightings: Array
+    sigmas: Array
     options: FilterOptions
     end: int
     stop: threading.Event
@@ -73,14 +72,14 @@ def run_trials(
     trials done. Raises InputError naming the argument at fault.
     """
     _check_run(steps, first_trial, threads)
-    _check_sigmas(team.sensors.bearing_sigmas, team.noise)
+    _check_sigmas(team)
     _check_sightings(sightings, team.count, len(team.landmarks))
     setup = _setup(team, sightings, steps, options)
     run = _Run(
         team=team,
         setup=setup,
-        bearings=_true_bearings(setup),
-        bearing_sigmas=team.sensors.bearing_sigmas[setup.observers],
+        sightings=_true_sightings(setup),
+        sigmas=sigmas_by_kind(team.sensors, setup.kinds, setup.observers),
         options=options,
         end=first_trial + options.trials,
         stop=threading.Event(),
@@ -107,19 +106,25 @@ def _check_run(steps: int, first_trial: int, threads: int | None) -> None:
         raise InputError(f"{threads} given, at least 1 is needed", key="threads")
 
 
-def _check_sigmas(bearing_sigmas: Array, noise: Noise) -> None:
-    if not np.all(bearing_sigmas > 0.0):
-        problem = f"{bearing_sigmas.min()} rad given; a bearing's sigma must be positive"
-        raise InputError(problem, key="bearing_sigmas")
-    for field in fields(noise):
-        value = getattr(noise, field.name)
+def _check_sigmas(team: Team) -> None:
+    for name, kind in SIGHTING_KINDS.items():
+        sigmas = kind.sigmas(team.sensors)
+        if not np.all(sigmas > 0.0):
+            problem = f"{sigmas.min()} {kind.unit} given; a {name}'s sigma must be positive"
+            raise InputError(problem, key=kind.sigma_name)
+    for field in fields(team.noise):
+        value = getattr(team.noise, field.name)
         if not (np.isfinite(value) and value >= 0.0):
             raise InputError(f"{value} given; it must not be negative", key=field.name)
 
 
 def _check_sightings(sightings: Sightings, n: int, landmarks: int) -> None:
-    """The kernels do not check these indices: each must be that of a body."""
-    named = (("observers", sightings.observers, n), ("targets", sightings.targets, n + landmarks))
+    """The kernels do not check these indices: each must be that of a body, or of a kind."""
+    named = (
+        ("observers", sightings.observers, n),
+        ("targets", sightings.targets, n + landmarks),
+        ("kinds", sightings.kinds, len(SIGHTING_KINDS)),
+    )
     for key, index, limit in named:
         wrong = index[(index < 0) | (index >= limit)]
         if len(wrong):
@@ -133,27 +138,30 @@ def _setup(team: Team, sightings: Sightings, steps: int, options: FilterOptions)
     times = np.arange(steps + 1) * sensors.sample_time
     first = sightings.first_of_steps(steps)
     seen = slice(first[1], first[-1])
+    observers = np.array(sightings.observers[seen], dtype=np.int64)
+    kinds = np.array(sightings.kinds[seen], dtype=np.int64)
     return build_setup(
         truth=np.concatenate([position(orbits, times), heading(orbits, times)[..., None]], axis=2),
         landmarks=np.array(team.landmarks, dtype=np.float64).reshape(-1, 2),
         first=np.maximum(first - first[1], 0),
-        observers=np.array(sightings.observers[seen], dtype=np.int64),
+        observers=observers,
         targets=np.array(sightings.targets[seen], dtype=np.int64),
-        bearing_variances=np.square(sensors.bearing_sigmas),
+        kinds=kinds,
+        variances=np.square(sigmas_by_kind(sensors, kinds, observers)),
         noise=team.noise,
         sample_time=sensors.sample_time,
         options=options,
     )
 
 
-def _true_bearings(setup: FilterSetup) -> Array:
-    """(s,) bearings without noise, in rad, not wrapped."""
+def _true_sightings(setup: FilterSetup) -> Array:
+    """(s,) sightings without noise; angles are not wrapped."""
     steps = len(setup.truth) - 1
     step = np.repeat(np.arange(steps + 1), np.diff(setup.first))
     fixed = np.broadcast_to(setup.landmarks, (steps + 1, *setup.landmarks.shape))
     places = np.concatenate([setup.truth[:, :, :2], fixed], axis=1)
     away = places[step, setup.targets] - places[step, setup.observers]
-    return BEARING.measured(away.T, setup.truth[step, setup.observers, 2])
+    return measured_by_kind(setup.kinds, away.T, setup.truth[step, setup.observers, 2])
 
 
 def _in_order(run: _Run, first_trial: int, threads: int) -> Generator[MonteCarloResult]:
@@ -193,12 +201,12 @@ def _chunk(run: _Run, start: int) -> MonteCarloResult:
 def _readings(run: _Run, trials: range) -> Readings:
     """Noisy initial poses and readings, a lane for each trial."""
     steps, n, lanes = len(run.setup.truth) - 1, run.team.count, len(trials)
-    sizes = (3 * n, steps * n, steps * n, len(run.bearings))
+    sizes = (3 * n, steps * n, steps * n, len(run.sightings))
     draws = np.empty((lanes, sum(sizes)))
     for trial, row in zip(trials, draws, strict=True):
         sequence = np.random.SeedSequence(run.options.seed, spawn_key=(trial,))
         np.random.Generator(np.random.PCG64(sequence)).standard_normal(out=row)
-    poses, speeds, turn_rates, bearings = np.split(draws.T, np.cumsum(sizes)[:-1])
+    poses, speeds, turn_rates, sightings = np.split(draws.T, np.cumsum(sizes)[:-1])
     orbits, noise = run.team.orbits, run.team.noise
     pose_sigmas = np.sqrt(run.setup.initial_variances).ravel()
     speeds = _scattered(np.tile(orbits.speeds, steps), noise.speed_sigma, speeds)
@@ -207,7 +215,7 @@ def _readings(run: _Run, trials: range) -> Readings:
         initial=_scattered(run.setup.truth[0].ravel(), pose_sigmas, poses).reshape(n, 3, lanes),
         speeds=speeds.reshape(steps, n, lanes),
         turn_rates=turn_rates.reshape(steps, n, lanes),
-        bearings=_scattered(run.bearings, run.bearing_sigmas, bearings),
+        sightings=_scattered(run.sightings, run.sigmas, sightings),
     )
 
 

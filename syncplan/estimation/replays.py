@@ -29,6 +29,7 @@ from syncplan.estimation.filter_statistics import empty_series, empty_statistics
 from syncplan.estimation.mrclam import NOBODY, Log
 from syncplan.estimation.trials import Accuracy, MonteCarloResult, accuracy, result_of
 from syncplan.orbits.noise import Noise
+from syncplan.orbits.sighting_kinds import BEARING, place_of
 from syncplan.scenario.rules import excess
 
 __all__ = ["GROUND_ROBOTS", "OPTIONS", "Replay", "longest_gap", "replay"]
@@ -132,7 +133,8 @@ def replay(
         first=bearings.first,
         observers=bearings.observers,
         targets=bearings.targets,
-        bearing_variances=np.full(len(log.robots), bearing_sigma**2),
+        kinds=np.full(len(bearings.angles), place_of(BEARING)),
+        variances=np.full(len(bearings.angles), bearing_sigma**2),
         noise=noise,
         sample_time=sample_time,
         options=chosen,
@@ -205,7 +207,7 @@ def _readings(log: Log, clock: _Clock, setup: FilterSetup, bearings: _Bearings) 
         initial=setup.truth[0, :, :, None].copy(),
         speeds=_odometry(log, clock, 1)[..., None],
         turn_rates=_odometry(log, clock, 2)[..., None],
-        bearings=bearings.angles[:, None],
+        sightings=bearings.angles[:, None],
     )
 
 

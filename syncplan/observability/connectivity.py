@@ -54,7 +54,7 @@ def _ready_steps(assessed: Assessment, samples: int) -> dict[tuple[int, int], In
     """For each pair (a, b): the step by which it certifies when watched from step k on, (k,)."""
     team, period = assessed.team, assessed.team.orbits.period
     last = (1 + SEARCHED_PERIODS) * samples
-    sightings = sample_sightings(assessed.windows, period, team.sensors.sample_time, 0, last)
+    sightings = sample_sightings(assessed.windows, period, team.sensors, 0, last)
     pairs = list(pair_rows(team, sightings))
     starts = [np.searchsorted(pair.steps, np.arange(samples)) for pair in pairs]
     used = [np.unique(of[of < len(pair.steps)]) for pair, of in zip(pairs, starts, strict=True)]

@@ -1,9 +1,9 @@
 """Windowed observability: the matrix of equations (5)-(9) in closed form, its rank and its gap.
 
-Every bearing row is referred to the initial state by the closed-form transition, so that it has
-six non-zeros (three for a landmark) and no matrix product is formed. With q the target's position
-relative to the observer, g = dz / dq and dz / dpsi as syncplan.orbits.sighting_kinds has them, J a
-quarter turn counter-clockwise and p(t) - p(0) the way each has gone:
+The row of every sighting is referred to the initial state by the closed-form transition, so that it
+has six non-zeros (three for a landmark) and no matrix product is formed. With q the target's
+position relative to the observer, g = dz / dq and dz / dpsi as syncplan.orbits.sighting_kinds has
+them, J a quarter turn counter-clockwise and p(t) - p(0) the way each has gone:
 
     dz / dp_target     =  g                              and minus that for the observer
     dz / dpsi_target   =  g . J (p_t(t) - p_t(0))
@@ -23,7 +23,7 @@ import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.orbits.paths import body_paths
-from syncplan.orbits.sighting_kinds import BEARING, SightingKind
+from syncplan.orbits.sighting_kinds import sigmas_by_kind, slopes_by_kind, turns_by_kind
 from syncplan.orbits.sightings import Sightings
 from syncplan.orbits.team import Team
 
@@ -60,7 +60,7 @@ LINK_TOLERANCE = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class PairRows:
-    """The bearing rows of one pair, both ways together, in order of time.
+    """The rows of one pair's sightings, both ways together, in order of time.
 
     Attributes
     ----------
@@ -84,7 +84,7 @@ class LinkInformation:
     Attributes
     ----------
     a, b : indices, a < b; b is a landmark from n on
-    sightings : number of bearings
+    sightings : number of rows
     one_way : whether only one of the two sees the other
     singular_values : (k,) of the scaled rows, descending
     directions : (k, 6) right singular vectors over (x_a, y_a, psi_a, x_b, y_b, psi_b), positions
@@ -146,12 +146,7 @@ class Observability:
         return float(self.singular_values[-1] ** 2) if self.observable else 0.0
 
 
-def sighting_rows(
-    team: Team,
-    sightings: Sightings,
-    scale: float | None = None,
-    kind: SightingKind = BEARING,
-) -> Array:
+def sighting_rows(team: Team, sightings: Sightings, scale: float | None = None) -> Array:
     """Return (s, 6) rows referred to time 0, over sigma: the observer's three, the target's three.
 
     Positions in mean radii, or in `scale` m; a landmark's three are zero. A sighting from nearer
@@ -172,15 +167,15 @@ def sighting_rows(
     q = (there - here) + (there_cos - here_cos) * cos + (there_sin - here_sin) * sin
     mean_radius = float(orbits.radii.mean())
     weight = np.minimum(1.0, np.sqrt(q[0] * q[0] + q[1] * q[1]) / (NEAREST * mean_radius))
-    weight /= kind.sigmas(team.sensors)[observers]
-    slope = kind.slopes(q, weight)
+    weight /= sigmas_by_kind(team.sensors, sightings.kinds, observers)
+    slope = slopes_by_kind(sightings.kinds, q, weight)
     own = here_cos * (cos - 1.0) + here_sin * sin
     other = there_cos * (cos - 1.0) + there_sin * sin
     unit = mean_radius if scale is None else scale
     rows = np.empty((len(cos), 6))
     rows[:, 0] = slope[0] * -unit
     rows[:, 1] = slope[1] * -unit
-    rows[:, 2] = -(slope[1] * own[0] - slope[0] * own[1]) + kind.by_heading * weight
+    rows[:, 2] = -(slope[1] * own[0] - slope[0] * own[1]) + turns_by_kind(sightings.kinds) * weight
     rows[:, 3:5] = -rows[:, :2]
     rows[:, 5] = slope[1] * other[0] - slope[0] * other[1]
     rows[targets >= orbits.count, 3:] = 0.0

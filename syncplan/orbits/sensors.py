@@ -1,6 +1,6 @@
 """Sensors: what each vehicle can see, and how well."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from syncplan.arrays import Array, Index, short_repr
 
@@ -37,3 +37,7 @@ class Sensors:
             self.bearing_sigmas[vehicles],
             self.sample_time,
         )
+
+    def scaled(self, unit: float) -> "Sensors":
+        """Return the same sensors with all lengths in units of `unit` m."""
+        return replace(self, ranges=self.ranges / unit)

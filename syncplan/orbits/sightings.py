@@ -6,6 +6,8 @@ import numpy as np
 
 from syncplan.arrays import Index
 from syncplan.orbits.contacts import Windows
+from syncplan.orbits.sensors import Sensors
+from syncplan.orbits.sighting_kinds import kinds_measured
 from syncplan.orbits.team import Team
 
 __all__ = ["Sightings", "sample_sightings", "samples_before", "sightings_over", "steps_within"]
@@ -17,18 +19,20 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Sightings:
-    """Every bearing measured, ordered by step, then observer, then target.
+    """Everything measured, ordered by step, then observer, then target, then kind.
 
     Attributes
     ----------
     steps : (s,) sample number k, taken at k Ts
     observers : (s,) index of the vehicle that measures
     targets : (s,) index of what it measures; n and above are landmarks
+    kinds : (s,) place in SIGHTING_KINDS of what is measured of it
     """
 
     steps: Index
     observers: Index
     targets: Index
+    kinds: Index
 
     def first_of_steps(self, last_step: int) -> Index:
         """Return (last_step + 2,) offsets: step k's sightings are first[k] to first[k + 1]."""
@@ -48,16 +52,18 @@ def samples_before(duration: float, sample_time: float) -> int:
 def sightings_over(team: Team, windows: Windows, span: float) -> Sightings:
     """Return what a team sees at the samples k Ts with k >= 0 in [0, span) s."""
     last = samples_before(span, team.sensors.sample_time) - 1
-    return sample_sightings(windows, team.orbits.period, team.sensors.sample_time, 0, last)
+    return sample_sightings(windows, team.orbits.period, team.sensors, 0, last)
 
 
 def sample_sightings(
-    windows: Windows, period: float, sample_time: float, first_step: int, last_step: int
+    windows: Windows, period: float, sensors: Sensors, first_step: int, last_step: int
 ) -> Sightings:
     """Return the sightings at k Ts for k from `first_step` to `last_step`, both included.
 
-    Windows repeat with the period; a sample exactly at a window's edge belongs to it.
+    Windows repeat with the period; a sample exactly at a window's edge belongs to it. At each
+    sample in a window there is one sighting for each kind that the observer's sensor measures.
     """
+    sample_time = sensors.sample_time
     pair = np.repeat(np.arange(len(windows.observers)), np.diff(windows.first))
     permanent = windows.ends - windows.starts >= period
     turns = np.arange(
@@ -77,4 +83,6 @@ def sample_sightings(
     steps = begin + within
     observers, targets = windows.observers[pair_of], windows.targets[pair_of]
     order = np.lexsort((targets, observers, steps))
-    return Sightings(steps[order], observers[order], targets[order])
+    which, kinds = np.nonzero(kinds_measured(sensors)[observers[order]])
+    order = order[which]
+    return Sightings(steps[order], observers[order], targets[order], kinds)

@@ -133,7 +133,7 @@ def trial_run(
     length = flown.scenario.duration_s if chosen.duration is None else chosen.duration
     sample_time, period = flown.sensors.sample_time, flown.orbits.period
     steps = steps_in_run(length, sample_time, period, flown.team.count)
-    sightings = sample_sightings(flown.windows, period, sample_time, 1, steps)
+    sightings = sample_sightings(flown.windows, period, flown.sensors, 1, steps)
     return TrialRun(flown, length, steps, sightings, chosen)
 
 

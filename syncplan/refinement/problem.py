@@ -11,6 +11,7 @@ import numpy as np
 from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.separation import least_circle_gaps
+from syncplan.orbits.sighting_kinds import BEARING
 from syncplan.orbits.team import Team, WithTeam
 from syncplan.scenario.areas import Area
 from syncplan.scenario.objectives import Objective
@@ -97,7 +98,7 @@ class RefineProblem(WithTeam):
     @property
     def information_unit(self) -> float:
         """A typical entry of the windowed information: the mean of 1/sigma^2 in 1/rad^2."""
-        return float(np.mean(1.0 / self.sensors.bearing_sigmas**2))
+        return float(np.mean(1.0 / BEARING.sigmas(self.sensors) ** 2))
 
     def guarded_pairs(self) -> Index:
         """Return the (g, 2) pairs of vehicles a < b that could come nearer than the separation."""

@@ -21,6 +21,7 @@ import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.orbits.sensors import Sensors
+from syncplan.orbits.sighting_kinds import BEARING
 from syncplan.refinement.sample_times import SampleTimes
 
 __all__ = [
@@ -168,7 +169,7 @@ def _alike(sensors: Sensors) -> bool:
 
 def _certainty(paths: Paths, observers: Index) -> ca.DM:
     """(k, e) samples in each group over the variance of the observer's bearing."""
-    inverse = 1.0 / paths.sensors.bearing_sigmas[observers] ** 2
+    inverse = 1.0 / BEARING.sigmas(paths.sensors)[observers] ** 2
     return ca.DM(np.outer(paths.times.counts, inverse))
 
 

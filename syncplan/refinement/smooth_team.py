@@ -5,7 +5,7 @@ pair's ten sums go to fixed places of the sparse information matrix. CasADi find
 LDL factorisation once; the derivative is the inverse on that pattern.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -73,7 +73,7 @@ class SmoothTeam:
     def information(self, circles: ca.MX, width: float, *, each: bool = False) -> ca.MX:
         """Return the non-zeros of the information, (nnz, 1), or (nnz, k) for each sample."""
         problem = self.problem
-        sensors = replace(problem.sensors, ranges=problem.sensors.ranges / problem.scale)
+        sensors = problem.sensors.scaled(problem.scale)
         paths = Paths.of(circles, problem.orbits.senses, sensors, self.times)
         pairs, anchors = self.sighted.pairs, self.sighted.anchors
         parts = []

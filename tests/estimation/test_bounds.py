@@ -35,7 +35,7 @@ def _local_information_recursion(made: Plan, duration: float) -> np.ndarray:
     orbits, sensors, noise = made.orbits, made.sensors, made.noise
     n, dt = orbits.count, sensors.sample_time
     steps = steps_within(duration, dt)
-    sightings = sample_sightings(made.windows, orbits.period, dt, 1, steps)
+    sightings = sample_sightings(made.windows, orbits.period, sensors, 1, steps)
     first = sightings.first_of_steps(steps)
     sigma = [noise.position_sigma, noise.position_sigma, noise.heading_sigma]
     information: np.ndarray = np.diag(1.0 / np.tile(np.square(sigma), n))
@@ -104,9 +104,7 @@ def test_a_long_run_settles_at_the_steady_bound(grid: Plan) -> None:
 def test_without_motion_noise_the_posterior_tends_to_the_window_bound(grid: Plan) -> None:
     still = Noise(0.0, 0.0, position_sigma=1e5, heading_sigma=1e3)
     steps = steps_within(grid.orbits.period, grid.sensors.sample_time)
-    sightings = sample_sightings(
-        grid.windows, grid.orbits.period, grid.sensors.sample_time, 1, steps
-    )
+    sightings = sample_sightings(grid.windows, grid.orbits.period, grid.sensors, 1, steps)
     links = link_information(grid.team, sightings)
     window = window_bound(assess(grid.team, links))
     rows = sighting_rows(grid.team, sightings)

@@ -74,8 +74,9 @@ def scene_of(steps: int, motion: MotionModel = MOTION, gate: float = np.inf) -> 
         first=np.concatenate([[0, 0], np.cumsum([len(pairs) for pairs in per_step])]),
         observers=seen[:, 0].copy(),
         targets=seen[:, 1].copy(),
+        kinds=np.zeros(len(seen), dtype=np.int64),
+        variances=SIGMAS[seen[:, 0]] ** 2,
         initial_variances=np.tile(INITIAL_SIGMAS**2, (3, 1)),
-        bearing_variances=SIGMAS**2,
         motion=motion,
         gate=gate,
         sample_every=SAMPLE_EVERY,
@@ -94,13 +95,13 @@ def readings_of(given: Scene, lanes: int, scale: float = 1.0) -> Readings:
         random.standard_normal(shape)
         for shape in [(3, 3, lanes), (steps, 3, lanes), (steps, 3, lanes), (len(given[1]), lanes)]
     )
-    sigmas = np.sqrt(setup.bearing_variances)[setup.observers]
+    sigmas = np.sqrt(setup.variances)
     return Readings(
         initial=setup.truth[0][..., None]
         + scale * np.sqrt(setup.initial_variances)[..., None] * pose,
         speeds=ORBITS.speeds[:, None] + scale * np.sqrt(motion.speed_variance) * speed,
         turn_rates=ORBITS.turn_rates[:, None] + scale * np.sqrt(motion.turn_rate_variance) * turn,
-        bearings=given.bearings[:, None] + scale * sigmas[:, None] * bearing,
+        sightings=given.bearings[:, None] + scale * sigmas[:, None] * bearing,
     )
 
 
@@ -136,7 +137,7 @@ def plainly_filtered(given: Scene, readings: Readings, lane: int, motion: Motion
         )
         for s in range(setup.first[k], setup.first[k + 1]):
             o, t = int(setup.observers[s]), int(setup.targets[s])
-            z, gate = readings.bearings[s, lane], setup.gate
+            z, gate = readings.sightings[s, lane], setup.gate
             x, P, nu, S = update(x, P, o, t, z, SIGMAS[o], LANDMARKS, gate)
             accepted = nu**2 <= gate * S
             nis += nu**2 / S if accepted else 0.0
@@ -250,7 +251,7 @@ def test_whole_turns_of_heading_and_bearing_change_nothing() -> None:
     given = scene_of(30)
     readings = readings_of(given, lanes=2)
     turned = readings._replace(
-        bearings=readings.bearings + 2.0 * np.pi * (np.arange(len(given.bearings)) % 3)[:, None],
+        sightings=readings.sightings + 2.0 * np.pi * (np.arange(len(given.bearings)) % 3)[:, None],
         initial=readings.initial - 4.0 * np.pi * np.array([0.0, 0.0, 1.0])[None, :, None],
     )
     expected, found = filtered(given.setup, readings), filtered(given.setup, turned)
@@ -290,9 +291,9 @@ def linear_filter(given: Scene, readings: Readings, lane: int) -> tuple[Array, A
             continue
         pairs = list(zip(setup.observers[seen], setup.targets[seen], strict=True))
         H = np.array([predict_bearing(setup.truth[k], o, t, LANDMARKS)[1] for o, t in pairs])
-        R = np.diag(setup.bearing_variances[setup.observers[seen]])
+        R = np.diag(setup.variances[seen])
         K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
-        m = m + K @ (readings.bearings[seen, lane] - given.bearings[seen] - H @ m)
+        m = m + K @ (readings.sightings[seen, lane] - given.bearings[seen] - H @ m)
         P = (np.eye(9) - K @ H) @ P
     return m.reshape(3, 3), P
 
@@ -304,7 +305,7 @@ def test_for_small_noise_the_filter_becomes_the_linear_one_at_second_order() -> 
         given = scene_of(60, motion)
         small = given.setup._replace(
             initial_variances=scale**2 * given.setup.initial_variances,
-            bearing_variances=scale**2 * given.setup.bearing_variances,
+            variances=scale**2 * given.setup.variances,
         )
         given = Scene(small, given.bearings)
         readings = readings_of(given, lanes=2)
@@ -340,7 +341,8 @@ def test_a_large_team_in_one_lane_has_the_bytes_of_many_lanes() -> None:
         observers=random.integers(0, n, 3 * steps + 3),
         targets=random.integers(n, n + 2, 3 * steps + 3),
         initial_variances=np.ones((n, 3)),
-        bearing_variances=np.full(n, 0.01),
+        kinds=np.zeros(3 * steps + 3, dtype=np.int64),
+        variances=np.full(3 * steps + 3, 0.01),
     )
     readings = Readings(
         *(random.uniform(0.1, 1, (*shape, 4)) for shape in [(n, 3), (steps, n), (steps, n), (39,)])
@@ -361,17 +363,19 @@ def test_a_large_team_in_one_lane_has_the_bytes_of_many_lanes() -> None:
 def test_the_gate_leaves_an_outlier_out_as_if_it_had_not_been_measured() -> None:
     given = scene_of(20, gate=30.0)
     readings = readings_of(given, lanes=1)
-    spoilt = readings.bearings.copy()
+    spoilt = readings.sightings.copy()
     spoilt[50] += 1.0
-    x, P, statistics = filtered(given.setup, readings._replace(bearings=spoilt))
+    x, P, statistics = filtered(given.setup, readings._replace(sightings=spoilt))
     first = given.setup.first.copy()
     first[np.searchsorted(first, 50, side="right") :] -= 1
     without = given.setup._replace(
         first=first,
         observers=np.delete(given.setup.observers, 50),
         targets=np.delete(given.setup.targets, 50),
+        kinds=np.delete(given.setup.kinds, 50),
+        variances=np.delete(given.setup.variances, 50),
     )
-    rest = readings._replace(bearings=np.delete(readings.bearings, 50, axis=0))
+    rest = readings._replace(sightings=np.delete(readings.sightings, 50, axis=0))
     expected = filtered(without, rest)
     assert statistics.gated[0] == 1
     assert statistics.accepted[0] == len(spoilt) - 1

@@ -44,7 +44,7 @@ def paper_grid(steps: int, bearing_sigma: float = 0.1, noise: Noise = NOISE) -> 
         sample_time=0.1,
     )
     windows = find_windows(Team(orbits, LANDMARKS, sensors, noise))
-    sightings = sample_sightings(windows, orbits.period, sensors.sample_time, 1, steps)
+    sightings = sample_sightings(windows, orbits.period, sensors, 1, steps)
     return Team(orbits, LANDMARKS, sensors, noise), sightings, steps
 
 

@@ -48,7 +48,7 @@ def _worst(made: Plan, places: Array) -> float:
     team = replace(made.team, landmarks=np.concatenate([made.landmarks, places]))
     windows = find_windows(team)
     last = int(np.ceil(made.scenario.window / made.sensors.sample_time - 1e-9)) - 1
-    seen = sample_sightings(windows, made.orbits.period, made.sensors.sample_time, 0, last)
+    seen = sample_sightings(windows, made.orbits.period, made.sensors, 0, last)
     bound = window_bound(assess(team, link_information(team, seen)))
     return float("inf") if np.isnan(bound).any() else float(bound.max())
 

@@ -1,6 +1,6 @@
 """The connectivity period against every window looked at by itself."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -28,12 +28,12 @@ def _window_by_window(assessed: Assessment) -> float | None:
     orbits, sensors = team.orbits, team.sensors
     samples = steps_within(orbits.period, sensors.sample_time) + 1
     last = (1 + SEARCHED_PERIODS) * samples
-    seen = sample_sightings(windows, orbits.period, sensors.sample_time, 0, last)
+    seen = sample_sightings(windows, orbits.period, sensors, 0, last)
     worst = 0
     for start in range(samples):
         for end in range(start, last + 1):
             inside = (seen.steps >= start) & (seen.steps <= end)
-            part = Sightings(seen.steps[inside], seen.observers[inside], seen.targets[inside])
+            part = Sightings(*(getattr(seen, field.name)[inside] for field in fields(seen)))
             links = link_information(team, part)
             if certify(team, verdict, links).holds:
                 worst = max(worst, end - start + 1)

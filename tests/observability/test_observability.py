@@ -298,7 +298,7 @@ def _certified_from(made: Plan, start: int, length: float) -> bool:
 
     sample_time = made.sensors.sample_time
     last = start - 1 + round(length / sample_time)
-    sightings = sample_sightings(made.windows, made.orbits.period, sample_time, start, last)
+    sightings = sample_sightings(made.windows, made.orbits.period, made.sensors, start, last)
     links = link_information(made.team, sightings)
     return certify(made.team, made.observability, links).holds
 

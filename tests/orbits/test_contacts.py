@@ -272,7 +272,7 @@ def test_sightings_are_the_samples_inside_windows(seed: int) -> None:
     orbits, landmarks, sensors = _team(seed)
     windows = find_windows(Team(orbits, landmarks, sensors, NOISE))
     steps = 400
-    sightings = sample_sightings(windows, orbits.period, sensors.sample_time, 1, steps)
+    sightings = sample_sightings(windows, orbits.period, sensors, 1, steps)
     taken = set(
         zip(
             sightings.steps.tolist(),
@@ -313,7 +313,7 @@ def test_a_sample_on_a_windows_edge_counts_in_every_turn(rate: float) -> None:
     )
     windows = find_windows(Team(orbits, np.array([[40.0, 0.0]]), sensors, NOISE))
     turns = 20
-    sightings = sample_sightings(windows, orbits.period, sample_time, 1, 12 * turns)
+    sightings = sample_sightings(windows, orbits.period, sensors, 1, 12 * turns)
     assert set((sightings.steps % 12).tolist()) == {0, 1, 11}
     assert len(sightings.steps) == 3 * turns
 

@@ -1,14 +1,17 @@
 """Kinds of sighting against finite differences: those there are, and a distance beside them."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
 from syncplan.arrays import Array
+from syncplan.estimation.batched_filter import sighting_lanes
 from syncplan.observability.rank import sighting_rows
-from syncplan.orbits.circles import heading, position
-from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, SightingKind
+from syncplan.orbits.circles import heading, position, wrap
+from syncplan.orbits.contacts import find_windows
+from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, SightingKind, place_of
+from syncplan.orbits.sightings import sample_sightings
 from syncplan.orbits.team import Team
 from tests.tools.draws import draw_team, sightings_of
 
@@ -18,7 +21,8 @@ def _distance_slopes(q: Array, weights: Array) -> Array:
 
 
 DISTANCE = SightingKind(
-    sigmas=lambda sensors: np.full(len(sensors.ranges), 0.5),
+    sigma_name="ranges",
+    unit="m",
     measured=lambda q, _: np.hypot(q[0], q[1]),
     slopes=_distance_slopes,
     by_heading=0.0,
@@ -52,14 +56,18 @@ def _measured_after(team: Team, kind: SightingKind, a: int, change: Array, time:
 
 
 @pytest.mark.parametrize("name", KINDS)
-def test_rows_of_any_kind_are_the_derivative_by_the_observers_pose(name: str) -> None:
+def test_rows_of_any_kind_are_the_derivative_by_the_observers_pose(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(SIGHTING_KINDS, "distance", DISTANCE)
     kind, checked = KINDS[name], 0
     for seed in range(40):
         team = draw_team(np.random.default_rng(seed))
         team = replace(team, landmarks=team.landmarks[:0])
         seen = sightings_of(team, 30)
-        rows = sighting_rows(team, seen, 1.0, kind)
-        for s in np.flatnonzero(seen.targets == 0)[:: max(len(rows) // 5, 1)]:
+        rows = sighting_rows(team, seen, 1.0)
+        chosen = np.flatnonzero((seen.targets == 0) & (seen.kinds == place_of(kind)))
+        for s in chosen[:: max(len(rows) // 10, 1)]:
             a, time = int(seen.observers[s]), float(seen.steps[s]) * team.sensors.sample_time
             away = position(team.orbits, time)[a] - position(team.orbits, time)[0]
             if np.hypot(*away) < 0.05 * team.orbits.radii.mean():
@@ -79,3 +87,51 @@ def test_rows_of_any_kind_are_the_derivative_by_the_observers_pose(name: str) ->
             np.testing.assert_allclose(rows[s, :3], expected, atol=1e-4 * scale + 1e-6)
             checked += 1
     assert checked > 20
+
+
+def test_each_sighting_is_of_a_kind_that_its_observers_sensor_measures(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    team = draw_team(np.random.default_rng(3))
+    bearings = sightings_of(team, 30)
+    rows = sighting_rows(team, bearings)
+    monkeypatch.setitem(SIGHTING_KINDS, "distance", replace(DISTANCE, sigma_name="boresights"))
+    sigmas = np.full(team.count, np.inf)
+    sigmas[0] = 0.5
+    both = replace(team, sensors=replace(team.sensors, boresights=sigmas))
+    seen = sample_sightings(find_windows(team), team.orbits.period, both.sensors, 0, 30)
+    distances = seen.kinds == 1
+    assert set(seen.observers[distances].tolist()) == {0}
+    assert distances.sum() == np.sum(bearings.observers == 0) > 0
+    for field in fields(bearings):
+        kept = getattr(seen, field.name)[~distances]
+        np.testing.assert_array_equal(kept, getattr(bearings, field.name))
+    np.testing.assert_array_equal(sighting_rows(both, seen)[~distances], rows)
+
+
+@pytest.mark.parametrize("name", SIGHTING_KINDS)
+@pytest.mark.parametrize("target", [1, 2])
+def test_the_compiled_filter_has_every_kind(name: str, target: int) -> None:
+    kind, random = SIGHTING_KINDS[name], np.random.default_rng(1)
+    lanes, landmarks = 5, np.array([[3.0, -4.0]])
+    x, measured = random.normal(size=(2, 3, lanes)), random.normal(size=lanes)
+    row, innovation = np.full((3, lanes), np.nan), np.full(lanes, np.nan)
+    sighting_lanes(
+        place_of(kind),
+        x,
+        0,
+        target,
+        landmarks,
+        measured,
+        row,
+        innovation,
+        np.zeros(lanes, dtype=np.int8),
+    )
+    there = x[1, :2] if target == 1 else landmarks[0][:, None]
+    q = there - x[0, :2]
+    np.testing.assert_allclose(row[:2], -kind.slopes(q, np.ones(lanes)), rtol=1e-12)
+    np.testing.assert_array_equal(row[2], kind.by_heading)
+    expected = measured - kind.measured(q, x[0, 2])
+    if kind.unit == "rad":
+        expected = wrap(expected)
+    np.testing.assert_allclose(innovation, expected, atol=1e-12)

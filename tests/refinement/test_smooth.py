@@ -77,7 +77,7 @@ def _exact_information(problem: RefineProblem) -> Array:
     orbits, sensors, n = problem.orbits, problem.sensors, problem.orbits.count
     last = int(np.ceil(problem.window / sensors.sample_time - 1e-9)) - 1
     windows = find_windows(problem.team)
-    seen = sample_sightings(windows, orbits.period, sensors.sample_time, 0, last)
+    seen = sample_sightings(windows, orbits.period, sensors, 0, last)
     rows = sighting_rows(problem.team, seen)
     total = np.zeros((3 * n, 3 * n))
     for row, observer, target in zip(rows, seen.observers, seen.targets, strict=True):

@@ -59,7 +59,7 @@ def draw_team(generator: np.random.Generator) -> Team:
 def sightings_of(team: Team, last_step: int) -> Sightings:
     """Return what the team sees from step 0 to `last_step`."""
     windows = find_windows(team)
-    return sample_sightings(windows, team.orbits.period, team.sensors.sample_time, 0, last_step)
+    return sample_sightings(windows, team.orbits.period, team.sensors, 0, last_step)
 
 
 def judge_team(team: Team) -> tuple[Certificate, Observability]:
