@@ -272,8 +272,8 @@ def test_a_number_of_sites_out_of_range_is_refused(choose: int) -> None:
 @pytest.mark.parametrize(
     ("candidates", "problem"),
     [
-        ({"v1": (1.0, 2.0), "a": (3.0, 4.0)}, "'v1': stands twice"),
-        ({"L1": (1.0, 2.0), "a": (3.0, 4.0)}, "'L1': stands twice"),
+        ({"v1": (1.0, 2.0), "a": (3.0, 4.0)}, "'v1': is used twice"),
+        ({"L1": (1.0, 2.0), "a": (3.0, 4.0)}, "'L1': is used twice"),
         ({"a": (1.0, 2.0), "b": (1.0, 2.0)}, "a and b are at the same place"),
         ({"a": (0.0, 45.0)}, "L1 and a are at the same place"),
         ({"a": (float("nan"), 45.0)}, "finite"),
