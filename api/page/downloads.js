@@ -57,8 +57,8 @@ export function offerDownloads(store, storePlan) {
     const answer = await ask("GET", at, { accept: "application/zip" });
     const file = await answer.blob();
     save(file, `${nameOf(store)}-${format.value}.zip`, "application/zip");
-    const told = JSON.parse(answer.headers.get("Syncplan-Notes") || "[]");
-    notes.replaceChildren(...told.map((note) => element("p", { class: "remark" }, note)));
+    const texts = JSON.parse(answer.headers.get("Syncplan-Notes") || "[]");
+    notes.replaceChildren(...texts.map((note) => element("p", { class: "remark" }, note)));
     notice(`Exported, ${shown(file.size / 1024)} KiB. The file that ends in .sync.json says how vehicles join their circles.`);
   }
 

@@ -61,7 +61,7 @@ export class Editor {
     store.addEventListener("scenario", () => this.#show());
     store.addEventListener("plan", () => this.#show());
     store.addEventListener("plan", () => this.#clear());
-    store.addEventListener("faults", (event) => this.#tell(event.detail));
+    store.addEventListener("faults", (event) => this.#showFaults(event.detail));
   }
 
   #build() {
@@ -132,15 +132,15 @@ export class Editor {
   #clear() {
     this.#fields.unmark();
     this.#body.fields.unmark();
-    this.#links.tell([]);
+    this.#links.showFaults([]);
     byId("fault-rest").textContent = "";
   }
 
-  #tell({ faults, message }) {
+  #showFaults({ faults, message }) {
     this.#fields.unmark();
     this.#body.fields.unmark();
     const rest = [];
-    for (const { path, message: text } of this.#links.tell(faults)) {
+    for (const { path, message: text } of this.#links.showFaults(faults)) {
       const place = this.#placeOf(path);
       if (place) mark(place, text);
       else rest.push(path ? `${path}: ${text}` : text);

@@ -5,11 +5,11 @@ import { ENDED } from "./tables.js";
 
 const RETRY_S = 1;
 
-/** Call `told(event)` for every change of a job until it has ended, whatever the connection does.
+/** Call `changed(event)` for every change of a job until it has ended, whatever the connection does.
  *
  * `away(true)` is called while the service can't be reached, `away(false)` once it is back.
  */
-export async function follow(jobId, { told, away }) {
+export async function follow(jobId, { changed, away }) {
   let last = "0";
   let ended = false;
   while (!ended) {
@@ -22,7 +22,7 @@ export async function follow(jobId, { told, away }) {
       for await (const event of eventsOf(answer.body)) {
         last = event.id;
         const job = JSON.parse(event.data);
-        told(job);
+        changed(job);
         ended = ENDED.includes(job.state);
       }
     } catch (error) {

@@ -37,17 +37,17 @@ export class Links {
   }
 
   /** Show what is wrong with links, each at its place; returns the faults of anything else. */
-  tell(faults) {
-    const told = new Map();
+  showFaults(faults) {
+    const messages = new Map();
     const others = [];
     for (const fault of faults) {
       const found = PLACE.exec(fault.path || "");
-      if (found) told.set(this.#chips[found[1]], fault.message);
+      if (found) messages.set(this.#chips[found[1]], fault.message);
       else others.push(fault);
     }
-    for (const chip of this.#chips) put(chip.item, chip.fault, told.get(chip) || "");
-    this.#fault.textContent = told.get(undefined) || "";
-    if (told.size) this.group.open = true;
+    for (const chip of this.#chips) put(chip.item, chip.fault, messages.get(chip) || "");
+    this.#fault.textContent = messages.get(undefined) || "";
+    if (messages.size) this.group.open = true;
     return others;
   }
 

@@ -24,7 +24,7 @@ export class Planner {
   #waiting = null;
   #running = false;
   #timer = 0;
-  #told = false;
+  #busyShown = false;
 
   constructor(store, busy) {
     this.#store = store;
@@ -98,8 +98,8 @@ export class Planner {
   }
 
   #tellBusy(flag) {
-    if (flag !== this.#told) this.#busy(flag);
-    this.#told = flag;
+    if (flag !== this.#busyShown) this.#busy(flag);
+    this.#busyShown = flag;
   }
 }
 

@@ -102,7 +102,7 @@ export class Player {
   /** Show the moment of the slider: while nothing plays, that of time 0 is the plan's own figure. */
   async #show() {
     if (!this.#figure) return;
-    this.#tell();
+    this.#announce();
     if (Number(this.#slider.value) === 0 && !this.#timer) {
       if (this.#moving) this.#map.drawPlan();
       this.#moving = false;
@@ -116,7 +116,7 @@ export class Player {
     if (this.#moving && this.#figure) showFrame(this.#map.plot, this.#figure.frames[Number(this.#slider.value)]);
   }
 
-  #tell() {
+  #announce() {
     const time = (this.#store.plan.period_s * Number(this.#slider.value)) / this.#figure.frames.length;
     this.#say(time);
     const timeline = this.#charts.timeline;

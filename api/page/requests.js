@@ -52,7 +52,7 @@ export class RequestForm {
   }
 
   /** Show what is wrong next to the fields it concerns. */
-  tell(error) {
+  showFault(error) {
     const rest = [];
     for (const { path, message } of error.faults || []) {
       const input = this.#fields[path] || this.#fields[path.replace(/\[\d+\]$/, "")];

@@ -68,7 +68,7 @@ export function noSuchPlan(error) {
 
 /** Return the answer to a request, repeated while the service is away; a notice says so at once. */
 export async function patiently(request) {
-  let told = false;
+  let noticed = false;
   try {
     for (const wait of RETRY_S) {
       try {
@@ -76,13 +76,13 @@ export async function patiently(request) {
       } catch (error) {
         if (!passing(error)) throw error;
         notice(`${error.message}; trying again …`, { fault: true });
-        told = true;
+        noticed = true;
         await pause(wait);
       }
     }
     return await request();
   } finally {
-    if (told) notice("");
+    if (noticed) notice("");
   }
 }
 

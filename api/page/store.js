@@ -60,7 +60,7 @@ export class Store extends EventTarget {
     if (step && !goesOn && !sameScenario(scenario, this.scenario)) this.#remember(this.state);
     const { given } = this;
     this.#put({ scenario, anchor: this.#anchor });
-    this.#tell("scenario", { live, lost: given && !this.given });
+    this.#emit("scenario", { live, lost: given && !this.given });
   }
 
   /** Start over with a plan, stored or not; `origin` says where its given phases come from. */
@@ -79,7 +79,7 @@ export class Store extends EventTarget {
     if (!sameScenario(state.scenario, anchor.scenario)) this.#remember({ scenario: anchor.scenario, anchor });
     this.#put(state);
     Object.assign(this, { plan, selected: null });
-    this.#tell("opened");
+    this.#emit("opened");
   }
 
   /** Show a plan: of the present scenario, or of an older one that an edit has overtaken.
@@ -88,12 +88,12 @@ export class Store extends EventTarget {
    */
   judged(plan, figures, { quick, again = false, scenario = this.scenario }) {
     this.plan = plan;
-    this.#tell("plan", { figures, quick, again, current: scenario === this.scenario });
+    this.#emit("plan", { figures, quick, again, current: scenario === this.scenario });
   }
 
   /** Report what is wrong; `why` is "fault", "away" or "key". */
   faulty(faults, message, why) {
-    this.#tell("faults", { faults, message, why });
+    this.#emit("faults", { faults, message, why });
   }
 
   stored(planId) {
@@ -109,12 +109,12 @@ export class Store extends EventTarget {
 
   reported(jobId) {
     this.report = jobId;
-    this.#tell("report");
+    this.#emit("report");
   }
 
   select(what) {
     this.selected = what;
-    this.#tell("selected");
+    this.#emit("selected");
   }
 
   get canUndo() {
@@ -151,10 +151,10 @@ export class Store extends EventTarget {
     to.push(this.state);
     this.#last = { field: null, at: 0 };
     this.#put(from.pop());
-    this.#tell("scenario", { live: false, restored: true });
+    this.#emit("scenario", { live: false, restored: true });
   }
 
-  #tell(name, detail = {}) {
+  #emit(name, detail = {}) {
     if (name === "opened" || name === "scenario") this.report = null;
     this.dispatchEvent(new CustomEvent(name, { detail }));
   }

@@ -5,7 +5,7 @@ import { withValue } from "./scenario.js";
 
 /** how far off the exact rule phases are put where that is the cure */
 const DESYNC_RAD = 0.2;
-const MOST_TOLD = 3;
+const MOST_LISTED = 3;
 
 /** What the verdict on show is not of, by why: what the badge begins with, and a remark. */
 const DOUBTS = {
@@ -158,9 +158,9 @@ function separation({ separation: least }) {
 /** A line of its own where vehicles come closer than required: however observable, that is no plan to fly. */
 function tooNear({ violations, required_m: required }) {
   if (!violations.length) return [];
-  const told = violations.slice(0, MOST_TOLD).map((one) => `${one.between.join("–")} to ${shown(one.min_m, "m")}`);
-  const more = violations.length > MOST_TOLD ? ` and ${violations.length - MOST_TOLD} more` : "";
-  const text = `✗ Closer than the required ${shown(required, "m")}: ${told.join(", ")}${more}`;
+  const listed = violations.slice(0, MOST_LISTED).map((one) => `${one.between.join("–")} to ${shown(one.min_m, "m")}`);
+  const more = violations.length > MOST_LISTED ? ` and ${violations.length - MOST_LISTED} more` : "";
+  const text = `✗ Closer than the required ${shown(required, "m")}: ${listed.join(", ")}${more}`;
   return [element("p", { class: "badge bad", id: "too-near" }, text)];
 }
 

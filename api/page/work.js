@@ -15,14 +15,14 @@ const OUTCOMES = { refinement: refined, validation: validated };
 
 /** The panel of jobs.
  *
- * `storePlan()` resolves with the identifier of the plan on show. `told.began(job)` and
- * `told.ended(job, result)` follow a job; `result` is null where there is none. The latter resolves
+ * `storePlan()` resolves with the identifier of the plan on show. `follower.began(job)` and
+ * `follower.ended(job, result)` follow a job; `result` is null where there is none. `ended` resolves
  * with whether the plan on show is the one that the job was about.
  */
 export class Work {
   #store;
   #storePlan;
-  #told;
+  #follower;
   #following = null;
   #progress = element("progress", { max: 1, value: 0, "aria-labelledby": "job-text" });
   #text = element("p", { id: "job-text" });
@@ -32,10 +32,10 @@ export class Work {
   #outcome = element("div", { class: "outcome", role: "status" });
   #forms;
 
-  constructor(store, storePlan, told) {
+  constructor(store, storePlan, follower) {
     this.#store = store;
     this.#storePlan = storePlan;
-    this.#told = told;
+    this.#follower = follower;
     const handIn = (form, request) => this.#handIn(form, request);
     this.#forms = [refinementForm(handIn), validationForm(() => store.plan.vehicles.length, handIn)];
     this.#running.append(this.#progress, this.#text, this.#cancel);
@@ -59,7 +59,7 @@ export class Work {
       job = await postOnce(`v1/plans/${await this.#storePlan()}/${JOB_KINDS[form.kind].collection}`, request);
     } catch (error) {
       const deleted = this.#store.deleted(error);
-      form.tell(deleted ? { message: deleted } : error);
+      form.showFault(deleted ? { message: deleted } : error);
       this.#enable();
       if (document.activeElement === document.body) form.button.focus();
       return;
@@ -73,12 +73,12 @@ export class Work {
     this.#enable(false);
     // the button that was pressed can't keep the focus
     if (button) this.#cancel.focus();
-    this.#told.began(job);
+    this.#follower.began(job);
     this.#show(job);
     notice(`${JOB_KINDS[job.kind].title} started.`);
     try {
       await follow(job.id, {
-        told: (event) => this.#show({ ...job, ...event }),
+        changed: (event) => this.#show({ ...job, ...event }),
         away: (flag) => flag && this.#sayAway(job),
       });
       await this.#conclude(await patiently(() => askJson("GET", `v1/jobs/${job.id}`)));
@@ -110,12 +110,12 @@ export class Work {
     if (job.state === "succeeded") {
       const result = await patiently(() => askJson("GET", `v1/jobs/${job.id}/result`));
       const lost = await this.#lostOf(job);
-      const current = await this.#told.ended(job, result);
+      const current = await this.#follower.ended(job, result);
       this.#outcome.replaceChildren(...OUTCOMES[job.kind](result, lost), ...(current ? [] : [elsewhere(job)]));
       notice(`${name} done.`);
       return;
     }
-    await this.#told.ended(job, null);
+    await this.#follower.ended(job, null);
     if (job.state === "failed") this.#fault.textContent = `${name} failed: ${job.error.detail}`;
     else notice(`${name} cancelled.`);
   }

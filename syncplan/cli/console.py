@@ -154,14 +154,14 @@ def search_progress() -> Iterator[Callable[[int, int, float], None] | None]:
         transient=True,
     )
 
-    def tell(start: int, iteration: int, objective: float) -> None:
+    def report(start: int, iteration: int, objective: float) -> None:
         text = f"start {start + 1}, iteration {iteration}: objective {objective:.6g}"
         if start not in lines:
             lines[start] = shown.add_task(text, total=None)
         shown.update(lines[start], description=text)
 
     with shown:
-        yield tell
+        yield report
 
 
 def say(message: str) -> None:

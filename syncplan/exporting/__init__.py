@@ -3,7 +3,7 @@
 autopilots        autopilots and kinds of vehicles
 export_options    what an export may be asked for
 exported_files    files in memory, in a folder or in an archive
-format_table      the table of formats
+format_table      the table of formats; it names the module of each
 geodesy           the plane on Earth
 safe_names        names that any file system and ROS take
 flight            a plan as it is flown: height, length, poses
@@ -11,14 +11,7 @@ mission_items     items of autopilots' missions
 loiter_turns      missions of loiter turns
 polygons          missions of waypoints
 missions          the missions of all vehicles
-qgc               QGroundControl plan files
-ardupilot         ArduPilot mission files
-poses             timed poses as CSV
-bags              paths in ROS 2 bags
-crazyswarm        polynomial trajectories for Crazyswarm2
 map_tracks        circles and tracks as maps show them
-geojson           circles and points as GeoJSON
-kml               circles and tracks as KML
 joining           how vehicles join their circles
 sync_document     the JSON contract of the sidecar
 sidecar           the sidecar

@@ -4,8 +4,8 @@ A waypoint counts as reached half a leg from it, where the next leg is as near: 
 from middle to middle, between the arc and the chords. PX4's multicopters take that radius from the
 item, its fixed wings do not (mission_block.cpp), nor does Copter (AP_Mission.cpp).
 
-No autopilot promises the speed it was told round a corner. PX4's multicopters say how fast they
-dare (FlightTaskAutoLineSmoothVel, TrajMath), which is worked out here; the others do not.
+No autopilot promises to hold its commanded speed round a corner. PX4's multicopters state how fast
+they fly there (FlightTaskAutoLineSmoothVel, TrajMath), which is computed here; the others do not.
 """
 
 import math
@@ -43,7 +43,7 @@ def waypoint_missions(flight: Flight) -> tuple[list[Mission], list[str]]:
     """Return the mission of each vehicle, evenly spaced in time, and what not to miss.
 
     A chord is shorter than its arc: flown at the speed of the circle, a polygon of 14 legs would
-    run ahead by 3 deg a turn, and the meetings would be lost. So the speed told is that of the
+    run ahead by 3 deg a turn, and the meetings would be lost. So the commanded speed is that of the
     chords. A Copter waits at the first waypoint for time 0, where that moment is known. Raises
     InputError where the missions would be too long.
     """

@@ -88,7 +88,7 @@ def _vehicle_trace(plan: Plan, names: list[str], places: int) -> Spec:
     orbits = plan.orbits
     where = position(orbits, 0.0)
     turns = ["counter-clockwise" if sense > 0.0 else "clockwise" for sense in orbits.senses]
-    told = [
+    texts = [
         f"{names[k]}, {turns[k]}<br>radius {orbits.radii[k]:.4g} m, "
         f"{orbits.speeds[k]:.4g} m/s<br>phase {orbits.phases[k]:.4f} rad"
         for k in range(orbits.count)
@@ -106,7 +106,7 @@ def _vehicle_trace(plan: Plan, names: list[str], places: int) -> Spec:
             "angle": compass(heading(orbits, 0.0)),
             "color": INK,
         },
-        "text": told,
+        "text": texts,
         "hoverinfo": "text",
     }
 
@@ -116,12 +116,12 @@ def _link_traces(plan: Plan, names: list[str], places: int) -> list[Spec]:
     ordered = sorted(grouped(plan).items(), key=lambda item: item[0].key)
     for shown, meetings in ordered:
         pairs = [(item.a, item.b) for item in meetings]
-        told = [hover(item, names, shown) for item in meetings]
-        traces.append(_pair_trace(plan, pairs, told, shown, places))
+        texts = [hover(item, names, shown) for item in meetings]
+        traces.append(_pair_trace(plan, pairs, texts, shown, places))
     if plan.dropped_links:
-        told = [_dropped_words(item, names) for item in plan.dropped_links]
+        texts = [_dropped_words(item, names) for item in plan.dropped_links]
         pairs = [(item.a, item.b) for item in plan.dropped_links]
-        traces.append(_pair_trace(plan, pairs, told, DROPPED, places))
+        traces.append(_pair_trace(plan, pairs, texts, DROPPED, places))
     return traces
 
 
@@ -130,7 +130,7 @@ def _dropped_words(item: UnmetLink, names: list[str]) -> str:
 
 
 def _pair_trace(
-    plan: Plan, pairs: Sequence[tuple[int, int]], told: list[str], shown: Standing, places: int
+    plan: Plan, pairs: Sequence[tuple[int, int]], texts: list[str], shown: Standing, places: int
 ) -> Spec:
     """Lines between centres (or to landmarks), with a middle point to be pointed at."""
     index = np.array(pairs)
@@ -143,7 +143,7 @@ def _pair_trace(
     end = end - ahead * np.minimum(_HIDDEN_ENDS * radii[index[:, 1:]], 0.3 * apart)
     x, y = gapped(np.stack([start, 0.5 * (start + end), end], axis=1), places)
     text = [""] * len(x)
-    text[1::4] = told
+    text[1::4] = texts
     line = {"color": shown.color, "dash": shown.dash, "width": shown.width}
     return line_trace(
         shown.key,

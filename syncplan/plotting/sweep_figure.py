@@ -71,14 +71,14 @@ def sweep_spec(report: SweepReport) -> Spec:
 def _curve(
     uid: str, name: str, of: _Figure, color: str, dash: str, symbol: str, rows: list[SweepRow]
 ) -> Spec:
-    told = [(row.value, value) for row in rows if (value := of(row)) is not None]
+    points = [(row.value, value) for row in rows if (value := of(row)) is not None]
     return {
         "type": "scatter",
         "uid": uid,
         "name": name,
         "mode": "lines+markers",
-        "x": numbers([value for value, _ in told]),
-        "y": numbers([figure for _, figure in told], 6),
+        "x": numbers([value for value, _ in points]),
+        "y": numbers([figure for _, figure in points], 6),
         "line": {"color": color, "dash": dash, "width": 2},
         "marker": {"symbol": symbol, "size": 9, "line": {"width": 2, "color": color}},
         "hovertemplate": f"%{{x}}: {name} %{{y:.3g}} m<extra></extra>",

@@ -103,7 +103,7 @@ def union_growth(plan: Plan) -> tuple[Array, Array, Array]:
     """Return (times, groups, held) of the union of sightings from time 0 on, a step at each time.
 
     `groups` counts the components of vehicles joined so far, `held` the vehicles in components
-    that have seen two distinct landmarks. Sightings count as they begin; what they tell does not.
+    that have seen two distinct landmarks. Sightings count as they begin, whatever their rank.
     """
     count = plan.orbits.count
     merged = disjoint_sets(count)
@@ -168,12 +168,12 @@ def _bars(plan: Plan, rows: list[Row], names: list[str]) -> list[Spec]:
         for number, row in enumerate(rows):
             if row.shown != shown:
                 continue
-            told = hover(row.meeting, names, shown)
+            words = hover(row.meeting, names, shown)
             for start, end in within_period(row.windows, plan.orbits.period):
                 base.append(start)
                 length.append(end - start)
                 at.append(number)
-                text.append(f"{start:.4g} to {end:.4g} s<br>{told}")
+                text.append(f"{start:.4g} to {end:.4g} s<br>{words}")
         marker = {"color": shown.color, "line": {"color": INK, "width": 0.6}}
         if shown.pattern:
             marker["pattern"] = {"shape": shown.pattern, "fillmode": "replace", "size": 6}

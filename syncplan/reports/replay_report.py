@@ -127,7 +127,7 @@ def _readings_notes(replayed: Replay) -> list[str]:
 
 def _consistency_notes(replayed: Replay) -> list[str]:
     notes = []
-    figure, told = replayed.anees, replayed.bearing_sigma
+    figure, assumed = replayed.anees, replayed.bearing_sigma
     if figure.verdict == "optimistic":
         notes.append(
             f"the filter makes larger errors than its sigmas say (ANEES {figure.value:.2f} above "
@@ -142,12 +142,12 @@ def _consistency_notes(replayed: Replay) -> list[str]:
     if figure.verdict == "optimistic" and figure.value > 1.0 + WORTH_TELLING:
         notes.append(
             f"bearings scatter more than the filter expects (NIS {figure.value:.3g}): their sigma "
-            f"may be more than {told:g} rad"
+            f"may be more than {assumed:g} rad"
         )
     elif figure.verdict == "conservative" and figure.value < 1.0 - WORTH_TELLING:
         notes.append(
             f"bearings scatter less than the filter expects (NIS {figure.value:.3g}): their sigma "
-            f"may be less than {told:g} rad"
+            f"may be less than {assumed:g} rad"
         )
     return notes
 
