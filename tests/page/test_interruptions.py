@@ -1,6 +1,8 @@
 """What comes between: a service that is away, keys, answers in another order, deleted plans."""
 
 import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 import httpx2
@@ -14,14 +16,23 @@ from tests.tools.serving import Server, running, settings_of
 ALTERNATE = "paper-grid-alternate"
 
 
+@contextmanager
+def mortal_server(
+    browser: Browser, folder: Path, given: Mapping[str, str]
+) -> Iterator[tuple[Server, Visit]]:
+    """A server that a test may kill, and a visit that expects it to be away for a while."""
+    first = Server(folder / "log", port=None, **given)
+    with running(first), visiting(browser, first.url) as visit:
+        visit.expect_complaints("net::ERR", "503")
+        yield first, visit
+
+
 def test_a_server_that_dies_in_mid_job_and_returns_costs_nothing_but_time(
     browser: Browser, tmp_path: Path
 ) -> None:
     given = settings_of(tmp_path / "data")
-    first = Server(tmp_path / "log", port=None, **given)
-    with running(first), visiting(browser, first.url) as visit:
+    with mortal_server(browser, tmp_path, given) as (first, visit):
         page = visit.page
-        visit.expect_complaints("net::ERR", "503")
         visit.verdict("Observable")
         page.get_by_label("Trials").fill("3000")
         page.get_by_role("button", name="Validate").click()
@@ -142,10 +153,8 @@ def test_an_edit_while_the_service_is_away_is_planned_once_it_is_back(
     browser: Browser, tmp_path: Path
 ) -> None:
     given = settings_of(tmp_path / "data")
-    first = Server(tmp_path / "log", port=None, **given)
-    with running(first), visiting(browser, first.url) as visit:
+    with mortal_server(browser, tmp_path, given) as (first, visit):
         page = visit.page
-        visit.expect_complaints("net::ERR", "503")
         visit.choose(ALTERNATE)
         visit.verdict("Not observable: rank 16 of 18")
         first.kill()

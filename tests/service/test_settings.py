@@ -31,6 +31,14 @@ def _fault(**overrides: object) -> str:
     return text
 
 
+def _refused(monkeypatch: pytest.MonkeyPatch, name: str, value: str) -> str:
+    """The fault of one setting, which it names."""
+    monkeypatch.setenv(name, value)
+    text = _fault()
+    assert text.startswith(f"{name}: ")
+    return text
+
+
 def test_defaults_listen_here_and_keep_data_in_the_users_folder(tmp_path: Path) -> None:
     settings = load_settings()
     assert (settings.host, settings.port) == ("127.0.0.1", 8000)
@@ -140,9 +148,7 @@ def test_keys_have_names_and_a_bare_key_keeps_its_name_for_good(
 def test_keys_that_can_not_serve_are_refused_and_never_shown(
     monkeypatch: pytest.MonkeyPatch, keys: str, told: str
 ) -> None:
-    monkeypatch.setenv("SYNCPLAN_API_KEYS", keys)
-    text = _fault()
-    assert text.startswith("SYNCPLAN_API_KEYS: ")
+    text = _refused(monkeypatch, "SYNCPLAN_API_KEYS", keys)
     assert told in text
     assert KEY not in text
     assert "short-secre" not in text
@@ -196,8 +202,6 @@ def test_a_relative_sqlite_file_is_made_absolute(
 def test_other_databases_are_refused_without_their_passwords(
     monkeypatch: pytest.MonkeyPatch, url: str, told: str
 ) -> None:
-    monkeypatch.setenv("SYNCPLAN_DATABASE_URL", url)
-    text = _fault()
-    assert text.startswith("SYNCPLAN_DATABASE_URL: ")
+    text = _refused(monkeypatch, "SYNCPLAN_DATABASE_URL", url)
     assert told in text
     assert "hush-hush" not in text
