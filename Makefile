@@ -16,12 +16,14 @@ DEMO   ?= examples/scenarios/paper-grid-same.yaml
 
 UV     := 'uv>=0.9,<1'
 
-# one process a core; a file's tests stay together
-TESTS  := $(BIN)/python -m pytest --numprocesses auto --dist loadfile
+# two processes a core, since many tests wait; a file's tests stay together
+TESTS  := $(BIN)/python -m pytest --numprocesses $$(( 2 * $$(nproc) )) --dist loadfile
 # the draws of the long searches: other ones each day
 SEED   ?= $(shell date +%Y%m%d)
 
 export PIP_DISABLE_PIP_VERSION_CHECK = 1
+# the checks start hundreds of processes: each would compile all modules anew
+unexport PYTHONDONTWRITEBYTECODE
 
 # uv installs in a tenth of pip's time; pip where uv finds no way to the package index
 install = $(BIN)/pip install --quiet $(UV) && \
@@ -43,7 +45,7 @@ check: chromium $(VENV)/.dev
 	$(BIN)/lint-imports
 	@# beside the types, the filter's kernels are compiled, once for all tests
 	$(BIN)/python docker/warm_up.py & $(BIN)/mypy && wait $$!
-	$(TESTS) -m "not long"
+	$(TESTS) --no-loadscope-reorder -m "not long"
 
 check-all: postgresql check
 	$(TESTS) -m long

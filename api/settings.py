@@ -80,6 +80,10 @@ class Settings(BaseSettings):
         default=None,
         description="child processes that compute; one for each usable core if not given",
     )
+    job_niceness: Annotated[int, Field(ge=0, le=19)] = Field(
+        default=10,
+        description="how far processes of jobs yield to those of requests, as nice does, 0 to 19",
+    )
     keep_jobs_s: Seconds = Field(
         default=7 * 86400.0, description="how long ended jobs are kept, in seconds"
     )

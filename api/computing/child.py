@@ -16,8 +16,6 @@ __all__ = ["Child", "ChildGoneError", "TaskFailedError", "TooSlowError", "serve"
 
 _PROGRESS_EVERY_S = 0.2
 _WITH_PROGRESS = {"computed_batch", "computed_job"}
-_POLITE = 10
-"""How far background work yields to requests (nice)."""
 
 
 class ChildGoneError(Exception):
@@ -37,12 +35,13 @@ class Child:
 
     Parameters
     ----------
-    background : whether it yields to others and prepares to run trials
+    background : whether it prepares to run trials, or to answer requests
+    niceness : how far it yields to other processes, from 0 to 19
     """
 
-    def __init__(self, *, background: bool) -> None:
+    def __init__(self, *, background: bool, niceness: int = 0) -> None:
         self._process = ChildProcess("api.computing.child", "serve")
-        self._process.connection.send(background)
+        self._process.connection.send((background, niceness))
         self.first_memory = 0
         self.memory = 0
 
@@ -98,9 +97,8 @@ def _as_error(kind: str, problem: str, key: str, faults: list[tuple[str, str, st
 def serve(descriptor: int) -> None:
     """Run tasks until the parent ends: the process's main function."""
     connection = connect_to_parent(descriptor)
-    background = connection.recv()
-    if background:
-        os.nice(_POLITE)
+    background, niceness = connection.recv()
+    os.nice(niceness)
     tasks.warm_up(trials=background)
     if not background:
         renditions.ready()

@@ -80,13 +80,22 @@ class Pool:
     Parameters
     ----------
     size : processes
-    background : whether they yield to others
+    background : whether they prepare to run trials, or to answer requests
+    niceness : how far they yield to other processes, from 0 to 19
     most_waiting : tasks that may wait before PoolFullError; no limit if None
     """
 
-    def __init__(self, size: int, *, background: bool, most_waiting: int | None = None) -> None:
+    def __init__(
+        self,
+        size: int,
+        *,
+        background: bool,
+        niceness: int = 0,
+        most_waiting: int | None = None,
+    ) -> None:
         self.size = size
         self._background = background
+        self._niceness = niceness
         self._most_waiting = most_waiting
         self._waiting: deque[Ticket] = deque()
         self._changed = threading.Condition()
@@ -167,7 +176,7 @@ class Pool:
     def _started(self) -> Child | None:
         """A new child; None where the system has no room for one just now."""
         try:
-            return Child(background=self._background)
+            return Child(background=self._background, niceness=self._niceness)
         except OSError as error:
             _logger.error("no process could be started: %s", error)
             return None

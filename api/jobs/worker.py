@@ -31,7 +31,7 @@ class Worker:
     def __init__(self, settings: Settings, database: Database) -> None:
         self.executor_id = f"{socket.gethostname()[:32]}-{os.getpid()}-{secrets.token_hex(4)}"
         size = settings.process_count
-        self.pool = Pool(size, background=True)
+        self.pool = Pool(size, background=True, niceness=settings.job_niceness)
         self._runtime = Runtime(settings, database, self.pool)
         dbos_runtime.use(self._runtime)
         self._queue = JobQueue(settings.database)

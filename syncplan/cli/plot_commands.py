@@ -10,7 +10,7 @@ from syncplan.cli.arguments import MaxVehicles
 from syncplan.cli.console import refuse_overwriting, say
 from syncplan.cli.document_table import checked, read_report
 from syncplan.errors import InputError
-from syncplan.plotting.figure_table import FIGURES, SUBJECTS
+from syncplan.plotting.figure_table import FIGURES, IMAGE_FORMATS, SUBJECTS
 
 if TYPE_CHECKING:
     from syncplan.plotting.canvas import Spec
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["plots"]
 
-ENDINGS = (".html", ".png", ".svg", ".pdf")
+ENDINGS = (".html", *(f".{image}" for image in IMAGE_FORMATS))
 
 plots = typer.Typer()
 

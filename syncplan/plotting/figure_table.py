@@ -14,7 +14,18 @@ if TYPE_CHECKING:
     from syncplan.plotting.canvas import Spec
     from syncplan.reports.refinement_schemas import RefinementResult
 
-__all__ = ["FIGURES", "SUBJECTS", "Figure", "FigureInput", "SubjectKind", "always_there"]
+__all__ = [
+    "FIGURES",
+    "IMAGE_FORMATS",
+    "SUBJECTS",
+    "Figure",
+    "FigureInput",
+    "SubjectKind",
+    "always_there",
+]
+
+IMAGE_FORMATS = ("png", "svg", "pdf")
+"""What a figure may be drawn as, beside a page."""
 
 SubjectKind = Literal["plan", "run", "sweep"]
 

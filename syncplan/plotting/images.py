@@ -7,9 +7,7 @@ from typing import Any
 from syncplan.errors import InputError, SyncplanError
 from syncplan.plotting.canvas import Spec
 
-__all__ = ["IMAGE_FORMATS", "figure_image"]
-
-IMAGE_FORMATS = ("png", "svg", "pdf")
+__all__ = ["figure_image"]
 
 WIDTH_PX = 1000
 

@@ -236,9 +236,12 @@ def test_a_signal_ends_the_server_with_a_job_at_work(
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_signal_ends_a_worker(tmp_path: Path, number: signal.Signals) -> None:
     log = tmp_path / "log"
-    worker = Process("worker", log=log, **settings_of(tmp_path / "data"))
+    settings = {**settings_of(tmp_path / "data"), "SYNCPLAN_JOB_NICENESS": "3"}
+    worker = Process("worker", log=log, **settings)
     with running(worker):
         wait_until(lambda: "with" in log.read_text())
+        yielding = {os.nice(0) + 3}
+        wait_until(lambda: niceness_of(children_of(worker.popen.pid)) == yielding)
         worker.popen.send_signal(number)
         assert worker.popen.wait(timeout=PATIENCE_S) == 0
     assert [path.name for path in (tmp_path / "data").iterdir()] == ["syncplan.db"]
@@ -251,6 +254,11 @@ YAML = {"content-type": "application/yaml"}
 def working(http: httpx2.Client, job_id: str) -> bool:
     """Whether a job has made some progress."""
     return bool(http.get(f"/v1/jobs/{job_id}").json()["progress"]["done"] > 0)
+
+
+def niceness_of(processes: list[int]) -> set[int]:
+    """How far these processes yield to others."""
+    return {os.getpriority(os.PRIO_PROCESS, one) for one in processes}
 
 
 def children_of(pid: int) -> list[int]:

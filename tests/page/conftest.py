@@ -3,20 +3,20 @@
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Browser
 
-from tests.tools.browsing import Visit, chromium, visiting
+from tests.tools.browsing import Tabs, Visit, chromium, visiting
 from tests.tools.serving import Server, open_server
 
 
+# as long as Playwright runs, no other test may run an event loop
 @pytest.fixture(scope="package")
-def browser() -> Iterator[Browser]:
-    """A browser."""
-    with chromium() as one:
-        yield one
+def tabs() -> Iterator[Tabs]:
+    """Tabs of a browser."""
+    with chromium() as browser:
+        yield Tabs(browser)
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="session")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     """A service that asks nobody for a key, its filter's kernels compiled."""
     with open_server(tmp_path_factory.mktemp("page")) as one:
@@ -24,8 +24,8 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
 
 
 @pytest.fixture
-def visit(browser: Browser, server: Server) -> Iterator[Visit]:
+def visit(tabs: Tabs, server: Server) -> Iterator[Visit]:
     """A visit to the page, with its first plan made."""
-    with visiting(browser, server.url) as one:
+    with visiting(tabs, server.url) as one:
         one.verdict("Observable: rank 18 of 18")
         yield one

@@ -6,49 +6,54 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import httpx2
-from playwright.sync_api import Browser, Route, expect
+import pytest
+from playwright.sync_api import Route, expect
 
 from tests.page.gestures import plan_id_of, refine
 from tests.tools.api_servers import key_of, serving, speaking
-from tests.tools.browsing import Visit, accessibility_faults, visiting
-from tests.tools.serving import Server, running, settings_of
+from tests.tools.browsing import Tabs, Visit, accessibility_faults, visiting
+from tests.tools.serving import QUICK, Server, running, settings_of
 
 ALTERNATE = "paper-grid-alternate"
 
 
 @contextmanager
 def mortal_server(
-    browser: Browser, folder: Path, given: Mapping[str, str]
+    tabs: Tabs, folder: Path, given: Mapping[str, str]
 ) -> Iterator[tuple[Server, Visit]]:
     """A server that a test may kill, and a visit that expects it to be away for a while."""
     first = Server(folder / "log", port=None, **given)
-    with running(first), visiting(browser, first.url) as visit:
+    with running(first), visiting(tabs, first.url) as visit:
         visit.expect_complaints("net::ERR", "503")
         yield first, visit
 
 
+@pytest.fixture(scope="module")
+def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """A server that wants a key."""
+    with serving(tmp_path_factory.mktemp("guarded"), "ann bob") as one:
+        yield one
+
+
 def test_a_server_that_dies_in_mid_job_and_returns_costs_nothing_but_time(
-    browser: Browser, tmp_path: Path
+    tabs: Tabs, tmp_path: Path
 ) -> None:
-    given = settings_of(tmp_path / "data")
-    with mortal_server(browser, tmp_path, given) as (first, visit):
+    given = {**settings_of(tmp_path / "data"), **QUICK}
+    with mortal_server(tabs, tmp_path, given) as (first, visit):
         page = visit.page
         visit.verdict("Observable")
-        page.get_by_label("Trials").fill("3000")
+        page.get_by_label("Trials").fill("1500")
         page.get_by_role("button", name="Validate").click()
         expect(page.locator("progress")).not_to_have_attribute("value", "0")
         first.kill()
         expect(page.locator("#job-text")).to_contain_text("can't be reached")
         with running(Server(tmp_path / "log", port=first.port, **given)):
             expect(page.locator("#job-text")).to_contain_text("Validation running")
-            expect(page.locator(".outcome")).to_contain_text("of 3000 trials")
+            expect(page.locator(".outcome")).to_contain_text("of 1500 trials")
 
 
-def test_a_service_with_keys_asks_for_one(browser: Browser, tmp_path: Path) -> None:
-    with (
-        serving(tmp_path, "ann") as server,
-        visiting(browser, server.url) as visit,
-    ):
+def test_a_service_with_keys_asks_for_one(tabs: Tabs, guarded: Server) -> None:
+    with visiting(tabs, guarded.url) as visit:
         page = visit.page
         visit.expect_complaints("401")
         field = page.get_by_label("API key")
@@ -69,9 +74,9 @@ def test_a_service_with_keys_asks_for_one(browser: Browser, tmp_path: Path) -> N
 
 
 def test_a_key_with_a_character_that_nobody_sees_is_refused_at_its_field(
-    browser: Browser, tmp_path: Path
+    tabs: Tabs, guarded: Server
 ) -> None:
-    with serving(tmp_path, "ann") as server, visiting(browser, server.url) as visit:
+    with visiting(tabs, guarded.url) as visit:
         page = visit.page
         visit.expect_complaints("401")
         key = key_of("ann")
@@ -91,9 +96,9 @@ def test_a_key_with_a_character_that_nobody_sees_is_refused_at_its_field(
 
 
 def test_a_key_can_be_changed_and_others_plans_are_not_told_from_none(
-    browser: Browser, tmp_path: Path
+    tabs: Tabs, guarded: Server
 ) -> None:
-    with serving(tmp_path, "ann bob") as server, visiting(browser, server.url) as visit:
+    with visiting(tabs, guarded.url) as visit:
         page = visit.page
         visit.expect_complaints("401", "404", "422")
         page.get_by_label("API key").fill(key_of("ann"))
@@ -113,10 +118,10 @@ def test_a_key_can_be_changed_and_others_plans_are_not_told_from_none(
         visit.settle()
         assert page.evaluate("sessionStorage.getItem('syncplan-key')") == key_of("bob")
         visit.verdict("Observable: rank 18 of 18")
-        with speaking(server, "ann") as http:
+        with speaking(guarded, "ann") as http:
             owned = http.get("/v1/plans").json()["items"]
         for plan in (owned[0]["id"], "nonsense"):
-            page.goto(f"{server.url}/?plan={plan}")
+            page.goto(f"{guarded.url}/?plan={plan}")
             expect(page.locator("#notice")).to_have_text(
                 "There is no such plan, or it belongs to another key."
             )
@@ -150,10 +155,10 @@ def test_of_two_that_are_opened_at_once_the_later_one_stays(visit: Visit) -> Non
 
 
 def test_an_edit_while_the_service_is_away_is_planned_once_it_is_back(
-    browser: Browser, tmp_path: Path
+    tabs: Tabs, tmp_path: Path
 ) -> None:
     given = settings_of(tmp_path / "data")
-    with mortal_server(browser, tmp_path, given) as (first, visit):
+    with mortal_server(tabs, tmp_path, given) as (first, visit):
         page = visit.page
         visit.choose(ALTERNATE)
         visit.verdict("Not observable: rank 16 of 18")
@@ -168,8 +173,8 @@ def test_an_edit_while_the_service_is_away_is_planned_once_it_is_back(
             expect(page.get_by_label("Desynchronise by")).to_have_value("0.2")
 
 
-def test_an_edit_that_waits_for_a_key_is_not_lost(browser: Browser, tmp_path: Path) -> None:
-    with serving(tmp_path, "ann") as server, visiting(browser, server.url) as visit:
+def test_an_edit_that_waits_for_a_key_is_not_lost(tabs: Tabs, guarded: Server) -> None:
+    with visiting(tabs, guarded.url) as visit:
         page = visit.page
         visit.expect_complaints("401")
         page.get_by_label("API key").fill(key_of("ann"))

@@ -3,10 +3,10 @@
 import re
 
 import httpx2
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import expect
 
 from tests.page.gestures import opened, plan_id_of, refine
-from tests.tools.browsing import Visit, accessibility_faults, visiting
+from tests.tools.browsing import Tabs, Visit, accessibility_faults, visiting
 from tests.tools.scenarios import document
 from tests.tools.serving import Server
 
@@ -14,7 +14,7 @@ ALTERNATE = "paper-grid-alternate"
 
 
 def test_refine_compare_validate_and_open_the_link_again(
-    visit: Visit, browser: Browser, server: Server
+    visit: Visit, tabs: Tabs, server: Server
 ) -> None:
     page = visit.page
     visit.choose(ALTERNATE)
@@ -39,7 +39,7 @@ def test_refine_compare_validate_and_open_the_link_again(
     expect(page.locator("#notice")).to_contain_text(plan["id"])
     link = page.evaluate("navigator.clipboard.readText()")
     assert link == f"{server.url}/?plan={plan['id']}"
-    with visiting(browser, link) as again:
+    with visiting(tabs, link) as again:
         again.verdict("Observable: rank 18 of 18")
         error = f"{plan['predicted_rms_m']['overall']:.4g}".rstrip("0")
         expect(again.page.locator("#verdict")).to_contain_text(f"{error} m")
@@ -158,9 +158,9 @@ def test_a_plan_that_was_deleted_is_stored_anew(visit: Visit, server: Server) ->
 
 def test_what_is_edited_while_a_job_runs_stays(visit: Visit) -> None:
     page = visit.page
-    page.get_by_label("Trials").fill("3000")
+    page.get_by_label("Trials").fill("1500")
     page.get_by_role("button", name="Validate").click()
-    expect(page.locator("#job-text")).to_contain_text("of 3000 trials")
+    expect(page.locator("#job-text")).to_contain_text("of 1500 trials")
     page.get_by_label("Radius of all").fill("21")
     visit.settle()
     assert "job=" in page.url
@@ -174,8 +174,8 @@ def test_what_is_edited_while_a_job_runs_stays(visit: Visit) -> None:
 
 def test_a_reload_goes_on_following_the_job(visit: Visit) -> None:
     page = visit.page
-    page.get_by_label("Trials").fill("3000")
+    page.get_by_label("Trials").fill("1500")
     page.get_by_role("button", name="Validate").click()
-    expect(page.locator("#job-text")).to_contain_text("of 3000 trials")
+    expect(page.locator("#job-text")).to_contain_text("of 1500 trials")
     page.reload()
-    expect(page.locator(".outcome")).to_contain_text("of 3000 trials")
+    expect(page.locator(".outcome")).to_contain_text("of 1500 trials")

@@ -9,11 +9,11 @@ from typing import Any
 
 import httpx2
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Page, expect
 
 from tests.page.gestures import downloaded, handle, phases, plan_id_of, refine, saved
 from tests.tools.api_servers import done
-from tests.tools.browsing import Visit, visiting
+from tests.tools.browsing import Tabs, Visit, visiting
 from tests.tools.processes import PATIENCE_S
 from tests.tools.scenarios import FILES
 from tests.tools.serving import Server
@@ -39,9 +39,9 @@ def refined(server: Server) -> Tree:
 
 
 @pytest.fixture
-def at_refined(browser: Browser, server: Server, refined: Tree) -> Any:
+def at_refined(tabs: Tabs, server: Server, refined: Tree) -> Any:
     """A visit to the refined plan."""
-    with visiting(browser, f"{server.url}/?plan={refined['id']}") as one:
+    with visiting(tabs, f"{server.url}/?plan={refined['id']}") as one:
         one.verdict("Observable: rank 18 of 18")
         one.settle()
         expect(phases(one.page)).to_have_text("refined")

@@ -4,11 +4,19 @@ import re
 
 import httpx2
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Page, expect
 
 from syncplan.exporting.formats import FORMATS
 from tests.page.gestures import handle
-from tests.tools.browsing import DESKTOP, PHONE, Visit, accessibility_faults, launched, visiting
+from tests.tools.browsing import (
+    DESKTOP,
+    PHONE,
+    Tabs,
+    Visit,
+    accessibility_faults,
+    launched,
+    visiting,
+)
 from tests.tools.scenarios import FILES
 from tests.tools.serving import Server
 
@@ -18,9 +26,9 @@ ALTERNATE = "paper-grid-alternate"
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 def test_the_page_has_no_accessibility_faults(
-    browser: Browser, server: Server, size: tuple[int, int], dark: bool
+    tabs: Tabs, server: Server, size: tuple[int, int], dark: bool
 ) -> None:
-    with visiting(browser, server.url, size=size, dark=dark) as visit:
+    with visiting(tabs, server.url, size=size, dark=dark) as visit:
         visit.choose(ALTERNATE)
         for summary in visit.page.locator("summary").all():
             if summary.is_visible():
@@ -32,8 +40,8 @@ def test_the_page_has_no_accessibility_faults(
             assert accessibility_faults(visit.page) == []
 
 
-def test_the_page_fits_a_phone(browser: Browser, server: Server) -> None:
-    with visiting(browser, server.url, size=PHONE, touch=True) as visit:
+def test_the_page_fits_a_phone(tabs: Tabs, server: Server) -> None:
+    with visiting(tabs, server.url, size=PHONE, touch=True) as visit:
         visit.choose(ALTERNATE)
         wide = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
         assert visit.page.evaluate(wide) <= 0
@@ -42,9 +50,9 @@ def test_the_page_fits_a_phone(browser: Browser, server: Server) -> None:
 
 
 def test_a_phone_shows_no_more_of_the_map_than_there_is_and_keeps_the_verdict_in_sight(
-    browser: Browser, server: Server
+    tabs: Tabs, server: Server
 ) -> None:
-    with visiting(browser, server.url, size=PHONE, touch=True) as visit:
+    with visiting(tabs, server.url, size=PHONE, touch=True) as visit:
         page = visit.page
         visit.choose(ALTERNATE)
         frame = page.locator("#map").bounding_box()
@@ -75,7 +83,7 @@ def test_a_phone_shows_no_more_of_the_map_than_there_is_and_keeps_the_verdict_in
                 .map(one => one.textContent)"""
             )
             assert over == []
-    with visiting(browser, server.url) as visit:
+    with visiting(tabs, server.url) as visit:
         visit.verdict("Observable")
         expect(visit.page.locator("#badge-again")).to_be_hidden()
         expect(visit.page.locator("#map-plot .xtitle")).to_be_visible()
@@ -97,11 +105,11 @@ def _cut(page: Page) -> list[str]:
 
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
 def test_letters_of_double_size_find_room(
-    browser: Browser, server: Server, size: tuple[int, int]
+    tabs: Tabs, server: Server, size: tuple[int, int]
 ) -> None:
     with (
-        launched(browser.browser_type, "--blink-settings=defaultFontSize=32") as large,
-        visiting(large, server.url, size=size) as visit,
+        launched(tabs.browser.browser_type, "--blink-settings=defaultFontSize=32") as large,
+        visiting(Tabs(large), server.url, size=size) as visit,
     ):
         page = visit.page
         visit.choose(ALTERNATE)
@@ -132,8 +140,8 @@ def test_numbers_and_their_units_stay_on_one_line(visit: Visit) -> None:
     assert _cut(visit.page) == []
 
 
-def test_a_phone_tells_the_marks_below_the_map(browser: Browser, server: Server) -> None:
-    with visiting(browser, server.url, size=PHONE, touch=True) as visit:
+def test_a_phone_tells_the_marks_below_the_map(tabs: Tabs, server: Server) -> None:
+    with visiting(tabs, server.url, size=PHONE, touch=True) as visit:
         visit.choose(ALTERNATE)
         told = visit.page.get_by_role("listitem")
         expect(told).to_have_count(0)
@@ -146,7 +154,7 @@ def test_a_phone_tells_the_marks_below_the_map(browser: Browser, server: Server)
         assert told.all_text_contents() == named
         swatch = told.filter(has_text="clockwise circle").last.locator("svg line")
         expect(swatch).to_have_attribute("stroke", "#e69f00")
-    with visiting(browser, server.url) as visit:
+    with visiting(tabs, server.url) as visit:
         visit.verdict("Observable")
         expect(visit.page.get_by_text("Legend")).to_be_hidden()
         expect(visit.page.locator("#map-plot .legend .traces").first).to_be_visible()
@@ -172,8 +180,8 @@ def test_nothing_comes_from_elsewhere_and_no_style_or_script_is_inline(server: S
     assert re.findall(r'(?:src|href)="(?:https?:)?//', answer.text) == []
 
 
-def test_a_violation_of_the_policy_would_be_noticed(browser: Browser, server: Server) -> None:
-    with visiting(browser, server.url) as visit:
+def test_a_violation_of_the_policy_would_be_noticed(tabs: Tabs, server: Server) -> None:
+    with visiting(tabs, server.url) as visit:
         visit.verdict("Observable")
         visit.page.evaluate("document.body.setAttribute('style', 'color: red')")
         visit.page.evaluate("fetch('http://127.0.0.2:9/').catch(() => 0)")

@@ -80,6 +80,8 @@ def test_what_the_tab_kept_and_can_not_be_planned_any_more_is_forgotten(visit: V
     page.reload()
     visit.verdict("Observable: rank 18 of 18")
     expect(page.locator("#map-name")).to_have_text("paper-grid-same")
+    # no other visit may have this tab and its script
+    page.close()
 
 
 def test_a_reload_shows_the_outcome_of_a_validation_again_with_its_report(

@@ -78,8 +78,8 @@ def main(cases: int = 2000, seed: int = 1) -> Outcome:
         server = Server(log, port=None, SYNCPLAN_DATA_DIR=folder, **SMALL_JOBS)
         with running(server):
             outcome = search(server.url, cases, seed)
-            print(outcome.report)
         errors = errors_of(log)
+        print(f"{outcome.cases} cases, as the document says" if outcome.passed else outcome.report)
         print(*errors, sep="\n")
     return replace(outcome, passed=outcome.passed and not errors)
 

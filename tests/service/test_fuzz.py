@@ -27,7 +27,7 @@ def server(tmp_path: Path) -> Iterator[Server]:
 
 
 def test_no_request_breaks_the_service(server: Server) -> None:
-    assert search(server, 40, seed=3, warm_up=8).faults == []
+    assert search(server, 24, seed=3, warm_up=6).faults == []
 
 
 @pytest.mark.long

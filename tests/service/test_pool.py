@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -37,7 +38,7 @@ GRID = (FILES / "paper-grid-same.yaml").read_bytes()
 
 @pytest.fixture(scope="module")
 def pool() -> Iterator[Pool]:
-    made = Pool(1, background=True)
+    made = Pool(1, background=True, niceness=7)
     yield made
     made.close()
 
@@ -70,6 +71,11 @@ def begun(ticket: Ticket) -> bool:
 def processes_of(parent: int) -> list[int]:
     """Processes of the pools of a process."""
     return [one for one in family(parent)[1:] if "api.computing.child" in command(one)]
+
+
+def test_a_child_yields_as_far_as_it_is_asked_to(pool: Pool, made: PlanText) -> None:
+    niceness = {os.getpriority(os.PRIO_PROCESS, one) for one in processes_of(os.getpid())}
+    assert os.nice(0) + 7 in niceness
 
 
 def test_a_plan_made_by_a_child_is_the_librarys_to_the_byte(made: PlanText) -> None:
@@ -240,11 +246,11 @@ def test_a_pool_outlives_a_system_without_room_for_a_process(
     begin = Child.__init__
     refused: list[int] = []
 
-    def refuse_twice(self: Child, *, background: bool) -> None:
+    def refuse_twice(self: Child, **asked: Any) -> None:
         if len(refused) < 2:
             refused.append(1)
             raise OSError(12, "Cannot allocate memory")
-        begin(self, background=background)
+        begin(self, **asked)
 
     monkeypatch.setattr(Child, "__init__", refuse_twice)
     pool = Pool(1, background=False)

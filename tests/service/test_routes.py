@@ -125,27 +125,27 @@ def test_a_plan_is_deleted_if_it_is_the_one_that_is_meant(ann: httpx2.Client) ->
 
 
 def test_plans_are_listed_newest_first_a_page_at_a_time(server: Server) -> None:
-    with speaking(server, "bob") as bob:
-        made = [planned(bob, name=f"plan {k}")["id"] for k in range(5)][::-1]
+    with speaking(server, "lea") as lea:
+        made = [planned(lea, name=f"plan {k}")["id"] for k in range(5)][::-1]
         pages, following = [], "/v1/plans?limit=2"
         while following:
-            page = bob.get(following).json()
+            page = lea.get(following).json()
             pages.append([one["id"] for one in page["items"]])
             following = page["next"]
         assert pages == [made[:2], made[2:4], made[4:]]
-        whole = bob.get("/v1/plans?limit=5").json()
+        whole = lea.get("/v1/plans?limit=5").json()
         assert (len(whole["items"]), whole["next"]) == (5, None)
         assert whole["items"][0] == {
             "id": made[0],
             "parent_id": None,
-            "created_at": bob.get(f"/v1/plans/{made[0]}").json()["created_at"],
+            "created_at": lea.get(f"/v1/plans/{made[0]}").json()["created_at"],
             "name": "plan 4",
             "vehicles": 2,
             "observable": False,
             "predicted_rms_m": whole["items"][0]["predicted_rms_m"],
         }
-        bob.delete(f"/v1/plans/{made[2]}")
-        after = bob.get(f"/v1/plans?before={made[1]}").json()
+        lea.delete(f"/v1/plans/{made[2]}")
+        after = lea.get(f"/v1/plans?before={made[1]}").json()
         assert [one["id"] for one in after["items"]] == made[3:]
 
 

@@ -1,7 +1,7 @@
 """Jobs that survive: processes killed, stopped and frozen, the database away, the disk full.
 
 Real servers, real workers and a real PostgreSQL; see tests.searches.search_survival for more
-moments. `make check` kills a server and a worker on SQLite, `make check-all` does all of this.
+moments. `make check` kills a server, worker and all, on SQLite; `make check-all` does all this.
 """
 
 import contextlib
@@ -107,7 +107,9 @@ def warm(site: Site, process: Process) -> None:
 
 
 @EACH
-@pytest.mark.parametrize(("victim", "seed"), [("server", 1), ("worker", 2)])
+@pytest.mark.parametrize(
+    ("victim", "seed"), [("server", 1), pytest.param("worker", 2, marks=pytest.mark.long)]
+)
 def test_jobs_come_to_their_bytes_once_whoever_is_killed(
     address: str | None, tmp_path: Path, victim: Literal["server", "worker"], seed: int
 ) -> None:

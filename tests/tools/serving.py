@@ -157,12 +157,14 @@ def running(*processes: Process) -> Iterator[None]:
 def settings_of(data: Path, database_url: str | None = None) -> Mapping[str, str]:
     """Return the settings of a service that keeps its data in a folder, or in PostgreSQL.
 
-    On a busy machine a plan may take longer than a service lets it.
+    On a busy machine a plan may take longer than a service lets it, and jobs that yield to all
+    other work would never end.
     """
     given = {
         "SYNCPLAN_DATA_DIR": str(data),
         "SYNCPLAN_DATABASE_URL": database_url,
         "SYNCPLAN_PLAN_TIMEOUT_S": f"{PATIENCE_S:g}",
+        "SYNCPLAN_JOB_NICENESS": "0",
     }
     return {key: value for key, value in given.items() if value is not None}
 
