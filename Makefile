@@ -16,8 +16,8 @@ DEMO   ?= examples/scenarios/paper-grid-same.yaml
 
 UV     := 'uv>=0.9,<1'
 
-# two processes a core, since many tests wait; a file's tests stay together
-TESTS  := $(BIN)/python -m pytest --numprocesses $$(( 2 * $$(nproc) )) --dist loadfile
+# one process a core; a file's tests stay together
+TESTS  := $(BIN)/python -m pytest --numprocesses auto --dist loadfile
 # the draws of the long searches: other ones each day
 SEED   ?= $(shell date +%Y%m%d)
 

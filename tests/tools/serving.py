@@ -158,13 +158,14 @@ def settings_of(data: Path, database_url: str | None = None) -> Mapping[str, str
     """Return the settings of a service that keeps its data in a folder, or in PostgreSQL.
 
     On a busy machine a plan may take longer than a service lets it, and jobs that yield to all
-    other work would never end.
+    other work would never end. One process for requests and one for jobs are soon ready.
     """
     given = {
         "SYNCPLAN_DATA_DIR": str(data),
         "SYNCPLAN_DATABASE_URL": database_url,
         "SYNCPLAN_PLAN_TIMEOUT_S": f"{PATIENCE_S:g}",
         "SYNCPLAN_JOB_NICENESS": "0",
+        "SYNCPLAN_PROCESSES": "1",
     }
     return {key: value for key, value in given.items() if value is not None}
 

@@ -101,7 +101,8 @@ class Site:
     def __init__(self, folder: Path, database_url: str | None = None, **settings: str) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         self.folder = folder
-        self._settings = {**settings_of(folder / "data", database_url), **settings}
+        given = {**settings_of(folder / "data", database_url), "SYNCPLAN_PROCESSES": "2"}
+        self._settings = {**given, **settings}
         self._port: int | None = None
         self._processes: list[Process] = []
         self._marks: dict[Process, str] = {}
