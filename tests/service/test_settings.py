@@ -45,6 +45,7 @@ def test_defaults_listen_here_and_keep_data_in_the_users_folder(tmp_path: Path) 
     assert settings.data_dir == tmp_path / "syncplan"
     assert settings.api_keys == ()
     assert settings.process_count == usable_cores()
+    assert settings.job_niceness == 10
     assert not settings.insecure
     assert not settings.telemetry
 
