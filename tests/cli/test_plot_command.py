@@ -320,7 +320,7 @@ def test_a_browser_draws_the_page_and_plays_it_without_a_fault(run: Run, tmp_pat
             "--disable-gpu",
             f"--user-data-dir={tmp_path / 'profile'}",
             "--enable-logging=stderr",
-            "--virtual-time-budget=20000",
+            "--virtual-time-budget=6000",
             "--dump-dom",
             target.as_uri(),
         ],

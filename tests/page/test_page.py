@@ -1,6 +1,7 @@
 """What holds of the page: accessibility, policy, assets, what it offers."""
 
 import re
+from collections.abc import Iterator
 
 import httpx2
 import pytest
@@ -103,14 +104,19 @@ def _cut(page: Page) -> list[str]:
     return found
 
 
+@pytest.fixture(scope="module")
+def tabs_of_double_size(tabs: Tabs) -> Iterator[Tabs]:
+    """Tabs of a browser whose user likes letters large."""
+    options = "--blink-settings=defaultFontSize=32"
+    with launched(tabs.browser.browser_type, options) as browser:
+        yield Tabs(browser)
+
+
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
 def test_letters_of_double_size_find_room(
-    tabs: Tabs, server: Server, size: tuple[int, int]
+    tabs_of_double_size: Tabs, server: Server, size: tuple[int, int]
 ) -> None:
-    with (
-        launched(tabs.browser.browser_type, "--blink-settings=defaultFontSize=32") as large,
-        visiting(Tabs(large), server.url, size=size) as visit,
-    ):
+    with visiting(tabs_of_double_size, server.url, size=size) as visit:
         page = visit.page
         visit.choose(ALTERNATE)
         handle(page, "v2").click()

@@ -76,7 +76,7 @@ SCENARIOS: dict[str, dict[str, Any]] = {
 IN_SUITE = ("same sense", "opposite senses, unequal radii", "limited views")
 """The others take minutes: `python -m tests.refinement.test_optimum` shows the gaps of all."""
 
-GRID = {2: 720, 3: 48}
+GRID = {2: 360, 3: 48}
 ZOOMS, ZOOMED, NARROWER = 3, 9, 5.0
 
 

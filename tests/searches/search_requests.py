@@ -97,12 +97,15 @@ def search(
     """Return what a number of drawn requests to a service with these SETTINGS come to.
 
     Processes that have grown too much are sent the same requests again, up to so many passes in
-    all: memory that is kept grows each time, what a new process loads only once.
+    all: memory that is kept grows each time, what a new process loads only once. With no pass,
+    requests are sent once and memory is not looked at.
     """
     found = Found(requests)
     scenarios = valid_scenarios()
     with httpx2.Client(base_url=server.url, headers=_AUTHORISED, timeout=PATIENCE_S) as client:
-        plans = _warmed_up(client, scenarios, warm_up)
+        plans = _made(client, scenarios, warm_up)
+        if passes:
+            _warm_up(client, scenarios, plans)
 
         def send(count: int) -> None:
             with ThreadPoolExecutor(CLIENTS) as clients:
@@ -244,8 +247,8 @@ def _read(body: bytes) -> Any:
 # --- the service ----------------------------------------------------------------------------------
 
 
-def _warmed_up(client: httpx2.Client, scenarios: list[Any], requests: int) -> list[str]:
-    """Return plans, after so many of them and some jobs of each kind on every process."""
+def _made(client: httpx2.Client, scenarios: list[Any], requests: int) -> list[str]:
+    """Return a plan of each scenario, after so many requests for them."""
     plans = []
     for k in range(requests):
         for _ in range(PATIENCE):
@@ -254,7 +257,11 @@ def _warmed_up(client: httpx2.Client, scenarios: list[Any], requests: int) -> li
                 break
         assert response.status_code == 201, response.text
         plans.append(response.json()["id"])
-    plans = plans[: len(scenarios)]
+    return plans[: len(scenarios)]
+
+
+def _warm_up(client: httpx2.Client, scenarios: list[Any], plans: list[str]) -> None:
+    """Have every process do what makes it load something, jobs of each kind among it."""
     _rendered(client, plans)
     sweep = {"scenario": scenarios[1], "angular_rate_rad_s": [0.2, 0.4], "trials": 50}
     for _ in range(2):
@@ -269,7 +276,6 @@ def _warmed_up(client: httpx2.Client, scenarios: list[Any], requests: int) -> li
         jobs += [client.post("/v1/sweeps", json=sweep) for _ in range(2)]
         assert {job.status_code for job in jobs} == {202}, [job.text for job in jobs]
         _wait_for_jobs(client)
-    return plans
 
 
 def _rendered(client: httpx2.Client, plans: list[str]) -> None:

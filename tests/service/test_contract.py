@@ -9,14 +9,16 @@ import pytest
 from tests.searches.search_contract import KEY, SMALL_JOBS, errors_of, search
 from tests.tools.serving import Server, running
 
-CASES = 90
+CASES = 60
+QUICK = {**SMALL_JOBS, "SYNCPLAN_PROCESSES": "1"}
+"""Settings of a service that is soon ready."""
 TOLERANCE = 1e-6
 
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     folder = tmp_path_factory.mktemp("contract")
-    server = Server(folder / "log", port=None, SYNCPLAN_DATA_DIR=str(folder), **SMALL_JOBS)
+    server = Server(folder / "log", port=None, SYNCPLAN_DATA_DIR=str(folder), **QUICK)
     with running(server):
         yield server
 

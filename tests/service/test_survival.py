@@ -114,9 +114,9 @@ def test_jobs_come_to_their_bytes_once_whoever_is_killed(
     address: str | None, tmp_path: Path, victim: Literal["server", "worker"], seed: int
 ) -> None:
     moments = random.Random(f"{seed} {address is None}")
-    orders = [validation(1200, 1), refinement(0), sweep_of_ranges(200, 3), validation(600, 2)]
+    orders = [validation(800, 1), refinement(0), sweep_of_ranges(100, 3)]
     with quick(tmp_path, address) as site:
-        kill_at(site, orders, [moments.uniform(0.0, 1.5), moments.uniform(0.0, 4.0)], victim)
+        kill_at(site, orders, [moments.uniform(0.0, 1.5), moments.uniform(0.0, 3.0)], victim)
 
 
 @pytest.mark.long
