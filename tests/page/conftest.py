@@ -16,7 +16,7 @@ def tabs() -> Iterator[Tabs]:
         yield Tabs(browser)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     """A service that asks nobody for a key, its filter's kernels compiled."""
     with open_server(tmp_path_factory.mktemp("page")) as one:

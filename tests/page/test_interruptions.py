@@ -1,8 +1,7 @@
 """What comes between: a service that is away, keys, answers in another order, deleted plans."""
 
 import re
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterator
 from pathlib import Path
 
 import httpx2
@@ -17,17 +16,6 @@ from tests.tools.serving import QUICK, Server, running, settings_of
 ALTERNATE = "paper-grid-alternate"
 
 
-@contextmanager
-def mortal_server(
-    tabs: Tabs, folder: Path, given: Mapping[str, str]
-) -> Iterator[tuple[Server, Visit]]:
-    """A server that a test may kill, and a visit that expects it to be away for a while."""
-    first = Server(folder / "log", port=None, **given)
-    with running(first), visiting(tabs, first.url) as visit:
-        visit.expect_complaints("net::ERR", "503")
-        yield first, visit
-
-
 @pytest.fixture(scope="module")
 def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     """A server that wants a key."""
@@ -39,8 +27,10 @@ def test_a_server_that_dies_in_mid_job_and_returns_costs_nothing_but_time(
     tabs: Tabs, tmp_path: Path
 ) -> None:
     given = {**settings_of(tmp_path / "data"), **QUICK}
-    with mortal_server(tabs, tmp_path, given) as (first, visit):
+    first = Server(tmp_path / "log", port=None, **given)
+    with running(first), visiting(tabs, first.url) as visit:
         page = visit.page
+        visit.expect_complaints("net::ERR", "503")
         visit.verdict("Observable")
         page.get_by_label("Trials").fill("1500")
         page.get_by_role("button", name="Validate").click()
@@ -154,23 +144,20 @@ def test_of_two_that_are_opened_at_once_the_later_one_stays(visit: Visit) -> Non
     visit.verdict("rank 12 of 12")
 
 
-def test_an_edit_while_the_service_is_away_is_planned_once_it_is_back(
-    tabs: Tabs, tmp_path: Path
-) -> None:
-    given = settings_of(tmp_path / "data")
-    with mortal_server(tabs, tmp_path, given) as (first, visit):
-        page = visit.page
-        visit.choose(ALTERNATE)
-        visit.verdict("Not observable: rank 16 of 18")
-        first.kill()
-        page.get_by_label("Desynchronise by").fill("0.2")
-        expect(page.locator("#notice.bad")).to_contain_text("can't be reached")
-        visit.doubt("Waiting for the service; before your edits: ✗ Not observable: rank 16 of 18")
-        expect(page.locator("#verdict")).to_contain_text("of the scenario before your edits")
-        with running(Server(tmp_path / "log", port=first.port, **given)):
-            visit.verdict("Observable: rank 18 of 18")
-            expect(page.locator("#notice.bad")).to_have_count(0)
-            expect(page.get_by_label("Desynchronise by")).to_have_value("0.2")
+def test_an_edit_while_the_service_is_away_is_planned_once_it_is_back(visit: Visit) -> None:
+    page = visit.page
+    visit.expect_complaints("net::ERR")
+    visit.choose(ALTERNATE)
+    visit.verdict("Not observable: rank 16 of 18")
+    page.route("**/v1/**", lambda route: route.abort())
+    page.get_by_label("Desynchronise by").fill("0.2")
+    expect(page.locator("#notice.bad")).to_contain_text("can't be reached")
+    visit.doubt("Waiting for the service; before your edits: ✗ Not observable: rank 16 of 18")
+    expect(page.locator("#verdict")).to_contain_text("of the scenario before your edits")
+    page.unroute("**/v1/**")
+    visit.verdict("Observable: rank 18 of 18")
+    expect(page.locator("#notice.bad")).to_have_count(0)
+    expect(page.get_by_label("Desynchronise by")).to_have_value("0.2")
 
 
 def test_an_edit_that_waits_for_a_key_is_not_lost(tabs: Tabs, guarded: Server) -> None:
