@@ -62,6 +62,7 @@ from typing import TYPE_CHECKING, Any
 __all__ = [
     "Client",
     "InputError",
+    "NoGoError",
     "NoSolutionError",
     "Plan",
     "Replay",
@@ -84,6 +85,7 @@ __version__ = "0.1.0"
 _HOME = {
     "Client": "client.service_client",
     "InputError": "errors",
+    "NoGoError": "errors",
     "NoSolutionError": "errors",
     "Plan": "planning.judged_plan",
     "Replay": "estimation.replays",
@@ -104,7 +106,7 @@ _MODULES = {"figures": "plotting.plotly_figures"}
 
 if TYPE_CHECKING:
     from syncplan.client.service_client import Client
-    from syncplan.errors import InputError, NoSolutionError, SyncplanError
+    from syncplan.errors import InputError, NoGoError, NoSolutionError, SyncplanError
     from syncplan.estimation.mrclam import load_log
     from syncplan.estimation.replays import Replay, replay
     from syncplan.exporting.formats import export

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-__all__ = ["Fault", "InputError", "NoSolutionError", "SyncplanError"]
+__all__ = ["Fault", "InputError", "NoGoError", "NoSolutionError", "SyncplanError"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +55,12 @@ class InputError(SyncplanError):
         faults = (Fault(_joined(section, one.key), one.problem, one.value) for one in self.faults)
         key = _joined(section, self.key)
         return InputError(self.problem, key=key, source=self.source, faults=tuple(faults))
+
+
+class NoGoError(SyncplanError):
+    """The plan's verdict stops what was asked for: a plan that is not to be flown."""
+
+    exit_code = 3
 
 
 class NoSolutionError(SyncplanError):

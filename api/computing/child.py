@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from api.computing import renditions, tasks
-from syncplan.errors import Fault, InputError, NoSolutionError
+from syncplan.errors import Fault, InputError, NoGoError, NoSolutionError
 from syncplan.runtime.child_processes import ChildProcess, connect_to_parent
 
 __all__ = ["Child", "ChildGoneError", "TaskFailedError", "TooSlowError", "serve"]
@@ -89,9 +89,15 @@ class Child:
 def _as_error(kind: str, problem: str, key: str, faults: list[tuple[str, str, str]]) -> Exception:
     if kind == "input":
         return InputError(problem, key=key, faults=tuple(Fault(*one) for one in faults))
-    if kind == "no memory":
-        return ChildGoneError(problem)
-    return NoSolutionError(problem) if kind == "no solution" else TaskFailedError(problem)
+    return _ERRORS.get(kind, TaskFailedError)(problem)
+
+
+_ERRORS: dict[str, type[Exception]] = {
+    "no memory": ChildGoneError,
+    "no solution": NoSolutionError,
+    "no go": NoGoError,
+}
+"""Errors of a task that are raised again here, by the word that stands for them on the way."""
 
 
 def serve(descriptor: int) -> None:
@@ -127,6 +133,8 @@ def serve(descriptor: int) -> None:
                 answer = "failed", ("input", error.problem, error.key, faults)
             except NoSolutionError as error:
                 answer = "failed", ("no solution", str(error), "", [])
+            except NoGoError as error:
+                answer = "failed", ("no go", str(error), "", [])
             except MemoryError:
                 answer = "failed", ("no memory", "out of memory", "", [])
             except Exception:

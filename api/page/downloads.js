@@ -17,11 +17,14 @@ export function offerDownloads(store, storePlan) {
     element("button", { type: "button", onclick: () => run(savePlan) }, "Plan"),
     element("button", { type: "button", onclick: () => run(saveExport) }, "Export"),
   ];
+  const force = element("input", { type: "checkbox", id: "force" });
+  const forced = element("label", { for: "force", class: "check" }, force, " Export although the verdict is NO-GO");
   const report = element("button", { type: "button", onclick: () => run(saveReport) }, "Report");
   byId("downloads").append(
     element("div", { class: "row" }, buttons[0], buttons[1], report),
     element("div", { class: "field wide" }, element("label", { for: "format" }, "Format"), format),
     pilots,
+    forced,
     buttons[2],
     element("p", { class: "hint" }, "Missions, GeoJSON and KML need the origin's place: in the scenario, under “Place and time”."),
     fault,
@@ -34,6 +37,9 @@ export function offerDownloads(store, storePlan) {
     notes.replaceChildren();
   };
   for (const name of ["opened", "scenario", "report"]) store.addEventListener(name, enable);
+  const offerForce = () => (forced.hidden = store.plan === null || store.plan.verdict.go);
+  store.addEventListener("plan", offerForce);
+  offerForce();
   enable();
 
   async function run(task) {
@@ -52,13 +58,14 @@ export function offerDownloads(store, storePlan) {
   }
 
   async function saveExport() {
-    const asked = MISSIONS.includes(format.value) ? `?${pilot.value}` : "";
-    const at = `v1/plans/${await storePlan()}/exports/${format.value}${asked}`;
+    const asked = [MISSIONS.includes(format.value) ? pilot.value : "", force.checked && !forced.hidden ? "force=true" : ""].filter(Boolean).join("&");
+    const at = `v1/plans/${await storePlan()}/exports/${format.value}${asked && "?"}${asked}`;
     const answer = await ask("GET", at, { accept: "application/zip" });
     const file = await answer.blob();
     save(file, `${nameOf(store)}-${format.value}.zip`, "application/zip");
     const texts = JSON.parse(answer.headers.get("Syncplan-Notes") || "[]");
-    notes.replaceChildren(...texts.map((note) => element("p", { class: "remark" }, note)));
+    const found = store.plan.verdict.findings.filter((one) => one.level !== "note").map((one) => one.message);
+    notes.replaceChildren(...[...found, ...texts].map((note) => element("p", { class: "remark" }, note)));
     notice(`Exported, ${shown(file.size / 1024)} KiB. The file that ends in .sync.json says how vehicles join their circles.`);
   }
 

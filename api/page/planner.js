@@ -37,7 +37,7 @@ export class Planner {
     const at = `v1/plans/${encodeURIComponent(planId)}`;
     const asked = ASKED.map((name) => askJson("GET", `${at}/figures/${name}?theme=${theme()}`));
     const [plan, ...found] = await Promise.all([askJson("GET", at), ...asked]);
-    return { plan, figures: Object.fromEntries(ASKED.map((name, k) => [name, found[k]])) };
+    return { plan: judgedPlan(plan), figures: Object.fromEntries(ASKED.map((name, k) => [name, found[k]])) };
   }
 
   /** Resolves with the plan and figures of any scenario or plan document, stored nowhere. */
@@ -101,6 +101,14 @@ export class Planner {
     if (flag !== this.#busyShown) this.#busy(flag);
     this.#busyShown = flag;
   }
+}
+
+/** A stored plan with a verdict: one from before there were verdicts is taken by its rank and distances. */
+function judgedPlan(plan) {
+  if (plan.verdict) return plan;
+  const go = plan.observability.observable && plan.separation.violations.length === 0;
+  const findings = plan.notes.map((message) => ({ code: "note", level: "note", message, subjects: [], cure: null }));
+  return { ...plan, verdict: { go, findings } };
 }
 
 /** The faults of a refusal by their paths in the scenario, also where a plan document was sent. */

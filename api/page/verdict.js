@@ -3,9 +3,8 @@
 import { byId, element, shown } from "./elements.js";
 import { withValue } from "./scenario.js";
 
-/** how far off the exact rule phases are put where that is the cure */
-const DESYNC_RAD = 0.2;
-const MOST_LISTED = 3;
+/** What each level of a finding begins with. */
+const LEVELS = { stop: "Stop: ", warning: "Warning: ", note: "Note: " };
 
 /** What the verdict on show is not of, by why: what the badge begins with, and a remark. */
 const DOUBTS = {
@@ -33,12 +32,13 @@ export function showVerdicts(store) {
   let doubt = null;
 
   const show = () => {
-    const { observability: seen } = store.plan;
-    const verdict = `${seen.observable ? "✓ Observable" : "✗ Not observable"}: rank ${seen.rank} of ${seen.state_dim}`;
+    const { observability: seen, verdict: { go } } = store.plan;
+    const rank = `${seen.observable ? "Observable" : "Not observable"}: rank ${seen.rank} of ${seen.state_dim}`;
+    const verdict = `${go ? "✓ GO" : "✗ NO-GO"} · ${rank}`;
     const text = doubt ? `${DOUBTS[doubt][0]}: ${verdict}` : verdict;
     // read out when it changes, and only then
     if (badge.textContent !== text) badge.textContent = text;
-    badge.className = doubt ? "badge" : `badge ${seen.observable ? "good" : "bad"}`;
+    badge.className = doubt ? "badge" : `badge ${go ? "good" : "bad"}`;
     remark.textContent = doubt ? DOUBTS[doubt][1] : "";
     place.classList.toggle("stale", doubt !== null);
     byId("workspace").classList.toggle("doubtful", doubt !== null);
@@ -48,8 +48,7 @@ export function showVerdicts(store) {
     if (store.plan) show();
   };
   store.addEventListener("plan", (event) => {
-    const cure = canDesync(store) ? () => desynchronise(store) : null;
-    place.replaceChildren(...verdictOf(store, event.detail.quick, cure), remark);
+    place.replaceChildren(...verdictOf(store, event.detail.quick), remark);
     doubtFor(halfTyped() ? "typing" : null);
   });
   store.addEventListener("faults", (event) => doubtFor(event.detail.why));
@@ -66,15 +65,10 @@ function repeat(badge, again) {
   copy();
 }
 
-/** Whether phases are nearer to the rule than the cure would put them, and it would: of one sense it turns the team. */
-function canDesync({ scenario, plan }) {
-  if (plan.vehicles.every((one) => one.direction === plan.vehicles[0].direction)) return false;
-  return [scenario.orbit.desync_rad ?? 0].flat().every((one) => Math.abs(one) < DESYNC_RAD);
-}
-
-function desynchronise(store) {
-  store.edit(withValue(store.scenario, "orbit.desync_rad", DESYNC_RAD));
-  // the button goes with the motion that it cures
+/** Make the changes of the scenario that cure a finding. */
+function cure(store, change) {
+  store.edit(Object.entries(change).reduce((scenario, [key, value]) => withValue(scenario, key, value), store.scenario));
+  // the button goes with the finding that it cures
   const badge = byId("badge");
   badge.tabIndex = -1;
   badge.focus();
@@ -91,16 +85,13 @@ function halfTyped() {
   return fields.some((one) => one.validity.badInput || (one.value === "" && one.id.startsWith(NEEDED)));
 }
 
-function verdictOf({ plan, given, lost }, quick, cure) {
-  const { observability: seen, predicted_rms_m: predicted } = plan;
+function verdictOf(store, quick) {
+  const { plan, given, lost } = store;
+  const { findings } = plan.verdict;
   return [
-    ...tooNear(plan.separation),
-    table(plan, predicted, phases(plan, given, lost)),
-    ...seen.unobservable.map((motion) => motionOf(motion, cure)),
-    ...plan.dropped_links.map((link) =>
-      element("p", { class: "remark" }, element("strong", {}, `${link.a}–${link.b} dropped: `), link.reason),
-    ),
-    ...plan.notes.map((note) => element("p", { class: "remark" }, note)),
+    ...findings.filter((one) => one.level === "stop").map((one) => findingOf(store, one)),
+    table(plan, plan.predicted_rms_m, phases(plan, given, lost)),
+    ...findings.filter((one) => one.level !== "stop").map((one) => findingOf(store, one)),
     element("p", { class: "hint" }, quick ? "Quick preview while you edit …" : ""),
   ];
 }
@@ -155,22 +146,21 @@ function separation({ separation: least }) {
   return least.between ? `${shown(least.min_m, "m")}, ${least.between.join("–")}` : "—";
 }
 
-/** A line of its own where vehicles come closer than required: however observable, that is no plan to fly. */
-function tooNear({ violations, required_m: required }) {
-  if (!violations.length) return [];
-  const listed = violations.slice(0, MOST_LISTED).map((one) => `${one.between.join("–")} to ${shown(one.min_m, "m")}`);
-  const more = violations.length > MOST_LISTED ? ` and ${violations.length - MOST_LISTED} more` : "";
-  const text = `✗ Closer than the required ${shown(required, "m")}: ${listed.join(", ")}${more}`;
-  return [element("p", { class: "badge bad", id: "too-near" }, text)];
-}
-
-function motionOf(motion, cure) {
-  const cured = cure && motion.cure.includes("desync_rad");
+/** One finding: its sentence, its cure, and a button where the cure is a change of the scenario. */
+function findingOf(store, { code, level, message, cure: remedy }) {
+  const change = remedy?.change ?? {};
+  const able = Object.keys(change).length > 0;
   return element(
     "div",
-    { class: "motion" },
-    element("p", {}, element("strong", {}, "Unobservable: "), motion.description),
-    element("p", {}, element("strong", {}, "Cure: "), motion.cure),
-    cured ? element("button", { type: "button", onclick: cure }, `Desynchronise by ${DESYNC_RAD}`) : null,
+    { class: `finding ${level}`, "data-code": code },
+    element("p", {}, element("strong", {}, LEVELS[level]), message),
+    remedy ? element("p", {}, element("strong", {}, "Cure: "), remedy.text) : null,
+    able ? element("button", { type: "button", onclick: () => cure(store, change) }, labelOf(change)) : null,
   );
+}
+
+function labelOf(change) {
+  const [[key, value], ...others] = Object.entries(change);
+  if (key === "orbit.desync_rad" && !others.length) return `Desynchronise by ${value}`;
+  return `Set ${Object.entries(change).map(([name, to]) => `${name} to ${to}`).join(", ")}`;
 }

@@ -14,7 +14,7 @@ from starlette.requests import ClientDisconnect
 
 from api.problems.problem_document import FaultEntry, printable, shown
 from api.problems.service_errors import ServiceError, StorageFull, Unavailable
-from syncplan.errors import InputError, NoSolutionError, SyncplanError
+from syncplan.errors import InputError, NoGoError, NoSolutionError, SyncplanError
 
 __all__ = ["TABLE", "FailedRequest", "Logged", "failure_of"]
 
@@ -24,6 +24,9 @@ MOST_ERRORS = 50
 INTERNAL = "the service failed on this request; its log says why, under this request id"
 NO_SOLUTION = "urn:syncplan:no-solution"
 """The type of problem that is not the request's form: nothing fulfils what it asks for."""
+
+NO_GO = "urn:syncplan:no-go"
+"""The type of problem that a plan's verdict stops what is asked for."""
 
 NO_DATABASE = "the database can't be used just now; try again"
 NO_MEMORY = "there is no memory left for this request just now; try again"
@@ -77,6 +80,10 @@ def _input(error: InputError) -> FailedRequest:
 
 def _no_solution(error: NoSolutionError) -> FailedRequest:
     return FailedRequest(422, str(error), type=NO_SOLUTION, title="No solution")
+
+
+def _no_go(error: NoGoError) -> FailedRequest:
+    return FailedRequest(409, str(error), type=NO_GO, title="No go")
 
 
 def _on_purpose(error: SyncplanError) -> FailedRequest:
@@ -161,6 +168,7 @@ def _with_line(error: ServiceError) -> FailedRequest:
 TABLE: dict[type[Exception], Callable[[Any], FailedRequest]] = {
     ServiceError: _deliberate,
     InputError: _input,
+    NoGoError: _no_go,
     NoSolutionError: _no_solution,
     SyncplanError: _on_purpose,
     RequestValidationError: _invalid,

@@ -55,6 +55,7 @@ class ExportQuery(BaseModel):
     )
     waypoints: bool = Field(False, description="Waypoints where loiter turns would do")
     snap_radius: bool = Field(False, description="Fly the nearest radii that ArduPilot can store")
+    force: bool = Field(False, description="Export the plan although its verdict is no-go")
 
 
 @router.get(
@@ -64,7 +65,7 @@ class ExportQuery(BaseModel):
     summary="Export a plan",
     responses={
         200: {"content": {"application/zip": {}}, "headers": {NOTES: _NOTES_HEADER}},
-        **problem_responses(401, 404, 406, 422, 503),
+        **problem_responses(401, 404, 406, 409, 422, 503),
     },
 )
 async def read_export(

@@ -1,10 +1,12 @@
 """The command line.
 
 console             standard output and standard error
+verdict_lines       GO or NO-GO, and findings
 terminal_tables     tables of plans and runs for people
 site_tables         tables of landmark sites
 document_table      kinds of documents, their schemas and how reports are known
 arguments           arguments that commands share
+required_verdicts   --require-go, --require-observable
 plan_commands       plan, refine, place, landmarks
 run_commands        validate, sweep
 replay_commands     replay

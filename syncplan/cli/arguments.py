@@ -5,14 +5,13 @@ from typing import Annotated
 
 import typer
 
-from syncplan.cli.console import Format, say
+from syncplan.cli.console import Format
 from syncplan.errors import InputError
 
 __all__ = [
     "Duration",
     "MaxVehicles",
     "Output",
-    "RequireObservable",
     "ScenarioFile",
     "Seed",
     "Series",
@@ -21,10 +20,7 @@ __all__ = [
     "Threads",
     "Trials",
     "numbers",
-    "verdict_status",
 ]
-
-NOT_OBSERVABLE = 3
 
 ScenarioFile = Annotated[
     str, typer.Argument(metavar="SCENARIO", help="Scenario file, YAML or JSON; - is standard input")
@@ -56,17 +52,6 @@ MaxVehicles = Annotated[
     int | None,
     typer.Option(min=1, help="Accept teams up to this size (default 2000)", show_default=False),
 ]
-RequireObservable = Annotated[
-    bool, typer.Option("--require-observable", help="Exit with 3 if the plan is not observable")
-]
-
-
-def verdict_status(observable: bool, required: bool) -> int:
-    """Return the exit status of a plan: 3 if it is to be observable and is not."""
-    if required and not observable:
-        say("the plan is not observable (--require-observable)")
-        return NOT_OBSERVABLE
-    return 0
 
 
 def numbers(text: str, option: str) -> list[float]:

@@ -70,6 +70,9 @@ SnapRadius = Annotated[
         "--snap-radius", help="Fly the nearest radii that ArduPilot can store, at the same rate"
     ),
 ]
+Force = Annotated[
+    bool, typer.Option("--force", help="Write the files although the verdict is NO-GO")
+]
 
 
 @exporters.command(
@@ -90,12 +93,14 @@ def _export(
     waypoints: Waypoints = False,
     sagitta_m: Sagitta = 0.5,
     snap_radius: SnapRadius = False,
+    force: Force = False,
     max_vehicles: MaxVehicles = None,
 ) -> int:
     """Write a plan for autopilots, ROS 2, Crazyswarm2 or maps, with a sidecar .sync.json.
 
     The sidecar holds what these formats can't: when and where each vehicle joins its circle, the
-    speed it holds, and who meets whom.
+    speed it holds, who meets whom, and the verdict. A plan that a finding stops is refused with
+    exit status 3, unless forced.
     """
     from syncplan.exporting.export_options import ExportOptions
 
@@ -110,6 +115,7 @@ def _export(
         waypoints=waypoints,
         sagitta_m=sagitta_m,
         snap_radius=snap_radius,
+        force=force,
     )
     made = _exported(subject, format_, options, max_vehicles)
     say_notes(list(made.notes))

@@ -9,12 +9,10 @@ import typer
 from syncplan.cli.arguments import (
     MaxVehicles,
     Output,
-    RequireObservable,
     ScenarioFile,
     Shown,
     SubjectFile,
     numbers,
-    verdict_status,
 )
 from syncplan.cli.console import (
     Format,
@@ -24,6 +22,7 @@ from syncplan.cli.console import (
     say,
     search_progress,
 )
+from syncplan.cli.required_verdicts import RequireGo, RequireObservable, verdict_status
 from syncplan.errors import NoSolutionError
 from syncplan.scenario.objectives import listed
 
@@ -67,6 +66,7 @@ def _plan(
         bool, typer.Option("--steady", help="Add the error once it has become periodic")
     ] = False,
     require_observable: RequireObservable = False,
+    require_go: RequireGo = False,
     max_vehicles: MaxVehicles = None,
 ) -> int:
     """Find phases for a scenario and judge the plan: meetings, observability, predicted error."""
@@ -83,9 +83,9 @@ def _plan(
         say(f"judging the rank of {3 * loaded.size} states takes some time ...")
     made = plan(loaded, bound=bound.value, steady=steady)
     if refine_:
-        return _refined(made, {}, None, output, format_, require_observable, bound)
+        return _refined(made, {}, None, output, format_, (require_observable, require_go), bound)
     deliver_document("plan", plan_document(made), output, format_)
-    return verdict_status(made.observable, require_observable)
+    return verdict_status(made, observable=require_observable, go=require_go)
 
 
 # --- refine ---------------------------------------------------------------------------------------
@@ -139,6 +139,7 @@ def _refine(
     seed: _Seed = None,
     processes: _Processes = None,
     require_observable: RequireObservable = False,
+    require_go: RequireGo = False,
     max_vehicles: MaxVehicles = None,
 ) -> int:
     """Move phases, centres and radii to the best plan near the one given; options override the
@@ -160,7 +161,8 @@ def _refine(
         "seed": seed,
     }
     options_for(loaded.scenario, None, changes)
-    return _refined(plan_of(loaded), changes, processes, output, format_, require_observable)
+    required = require_observable, require_go
+    return _refined(plan_of(loaded), changes, processes, output, format_, required)
 
 
 @plans.command(name="place", epilog="Example: syncplan place links.yaml -o placed.json")
@@ -238,7 +240,7 @@ def _refined(
     processes: int | None,
     output: "Path | None",
     format_: Format,
-    require_observable: bool,
+    required: tuple[bool, bool],
     bound: Bound = Bound.auto,
 ) -> int:
     """Refine and deliver; a plan that could not be bettered is shown, but never written."""
@@ -250,7 +252,7 @@ def _refined(
     record = better.refinement
     if record is None or record.improved:
         deliver_document("plan", plan_document(better), output, format_)
-        return verdict_status(better.observable, require_observable)
+        return verdict_status(better, observable=required[0], go=required[1])
     if output is None or str(output) == "-":
         deliver_document("plan", plan_document(better), output, format_)
         return NoSolutionError.exit_code

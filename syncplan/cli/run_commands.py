@@ -11,7 +11,6 @@ from syncplan.cli.arguments import (
     Duration,
     MaxVehicles,
     Output,
-    RequireObservable,
     ScenarioFile,
     Seed,
     Series,
@@ -20,7 +19,6 @@ from syncplan.cli.arguments import (
     Threads,
     Trials,
     numbers,
-    verdict_status,
 )
 from syncplan.cli.console import (
     Format,
@@ -29,6 +27,7 @@ from syncplan.cli.console import (
     progress_bar,
     refuse_overwriting,
 )
+from syncplan.cli.required_verdicts import RequireGo, RequireObservable, verdict_status
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filters import FILTERS
@@ -73,6 +72,7 @@ def _validate(
     series: Series = False,
     threads: Threads = None,
     require_observable: RequireObservable = False,
+    require_go: RequireGo = False,
     max_vehicles: MaxVehicles = None,
 ) -> int:
     """Run the filter on a plan: Monte Carlo errors beside the bound, and consistency."""
@@ -96,7 +96,7 @@ def _validate(
     with progress_bar("trials", trials) as progress:
         result = validate(flown, options, threads=threads, progress=progress)
     deliver_document("validation", validation_document(result), output, format_)
-    return verdict_status(flown.observable, require_observable)
+    return verdict_status(flown, observable=require_observable, go=require_go)
 
 
 def _with_options_of_swept_keys(command: Callable[..., int]) -> Callable[..., int]:

@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from syncplan.cli.verdict_lines import show_findings, show_verdict
 from syncplan.placement.centers import Placement
 from syncplan.planning.figures_of_merit import ROWS
 from syncplan.planning.swept_keys import swept_key
@@ -28,7 +29,9 @@ MOST_NAMED = 12
 
 
 def show_plan(document: PlanDocument, console: Console) -> None:
-    """Print a plan: verdict, poses, meetings."""
+    """Print a plan: verdict, poses, meetings, findings."""
+    if document.verdict is not None:
+        show_verdict(document.verdict, console)
     verdict = document.observability
     state = "[green]observable[/]" if verdict.observable else "[red]NOT observable[/]"
     console.print(
@@ -55,16 +58,14 @@ def show_plan(document: PlanDocument, console: Console) -> None:
         held = document.refinement.active_constraints
         if held:
             console.print(f"held by: {escape(', '.join(held[:MOST_NAMED]))}")
-    for motion in verdict.unobservable:
-        console.print(
-            f"[red]unobservable[/]: {escape(motion.description)}\n   cure: {escape(motion.cure)}"
-        )
-    for note in document.notes:
-        console.print(f"[yellow]note[/]: {escape(note)}")
+    if document.verdict is not None:
+        show_findings(document.verdict, console)
 
 
 def show_validation(report: ValidationDocument, console: Console) -> None:
-    """Print a Monte Carlo report."""
+    """Print a Monte Carlo report: verdict, errors, consistency, findings."""
+    if report.verdict is not None:
+        show_verdict(report.verdict, console)
     console.print(
         f"[bold]{escape(report.name or 'plan')}[/]: {report.run}, {report.filter.model} filter"
     )
@@ -79,6 +80,8 @@ def show_validation(report: ValidationDocument, console: Console) -> None:
     console.print(table)
     console.print(f"ANEES {_spread(report.anees)}")
     console.print(f"NIS   {_spread(report.nis)}")
+    if report.verdict is not None:
+        show_findings(report.verdict, console)
     for note in report.notes:
         console.print(f"[yellow]note[/]: {escape(note)}")
 

@@ -32,6 +32,7 @@ class ExportOptions:
     waypoints : fly a polygon of waypoints where loiter turns would do
     sagitta_m : most that the arc is to stand off from the chord between waypoints, m
     snap_radius : fly the nearest radii that ArduPilot can store, at the same rate
+    force : export a plan although its verdict stops it
 
     Raises InputError, with the name of the attribute, for a value out of range.
     """
@@ -46,6 +47,7 @@ class ExportOptions:
     waypoints: bool = False
     sagitta_m: float = 0.5
     snap_radius: bool = False
+    force: bool = False
 
     def __post_init__(self) -> None:
         _check_range("altitude_m", self.altitude_m, -1000.0, HIGHEST_M)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from syncplan.errors import InputError
+from syncplan.errors import InputError, NoGoError
 from syncplan.exporting.export_options import ExportOptions
 from syncplan.exporting.exported_files import Export, ExportedFile, as_archive, write_files
 from syncplan.exporting.flight import Flight, flight_of
@@ -39,7 +39,7 @@ def export(plan: Plan, format: str, options: ExportOptions | None = None) -> Exp
     are left out where there is none. Nothing is written to disk; equal input gives equal bytes.
 
     Raises InputError for an unknown format, a missing geo_origin or library, and what a format
-    can't hold.
+    can't hold; NoGoError for a plan whose verdict has a stop, unless options force it.
     """
     asked = ExportOptions() if options is None else options
     if format == ALL:
@@ -59,10 +59,25 @@ def export(plan: Plan, format: str, options: ExportOptions | None = None) -> Exp
     if chosen.mission and asked.snap_radius and flies_loiter_turns(flight):
         flight, snapped = _snapped(flight)
         notes += snapped
+    if not asked.force:
+        _check_go(flight.plan)
     written = chosen.write(flight)
     written = replace(written, notes=(*notes, *written.notes))
     files = (*written.files, sidecar_file(flight, format, written))
     return Export(format, files, written.notes)
+
+
+def _check_go(plan: Plan) -> None:
+    """Raise NoGoError unless the plan can be flown."""
+    verdict = plan.verdict
+    if verdict.go:
+        return
+    first, *others = (f"{one.code}: {one.message}" for one in verdict.stops)
+    more = f" (and {len(others)} more)" if others else ""
+    raise NoGoError(
+        f"{verdict.headline}; {first}{more}; export it all the same with --force (library and "
+        "service: force)"
+    )
 
 
 def _all(plan: Plan, options: ExportOptions) -> Export:

@@ -19,6 +19,7 @@ from syncplan.exporting.sync_document import (
 from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.orbits.circles import heading, position
 from syncplan.orbits.contacts import reachable_pairs
+from syncplan.reports.verdict_schemas import plan_verdict
 from syncplan.runtime.files import as_text
 from syncplan.synchronisation.phase_tolerance import separation_tolerances
 
@@ -41,6 +42,7 @@ def sync_document(flight: Flight, format_: str, written: Written) -> SyncDocumen
         version=__version__,
         name=plan.scenario.name,
         format=format_,
+        verdict=plan_verdict(plan.verdict),
         start_time=None if start is None else moment(start, 0.0),
         geo_origin=plan.scenario.geo_origin,
         period_s=plan.orbits.period,

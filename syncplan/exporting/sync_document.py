@@ -5,6 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from syncplan.reports.document_base import DocumentPart, Point, VersionedDocument, Window
+from syncplan.reports.verdict_schemas import PlanVerdict
 from syncplan.scenario.georeference import GeoOrigin
 
 __all__ = ["EntryPoint", "LandmarkSighting", "SyncDocument", "SyncedVehicle", "VehicleMeeting"]
@@ -85,6 +86,9 @@ class SyncDocument(VersionedDocument):
 
     name: str
     format: str
+    verdict: PlanVerdict | None = Field(
+        default=None, description="Go or no-go for what was exported; absent from older files"
+    )
     start_time: str | None = Field(description="Moment of time 0 in UTC; null: agree on one")
     geo_origin: GeoOrigin | None
     period_s: float

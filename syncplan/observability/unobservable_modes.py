@@ -32,12 +32,14 @@ class UnobservableMode:
     motion : (n, 3) m, m, rad of each vehicle's (x, y, heading) at time 0, the largest
         displacement being 1 m (or the largest turn 1 rad where none is displaced)
     cure : what would make it observable
+    desync : rad to put as orbit.desync_rad where that is a cure; 0 where it is none
     """
 
     description: str
     vehicles: tuple[int, ...]
     motion: Array
     cure: str
+    desync: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +64,11 @@ class _Candidate:
     description: str
     vector: Array  # (3 n,) scaled columns
     cure: str
+    desync: float = 0.0
 
+
+DESYNC_RAD = 0.2
+"""Offset from the rule that turns a line of sight enough to be seen, and costs little range."""
 
 MATCH_TOLERANCE = 1e-3
 """Share of a named motion that may lie outside the null space."""
@@ -223,6 +229,7 @@ def _stretch(
         _shift(naming, part, bearing),
         f"let the line of sight of {pairs or 'these links'} turn: a small desynchronisation "
         "by orbit.desync_rad, unequal radii, or refinement",
+        desync=DESYNC_RAD,
     )
 
 
@@ -292,7 +299,11 @@ def _mode(naming: _Naming, candidate: _Candidate) -> UnobservableMode:
     motion = _scaled(naming, candidate.vector)
     moving = np.flatnonzero(np.max(np.abs(motion), axis=1) > _MOVES)
     return UnobservableMode(
-        candidate.description, tuple(int(k) for k in moving), motion, candidate.cure
+        candidate.description,
+        tuple(int(k) for k in moving),
+        motion,
+        candidate.cure,
+        candidate.desync,
     )
 
 

@@ -2,7 +2,14 @@
 
 figures_of_merit    by what plans are compared
 refinement_record   how a plan was refined
-judged_plan         the plan: orbits with every verdict
+judged_team         a team with all that was found of it
+findings            what speaks against flying a plan, and the verdict
+observability_checks  findings on rank and certificate
+path_checks         findings on distances, areas and limits
+link_checks         findings on links lost or easily lost
+search_checks       findings on how the plan was found
+verdict_checks      the table of checks
+judged_plan         the plan: a judged team and the verdict
 judgement           orbits to plan
 planner             scenario to plan
 validation          Monte Carlo of a plan beside its bound

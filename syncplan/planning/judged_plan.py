@@ -1,92 +1,17 @@
-"""The plan: orbits with all that was found of them, and how they were found."""
+"""The plan: a judged team, and the verdict on flying it."""
 
 from dataclasses import dataclass
 
-from syncplan.arrays import Array
-from syncplan.observability.certificate import Certificate
-from syncplan.observability.link_verdicts import LinkVerdict
-from syncplan.observability.rank import Observability
-from syncplan.observability.unobservable_modes import UnobservableMode
-from syncplan.orbits.contacts import Windows
-from syncplan.orbits.separation import Approach
-from syncplan.orbits.team import Team, WithTeam
-from syncplan.placement.centers import Placement
-from syncplan.planning.refinement_record import RefinementRecord
-from syncplan.scenario.specification import Scenario
-from syncplan.synchronisation.phases import Synchronisation
+from syncplan.planning.findings import Verdict
+from syncplan.planning.judged_team import JudgedTeam
+from syncplan.planning.verdict_checks import verdict_of
 
-__all__ = ["Plan", "Prediction", "UnmetLink"]
-
-
-@dataclass(frozen=True, slots=True)
-class UnmetLink:
-    """A listed link, between vehicles `a` < `b`, that never comes into contact, and why."""
-
-    a: int
-    b: int
-    reason: str
-
-
-@dataclass(frozen=True, slots=True)
-class Prediction:
-    """Predicted position errors in m, from the posterior Cramer-Rao bound.
-
-    Attributes
-    ----------
-    rms : (n,) over the second half of the run, or None where not computed
-    steady : (n,) over a period once periodic, infinite if it never is; None where not asked for
-    window : (n,) bound from one window without motion noise; NaN where not determined
-    note : why a figure is missing
-    """
-
-    rms: Array | None
-    steady: Array | None
-    window: Array
-    note: str
+__all__ = ["Plan"]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Plan(WithTeam):
-    """Orbits with all that the exact code found of them.
-
-    Attributes
-    ----------
-    scenario : as resolved
-    team, windows : what the judgement rests on
-    synchronisation : how the phases were found; None for a plan whose phases were given
-    alternating_proven : whether the number of alternating links is proven largest; None where
-        the senses were given
-    links, incidental_links, landmark_links : verdicts on the links listed that meet, on other
-        pairs that meet, and on vehicles with the landmarks they see
-    dropped_links : listed links that never meet
-    connectivity_period : s, None if no window of two periods certifies the team
-    approach : the closest two vehicles come; None for one vehicle
-    too_close : pairs nearer than min_separation_m
-    observability, certificate : over the scenario's window
-    unobservable : a named mode for each dimension that the rank lacks
-    prediction : errors that the bounds predict
-    refinement : how the plan was refined, or why it could not be; None if that was not tried
-    placement : how the centres were found; None where they were given
-    """
-
-    scenario: Scenario
-    team: Team
-    windows: Windows
-    synchronisation: Synchronisation | None
-    alternating_proven: bool | None
-    links: tuple[LinkVerdict, ...]
-    incidental_links: tuple[LinkVerdict, ...]
-    landmark_links: tuple[LinkVerdict, ...]
-    dropped_links: tuple[UnmetLink, ...]
-    connectivity_period: float | None
-    approach: Approach | None
-    too_close: tuple[Approach, ...]
-    observability: Observability
-    certificate: Certificate
-    unobservable: tuple[UnobservableMode, ...]
-    prediction: Prediction
-    refinement: RefinementRecord | None = None
-    placement: Placement | None = None
+class Plan(JudgedTeam):
+    """Orbits with all that the exact code found of them; attributes are those of JudgedTeam."""
 
     def __repr__(self) -> str:
         """Return one line: name, vehicles, rank, period."""
@@ -103,3 +28,8 @@ class Plan(WithTeam):
     def observable(self) -> bool:
         """Whether every position and heading is determined over the window."""
         return self.observability.observable
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether the plan can be flown, with all that was found for and against it."""
+        return verdict_of(self)

@@ -16,7 +16,9 @@ from syncplan.orbits.contacts import Windows, reachable_pairs
 from syncplan.orbits.scenario_arrays import team_of
 from syncplan.orbits.separation import Approach, closest_approach, pairs_nearer_than
 from syncplan.orbits.team import Team
-from syncplan.planning.judged_plan import Plan, Prediction, UnmetLink
+from syncplan.planning.judged_plan import Plan
+from syncplan.planning.judged_team import Prediction, UnmetLink
+from syncplan.planning.path_checks import TOLERANCE
 from syncplan.runtime.blas import single_threaded_blas
 from syncplan.scenario.specification import Scenario
 from syncplan.synchronisation.phases import Synchronisation
@@ -121,7 +123,7 @@ def _too_close(orbits: Orbits, min_separation: float) -> tuple[Approach, ...]:
     if min_separation <= 0.0:
         return ()
     near = pairs_nearer_than(orbits, min_separation)
-    return tuple(item for item in near if item.distance < min_separation * (1.0 - 1e-12))
+    return tuple(item for item in near if item.distance < min_separation * (1.0 - TOLERANCE))
 
 
 # --- predicted errors ---------------------------------------------------------------------------

@@ -7,7 +7,8 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.observability.unobservable_modes import UnobservableMode
 from syncplan.orbits.circles import heading, position, unit
-from syncplan.planning.judged_plan import Plan, UnmetLink
+from syncplan.planning.judged_plan import Plan
+from syncplan.planning.judged_team import UnmetLink
 from syncplan.plotting.canvas import (
     Spec,
     compass,

@@ -1,6 +1,7 @@
 """Plans and runs as JSON documents, with what their figures mean in words.
 
 document_base       what all documents share
+verdict_schemas     verdicts and their JSON contract
 refinement_schemas  the JSON contract of refinements
 plan_schemas        of plans
 site_schemas        of choices of landmark sites

@@ -1,4 +1,4 @@
-"""Plans as documents, with everything the reader must not miss in words."""
+"""Plans as documents."""
 
 from collections.abc import Sequence
 from typing import Literal
@@ -29,11 +29,9 @@ from syncplan.reports.plan_schemas import (
     Witness,
 )
 from syncplan.reports.refinement_report import refinement_result
+from syncplan.reports.verdict_schemas import plan_verdict
 
-__all__ = ["certificate_reason", "plan_document", "separation_notes"]
-
-NEAR_MISS = 0.05
-"""Vehicles that come nearer than this share of the mean radius are always reported."""
+__all__ = ["certificate_reason", "plan_document"]
 
 GIVEN = "the phases were given and judged as they are"
 
@@ -42,9 +40,11 @@ Point = tuple[float, float]
 
 def plan_document(plan: Plan) -> PlanDocument:
     """Return the document of a plan; angles in [0, 2 pi), infinities as null."""
+    verdict = plan.verdict
     names, landmarks = plan.scenario.vehicle_names, plan.scenario.landmark_names
     return PlanDocument(
         version=__version__,
+        verdict=plan_verdict(verdict),
         scenario=plan.scenario,
         period_s=plan.orbits.period,
         vehicles=_vehicles(plan, names),
@@ -75,7 +75,7 @@ def plan_document(plan: Plan) -> PlanDocument:
         ),
         window_bound_m=_errors(plan.prediction.window, names),
         refinement=None if plan.refinement is None else refinement_result(plan.refinement),
-        notes=_notes(plan, names),
+        notes=[one.message for one in verdict.findings],
     )
 
 
@@ -244,57 +244,6 @@ def _errors(values: Array | None, names: list[str], note: str = "") -> ErrorPred
         },
         note=note,
     )
-
-
-def _notes(plan: Plan, names: list[str]) -> list[str]:
-    """What the reader must not miss, in plain words."""
-    notes = []
-    if plan.placement is not None:
-        notes.append(
-            "the centres were found by placement; formation.centers_m of the plan's scenario has "
-            "them"
-        )
-    if plan.refinement is not None and not plan.refinement.improved:
-        notes.append(f"not refined: {plan.refinement.reason}; this is the plan that was given")
-    elif plan.refinement is not None and plan.refinement.cut_short:
-        notes.append("the search for a better plan was cut short; this is the best it had found")
-    verdict = plan.observability
-    if not verdict.observable:
-        notes.append(
-            f"NOT observable: rank {verdict.rank} of {verdict.state_dim}; a filter's own sigmas "
-            "can't be trusted on this plan"
-        )
-    elif not plan.certificate.holds:
-        notes.append(
-            "observable by rank, though the certificate (sufficient, not necessary) does not hold"
-        )
-    for item in plan.dropped_links:
-        notes.append(f"link {names[item.a]}-{names[item.b]} dropped: {item.reason}")
-    notes += separation_notes(plan)
-    if plan.prediction.note:
-        notes.append(plan.prediction.note)
-    return notes
-
-
-def separation_notes(plan: Plan) -> list[str]:
-    """Return who comes too close to whom, in words."""
-    names = plan.scenario.vehicle_names
-    notes = []
-    for close in plan.too_close[:5]:
-        notes.append(
-            f"{names[close.a]} and {names[close.b]} come to {close.distance:.4g} m at "
-            f"{close.time:.4g} s of each period, below min_separation_m "
-            f"{plan.scenario.min_separation_m:g}"
-        )
-    nearest = plan.approach
-    if nearest and not plan.too_close and nearest.distance < NEAR_MISS * plan.observability.scale:
-        notes.append(
-            f"{names[nearest.a]} and {names[nearest.b]} come to {nearest.distance:.3g} m of each "
-            "other; min_separation_m keeps vehicles apart"
-        )
-    if len(plan.too_close) > 5:
-        notes.append(f"{len(plan.too_close) - 5} more pairs come below min_separation_m")
-    return notes
 
 
 def _windows(windows: Array) -> list[Window]:

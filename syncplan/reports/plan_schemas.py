@@ -6,6 +6,7 @@ from pydantic import Field
 
 from syncplan.reports.document_base import DocumentPart, Point, VersionedDocument, Window
 from syncplan.reports.refinement_schemas import RefinementResult
+from syncplan.reports.verdict_schemas import PlanVerdict
 from syncplan.scenario.specification import Scenario
 
 __all__ = ["PlanDocument"]
@@ -166,8 +167,11 @@ class SynchronisationRecord(DocumentPart):
 class PlanDocument(VersionedDocument):
     """A plan: orbits, meetings and the verdict on observability."""
 
-    left_out_if_none: ClassVar[frozenset[str]] = frozenset({"refinement"})
+    left_out_if_none: ClassVar[frozenset[str]] = frozenset({"refinement", "verdict"})
 
+    verdict: PlanVerdict | None = Field(
+        default=None, description="Go or no-go, with all findings; absent from older files"
+    )
     scenario: Scenario
     period_s: float
     vehicles: list[VehicleOrbit]
@@ -186,4 +190,4 @@ class PlanDocument(VersionedDocument):
     refinement: RefinementResult | None = Field(
         default=None, description="How the plan was refined, where it was"
     )
-    notes: list[str]
+    notes: list[str] = Field(description="The messages of the verdict's findings")

@@ -7,6 +7,7 @@ from pydantic import Field
 from syncplan.estimation.filters import FilterName
 from syncplan.planning.swept_keys import SWEPT_KEYS
 from syncplan.reports.document_base import Document, DocumentPart, VersionedDocument
+from syncplan.reports.verdict_schemas import PlanVerdict
 
 if TYPE_CHECKING:
     SweptName = str
@@ -109,6 +110,9 @@ class _RunReport(VersionedDocument):
 class ValidationDocument(_RunReport):
     """A Monte Carlo run of the filter on a plan."""
 
+    verdict: PlanVerdict | None = Field(
+        default=None, description="Of the plan that was flown; null in older files"
+    )
     trials: int
     seed: int
     duration_s: float

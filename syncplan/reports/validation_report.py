@@ -11,7 +11,6 @@ from syncplan.estimation.trials import Accuracy, MonteCarloResult, series
 from syncplan.planning.sweeps import ValidatedRow
 from syncplan.planning.swept_keys import swept_key
 from syncplan.planning.validation import Validation
-from syncplan.reports.plan_report import separation_notes
 from syncplan.reports.run_schemas import (
     ErrorFigures,
     FilterRecord,
@@ -23,6 +22,7 @@ from syncplan.reports.run_schemas import (
     VehicleFigures,
     VehicleSeries,
 )
+from syncplan.reports.verdict_schemas import plan_verdict
 
 __all__ = ["series_of", "spread_of", "sweep_document", "validation_document"]
 
@@ -37,6 +37,7 @@ def validation_document(validation: Validation) -> ValidationDocument:
     return ValidationDocument(
         version=__version__,
         name=plan.scenario.name,
+        verdict=plan_verdict(plan.verdict),
         trials=result.trials,
         seed=result.seed,
         duration_s=validation.duration,
@@ -180,4 +181,4 @@ def _filter_notes(validation: Validation) -> list[str]:
     lost = int(np.isnan(validation.result.nees).sum())
     if lost:
         notes.append(f"{lost} trials ended with a covariance that is not positive definite")
-    return notes + separation_notes(plan)
+    return notes

@@ -80,6 +80,27 @@ class Area:
             clear = np.minimum(clear, np.where(right, away, -away) - radii)
         return np.asarray(clear)
 
+    def path_clearances(self, centers: Array, radii: Array) -> Array:
+        """Return (p, n) m: how far each circle's path keeps from each polygon of `polygons`.
+
+        Negative where it leaves the area or passes through a keep-out. A circle that goes round a
+        keep-out is clear of it by its radius less the distance to the farthest corner.
+        """
+        import shapely
+
+        points = shapely.points(centers)
+        rows = []
+        for _, corners, within in self.polygons():
+            polygon = shapely.Polygon(corners)
+            if within:
+                away = shapely.distance(points, polygon.exterior)
+                rows.append(np.where(shapely.covers(polygon, points), away, -away) - radii)
+            else:
+                farthest = np.hypot(*(centers[:, None] - corners[None]).T).max(axis=0)
+                nearest = shapely.distance(points, polygon)
+                rows.append(np.maximum(nearest - radii, radii - farthest))
+        return np.array(rows).reshape(len(rows), len(radii))
+
     def has_room(self, radius: float, lower: Array, upper: Array) -> bool:
         """Return whether a circle of `radius` m can lie clear, its centre in the box given."""
         import shapely

@@ -65,6 +65,12 @@ class Scenario(Section):
     min_separation_m: Annotated[float, Field(ge=0, le=1e7)] = Field(
         default=0.0, description="Least distance two vehicles may come to", examples=[10.0]
     )
+    landmark_clearance_m: Annotated[float, Field(ge=0, le=1e7)] | None = Field(
+        default=None,
+        description="Least distance a vehicle may come to a landmark; a tenth of the mean radius "
+        "counts as too near if not given",
+        examples=[2.0],
+    )
     area_m: Polygon | None = Field(
         default=None,
         description="Corners [x, y], in order, of the polygon that all circles must lie within",

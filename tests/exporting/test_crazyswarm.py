@@ -52,7 +52,7 @@ def _small_team() -> Plan:
 @pytest.mark.parametrize("plan", [mixed_team(), _small_team()], ids=["large", "small"])
 @pytest.mark.parametrize("kind", [np.float64, np.float32], ids=["exactly", "as on board"])
 def test_trajectories_stay_within_a_millimetre_of_the_circles(plan: Plan, kind: Any) -> None:
-    made = export(plan, "crazyswarm", ExportOptions(altitude_m=1.25))
+    made = export(plan, "crazyswarm", ExportOptions(altitude_m=1.25, force=True))
     duration = plan.scenario.duration_s
     times = np.linspace(0.0, duration, 20_001)
     for k, text in enumerate(contents(made, ".csv").values()):

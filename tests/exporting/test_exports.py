@@ -26,7 +26,7 @@ from syncplan.exporting.sync_document import SyncDocument
 from syncplan.orbits.circles import heading, position
 from syncplan.reports.plan_report import plan_document
 from syncplan.scenario.loading import scenario_from
-from tests.tools.exported import ORIGIN, contents, mixed_team, team, to_plane
+from tests.tools.exported import FORCED, ORIGIN, contents, mixed_team, team, to_plane
 from tests.tools.processes import PATIENCE_S
 from tests.tools.scenarios import FILES, document
 
@@ -284,7 +284,7 @@ def test_the_sidecar_says_how_late_is_too_near(direction: Any) -> None:
         formation={"centers_m": [[0, 0], [25, 0], [90, 40]]},
         min_separation_m=5.0,
     )
-    told = json.loads(contents(export(plan, "csv"), ".sync.json")["team.csv.sync.json"])
+    told = json.loads(contents(export(plan, "csv", FORCED), ".sync.json")["team.csv.sync.json"])
     first, second, third = (one["separation_tolerance_s"] for one in told["vehicles"])
     assert first == second
     assert third is None  # its circle is 28 m from the others
@@ -311,7 +311,7 @@ def test_all_goes_without_missions_where_circles_are_too_small_for_them() -> Non
         orbit={"radius_m": 0.5, "angular_rate_rad_s": 0.8, "direction": "ccw"},
         formation={"centers_m": [[0, 0], [2, 0]]},
     )
-    made = export(small_circles, ALL)
+    made = export(small_circles, ALL, FORCED)
     folders = {file.name.split("/")[0] for file in made.files}
     assert folders == {"csv", "rosbag2", "mcap", "crazyswarm", "geojson", "kml"}
     assert "qgc is left out: v1: 0.5: loiter turns hold whole metres" in " ".join(made.notes)
@@ -343,7 +343,7 @@ def test_one_vehicle_without_landmarks_goes_out_in_every_format() -> None:
         formation={"centers_m": [[0, 0]]},
         landmarks_m=[],
     )
-    made = export(alone, ALL)
+    made = export(alone, ALL, FORCED)
     assert {file.name.split("/")[0] for file in made.files} == set(FORMATS)
     told = json.loads(contents(made, ".sync.json")["qgc/team.qgc.sync.json"])
     assert (told["meetings"], told["vehicles"][0]["tolerance_s"]) == ([], None)

@@ -8,7 +8,7 @@ import pytest
 
 from syncplan.exporting.formats import ExportOptions, export
 from syncplan.orbits.circles import position
-from tests.tools.exported import contents, mixed_team, team, to_plane
+from tests.tools.exported import FORCED, contents, mixed_team, team, to_plane
 
 ANTIMERIDIAN = {"lat_deg": -17.0, "lon_deg": 179.9998, "alt_m": 0.0}
 
@@ -16,7 +16,7 @@ ANTIMERIDIAN = {"lat_deg": -17.0, "lon_deg": 179.9998, "alt_m": 0.0}
 def _collection(plan: Any) -> Any:
     import geojson
 
-    (text,) = contents(export(plan, "geojson"), ".geojson").values()
+    (text,) = contents(export(plan, "geojson", FORCED), ".geojson").values()
     # the reader rounds to a decimetre if not told otherwise
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("geojson.geometry.DEFAULT_PRECISION", 9)
@@ -48,7 +48,7 @@ def test_the_features_read_by_geojson_lie_where_the_plan_has_them() -> None:
         assert entry.geometry.coordinates == circle.geometry.coordinates[0]
         assert circle.properties["direction"] == plan.scenario.orbit.direction[k]
         assert circle.properties["speed_mps"] == pytest.approx(plan.orbits.speeds[k])
-    (mast,) = _of(collection, "landmark")
+    mast, _ = _of(collection, "landmark")
     assert mast.properties["landmark"] == "mast"
     assert np.abs(to_plane(mast.geometry.coordinates[::-1]) - [30.0, 60.0]).max() < 0.01
 
@@ -76,7 +76,7 @@ def _placemarks(plan: Any, **options: Any) -> dict[str, Any]:
     from fastkml.features import Placemark
     from fastkml.utils import find_all
 
-    (text,) = contents(export(plan, "kml", ExportOptions(**options)), ".kml").values()
+    (text,) = contents(export(plan, "kml", ExportOptions(force=True, **options)), ".kml").values()
     found: list[Any] = list(find_all(KML.parse(io.BytesIO(text)), of_type=Placemark))
     return {one.name: one for one in found}
 

@@ -208,7 +208,7 @@ def test_snapping_that_loses_a_meeting_says_so() -> None:
         sensor={"range_m": 10.0, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1},
     )
     assert plan.links
-    made = export(plan, "qgc", ExportOptions(snap_radius=True))
+    made = export(plan, "qgc", ExportOptions(snap_radius=True, force=True))
     assert "v1 and v2 no longer meet with the radii snapped" in made.notes
 
 
@@ -236,9 +236,9 @@ def test_circles_that_loiter_turns_cannot_hold_are_refused(
         formation={"centers_m": [[0, 0]]},
     )
     with pytest.raises(InputError, match=words) as caught:
-        export(plan, "qgc", ExportOptions(**options))
+        export(plan, "qgc", ExportOptions(force=True, **options))
     assert caught.value.key == "orbit.radius_m"
-    assert export(plan, "qgc", ExportOptions(waypoints=True)).files
+    assert export(plan, "qgc", ExportOptions(waypoints=True, force=True)).files
 
 
 def test_more_turns_than_a_byte_holds_become_several_items(tmp_path: Path) -> None:
@@ -268,10 +268,11 @@ def test_a_scenario_without_a_geo_origin_is_refused_where_it_is_needed(name: str
 def test_far_from_the_origin_the_reader_is_told_and_further_refused() -> None:
     far = team(formation={"centers_m": [[0, 0], [60e3, 0], [0, 60e3]]})
     assert "60.03 km from geo_origin, where plane and ground differ by 1.8 m" in " ".join(
-        export(far, "geojson").notes
+        export(far, "geojson", ExportOptions(force=True)).notes
     )
+    further = team(formation={"centers_m": [[0, 0], [2e6, 0], [0, 60]]})
     with pytest.raises(InputError, match="no ground any more"):
-        export(team(formation={"centers_m": [[0, 0], [2e6, 0], [0, 60]]}), "geojson")
+        export(further, "geojson", ExportOptions(force=True))
 
 
 # --- what autopilots make of it -----------------------------------------------------------------

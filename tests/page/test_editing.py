@@ -27,8 +27,9 @@ def test_a_lost_motion_is_drawn_and_its_cure_told_and_cures_it(
     page = visit.page
     visit.choose(ALTERNATE)
     visit.verdict("Not observable: rank 16 of 18")
-    expect(page.locator(".motion").first).to_contain_text("stretch of v1-v2")
-    expect(page.locator(".motion").first).to_contain_text("Cure: let the line of sight")
+    finding = page.locator(".finding.stop").first
+    expect(finding).to_contain_text("stretch of v1-v2")
+    expect(finding).to_contain_text("Cure: let the line of sight")
     arrows = "document.getElementById('map-plot').data.filter(t => /motion/.test(t.uid)).length"
     assert page.evaluate(arrows) > 0
     drag(page, "v2", (14.0, 22.0))
@@ -42,13 +43,13 @@ def test_a_lost_motion_is_drawn_and_its_cure_told_and_cures_it(
     visit.verdict("Not observable: rank 17 of 18")
     page.get_by_label("Desynchronise by").fill("0.2")
     visit.verdict("Observable: rank 18 of 18")
-    expect(page.locator(".motion")).to_have_count(0)
+    expect(page.locator(".finding")).to_have_count(0)
 
 
 def test_a_cure_is_told_in_words_and_has_a_button(visit: Visit) -> None:
     page = visit.page
     visit.choose(ALTERNATE)
-    motion = page.locator(".motion").first
+    motion = page.locator(".finding.stop").first
     expect(motion).to_contain_text("a small desynchronisation by orbit.desync_rad")
     button = motion.get_by_role("button", name="Desynchronise by 0.2")
     button.press("Enter")
@@ -65,13 +66,14 @@ def test_a_cure_is_told_in_words_and_has_a_button(visit: Visit) -> None:
 
 def test_vehicles_nearer_than_asked_for_are_told_in_a_line_of_their_own(visit: Visit) -> None:
     page = visit.page
-    told = page.locator("#too-near")
+    told = page.locator(".finding[data-code=vehicles-too-close]")
     expect(told).to_have_count(0)
     page.get_by_label("Least separation").fill("95")
     visit.verdict("rank 18 of 18")
-    expect(told).to_contain_text("Closer than the required 95 m: v1")
-    expect(told).to_contain_text("more")
-    expect(told).to_have_class("badge bad")
+    expect(told.first).to_contain_text("below min_separation_m 95")
+    expect(told.last).to_contain_text("more pairs of vehicles come below min_separation_m 95")
+    expect(page.locator("#badge")).to_have_class("badge bad")
+    expect(page.locator("#badge")).to_contain_text("✗ NO-GO")
     assert accessibility_faults(page) == []
     page.get_by_label("Least separation").fill("10")
     expect(told).to_have_count(0)
@@ -179,7 +181,7 @@ def test_a_fault_is_told_next_to_its_field(visit: Visit) -> None:
     told = page.locator("#field-sensor-range-m-fault")
     expect(told).to_contain_text("must be greater than 0")
     expect(told).to_have_attribute("role", "alert")
-    visit.doubt("Before the fault: ✓ Observable: rank 18 of 18")
+    visit.doubt("Before the fault: ✓ GO · Observable: rank 18 of 18")
     expect(page.locator("#verdict")).to_contain_text("of the scenario before the fault")
     assert dimmed(page)
     assert accessibility_faults(page) == []
@@ -253,7 +255,7 @@ def test_a_field_that_is_typed_anew_moves_nothing_meanwhile(visit: Visit) -> Non
     handle(page, "v4").click()
     page.get_by_label("Centre east").fill("")
     page.wait_for_timeout(600)
-    visit.doubt("unfinished field: ✓ Observable: rank 18 of 18")
+    visit.doubt("unfinished field: ✓ GO · Observable: rank 18 of 18")
     page.get_by_label("Centre east").fill("141")
     visit.settle()
     visit.verdict("Observable: rank 18 of 18")

@@ -152,7 +152,9 @@ def test_an_edit_while_the_service_is_away_is_planned_once_it_is_back(visit: Vis
     page.route("**/v1/**", lambda route: route.abort())
     page.get_by_label("Desynchronise by").fill("0.2")
     expect(page.locator("#notice.bad")).to_contain_text("can't be reached")
-    visit.doubt("Waiting for the service; before your edits: ✗ Not observable: rank 16 of 18")
+    visit.doubt(
+        "Waiting for the service; before your edits: ✗ NO-GO · Not observable: rank 16 of 18"
+    )
     expect(page.locator("#verdict")).to_contain_text("of the scenario before your edits")
     page.unroute("**/v1/**")
     visit.verdict("Observable: rank 18 of 18")

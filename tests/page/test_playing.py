@@ -15,6 +15,7 @@ from tests.tools.browsing import Visit, accessibility_faults
 from tests.tools.serving import Server
 
 SAME = "paper-grid-same"
+ALTERNATE = "paper-grid-alternate"
 
 
 def test_the_animation_moves_vehicles_sightings_and_a_line_in_the_timeline(visit: Visit) -> None:
@@ -180,3 +181,28 @@ def test_plans_and_exports_are_saved_and_an_export_says_what_it_lacks(
     expect(told).not_to_contain_text("CIRCLE_RATE")
     page.get_by_label("Format", exact=True).select_option("kml")
     expect(page.get_by_label("For", exact=True)).to_be_hidden()
+
+
+def test_a_plan_that_is_no_go_is_exported_only_when_forced(visit: Visit) -> None:
+    page = visit.page
+    visit.expect_complaints("409")
+    force = page.get_by_label("Export although the verdict is NO-GO")
+    expect(force).to_be_hidden()
+    visit.choose(ALTERNATE)
+    visit.verdict("✗ NO-GO")
+    page.get_by_label("Format", exact=True).select_option("csv")
+    page.get_by_role("button", name="Export").click()
+    expect(page.locator("#download-fault")).to_contain_text("NO-GO: 2 reasons; unobservable")
+    force.check()
+    with page.expect_download() as waiting:
+        page.get_by_role("button", name="Export").click()
+    archive = zipfile.ZipFile(io.BytesIO(saved(waiting.value)))
+    sidecar = next(name for name in archive.namelist() if name.endswith(".sync.json"))
+    findings = json.loads(archive.read(sidecar))["verdict"]["findings"]
+    for one in findings:
+        expect(page.locator("#export-notes")).to_contain_text(one["message"])
+        expect(page.locator("#verdict")).to_contain_text(one["message"])
+    assert accessibility_faults(page) == []
+    visit.choose(SAME)
+    visit.verdict("✓ GO")
+    expect(force).to_be_hidden()

@@ -31,7 +31,7 @@ def test_a_reload_goes_on_with_a_fault_and_undo_leads_out_of_it(visit: Visit) ->
     page.get_by_label("Range (m)", exact=True).fill("-5")
     visit.doubt("Before the fault")
     page.reload()
-    visit.doubt("Before the fault: ✗ Not observable: rank 16 of 18")
+    visit.doubt("Before the fault: ✗ NO-GO · Not observable: rank 16 of 18")
     expect(page.get_by_label("Range (m)", exact=True)).to_have_value("-5")
     page.get_by_role("button", name="Undo").click()
     visit.verdict("Not observable: rank 16 of 18")

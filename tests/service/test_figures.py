@@ -20,6 +20,8 @@ from tests.tools.api_servers import done, problem
 from tests.tools.scenarios import document, example
 
 ORIGIN = {"lat_deg": 47.4, "lon_deg": 8.5, "alt_m": 410.0}
+SEEN = {"geo_origin": ORIGIN, "landmarks_m": [[0.0, 60.0], [70.0, 60.0]]}
+"""What makes a go of the small team, and lets it be exported in every format."""
 
 
 def stored(http: httpx2.Client, **changes: Any) -> str:
@@ -110,8 +112,8 @@ def test_the_figures_that_can_be_asked_for_are_those_there_are() -> None:
 
 @pytest.mark.parametrize("name", [*FORMATS, ALL])
 def test_an_export_is_the_library_s_to_the_byte(ann: httpx2.Client, name: str) -> None:
-    scenario = document(geo_origin=ORIGIN)
-    answer = ann.get(f"{stored(ann, geo_origin=ORIGIN)}/exports/{name}")
+    scenario = document(**SEEN)
+    answer = ann.get(f"{stored(ann, **SEEN)}/exports/{name}")
     assert answer.status_code == 200
     assert answer.headers["content-type"] == "application/zip"
     assert answer.headers["content-disposition"] == f'attachment; filename="plan-{name}.zip"'
@@ -121,8 +123,21 @@ def test_an_export_is_the_library_s_to_the_byte(ann: httpx2.Client, name: str) -
     assert zipfile.ZipFile(io.BytesIO(answer.content)).testzip() is None
 
 
+def test_a_plan_that_is_no_go_is_exported_only_by_force(ann: httpx2.Client) -> None:
+    at = stored(ann)
+    plan = ann.get(at).json()
+    assert plan["verdict"]["go"] is False
+    told = problem(ann.get(f"{at}/exports/csv"), 409)
+    assert told.type == "urn:syncplan:no-go"
+    assert plan["verdict"]["findings"][0]["message"] in told.detail
+    answer = ann.get(f"{at}/exports/csv?force=true")
+    archive = zipfile.ZipFile(io.BytesIO(answer.content))
+    (sidecar,) = (one for one in archive.namelist() if one.endswith(".sync.json"))
+    assert json.loads(archive.read(sidecar))["verdict"]["findings"] == plan["verdict"]["findings"]
+
+
 def test_options_of_an_export_count(ann: httpx2.Client) -> None:
-    at = stored(ann, geo_origin=ORIGIN)
+    at = stored(ann, **SEEN)
     plain = ann.get(f"{at}/exports/qgc").content
     for option in (
         "altitude_m=80",
@@ -141,6 +156,6 @@ def test_options_of_an_export_count(ann: httpx2.Client) -> None:
 
 
 def test_an_export_without_its_origin_names_the_key(ann: httpx2.Client) -> None:
-    told = problem(ann.get(f"{stored(ann)}/exports/kml"), 422)
+    told = problem(ann.get(f"{stored(ann)}/exports/kml?force=true"), 422)
     assert told.errors is not None
     assert "geo_origin" in (told.errors[0].path, *told.detail.split())

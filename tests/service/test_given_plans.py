@@ -83,7 +83,7 @@ def test_a_plan_that_was_given_is_kept_and_drawn_and_exported_with_its_phases(
     assert kept.headers["etag"] == answer.headers["etag"]
     assert kept.json()["parent_id"] is None
     assert ann.get(f"{at}/figures/timeline").status_code == 200
-    assert ann.get(f"{at}/exports/csv").status_code == 200
+    assert ann.get(f"{at}/exports/csv?force=true").status_code == 200
     assert ann.post(f"{at}/refinements", json={"starts": 1}).status_code == 202
 
 

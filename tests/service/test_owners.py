@@ -43,7 +43,7 @@ def running(ann: httpx2.Client) -> Iterator[str]:
 
 def planned(http: httpx2.Client) -> str:
     """Return the identifier of a new plan."""
-    answer = http.post("/v1/plans", json=document())
+    answer = http.post("/v1/plans", json=document(landmarks_m=[[0.0, 60.0], [70.0, 60.0]]))
     assert answer.status_code == 201
     made: str = answer.json()["id"]
     return made

@@ -6,15 +6,16 @@ from typing import Any
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.exporting.formats import Export
+from syncplan.exporting.formats import Export, ExportOptions
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.planner import plan
 from tests.tools.scenarios import small
 
-__all__ = ["ORIGIN", "contents", "mixed_team", "team", "to_plane"]
+__all__ = ["FORCED", "ORIGIN", "contents", "mixed_team", "team", "to_plane"]
 
 
 ORIGIN = {"lat_deg": 47.3977, "lon_deg": 8.5456, "alt_m": 488.0}
+FORCED = ExportOptions(force=True)
 START = "2026-05-01T11:00:00.25+02:00"
 
 SEMI_MAJOR, FLATTENING = 6378137.0, 1.0 / 298.257223563
@@ -32,7 +33,7 @@ def team(**changes: Any) -> Plan:
             "first_phase_rad": 0.3,
         },
         "formation": {"centers_m": {"left": [-40, 10], "mid": [30, 0], "far out": [90, 40]}},
-        "landmarks_m": {"mast": [30, 60]},
+        "landmarks_m": {"mast": [30, 60], "tower": [-40, 60]},
         "duration_s": 100.0,
         "geo_origin": ORIGIN,
         "start_time": START,

@@ -1,0 +1,29 @@
+"""The verdict at a terminal: GO or NO-GO first, then each finding with its cure."""
+
+from rich.console import Console
+from rich.markup import escape
+
+from syncplan.reports.verdict_schemas import PlanVerdict
+
+__all__ = ["show_findings", "show_verdict"]
+
+COLOURS = {"stop": "red", "warning": "yellow", "note": "cyan"}
+"""Of the levels of findings."""
+
+
+def show_verdict(verdict: PlanVerdict, console: Console) -> None:
+    """Print GO, or NO-GO with the number of reasons."""
+    reasons = sum(one.level == "stop" for one in verdict.findings)
+    if verdict.go:
+        console.print("[bold green]GO[/]")
+    else:
+        console.print(f"[bold red]NO-GO[/]: {reasons} reason{'s' if reasons > 1 else ''}")
+
+
+def show_findings(verdict: PlanVerdict, console: Console) -> None:
+    """Print each finding with its cure."""
+    for one in verdict.findings:
+        level = f"[{COLOURS[one.level]}]{one.level}[/]"
+        console.print(f"{level}: {one.code}: {escape(one.message)}")
+        if one.cure is not None:
+            console.print(f"   cure: {escape(one.cure.text)}")

@@ -1,0 +1,66 @@
+"""Findings: what speaks against flying a plan, or has to be known of it, and the verdict."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+__all__ = ["Cure", "Finding", "Level", "Verdict"]
+
+Level = Literal["stop", "warning", "note"]
+
+
+@dataclass(frozen=True, slots=True)
+class Cure:
+    """What would remedy a finding.
+
+    Attributes
+    ----------
+    text : in words
+    change : scenario keys, dotted, with the values that cure it; empty where none is known
+    """
+
+    text: str
+    change: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing found of a plan.
+
+    Attributes
+    ----------
+    code : stable word by which software knows the finding
+    level : stop, the plan is not to be flown; warning, it may fail; note
+    message : a sentence with its figures
+    subjects : names of the vehicles and landmarks concerned
+    cure : what would remedy it; None where nothing is to be remedied
+    """
+
+    code: str
+    level: Level
+    message: str
+    subjects: tuple[str, ...] = ()
+    cure: Cure | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """All findings of a plan, in the order of the checks."""
+
+    findings: tuple[Finding, ...]
+
+    @property
+    def go(self) -> bool:
+        """Whether nothing found stops the flight."""
+        return not self.stops
+
+    @property
+    def stops(self) -> tuple[Finding, ...]:
+        """The findings that stop the flight."""
+        return tuple(one for one in self.findings if one.level == "stop")
+
+    @property
+    def headline(self) -> str:
+        """GO, or NO-GO with the number of reasons."""
+        reasons = len(self.stops)
+        return f"NO-GO: {reasons} reason{'s' if reasons > 1 else ''}" if reasons else "GO"

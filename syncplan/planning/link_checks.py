@@ -1,0 +1,51 @@
+"""Whether vehicles meet as asked: findings on links that are lost or easily lost."""
+
+from collections.abc import Iterator
+
+from syncplan.planning.findings import Cure, Finding
+from syncplan.planning.judged_team import JudgedTeam
+
+__all__ = ["fragile_links", "lost_links"]
+
+FRAGILE_SHARE = 0.01
+"""Of a period: a link that a vehicle this late loses is fragile."""
+
+MOST_NAMED = 5
+
+
+def lost_links(judged: JudgedTeam) -> Iterator[Finding]:
+    """Yield the listed links that never come into contact."""
+    names = judged.scenario.vehicle_names
+    for item in judged.dropped_links:
+        yield Finding(
+            "link-lost",
+            "warning",
+            f"link {names[item.a]}-{names[item.b]} dropped: {item.reason}",
+            (names[item.a], names[item.b]),
+            Cure("a longer range, nearer circles, or other phases"),
+        )
+
+
+def fragile_links(judged: JudgedTeam) -> Iterator[Finding]:
+    """Yield one finding on all links that a small delay of one vehicle loses."""
+    names, rate = judged.scenario.vehicle_names, judged.orbits.rate
+    limit = FRAGILE_SHARE * judged.orbits.period
+    fragile = sorted(
+        (item for item in judged.links if item.tolerance / rate < limit),
+        key=lambda item: item.tolerance,
+    )
+    if not fragile:
+        return
+    each = ", ".join(
+        f"{names[item.a]}-{names[item.b]} by {item.tolerance / rate:.3g} s"
+        for item in fragile[:MOST_NAMED]
+    )
+    more = f" and {len(fragile) - MOST_NAMED} more" if len(fragile) > MOST_NAMED else ""
+    yield Finding(
+        "link-fragile",
+        "warning",
+        f"a vehicle that is late loses {each}{more}; less than {limit:.3g} s, 1 % of a period, is "
+        "little to keep to",
+        tuple(dict.fromkeys(names[k] for item in fragile for k in (item.a, item.b))),
+        Cure("a longer range, nearer circles, or refinement with a larger margin"),
+    )

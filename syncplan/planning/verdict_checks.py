@@ -1,0 +1,46 @@
+"""The table of checks that a verdict is made of."""
+
+from collections.abc import Callable, Iterable
+
+from syncplan.planning.findings import Finding, Verdict
+from syncplan.planning.judged_team import JudgedTeam
+from syncplan.planning.link_checks import fragile_links, lost_links
+from syncplan.planning.observability_checks import near_degenerate, not_certified, unobservable
+from syncplan.planning.path_checks import (
+    in_keep_out,
+    landmarks_too_close,
+    outside_area,
+    over_limit,
+    vehicles_too_close,
+)
+from syncplan.planning.search_checks import (
+    bound_missing,
+    centres_placed,
+    not_refined,
+    search_cut_short,
+)
+
+__all__ = ["CHECKS", "verdict_of"]
+
+CHECKS: dict[str, Callable[[JudgedTeam], Iterable[Finding]]] = {
+    "unobservable": unobservable,
+    "near-degenerate": near_degenerate,
+    "vehicles-too-close": vehicles_too_close,
+    "landmark-too-close": landmarks_too_close,
+    "outside-area": outside_area,
+    "in-keep-out": in_keep_out,
+    "over-limit": over_limit,
+    "link-lost": lost_links,
+    "link-fragile": fragile_links,
+    "not-refined": not_refined,
+    "search-cut-short": search_cut_short,
+    "centres-placed": centres_placed,
+    "not-certified": not_certified,
+    "bound-missing": bound_missing,
+}
+"""Each code with the check that yields its findings, in the order of the verdict."""
+
+
+def verdict_of(judged: JudgedTeam) -> Verdict:
+    """Return whether a judged team can be flown, with the findings of every check."""
+    return Verdict(tuple(finding for check in CHECKS.values() for finding in check(judged)))

@@ -1,0 +1,61 @@
+"""The verdict at the command line: what it says first, and whether it counts."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.tools.scenarios import FILES, document
+
+GRID = str(FILES / "paper-grid-same.yaml")
+ALTERNATE = str(FILES / "paper-grid-alternate.yaml")
+
+
+def first_line(run: Any, *arguments: str) -> tuple[int, str]:
+    status, out, _ = run(*arguments, "--format", "table")
+    return status, out.splitlines()[0]
+
+
+@pytest.mark.parametrize(
+    "command", [("plan",), ("validate", "--trials", "2")], ids=lambda command: command[0]
+)
+def test_the_first_line_is_the_verdict(run: Any, command: tuple[str, ...]) -> None:
+    name, *options = command
+    assert first_line(run, name, GRID, *options) == (0, "GO")
+    assert first_line(run, name, ALTERNATE, *options) == (0, "NO-GO: 2 reasons")
+    status, _, err = run(name, ALTERNATE, *options, "--require-go", "--format", "json")
+    assert status == 3
+    assert "NO-GO: 2 reasons: unobservable (--require-go)" in err
+    assert run(name, GRID, *options, "--require-go")[0] == 0
+
+
+def test_what_is_observable_and_collides_is_no_go(run: Any, tmp_path: Path) -> None:
+    scenario = tmp_path / "masts.json"
+    landmarks = [[20.5, 0.0], [70.0, 60.0], [0.0, 60.0]]
+    scenario.write_text(json.dumps(document(landmarks_m=landmarks)))
+    status, out, err = run("plan", str(scenario), "--require-observable", "--require-go")
+    assert status == 3
+    assert "NO-GO: 1 reason: landmark-too-close (--require-go)" in err
+    assert "--require-observable" not in err
+    assert json.loads(out)["observability"]["observable"]
+
+
+def test_findings_are_the_same_word_for_word_wherever_they_stand(run: Any, tmp_path: Path) -> None:
+    plan, report, folder = tmp_path / "plan.json", tmp_path / "report.json", tmp_path / "files"
+    assert run("plan", ALTERNATE, "-o", str(plan))[0] == 0
+    assert run("validate", str(plan), "--trials", "2", "-o", str(report))[0] == 0
+    assert run("export", str(plan), "--format", "csv", "-o", str(folder), "--force")[0] == 0
+    (sidecar,) = folder.glob("*.sync.json")
+    first, *others = (json.loads(one.read_text())["verdict"] for one in (plan, report, sidecar))
+    assert first["findings"]
+    assert others == [first, first]
+
+
+def test_an_export_that_is_refused_writes_nothing(run: Any, tmp_path: Path) -> None:
+    target = tmp_path / "files"
+    status, out, err = run("export", ALTERNATE, "--format", "csv", "-o", str(target))
+    assert (status, out, err.count("\n")) == (3, "", 1)
+    assert err.startswith("syncplan: NO-GO: 2 reasons; unobservable: no sighting can detect")
+    assert "--force" in err
+    assert not target.exists()

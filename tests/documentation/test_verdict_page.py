@@ -1,0 +1,49 @@
+"""The page on the verdict lists the codes that there are, with their levels."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+
+from syncplan.planning.findings import Finding
+from syncplan.planning.judgement import judge
+from syncplan.planning.planner import plan
+from syncplan.planning.verdict_checks import CHECKS
+from tests.tools.scenarios import example, small
+from tests.tools.serving import ROOT
+
+ROW = re.compile(r"^\| `([a-z-]+)` \| (stop|warning|note) \|", re.MULTILINE)
+
+
+def listed() -> dict[str, str]:
+    """Levels by code, as the page lists them."""
+    return dict(ROW.findall((ROOT / "docs" / "verdict.md").read_text(encoding="utf-8")))
+
+
+def some_findings() -> list[Finding]:
+    """Findings of two plans that break most of the rules there are."""
+    square = [[-5.0, -5.0], [5.0, -5.0], [5.0, 5.0], [-5.0, 5.0]]
+    broken = plan(
+        small(
+            formation={"centers_m": [[0.0, 0.0], [25.0, 0.0]]},
+            landmarks_m=[[20.5, 0.0]],
+            area_m=square,
+            keep_out_m=[[[15.0, -5.0], [25.0, -5.0], [25.0, 5.0]]],
+            min_separation_m=90.0,
+        ),
+        bound="never",
+    )
+    phases = np.zeros(2)
+    together = judge(broken.scenario, replace(broken.orbits, phases=phases), bound="never")
+    lost = plan(example("paper-grid-alternate"), bound="never")
+    return [one for each in (broken, together, lost) for one in each.verdict.findings]
+
+
+def test_the_page_lists_every_code_in_the_order_of_the_checks() -> None:
+    assert list(listed()) == list(CHECKS)
+
+
+def test_findings_have_the_levels_that_the_page_states() -> None:
+    found = {one.code: one.level for one in some_findings()}
+    assert len(found) >= 6
+    assert found.items() <= listed().items()
