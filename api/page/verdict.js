@@ -3,6 +3,9 @@
 import { byId, element, shown } from "./elements.js";
 import { withValue } from "./scenario.js";
 
+/** Reasons for a NO-GO that stand open; the others are folded. */
+const MOST_OPEN = 3;
+
 /** What each level of a finding begins with. */
 const LEVELS = { stop: "Stop: ", warning: "Warning: ", note: "Note: " };
 
@@ -89,7 +92,7 @@ function verdictOf(store, quick) {
   const { plan, given, lost } = store;
   const { findings } = plan.verdict;
   return [
-    ...findings.filter((one) => one.level === "stop").map((one) => findingOf(store, one)),
+    ...reasonsOf(store, findings.filter((one) => one.level === "stop")),
     table(plan, plan.predicted_rms_m, phases(plan, given, lost)),
     ...findings.filter((one) => one.level !== "stop").map((one) => findingOf(store, one)),
     element("p", { class: "hint" }, quick ? "Quick preview while you edit …" : ""),
@@ -144,6 +147,14 @@ function connectivity(plan) {
 
 function separation({ separation: least }) {
   return least.between ? `${shown(least.min_m, "m")}, ${least.between.join("–")}` : "—";
+}
+
+function reasonsOf(store, stops) {
+  const reasons = stops.map((one) => findingOf(store, one));
+  const folded = reasons.slice(MOST_OPEN);
+  if (!folded.length) return reasons;
+  const summary = element("summary", {}, folded.length > 1 ? `${folded.length} more reasons` : "1 more reason");
+  return [...reasons.slice(0, MOST_OPEN), element("details", {}, summary, ...folded)];
 }
 
 /** One finding: its sentence, its cure, and a button where the cure is a change of the scenario. */

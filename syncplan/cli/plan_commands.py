@@ -53,7 +53,7 @@ class Bound(StrEnum):
     name="plan", epilog="Example: syncplan plan scenario.yaml -o plan.json --require-observable"
 )
 def _plan(
-    scenario: ScenarioFile,
+    subject: SubjectFile,
     output: Output = None,
     format_: Shown = Format.auto,
     refine_: Annotated[
@@ -69,19 +69,21 @@ def _plan(
     require_go: RequireGo = False,
     max_vehicles: MaxVehicles = None,
 ) -> int:
-    """Find phases for a scenario and judge the plan: meetings, observability, predicted error."""
-    from syncplan.planning.planner import plan
+    """Find phases for a scenario and judge the plan: meetings, observability, predicted error.
+
+    A plan file is judged again with its own orbits.
+    """
+    from syncplan.planning.plan_files import load, plan_of
     from syncplan.reports.plan_report import plan_document
-    from syncplan.scenario.loading import load_scenario
     from syncplan.scenario.models import MAX_VEHICLES
 
-    refuse_overwriting(scenario, output)
-    loaded = load_scenario(scenario, max_vehicles=max_vehicles or MAX_VEHICLES)
-    if not loaded.formation.placed and sys.stderr.isatty():
+    refuse_overwriting(subject, output)
+    loaded = load(subject, max_vehicles=max_vehicles or MAX_VEHICLES)
+    if not loaded.scenario.formation.placed and sys.stderr.isatty():
         say("looking for centres ...")
-    if loaded.size > LARGE_TEAM and sys.stderr.isatty():
-        say(f"judging the rank of {3 * loaded.size} states takes some time ...")
-    made = plan(loaded, bound=bound.value, steady=steady)
+    if loaded.scenario.size > LARGE_TEAM and sys.stderr.isatty():
+        say(f"judging the rank of {3 * loaded.scenario.size} states takes some time ...")
+    made = plan_of(loaded, bound=bound.value, steady=steady)
     if refine_:
         return _refined(made, {}, None, output, format_, (require_observable, require_go), bound)
     deliver_document("plan", plan_document(made), output, format_)

@@ -12,7 +12,7 @@ from pydantic_core import PydanticCustomError
 from syncplan.errors import InputError
 from syncplan.orbits.circles import Orbits
 from syncplan.planning.judged_plan import Plan
-from syncplan.planning.judgement import judge
+from syncplan.planning.judgement import BoundChoice, judge
 from syncplan.planning.planner import plan
 from syncplan.scenario.chunked_validation import Many
 from syncplan.scenario.loading import (
@@ -87,14 +87,20 @@ def loaded_from(
     return Loaded(given.scenario, _orbits(given, source))
 
 
-def plan_of(loaded: Loaded, *, steady: bool = False, margin_bound: bool = True) -> Plan:
+def plan_of(
+    loaded: Loaded,
+    *,
+    bound: BoundChoice = "auto",
+    steady: bool = False,
+    margin_bound: bool = True,
+) -> Plan:
     """Return the plan of a scenario, or of the orbits a plan file states, judged afresh.
 
-    `steady` and `margin_bound` are those of syncplan.plan; given phases have no such bound.
+    The options are those of syncplan.plan; given phases have no bound on their margin.
     """
     if loaded.orbits is None:
-        return plan(loaded.scenario, steady=steady, margin_bound=margin_bound)
-    return judge(loaded.scenario, loaded.orbits, steady=steady)
+        return plan(loaded.scenario, bound=bound, steady=steady, margin_bound=margin_bound)
+    return judge(loaded.scenario, loaded.orbits, bound=bound, steady=steady)
 
 
 def stated(scenario: Scenario, orbits: Orbits) -> dict[str, Any]:

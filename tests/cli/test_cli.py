@@ -188,10 +188,10 @@ def test_bad_arguments_exit_with_2_and_one_line(
     assert err.count("\n") == 1
 
 
-def test_planning_a_plan_says_that_it_is_one(run: Any, tmp_path: Path) -> None:
+def test_placing_a_plan_says_that_it_is_one(run: Any, tmp_path: Path) -> None:
     plan = str(tmp_path / "plan.json")
     run("plan", GRID, "-o", plan)
-    status, _, err = run("plan", plan)
+    status, _, err = run("place", plan)
     assert status == 2
     assert "is already a plan" in err
 

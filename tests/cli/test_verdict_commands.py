@@ -59,3 +59,18 @@ def test_an_export_that_is_refused_writes_nothing(run: Any, tmp_path: Path) -> N
     assert err.startswith("syncplan: NO-GO: 2 reasons; unobservable: no sighting can detect")
     assert "--force" in err
     assert not target.exists()
+
+
+def test_a_plan_file_is_judged_again_with_its_own_orbits(run: Any, tmp_path: Path) -> None:
+    file = tmp_path / "plan.json"
+    assert run("plan", GRID, "-o", str(file))[0] == 0
+    first = json.loads(file.read_text())
+    first["vehicles"][0]["phase_rad"] = 1.0
+    file.write_text(json.dumps(first))
+    status, out, _ = run("plan", str(file))
+    again = json.loads(out)
+    assert status == 0
+    assert again["vehicles"][0]["phase_rad"] == 1.0
+    assert again["vehicles"][0]["position_m"] != first["vehicles"][0]["position_m"]
+    assert again["synchronisation"]["method"] == "given"
+    assert again["links"][0]["phase_residual_rad"] != first["links"][0]["phase_residual_rad"]
