@@ -281,7 +281,7 @@ def _warm_up(client: httpx2.Client, scenarios: list[Any], plans: list[str]) -> N
 def _rendered(client: httpx2.Client, plans: list[str]) -> None:
     """Have every process load what draws and exports, several asking at once."""
     asked = [
-        *(f"/v1/plans/{one}/exports/all" for one in plans),
+        *(f"/v1/plans/{one}/exports/all?force=true" for one in plans),
         *(f"/v1/plans/{one}/figures/{name}" for one in plans[:4] for name in FIGURES[:-1]),
     ]
     with ThreadPoolExecutor(CLIENTS) as clients:

@@ -336,6 +336,7 @@ OPTIONS: dict[str, list[str]] = {
     "turns": ["1", "3", "20000"],
     "waypoints": ["true", "false"],
     "snap_radius": ["true", "false"],
+    "force": ["true", "false"],
     "quick": ["true", "false"],
     "theme": ["light", "dark"],
     "figure": FIGURES,

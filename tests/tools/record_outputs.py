@@ -140,7 +140,7 @@ def _of_scenario(name: str, file: Path, given: Path) -> Iterator[Run]:
         "plane": "--format ardupilot --vehicle fixed_wing --snap-radius --altitude-step-m 5",
         "turns": "--format csv --turns 3 --sample-time-s 0.5",
     }.items():
-        yield Run(f"{name}/export-{form}", f"export {origin} {options} -o {{out}}/files")
+        yield Run(f"{name}/export-{form}", f"export {origin} {options} -o {{out}}/files --force")
     yield Run(f"{name}/plot", f"plot {file} -o {{out}}/plan.html")
 
 
