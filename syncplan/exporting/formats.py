@@ -155,5 +155,5 @@ def _snapped(flight: Flight) -> tuple[Flight, list[str]]:
             f"{flight.names[a]} and {flight.names[b]} no longer meet with the radii snapped"
         )
     if len(judged.too_close) > len(plan.too_close):
-        notes.append("vehicles come below min_separation_m with the radii snapped")
+        notes.append("vehicles come nearer than they may with the radii snapped")
     return replace(flight, plan=judged), notes

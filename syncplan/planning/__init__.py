@@ -3,6 +3,7 @@
 figures_of_merit    by what plans are compared
 refinement_record   how a plan was refined
 judged_team         a team with all that was found of it
+distance_limits     how near vehicles may come to each other and to landmarks
 findings            what speaks against flying a plan, and the verdict
 observability_checks  findings on rank and certificate
 path_checks         findings on distances, areas and limits

@@ -4,9 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-__all__ = ["Cure", "Finding", "Level", "Verdict"]
+__all__ = ["MOST_NAMED", "Cure", "Finding", "Level", "Verdict"]
 
 Level = Literal["stop", "warning", "note"]
+
+MOST_NAMED = 5
+"""Findings of one code, or subjects of one finding, that are worded one by one; the rest is
+counted."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -61,7 +61,7 @@ class JudgedTeam(WithTeam):
     dropped_links : listed links that never meet
     connectivity_period : s, None if no window of two periods certifies the team
     approach : the closest two vehicles come; None for one vehicle
-    too_close : pairs nearer than min_separation_m
+    too_close : pairs of vehicles that come nearer than they may, nearest first
     observability, certificate : over the scenario's window
     unobservable : a named mode for each dimension that the rank lacks
     prediction : errors that the bounds predict

@@ -16,9 +16,9 @@ from syncplan.orbits.contacts import Windows, reachable_pairs
 from syncplan.orbits.scenario_arrays import team_of
 from syncplan.orbits.separation import Approach, closest_approach, pairs_nearer_than
 from syncplan.orbits.team import Team
+from syncplan.planning.distance_limits import TOLERANCE, DistanceLimit, separation_limit
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.judged_team import Prediction, UnmetLink
-from syncplan.planning.path_checks import TOLERANCE
 from syncplan.runtime.blas import single_threaded_blas
 from syncplan.scenario.specification import Scenario
 from syncplan.synchronisation.phases import Synchronisation
@@ -67,7 +67,7 @@ def judge(
         dropped_links=tuple(_unmet(team, listed, met, found)),
         connectivity_period=connectivity_period(assessed),
         approach=closest_approach(orbits),
-        too_close=_too_close(orbits, resolved.min_separation_m),
+        too_close=_too_close(orbits, separation_limit(resolved)),
         observability=assessed.observability,
         certificate=assessed.certificate,
         unobservable=tuple(name_modes(assessed, resolved.vehicle_names, resolved.landmark_names)),
@@ -119,11 +119,10 @@ def _why_never_in_contact(team: Team, a: int, b: int) -> str:
     return "comes within range, but never inside a field of view"
 
 
-def _too_close(orbits: Orbits, min_separation: float) -> tuple[Approach, ...]:
-    if min_separation <= 0.0:
-        return ()
-    near = pairs_nearer_than(orbits, min_separation)
-    return tuple(item for item in near if item.distance < min_separation * (1.0 - TOLERANCE))
+def _too_close(orbits: Orbits, limit: DistanceLimit) -> tuple[Approach, ...]:
+    least = limit.least(orbits.radii)
+    near = pairs_nearer_than(orbits, least)
+    return tuple(item for item in near if item.distance < least * (1.0 - TOLERANCE))
 
 
 # --- predicted errors ---------------------------------------------------------------------------

@@ -2,15 +2,13 @@
 
 from collections.abc import Iterator
 
-from syncplan.planning.findings import Cure, Finding
+from syncplan.planning.findings import MOST_NAMED, Cure, Finding
 from syncplan.planning.judged_team import JudgedTeam
 
 __all__ = ["fragile_links", "lost_links"]
 
 FRAGILE_SHARE = 0.01
 """Of a period: a link that a vehicle this late loses is fragile."""
-
-MOST_NAMED = 5
 
 
 def lost_links(judged: JudgedTeam) -> Iterator[Finding]:

@@ -1,12 +1,12 @@
 """Whether the circles can be flown: findings on distances, areas and limits."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.orbits.separation import pairs_nearer_than
-from syncplan.planning.findings import Cure, Finding
+from syncplan.planning.distance_limits import TOLERANCE, landmark_limit, separation_limit
+from syncplan.planning.findings import MOST_NAMED, Cure, Finding
 from syncplan.planning.judged_team import JudgedTeam
 from syncplan.scenario.areas import Area
 
@@ -18,42 +18,21 @@ __all__ = [
     "vehicles_too_close",
 ]
 
-TOO_NEAR = 0.1
-"""Share of the mean radius below which a distance is too small where no least one is stated."""
-
-TOLERANCE = 1e-6
-"""Share of a limit by which it may be missed and still be met: what a solver's accuracy leaves."""
-
-MOST_NAMED = 5
-"""Findings of one code that are worded one by one; the rest is counted."""
-
 
 def vehicles_too_close(judged: JudgedTeam) -> Iterator[Finding]:
     """Yield the pairs of vehicles that come nearer than they may, nearest first."""
     names = judged.scenario.vehicle_names
-    least, stated = _least(judged, judged.scenario.min_separation_m or None)
-    near = [
-        one
-        for one in pairs_nearer_than(judged.orbits, least)
-        if one.distance < least * (1.0 - TOLERANCE)
-    ]
-    limit = f"min_separation_m {least:g}" if stated else _supposed(least, "min_separation_m")
-    for one in near[:MOST_NAMED]:
-        yield Finding(
-            "vehicles-too-close",
-            "stop",
+    limit = separation_limit(judged.scenario).worded(judged.orbits.radii)
+    each = [
+        (
             f"{names[one.a]} and {names[one.b]} come to {one.distance:.4g} m of each other at "
             f"{one.time:.4g} s of each period, below {limit}",
             (names[one.a], names[one.b]),
-            Cure("move the circles apart, change phases or senses, or refine with a separation"),
         )
-    if rest := near[MOST_NAMED:]:
-        yield Finding(
-            "vehicles-too-close",
-            "stop",
-            f"{len(rest)} more pairs of vehicles come below {limit}",
-            tuple(dict.fromkeys(names[k] for one in rest for k in (one.a, one.b))),
-        )
+        for one in judged.too_close
+    ]
+    cure = Cure("move the circles apart, change phases or senses, or refine with a separation")
+    yield from _first_of("vehicles-too-close", each, cure, f"pairs of vehicles come below {limit}")
 
 
 def landmarks_too_close(judged: JudgedTeam) -> Iterator[Finding]:
@@ -62,34 +41,28 @@ def landmarks_too_close(judged: JudgedTeam) -> Iterator[Finding]:
     A circle of radius R about c passes a landmark L at ||c - L| - R|, once in every turn.
     """
     scenario, orbits = judged.scenario, judged.orbits
-    least, stated = _least(judged, scenario.landmark_clearance_m)
+    asked = landmark_limit(scenario)
     away = np.hypot(*(orbits.centers[:, None] - judged.landmarks[None]).T).T
     clear = np.abs(away - orbits.radii[:, None])
-    near = np.argwhere(clear < least * (1.0 - TOLERANCE))
+    near = np.argwhere(clear < asked.least(orbits.radii) * (1.0 - TOLERANCE))
     near = near[np.argsort(clear[tuple(near.T)], kind="stable")]
-    limit = (
-        f"landmark_clearance_m {least:g}" if stated else _supposed(least, "landmark_clearance_m")
-    )
+    limit = asked.worded(orbits.radii)
     names, landmarks = scenario.vehicle_names, scenario.landmark_names
-    for vehicle, landmark in near[:MOST_NAMED].tolist():
-        yield Finding(
-            "landmark-too-close",
-            "stop",
+    each = [
+        (
             f"{names[vehicle]} passes {landmarks[landmark]} at {clear[vehicle, landmark]:.4g} m, "
             f"below {limit}",
             (names[vehicle], landmarks[landmark]),
-            Cure(
-                "move the circle or the landmark; where the landmark is no obstacle, set "
-                "landmark_clearance_m to what is safe, or to 0"
-            ),
         )
-    if rest := near[MOST_NAMED:].tolist():
-        yield Finding(
-            "landmark-too-close",
-            "stop",
-            f"{len(rest)} more passes of landmarks come below {limit}",
-            tuple(dict.fromkeys(name for a, b in rest for name in (names[a], landmarks[b]))),
-        )
+        for vehicle, landmark in near.tolist()
+    ]
+    cure = Cure(
+        "move the circle or the landmark; where the landmark is no obstacle, set "
+        "landmark_clearance_m to what is safe, or to 0"
+    )
+    yield from _first_of(
+        "landmark-too-close", each, cure, f"passes of landmarks come below {limit}"
+    )
 
 
 def outside_area(judged: JudgedTeam) -> Iterator[Finding]:
@@ -139,15 +112,15 @@ def over_limit(judged: JudgedTeam) -> Iterator[Finding]:
         )
 
 
-def _least(judged: JudgedTeam, stated: float | None) -> tuple[float, bool]:
-    """The least distance in m, and whether the scenario states it."""
-    if stated is not None:
-        return stated, True
-    return TOO_NEAR * float(judged.orbits.radii.mean()), False
-
-
-def _supposed(least: float, key: str) -> str:
-    return f"{least:.4g} m, a tenth of the mean radius, as no {key} is stated"
+def _first_of(
+    code: str, each: Sequence[tuple[str, tuple[str, ...]]], cure: Cure, more: str
+) -> Iterator[Finding]:
+    """A stop for each of the first, given in words and subjects; the rest is counted in one."""
+    for message, subjects in each[:MOST_NAMED]:
+        yield Finding(code, "stop", message, subjects, cure)
+    if rest := each[MOST_NAMED:]:
+        subjects = tuple(dict.fromkeys(name for _, named in rest for name in named))
+        yield Finding(code, "stop", f"{len(rest)} more {more}", subjects)
 
 
 def _crossings(judged: JudgedTeam, *, within: bool) -> Iterator[tuple[str, str, float]]:

@@ -8,12 +8,10 @@ from syncplan.orbits.circles import Orbits
 from syncplan.orbits.paths import relative_motion
 from syncplan.orbits.separation import least_distances
 from syncplan.orbits.sightings import Sightings
+from syncplan.planning.distance_limits import TOLERANCE
 from syncplan.refinement.problem import RefineProblem
 
-__all__ = ["TOLERANCE", "ConstraintMargin", "contact_margins", "margins_of"]
-
-TOLERANCE = 1e-6
-"""Share of a constraint's size by which it may be violated: rounding of what is met exactly."""
+__all__ = ["ConstraintMargin", "contact_margins", "margins_of"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,9 +17,9 @@ from syncplan.observability.window_assessment import Assessment, assess_team
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.separation import closest_approach
 from syncplan.orbits.sightings import sightings_over
+from syncplan.planning.distance_limits import TOLERANCE
 from syncplan.planning.figures_of_merit import Figures
 from syncplan.refinement.constraint_margins import (
-    TOLERANCE,
     ConstraintMargin,
     contact_margins,
     margins_of,

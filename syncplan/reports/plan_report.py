@@ -186,17 +186,18 @@ def _synchronisation(plan: Plan, names: list[str]) -> SynchronisationRecord:
 
 
 def _separation(plan: Plan, names: list[str]) -> Separation:
-    nearest = plan.approach
+    """Without a separation that is asked for, the verdict alone says who comes too near."""
+    nearest, required = plan.approach, plan.scenario.min_separation_m
     return Separation(
         min_m=nearest.distance if nearest else None,
         between=(names[nearest.a], names[nearest.b]) if nearest else None,
         time_s=nearest.time if nearest else None,
-        required_m=plan.scenario.min_separation_m,
+        required_m=required,
         violations=[
             CloseApproach(
                 min_m=item.distance, between=(names[item.a], names[item.b]), time_s=item.time
             )
-            for item in plan.too_close
+            for item in (plan.too_close if required else ())
         ],
     )
 

@@ -74,10 +74,8 @@ class Area:
         points = shapely.points(centers)
         clear = np.full(len(radii), np.inf)
         for _, corners, within in self.polygons():
-            polygon = shapely.Polygon(corners)
-            away = shapely.distance(points, polygon.exterior)
-            right = shapely.covers(polygon, points) == within
-            clear = np.minimum(clear, np.where(right, away, -away) - radii)
+            depth = _depths(shapely.Polygon(corners), points)
+            clear = np.minimum(clear, (depth if within else -depth) - radii)
         return np.asarray(clear)
 
     def path_clearances(self, centers: Array, radii: Array) -> Array:
@@ -91,13 +89,12 @@ class Area:
         points = shapely.points(centers)
         rows = []
         for _, corners, within in self.polygons():
-            polygon = shapely.Polygon(corners)
+            depth = _depths(shapely.Polygon(corners), points)
             if within:
-                away = shapely.distance(points, polygon.exterior)
-                rows.append(np.where(shapely.covers(polygon, points), away, -away) - radii)
+                rows.append(depth - radii)
             else:
                 farthest = np.hypot(*(centers[:, None] - corners[None]).T).max(axis=0)
-                nearest = shapely.distance(points, polygon)
+                nearest = np.maximum(-depth, 0.0)
                 rows.append(np.maximum(nearest - radii, radii - farthest))
         return np.array(rows).reshape(len(rows), len(radii))
 
@@ -147,6 +144,14 @@ class Area:
         for one in self.outside:
             room = room.difference(shapely.Polygon(one).buffer(radius, quad_segs=_ARC_SEGMENTS))
         return room
+
+
+def _depths(polygon: Any, points: Any) -> Array:
+    """(n,) m: how deep each point lies within the polygon; negative outside it."""
+    import shapely
+
+    away = shapely.distance(points, polygon.exterior)
+    return np.asarray(np.where(shapely.covers(polygon, points), away, -away))
 
 
 def polygon_fault(corners: Sequence[tuple[float, float]]) -> str:
