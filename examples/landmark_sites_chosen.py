@@ -6,7 +6,7 @@ The convex relaxation bounds what any pair can reach, and the search proves that
 from pathlib import Path
 
 import syncplan
-from syncplan.landmarks.site_choice import SiteChoice, choose_sites
+from syncplan.landmarks.site_choice import SiteChoice, choose_landmarks
 from syncplan.scenario.loading import scenario_from
 
 SCENARIO = Path(__file__).parent / "scenarios" / "paper-grid-same.yaml"
@@ -25,7 +25,7 @@ def main() -> SiteChoice:
     """Return the choice of two sites for a team that has no landmarks yet."""
     document = syncplan.load_scenario(SCENARIO).model_dump(exclude_none=True)
     document.pop("landmarks_m")
-    return choose_sites(scenario_from(document), SITES, choose=2)
+    return choose_landmarks(scenario_from(document), SITES, choose=2)
 
 
 if __name__ == "__main__":

@@ -34,6 +34,7 @@ Packages, each using only those before it; each lists its modules
     arrays            types of arrays
     errors            the errors raised on purpose
     runtime           cores and threads, child processes, files written whole
+    results           what each result offers a session: files, data frames, HTML
     scenario          what the user says, read and checked
     orbits            circles, contact windows, least distances, sightings
     synchronisation   senses and phases
@@ -69,8 +70,11 @@ __all__ = [
     "Scenario",
     "SyncplanError",
     "Validation",
+    "choose_landmarks",
     "export",
+    "figures",
     "load_log",
+    "load_plan",
     "load_scenario",
     "place",
     "plan",
@@ -83,6 +87,8 @@ __all__ = [
 __version__ = "0.1.0"
 
 _HOME = {
+    "load_plan": "planning.subjects",
+    "choose_landmarks": "landmarks.site_choice",
     "Client": "client.service_client",
     "InputError": "errors",
     "NoGoError": "errors",
@@ -110,11 +116,14 @@ if TYPE_CHECKING:
     from syncplan.estimation.mrclam import load_log
     from syncplan.estimation.replays import Replay, replay
     from syncplan.exporting.formats import export
+    from syncplan.landmarks.site_choice import choose_landmarks
     from syncplan.placement.centers import place
     from syncplan.planning.judged_plan import Plan
     from syncplan.planning.planner import plan
+    from syncplan.planning.subjects import load_plan
     from syncplan.planning.sweeps import sweep
     from syncplan.planning.validation import Validation, validate
+    from syncplan.plotting import plotly_figures as figures
     from syncplan.refinement.refiner import refine
     from syncplan.scenario.loading import load_scenario
     from syncplan.scenario.specification import Scenario

@@ -48,7 +48,7 @@ def checked_request(
     """
     from pydantic import ValidationError
 
-    from syncplan.scenario.loading import validation_fault
+    from syncplan.scenario.faults import validation_fault
 
     model = JOB_KINDS[kind].request
     document = parse_document(decoded(body, ""), "", syntax) if body.strip() else {}

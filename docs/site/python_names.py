@@ -32,8 +32,8 @@ def python_page() -> str:
             parts.append(f"{inspect.getdoc(module)}\n".replace("\n    ", "\n\n    ", 1))
         for public in module.__all__:
             thing = getattr(module, public)
-            # exports has names of the package as well
-            if not any(thing is one for one in shown):
+            # exports has names of the package as well; figures has a section of its own
+            if not inspect.ismodule(thing) and not any(thing is one for one in shown):
                 shown.append(thing)
                 parts.append(f"::: {name}.{public}\n")
     return "\n".join(parts)

@@ -221,7 +221,7 @@ def _landmarks(
 ) -> int:
     """Choose landmark sites among candidates so that the worst vehicle's bound is least."""
     from syncplan.landmarks.candidates import load_candidates, new_sites
-    from syncplan.landmarks.site_choice import choose_sites
+    from syncplan.landmarks.site_choice import choose_landmarks
     from syncplan.planning.plan_files import load, plan_of
     from syncplan.reports.sites_report import sites_document
     from syncplan.scenario.models import MAX_VEHICLES
@@ -231,7 +231,7 @@ def _landmarks(
     loaded = load(subject, max_vehicles=max_vehicles or MAX_VEHICLES)
     sites = load_candidates(candidates)
     new_sites(loaded.scenario, sites, source=candidates)
-    document = sites_document(choose_sites(plan_of(loaded), sites, choose, seed=seed))
+    document = sites_document(choose_landmarks(plan_of(loaded), sites, choose, seed=seed))
     deliver_document("sites", document, output, format_)
     return 0
 

@@ -30,6 +30,7 @@ from syncplan.estimation.mrclam import NOBODY, Log
 from syncplan.estimation.trials import Accuracy, MonteCarloResult, accuracy, result_of
 from syncplan.orbits.noise import Noise
 from syncplan.orbits.sighting_kinds import BEARING, place_of
+from syncplan.results import Result
 from syncplan.scenario.rules import excess
 
 __all__ = ["GROUND_ROBOTS", "OPTIONS", "Replay", "longest_gap", "replay"]
@@ -50,7 +51,7 @@ LEAST_SIGMA, LARGEST_SIGMA = 1e-6, 1e6
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Replay:
+class Replay(Result):
     """The filter on a recording, and its errors.
 
     Attributes

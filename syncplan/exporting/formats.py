@@ -131,14 +131,10 @@ def _snapped(flight: Flight) -> tuple[Flight, list[str]]:
     moved = np.abs(radii - plan.orbits.radii)
     if not moved.any():
         return flight, []
-    orbit = plan.scenario.orbit.model_copy(
-        update={
-            "radius_m": radii.tolist(),
-            "angular_rate_rad_s": plan.orbits.rate,
-            "speed_mps": None,
-        }
+    orbit = plan.scenario.orbit.following(
+        radius_m=radii.tolist(), angular_rate_rad_s=plan.orbits.rate, speed_mps=None
     )
-    scenario = plan.scenario.model_copy(update={"orbit": orbit})
+    scenario = plan.scenario.following(orbit=orbit)
     judged = judge(scenario, replace(plan.orbits, radii=radii), bound="never")
     worst = int(np.argmax(moved))
     notes = [

@@ -18,17 +18,17 @@ from syncplan.landmarks.site_relaxation import relax
 from syncplan.landmarks.site_search import best_sites
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.judgement import BoundChoice, judge
-from syncplan.planning.planner import plan
+from syncplan.planning.subjects import PlanSubject, planned
+from syncplan.results import Result
 from syncplan.runtime.blas import single_threaded_blas
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.quantities import Point
-from syncplan.scenario.specification import Scenario
 
-__all__ = ["SiteChoice", "choose_sites"]
+__all__ = ["SiteChoice", "choose_landmarks"]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class SiteChoice:
+class SiteChoice(Result):
     """The chosen sites, what they reach, and what no choice can.
 
     Attributes
@@ -69,8 +69,8 @@ class SiteChoice:
 
 
 @single_threaded_blas
-def choose_sites(
-    subject: Plan | Scenario,
+def choose_landmarks(
+    subject: PlanSubject,
     candidates: Array | Mapping[str, Point],
     choose: int,
     *,
@@ -85,7 +85,7 @@ def choose_sites(
     see syncplan.planning.planner.plan. Raises InputError for unusable candidates, NoSolutionError
     where no choice found determines every vehicle.
     """
-    before = subject if isinstance(subject, Plan) else plan(subject, bound="never")
+    before = planned(subject, bound="never")
     sites = new_sites(before.scenario, candidates)
     if not 1 <= choose <= len(sites):
         raise InputError(

@@ -13,8 +13,9 @@ verdict_checks      the table of checks
 judged_plan         the plan: a judged team and the verdict
 judgement           orbits to plan
 planner             scenario to plan
+plan_files          plans read back and judged afresh
+subjects            what a function takes as a plan
 validation          Monte Carlo of a plan beside its bound
 swept_keys          the table of keys that a sweep may vary
 sweeps              one key varied
-plan_files          plans read back and judged afresh
 """

@@ -5,12 +5,13 @@ from dataclasses import dataclass
 from syncplan.planning.findings import Verdict
 from syncplan.planning.judged_team import JudgedTeam
 from syncplan.planning.verdict_checks import verdict_of
+from syncplan.results import Result
 
 __all__ = ["Plan"]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Plan(JudgedTeam):
+class Plan(Result, JudgedTeam):
     """Orbits with all that the exact code found of them; attributes are those of JudgedTeam."""
 
     def __repr__(self) -> str:

@@ -15,12 +15,12 @@ from syncplan.planning.judged_plan import Plan
 from syncplan.planning.judgement import BoundChoice, judge
 from syncplan.planning.planner import plan
 from syncplan.scenario.chunked_validation import Many
+from syncplan.scenario.faults import validation_fault
 from syncplan.scenario.loading import (
     is_plan,
     parse_document,
     read_text,
     scenario_from,
-    validation_fault,
 )
 from syncplan.scenario.models import MAX_VEHICLES
 from syncplan.scenario.quantities import Angle, Length, Name, Point

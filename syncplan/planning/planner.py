@@ -1,6 +1,9 @@
 """The planner: from a scenario to a judged plan. The only module that sees the whole chain."""
 
+from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +16,7 @@ from syncplan.placement.centers import place
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.judgement import BoundChoice, judge, listed_pairs
 from syncplan.runtime.blas import single_threaded_blas
+from syncplan.scenario.loading import scenario_of
 from syncplan.scenario.rules import SAME_PLACE_M
 from syncplan.scenario.specification import Scenario, per_vehicle
 from syncplan.synchronisation.phases import synchronise
@@ -23,7 +27,7 @@ __all__ = ["plan"]
 
 @single_threaded_blas
 def plan(
-    scenario: Scenario,
+    scenario: Scenario | str | Path | Mapping[str, Any],
     *,
     bound: BoundChoice = "auto",
     steady: bool = False,
@@ -31,6 +35,7 @@ def plan(
 ) -> Plan:
     """Return the plan of a scenario: senses, phases, links and the verdict on observability.
 
+    `scenario` may be the path of its file or a mapping of its keys; syncplan.load_plan reads plans.
     Centres that are not given are found first, see syncplan.placement.centers.
 
     `bound` says whether the posterior bound is computed: for teams up to a stated amount of work
@@ -40,6 +45,7 @@ def plan(
     """
     if bound not in ("auto", "always", "never"):
         raise InputError(f"{bound!r}: must be auto, always or never", key="bound")
+    scenario = scenario_of(scenario)
     placed = None if scenario.formation.placed else place(scenario)
     resolved = (scenario if placed is None else placed.scenario).resolved()
     circles = _circles(resolved)

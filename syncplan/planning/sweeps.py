@@ -1,6 +1,6 @@
 """Sweeps: one key of a scenario varied, each value planned and validated by the same trials."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Unpack
 
@@ -14,9 +14,10 @@ from syncplan.planning.judged_plan import Plan
 from syncplan.planning.planner import plan
 from syncplan.planning.swept_keys import SWEPT_KEYS, swept_key
 from syncplan.planning.validation import Validation, validate
+from syncplan.results import Result
 from syncplan.scenario.specification import Scenario
 
-__all__ = ["PlannedRow", "ValidatedRow", "connected_range", "planned_rows", "sweep"]
+__all__ = ["PlannedRow", "Sweep", "ValidatedRow", "connected_range", "planned_rows", "sweep"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +38,20 @@ class ValidatedRow:
     validation: Validation
 
 
+class Sweep(Result, list[ValidatedRow]):
+    """The rows of a sweep, in the order of its values; `name` is the key that was varied."""
+
+    def __init__(self, name: str, rows: Iterable[ValidatedRow]) -> None:
+        super().__init__(rows)
+        self.name = name
+
+    def __repr__(self) -> str:
+        """Return one line: the key and its values."""
+        labels = ", ".join(row.label for row in self[:8])
+        more = f" and {len(self) - 8} more" if len(self) > 8 else ""
+        return f"<{type(self).__name__} of {self.name}: {labels}{more}>"
+
+
 def sweep(
     scenario: Scenario,
     name: str,
@@ -47,7 +62,7 @@ def sweep(
     threads: int | None = None,
     progress: Callable[[int], None] | None = None,
     **changes: Unpack[FilterChanges],
-) -> list[ValidatedRow]:
+) -> Sweep:
     """Return a row for each value of the key `name`; see syncplan.planning.swept_keys.
 
     `options`, or changes of it by name, are those of syncplan.validate: trials=200, seed=0,
@@ -66,7 +81,7 @@ def sweep(
             progress=_shifted(progress, len(rows) * chosen.trials),
         )
         rows.append(ValidatedRow(one.label, one.value, validation))
-    return rows
+    return Sweep(name, rows)
 
 
 def planned_rows(

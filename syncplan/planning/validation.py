@@ -21,15 +21,15 @@ from syncplan.estimation.trials import Accuracy, MonteCarloResult, accuracy, mer
 from syncplan.orbits.sightings import Sightings, sample_sightings
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.judgement import bound_is_affordable
-from syncplan.planning.planner import plan
+from syncplan.planning.subjects import PlanSubject, planned
+from syncplan.results import Result
 from syncplan.runtime.blas import single_threaded_blas
-from syncplan.scenario.specification import Scenario
 
 __all__ = ["TrialRun", "Validation", "conclude", "run_part", "trial_run", "validate"]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Validation:
+class Validation(Result):
     """A Monte Carlo run on a plan.
 
     Attributes
@@ -103,14 +103,14 @@ class TrialRun:
 
 
 def validate(
-    subject: Plan | Scenario,
+    subject: PlanSubject,
     options: FilterOptions | None = None,
     *,
     threads: int | None = None,
     progress: Callable[[int], None] | None = None,
     **changes: Unpack[FilterChanges],
 ) -> Validation:
-    """Return the errors of the filter over many trials on a plan, or on a scenario's plan.
+    """Return the errors of the filter over many trials on a plan, or on what a plan can be made of.
 
     `options`, or changes of it by name, say which filter and how many trials: trials=200, seed=0,
     duration=None (s, the scenario's), model="arc" (or "euler", by `substeps`=10),
@@ -123,13 +123,13 @@ def validate(
 
 
 def trial_run(
-    subject: Plan | Scenario,
+    subject: PlanSubject,
     options: FilterOptions | None = None,
     **changes: Unpack[FilterChanges],
 ) -> TrialRun:
     """Return the set-up of a validation, whose parts run_part runs and conclude joins."""
     chosen = options_with(options, changes)
-    flown = subject if isinstance(subject, Plan) else plan(subject)
+    flown = planned(subject)
     length = flown.scenario.duration_s if chosen.duration is None else chosen.duration
     sample_time, period = flown.sensors.sample_time, flown.orbits.period
     steps = steps_in_run(length, sample_time, period, flown.team.count)

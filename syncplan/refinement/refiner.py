@@ -20,14 +20,15 @@ from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import reachable_pairs
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.judgement import BoundChoice, bound_is_affordable, judge
-from syncplan.planning.planner import plan
 from syncplan.planning.refinement_record import RefinementRecord, StartRecord
+from syncplan.planning.subjects import PlanSubject, planned
 from syncplan.refinement.measures import WINDOW_BOUND, Measurement, measure
 from syncplan.refinement.problem import RefineProblem, orbits_of
 from syncplan.refinement.problem_setup import problem_of, refuse_conflicts
 from syncplan.runtime.blas import single_threaded_blas
 from syncplan.runtime.cores import usable_cores
-from syncplan.scenario.loading import scenario_from, validation_fault
+from syncplan.scenario.faults import validation_fault
+from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.objectives import Objective, default_objective
 from syncplan.scenario.refine_options import RefineOptions
 from syncplan.scenario.specification import Scenario
@@ -53,7 +54,7 @@ _ACTIVE = 0.01
 
 @single_threaded_blas
 def refine(
-    subject: Plan | Scenario,
+    subject: PlanSubject,
     options: RefineOptions | None = None,
     *,
     workers: int | None = None,
@@ -76,7 +77,7 @@ def refine(
         raise InputError(f"{workers} given, at least 1 is needed", key="workers")
     if options is not None and not isinstance(options, RefineOptions):
         raise InputError("must be RefineOptions; give single keys by name", key="options")
-    given = subject if isinstance(subject, Plan) else plan(subject, bound=bound)
+    given = planned(subject, bound=bound)
     chosen = options_for(given.scenario, options, changes)
     problem = problem_of(given, chosen)
     refuse_conflicts(given, problem, chosen)

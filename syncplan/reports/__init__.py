@@ -12,4 +12,5 @@ plan_report         plans
 sites_report        choices of landmark sites
 validation_report   validations and sweeps
 replay_report       replays
+presentations       results as documents, data frames and HTML
 """

@@ -1,5 +1,6 @@
 """What the user states, read and checked: vehicles, sensors, formation, areas, options.
 
+faults               what is wrong with a file, each fault in one line
 chunked_validation   long lists checked in chunks
 quantities           numbers with units and limits
 georeference         where [0, 0] lies on Earth
@@ -10,5 +11,5 @@ rules                conditions between keys that JSON Schema cannot state
 models               the sections of a scenario
 formations           shapes by name, their centres and neighbours
 specification        the scenario as a whole
-loading              YAML and JSON to scenarios, each fault in one line
+loading              YAML and JSON to scenarios
 """

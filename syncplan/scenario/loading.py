@@ -1,7 +1,6 @@
 """Reading scenarios: YAML 1.2 or JSON, from a file or standard input, every fault in one line."""
 
 import contextlib
-import difflib
 import io
 import json
 import math
@@ -9,11 +8,12 @@ import sys
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal, NoReturn
+from typing import Any, Literal
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
-from syncplan.errors import Fault, InputError
+from syncplan.errors import InputError
+from syncplan.scenario.faults import described, validation_fault
 from syncplan.scenario.models import MAX_VEHICLES
 from syncplan.scenario.specification import Scenario
 
@@ -25,7 +25,7 @@ __all__ = [
     "parse_values",
     "read_text",
     "scenario_from",
-    "validation_fault",
+    "scenario_of",
 ]
 
 LARGEST_FILE_BYTES = 64 * 2**20
@@ -33,13 +33,7 @@ FEWEST_VALUES = 10_000
 """Values that a YAML document may hold however short it is; without aliases, none holds more
 values than it has characters."""
 
-LARGEST_LIST = 20
-"""Most faults that one error lists."""
-
 Syntax = Literal["json", "yaml"]
-
-_TAGS = {"one", "many", "listed", "named"}
-_VALUE_LENGTH = 60
 
 
 def load_scenario(path: str | Path, *, max_vehicles: int = MAX_VEHICLES) -> Scenario:
@@ -51,10 +45,28 @@ def load_scenario(path: str | Path, *, max_vehicles: int = MAX_VEHICLES) -> Scen
     document = parse_document(text, name)
     if is_plan(document):
         raise InputError(
-            "is already a plan; validate it as it is, or plan its 'scenario' section again",
+            "is already a plan; syncplan.load_plan and commands that take a plan read it as it is, "
+            "and its 'scenario' section can be planned again",
             source=name,
         )
     return scenario_from(document, source=name, max_vehicles=max_vehicles)
+
+
+def scenario_of(given: Scenario | str | Path | Mapping[str, Any]) -> Scenario:
+    """Return a scenario as it is, or that of a file's path or of a mapping of its keys.
+
+    Raises InputError for anything else, and for what load_scenario refuses.
+    """
+    if isinstance(given, Scenario):
+        return given
+    if isinstance(given, str | Path):
+        return load_scenario(given)
+    if isinstance(given, Mapping):
+        return scenario_from(given)
+    raise InputError(
+        f"is a {type(given).__name__}; give a Scenario, the path of its file or a mapping of keys",
+        key="scenario",
+    )
 
 
 def is_plan(document: Mapping[str, Any]) -> bool:
@@ -105,7 +117,7 @@ def parse_document(text: str, source: str, syntax: Syntax | None = None) -> dict
     document = parse_values(text, source, syntax)
     if not isinstance(document, dict):
         raise InputError(
-            f"holds {_describe(document)} where a mapping of keys is expected; "
+            f"holds {described(document)} where a mapping of keys is expected; "
             "see 'syncplan schema'",
             source=source,
         )
@@ -191,90 +203,3 @@ def scenario_from(
         validation_fault(error, Scenario, source)
     except RecursionError:
         raise InputError("is nested too deeply", source=source) from None
-
-
-def validation_fault(error: ValidationError, model: type[BaseModel], source: str) -> NoReturn:
-    """Raise the InputError for a model's faults, unknown keys before all others.
-
-    Its message is that of the first; `faults` holds all, up to LARGEST_LIST of them.
-    """
-    faults = error.errors(include_url=False)
-    faults.sort(key=lambda item: item["type"] != "extra_forbidden")
-    listed = tuple(_fault(dict(item), model) for item in faults[:LARGEST_LIST])
-    first, more = listed[0], len(faults) - 1
-    problem = first.problem if more == 0 else f"{first.problem} (and {more} more)"
-    message = f"{first.value}: {problem}" if first.value else problem
-    raise InputError(message, key=first.key, source=source, faults=listed) from None
-
-
-def _fault(item: dict[str, Any], model: type[BaseModel]) -> Fault:
-    key = _dotted(item["loc"], item.get("ctx", {}).get("key", ""))
-    return Fault(key, *_remedy(item, model))
-
-
-def _dotted(location: tuple[int | str, ...], inner: str) -> str:
-    key = ""
-    for part in location:
-        if part in _TAGS or part == "[key]":
-            continue
-        if isinstance(part, int):
-            key += f"[{part}]"
-        else:
-            key += f".{part}" if key else str(part)
-    return f"{key}.{inner}" if key and inner else key or inner
-
-
-def _remedy(fault: dict[str, Any], model: type[BaseModel]) -> tuple[str, str]:
-    """What is wrong and what is allowed, and the value at fault where it is worth repeating."""
-    kind, message = fault["type"], fault["msg"]
-    if kind == "extra_forbidden":
-        allowed = list(_model_at(model, fault["loc"][:-1]).model_fields)
-        near = difflib.get_close_matches(str(fault["loc"][-1]), allowed, n=1)
-        hint = f"did you mean {near[0]}? " if near else ""
-        return f"unknown key; {hint}allowed: {', '.join(allowed)}", ""
-    if kind == "missing":
-        return "is missing", ""
-    if kind == "rule":
-        value = fault["ctx"].get("value")
-        return message, "" if value is None else _describe(value)
-    for old, new in (
-        ("Input should be", "must be"),
-        ("Input should have", "must have"),
-        ("String should", "must"),
-        ("List should", "must"),
-        ("Tuple should", "must"),
-    ):
-        message = message.replace(old, new)
-    return message, _describe(fault["input"])
-
-
-def _model_at(model: type[BaseModel], location: tuple[int | str, ...]) -> type[BaseModel]:
-    """The model a location lies in: the deepest one its field names lead to."""
-    for part in location:
-        field = model.model_fields.get(str(part))
-        inner = _model_in(field.annotation) if field is not None else None
-        if inner is not None:
-            model = inner
-    return model
-
-
-def _model_in(annotation: Any) -> type[BaseModel] | None:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    for argument in getattr(annotation, "__args__", ()):
-        found = _model_in(argument)
-        if found is not None:
-            return found
-    return None
-
-
-def _describe(value: Any) -> str:
-    if value is None:
-        return "nothing"
-    try:
-        text = repr(value) if isinstance(value, str) else json.dumps(value, default=str)
-    except (ValueError, RecursionError):
-        text = f"a {type(value).__name__} that contains itself"
-    except TypeError:
-        text = f"a {type(value).__name__} with keys that are not text"
-    return text if len(text) <= _VALUE_LENGTH else text[: _VALUE_LENGTH - 3] + "..."

@@ -1,8 +1,10 @@
 """Types of the quantities a scenario holds: finite, within stated limits, units in key names."""
 
+import math
 import re
+from collections.abc import Mapping
 from datetime import datetime
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, Self, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -16,12 +18,14 @@ from pydantic import (
     StringConstraints,
     Tag,
     TypeAdapter,
+    ValidationError,
     WrapValidator,
 )
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError
 
 from syncplan.scenario.chunked_validation import Many, as_template, in_portions
+from syncplan.scenario.faults import validation_fault
 
 __all__ = [
     "FURTHEST_M",
@@ -42,10 +46,43 @@ __all__ = [
 T = TypeVar("T")
 
 
+_ANY_SIZE = {"max_vehicles": math.inf}
+"""A team that was loaded under a larger limit is copied under it."""
+
+
 class Section(BaseModel):
     """Base of everything a user writes: frozen, strict, no unknown keys, finite numbers."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Return a copy with some keys replaced, checked as those of a file are.
+
+        Raises InputError naming the key, its value and what is allowed.
+        """
+        if not update:
+            return super().model_copy(deep=deep)
+        kept = super().model_copy(deep=True) if deep else self
+        values = {key: getattr(kept, key) for key in self.model_fields_set}
+        try:
+            return type(self).model_validate({**values, **update}, context=_ANY_SIZE)
+        except ValidationError as error:
+            validation_fault(error, type(self), "")
+
+    @classmethod
+    def from_mapping(cls, keys: Mapping[str, Any]) -> Self:
+        """Return what a mapping of keys says, checked as a file is.
+
+        Raises InputError naming the key, its value and what is allowed.
+        """
+        try:
+            return cls.model_validate(dict(keys))
+        except ValidationError as error:
+            validation_fault(error, cls, "")
+
+    def following(self, **keys: Any) -> Self:
+        """Return a copy with keys replaced by what follows from valid ones: nothing is checked."""
+        return super().model_copy(update=keys)
 
 
 FURTHEST_M = 1e7

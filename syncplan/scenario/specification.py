@@ -6,6 +6,7 @@ from typing import Annotated, Self, TypeVar
 
 from pydantic import Field, model_validator
 
+from syncplan.results import Result
 from syncplan.scenario.chunked_validation import Many
 from syncplan.scenario.formations import SHAPES
 from syncplan.scenario.georeference import GeoOrigin
@@ -40,7 +41,7 @@ T = TypeVar("T")
 Duration = Annotated[float, Field(gt=0, le=1e9)]
 
 
-class Scenario(Section):
+class Scenario(Result, Section):
     """A formation to plan: circles, sensors, landmarks and noise."""
 
     name: Title = Field(default="", description="Title", examples=["survey"])
@@ -219,7 +220,7 @@ class Scenario(Section):
             formation = Formation(
                 centers_m=self.centers, names=formation.names, links=formation.links
             )
-        return self.model_copy(update={"formation": formation, "window_s": self.window})
+        return self.following(formation=formation, window_s=self.window)
 
 
 def per_vehicle(value: T | list[T], count: int) -> list[T]:

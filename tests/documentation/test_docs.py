@@ -285,7 +285,7 @@ def test_the_reference_names_every_command_operation_and_public_name() -> None:
     for path, item in document["paths"].items():
         for method in set(item) - {"parameters"}:
             assert f"`{method.upper()} {path}`" in made["reference/service.md"]
-    for name in syncplan.__all__:
+    for name in {*syncplan.__all__, *syncplan.figures.__all__} - {"figures"}:
         assert f".{name}\n" in made["reference/python.md"]
     for status in ("401", "404", "422", "507"):
         assert f"| {status} |" in made["reference/problems.md"]

@@ -16,7 +16,7 @@ from syncplan.cli.site_tables import show_sites
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.bounds import window_bound
 from syncplan.landmarks.candidates import load_candidates, named_candidates
-from syncplan.landmarks.site_choice import SiteChoice, choose_sites
+from syncplan.landmarks.site_choice import SiteChoice, choose_landmarks
 from syncplan.landmarks.site_information import candidate_information, evaluate
 from syncplan.landmarks.site_relaxation import relax
 from syncplan.observability.rank import assess, link_information
@@ -64,7 +64,7 @@ def test_rounding_and_swaps_equal_exhaustive_search_on_8_choose_3(team: str, see
     made = _without_landmarks(team)
     places = _scattered(made, 8, seed)
     best = _exhaustive(made, places, 3)
-    found = choose_sites(made, places, 3, exhaustive=False, bound="never")
+    found = choose_landmarks(made, places, 3, exhaustive=False, bound="never")
     assert found.value == pytest.approx(best, rel=1e-7)
     assert found.bound <= best
 
@@ -73,8 +73,8 @@ def test_the_paper_grid_gets_the_three_best_of_eight_sites_round_it() -> None:
     sites = [[190, 0], [190, 70], [-50, 0], [-50, 70], [70, 120], [70, -50], [35, 35], [105, 35]]
     made = _without_landmarks("paper-grid-same")
     places = np.array(sites, dtype=float)
-    found = choose_sites(made, places, 3, exhaustive=False, bound="never")
-    proven = choose_sites(made, places, 3, bound="never")
+    found = choose_landmarks(made, places, 3, exhaustive=False, bound="never")
+    proven = choose_landmarks(made, places, 3, bound="never")
     assert found.value == pytest.approx(_exhaustive(made, places, 3), rel=1e-9)
     assert proven.value == pytest.approx(found.value, rel=1e-9)
     assert proven.proven
@@ -86,7 +86,7 @@ def test_the_paper_grid_gets_the_three_best_of_eight_sites_round_it() -> None:
 def test_the_value_is_the_judged_plans_own() -> None:
     made = _without_landmarks("paper-grid-same")
     places = _scattered(made, 8, 4)
-    found = choose_sites(made, places, 3, bound="never")
+    found = choose_landmarks(made, places, 3, bound="never")
     assert found.value == pytest.approx(_worst(made, places[list(found.chosen)]), rel=1e-12)
     assert found.plan.observable
     assert found.plan.scenario.landmark_names == [f"S{k + 1}" for k in found.chosen]
@@ -177,14 +177,14 @@ def test_a_team_unobservable_without_landmarks_becomes_observable() -> None:
     made = _without_landmarks("paper-grid-same")
     assert not made.observable
     assert np.isnan(made.prediction.window).all()
-    found = choose_sites(made, _scattered(made, 12, 6), 3, bound="never")
+    found = choose_landmarks(made, _scattered(made, 12, 6), 3, bound="never")
     assert found.plan.observable
     assert np.isnan(found.before).all()
 
 
 def test_given_landmarks_stay_and_count() -> None:
     made = plan(example("paper-grid-same"), bound="never")
-    found = choose_sites(made, {"mast": (-50.0, 0.0), "rock": (-50.0, 70.0)}, 1, bound="never")
+    found = choose_landmarks(made, {"mast": (-50.0, 0.0), "rock": (-50.0, 70.0)}, 1, bound="never")
     assert found.plan.scenario.landmark_names[:2] == ["L1", "L2"]
     assert found.plan.scenario.landmark_names[2] in ("mast", "rock")
     assert found.value < np.max(found.before)
@@ -193,14 +193,14 @@ def test_given_landmarks_stay_and_count() -> None:
 def test_a_site_that_no_vehicle_sees_is_not_chosen_where_others_help() -> None:
     made = _without_landmarks("paper-grid-same")
     places = np.concatenate([[[5000.0, 0.0], [0.0, -5000.0]], _scattered(made, 6, 8)])
-    found = choose_sites(made, places, 4, bound="never")
+    found = choose_landmarks(made, places, 4, bound="never")
     assert found.seen_by[0] == found.seen_by[1] == 0
     assert not {0, 1} & set(found.chosen)
 
 
 def test_choosing_all_candidates_closes_the_gap() -> None:
     made = _without_landmarks("paper-grid-same")
-    found = choose_sites(made, _scattered(made, 6, 8), 6, bound="never")
+    found = choose_landmarks(made, _scattered(made, 6, 8), 6, bound="never")
     assert found.chosen == tuple(range(6))
     assert found.gap == pytest.approx(0.0, abs=1e-4)
     assert found.proven
@@ -212,7 +212,7 @@ def test_no_swap_of_one_site_improves_a_choice_too_large_to_prove(
     monkeypatch.setattr("syncplan.landmarks.site_search.MOST_LISTED", 500)
     made = _without_landmarks("paper-grid-same")
     places = _scattered(made, 40, 2)
-    found = choose_sites(made, places, 8, bound="never")
+    found = choose_landmarks(made, places, 8, bound="never")
     information = candidate_information(made, places)
     assert not found.proven
     assert found.value > found.bound
@@ -227,14 +227,14 @@ def test_no_swap_of_one_site_improves_a_choice_too_large_to_prove(
 def test_sites_with_nothing_to_add_to_an_unseen_vehicle_are_refused_in_words() -> None:
     lonely = small(formation={"centers_m": [[0.0, 0.0]]})
     with pytest.raises(NoSolutionError, match="rank 0 of 3: shift of v1"):
-        choose_sites(lonely, np.array([[5000.0, 0.0], [6000.0, 0.0]]), 1)
+        choose_landmarks(lonely, np.array([[5000.0, 0.0], [6000.0, 0.0]]), 1)
 
 
 def test_the_same_seed_gives_the_same_choice_and_any_seed_the_same_proven_value() -> None:
     made = _without_landmarks("triangle-lattice")
     places = _scattered(made, 14, 9)
     first, again, other = (
-        choose_sites(made, places, 3, seed=seed, bound="never") for seed in (3, 3, 4)
+        choose_landmarks(made, places, 3, seed=seed, bound="never") for seed in (3, 3, 4)
     )
     assert first.chosen == again.chosen
     assert first.value == again.value
@@ -247,8 +247,8 @@ def test_the_same_seed_gives_the_same_choice_and_any_seed_the_same_proven_value(
 def test_a_scenario_serves_as_well_as_its_plan() -> None:
     scenario = example("paper-grid-same")
     places = np.array([[-50.0, 0.0], [-50.0, 70.0], [70.0, 120.0]])
-    by_scenario = choose_sites(scenario, places, 1)
-    by_plan = choose_sites(plan(scenario), places, 1)
+    by_scenario = choose_landmarks(scenario, places, 1)
+    by_plan = choose_landmarks(plan(scenario), places, 1)
     assert by_scenario.chosen == by_plan.chosen
     assert by_scenario.value == by_plan.value
     assert by_scenario.plan.prediction.rms is not None
@@ -265,7 +265,7 @@ def _pair() -> Scenario:
 @pytest.mark.parametrize("choose", [0, -1, 3])
 def test_a_number_of_sites_out_of_range_is_refused(choose: int) -> None:
     with pytest.raises(InputError, match="from 1 to the number of candidates, 2") as caught:
-        choose_sites(_pair(), np.array([[1.0, 2.0], [3.0, 4.0]]), choose)
+        choose_landmarks(_pair(), np.array([[1.0, 2.0], [3.0, 4.0]]), choose)
     assert caught.value.key == "choose"
 
 
@@ -287,23 +287,23 @@ def test_unusable_candidates_are_refused_by_name(
     candidates: dict[str, Point] | Array, problem: str
 ) -> None:
     with pytest.raises(InputError, match=problem) as caught:
-        choose_sites(_pair(), candidates, 1)
+        choose_landmarks(_pair(), candidates, 1)
     assert caught.value.key.startswith("candidates_m")
 
 
 def test_candidates_out_of_everyones_reach_are_no_solution_and_the_lack_is_named() -> None:
     places = np.array([[5000.0, 0.0], [5000.0, 70.0], [5000.0, 140.0]])
     with pytest.raises(NoSolutionError, match=r"even all 3 candidates leave rank \d+ of 18") as e:
-        choose_sites(_without_landmarks("paper-grid-same"), places, 2)
+        choose_landmarks(_without_landmarks("paper-grid-same"), places, 2)
     assert "cure" in str(e.value)
 
 
 def test_too_few_sites_for_observability_are_no_solution() -> None:
     made = _without_landmarks("five-ring")
     places = _scattered(made, 8, 1)
-    assert np.isfinite(choose_sites(made, places, 3, bound="never").value)
+    assert np.isfinite(choose_landmarks(made, places, 3, bound="never").value)
     with pytest.raises(NoSolutionError, match=r"any 1 of 8 candidates leave rank 14 of 15: turn"):
-        choose_sites(made, places, 1, bound="never")
+        choose_landmarks(made, places, 1, bound="never")
 
 
 # --- files and report -------------------------------------------------------------------------
@@ -353,7 +353,7 @@ def test_named_candidates_takes_arrays_among_names() -> None:
 @pytest.fixture(scope="module")
 def choice() -> SiteChoice:
     made = _without_landmarks("paper-grid-same")
-    return choose_sites(made, _scattered(made, 8, 4), 3)
+    return choose_landmarks(made, _scattered(made, 8, 4), 3)
 
 
 def test_the_document_carries_the_choice_and_a_scenario_that_plans_to_its_value(

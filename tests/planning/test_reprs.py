@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from syncplan.landmarks.site_choice import choose_sites
+from syncplan.landmarks.site_choice import choose_landmarks
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.planner import plan
 from syncplan.planning.validation import validate
@@ -39,7 +39,7 @@ def test_arrays_are_shown_as_shapes(grid: Plan) -> None:
 
 def test_results_take_one_line_each(grid: Plan) -> None:
     validation = validate(grid, trials=2, duration=20.0)
-    choice = choose_sites(grid, {"A": (190.0, 35.0), "B": (-40.0, 0.0)}, 1, bound="never")
+    choice = choose_landmarks(grid, {"A": (190.0, 35.0), "B": (-40.0, 0.0)}, 1, bound="never")
     for one in (grid, grid.scenario, grid.team, validation, choice):
         assert len(repr(one)) < LONGEST + len(repr(grid)), repr(one)
         assert "\n" not in repr(one)

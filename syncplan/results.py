@@ -1,0 +1,46 @@
+"""What each result offers a session: itself as a file, as a data frame, as a table in a notebook.
+
+A result's report lies in a package above it. syncplan.reports.presentations knows it, and is loaded
+when it is asked for.
+"""
+
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from syncplan.runtime.files import as_text, write_text
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+else:
+    DataFrame = Any
+
+__all__ = ["Result"]
+
+_PRESENTATIONS = "syncplan.reports.presentations"
+
+
+class Result:
+    """What a function of syncplan returns, or takes."""
+
+    __slots__ = ()
+
+    def save(self, path: str | Path) -> None:
+        """Write the JSON document that the command line writes with `-o`, whole or not at all.
+
+        Raises InputError if the path can't be written.
+        """
+        document = import_module(_PRESENTATIONS).document_of(self)
+        write_text(Path(path), as_text(document))
+
+    def to_dataframe(self) -> DataFrame:
+        """Return a pandas.DataFrame: a row for each vehicle, candidate site, value or loss.
+
+        Columns are named as the keys of the document; [x, y] becomes two columns. Raises
+        InputError if pandas is missing.
+        """
+        return import_module(_PRESENTATIONS).frame_of(self)
+
+    def _repr_html_(self) -> str:
+        """Return the same rows as an HTML table below the verdict, for notebooks."""
+        return str(import_module(_PRESENTATIONS).html_of(self))

@@ -1,0 +1,154 @@
+"""Results as files, data frames and notebook tables say what their documents say."""
+
+import builtins
+import json
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import pandas
+import pytest
+
+import syncplan
+from syncplan.planning.judged_plan import Plan
+from syncplan.reports.plan_report import plan_document
+from syncplan.reports.presentations import MOST_ROWS, PRESENTATIONS
+from syncplan.results import Result
+from tests.tools.scenarios import example, small
+
+
+@pytest.fixture(scope="module")
+def grid() -> Plan:
+    return syncplan.plan(example("paper-grid-same"))
+
+
+@pytest.fixture(scope="module")
+def results(grid: Plan) -> dict[str, Result]:
+    sites = {"A": (190.0, 35.0), "B": (-40.0, 0.0)}
+    return {
+        "scenario": grid.scenario,
+        "plan": grid,
+        "validation": syncplan.validate(grid, trials=2, duration=20.0),
+        "sweep": syncplan.sweep(grid.scenario, "range", [50.0, 40.0], trials=1, duration=20.0),
+        "sites": syncplan.choose_landmarks(grid, sites, 1, bound="never"),
+    }
+
+
+class _Cells(HTMLParser):
+    """Texts of the cells of each row, the head first."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.rows: list[list[str]] = []
+        self._open = False
+
+    def handle_starttag(self, tag: str, attrs: Any) -> None:
+        if tag == "tr":
+            self.rows.append([])
+        self._open = tag in ("td", "th")
+        if self._open:
+            self.rows[-1].append("")
+
+    def handle_endtag(self, tag: str) -> None:
+        self._open = False
+
+    def handle_data(self, data: str) -> None:
+        if self._open:
+            self.rows[-1][-1] += data
+
+
+def test_a_plan_saved_is_the_document_and_loads_as_the_same_plan(
+    grid: Plan, tmp_path: Path
+) -> None:
+    grid.save(tmp_path / "plan.json")
+    saved = json.loads((tmp_path / "plan.json").read_text())
+    assert saved == json.loads(json.dumps(plan_document(grid).as_json()))
+    again = syncplan.load_plan(tmp_path / "plan.json")
+    assert plan_document(again).vehicles == plan_document(grid).vehicles
+    assert again.observability.rank == grid.observability.rank
+
+
+def test_a_scenario_saved_loads_as_the_same(grid: Plan, tmp_path: Path) -> None:
+    grid.scenario.save(tmp_path / "scenario.json")
+    assert syncplan.load_scenario(tmp_path / "scenario.json") == grid.scenario
+
+
+def test_what_can_not_be_written_is_an_error_that_names_the_file(
+    grid: Plan, tmp_path: Path
+) -> None:
+    with pytest.raises(syncplan.InputError, match="is a directory"):
+        grid.save(tmp_path)
+
+
+def test_frames_hold_the_figures_of_the_documents(results: dict[str, Any]) -> None:
+    frame = results["plan"].to_dataframe()
+    assert isinstance(frame, pandas.DataFrame)
+    assert frame["name"].tolist() == results["plan"].scenario.vehicle_names
+    assert frame["predicted_rms_m"].tolist() == results["plan"].prediction.rms.tolist()
+    assert frame["center_x_m"].tolist() == results["plan"].orbits.centers[:, 0].tolist()
+    late = results["validation"].to_dataframe()["rms_second_half_m"]
+    assert late.tolist() == results["validation"].accuracy.late_position.tolist()
+    swept = results["sweep"].to_dataframe()
+    assert swept["value"].tolist() == [50.0, 40.0]
+    assert swept["rank"].tolist() == [
+        row.validation.plan.observability.rank for row in results["sweep"]
+    ]
+    sites = results["sites"].to_dataframe()
+    assert sites["name"].tolist() == ["A", "B"]
+    assert sites["chosen"].tolist() == [k in results["sites"].chosen for k in range(2)]
+    assert results["scenario"].to_dataframe()["range_m"].tolist() == [50.0] * 6
+
+
+def test_a_notebook_shows_the_rows_of_the_frame(results: dict[str, Any]) -> None:
+    for one in results.values():
+        parser = _Cells()
+        parser.feed(one._repr_html_())
+        frame = one.to_dataframe()
+        assert parser.rows[0] == list(frame.columns)
+        assert len(parser.rows) == 1 + len(frame)
+    assert "<p>GO</p>" in results["plan"]._repr_html_()
+
+
+def test_names_are_escaped_and_long_tables_end_with_a_count() -> None:
+    count = MOST_ROWS + 3
+    names = ["<b>", *(f"v{k}" for k in range(1, count))]
+    centers = [[70.0 * k, 0.0] for k in range(count)]
+    shown = small(formation={"centers_m": centers, "names": names})._repr_html_()
+    assert "<td>&lt;b&gt;</td>" in shown
+    assert "<td><b>" not in shown
+    assert "3 more rows" in shown
+    assert shown.count("<tr>") == 1 + MOST_ROWS
+
+
+def test_a_scenario_without_centres_is_shown_by_its_names() -> None:
+    scenario = small(formation={"names": ["a", "b"], "links": [["a", "b"]]})
+    assert scenario.to_dataframe().to_dict("list") == {"name": ["a", "b"]}
+
+
+def test_without_pandas_the_message_names_the_extra(
+    grid: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = builtins.__import__
+
+    def without(name: str, *arguments: Any, **options: Any) -> Any:
+        if name == "pandas":
+            raise ImportError(name)
+        return real(name, *arguments, **options)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(syncplan.InputError, match=r"pip install 'syncplan\[dataframe\]'"):
+        grid.to_dataframe()
+
+
+def test_every_kind_of_result_has_a_presentation() -> None:
+    kinds: set[type] = set()
+    left = [Result]
+    while left:
+        found = left.pop().__subclasses__()
+        kinds.update(found)
+        left += found
+    # a dataclass with slots is made anew of one without, which stays in the list
+    shown = {kind.__name__ for kind in PRESENTATIONS}
+    assert shown <= {kind.__name__ for kind in kinds}
+    for kind in kinds:
+        assert any(base.__name__ in shown for base in kind.__mro__), kind
