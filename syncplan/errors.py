@@ -1,8 +1,13 @@
 """The errors syncplan raises on purpose; a message names the object, its value and a remedy."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 __all__ = ["Fault", "InputError", "NoGoError", "NoSolutionError", "SyncplanError"]
+
+
+MOST_LINES = 10
+"""Most faults that are worded one a line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,25 +41,54 @@ class InputError(SyncplanError):
     key : dotted path inside the scenario or plan, or the name of an option
     source : file the input came from
     faults : everything that is wrong, where there is more than one thing
+    more : how many faults there are besides those listed
     """
 
     exit_code = 2
 
     def __init__(
-        self, problem: str, *, key: str = "", source: str = "", faults: tuple[Fault, ...] = ()
+        self,
+        problem: str,
+        *,
+        key: str = "",
+        source: str = "",
+        faults: tuple[Fault, ...] = (),
+        more: int = 0,
     ) -> None:
         self.problem = problem
         self.key = key
         self.source = source
         self.faults = faults or (Fault(key, problem),)
-        message = ": ".join(part for part in (source, key, problem) if part)
-        super().__init__("".join(c if c.isprintable() else ascii(c)[1:-1] for c in message))
+        self.more = more
+        super().__init__(_in_one_line(source, key, problem))
+        for line in self.lines()[1:]:
+            self.add_note(line)
 
     def within(self, section: str) -> "InputError":
         """Return the error with its keys inside `section` of a larger document."""
         faults = (Fault(_joined(section, one.key), one.problem, one.value) for one in self.faults)
         key = _joined(section, self.key)
-        return InputError(self.problem, key=key, source=self.source, faults=tuple(faults))
+        return InputError(
+            self.problem, key=key, source=self.source, faults=tuple(faults), more=self.more
+        )
+
+    def lines(self, options: Mapping[str, str] | None = None) -> list[str]:
+        """Return a line for each fault: file, key, value, problem; the last counts those left out.
+
+        `options` are those of a command line, by the key that they set: of their faults, they are
+        named instead of file and key.
+        """
+        known = {} if options is None else options
+        if len(self.faults) == 1 and not self.more:
+            option = known.get(self.key.partition("[")[0])
+            return [_in_one_line(option, self.problem) if option else str(self)]
+        lines = []
+        for one in self.faults[:MOST_LINES]:
+            option = known.get(one.key.partition("[")[0])
+            place = (option,) if option else (self.source, one.key)
+            lines.append(_in_one_line(*place, one.value, one.problem))
+        left = len(self.faults) + self.more - len(lines)
+        return [*lines, _in_one_line(self.source, f"and {left} more")] if left else lines
 
 
 class NoGoError(SyncplanError):
@@ -67,6 +101,11 @@ class NoSolutionError(SyncplanError):
     """The request is well formed, but no solution exists or none was found."""
 
     exit_code = 4
+
+
+def _in_one_line(*parts: str) -> str:
+    text = ": ".join(part for part in parts if part)
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
 def _joined(section: str, key: str) -> str:

@@ -9,7 +9,7 @@ from typer.exceptions import TyperException
 
 from syncplan import __version__
 from syncplan.cli.arguments import Output
-from syncplan.cli.console import Format, deliver, open_closed_streams, say
+from syncplan.cli.console import Format, deliver, open_closed_streams, reader_may_leave, say
 from syncplan.cli.document_table import DOCUMENTS
 from syncplan.cli.export_commands import exporters
 from syncplan.cli.plan_commands import plans
@@ -112,13 +112,14 @@ def _version(
 
 def main(arguments: list[str] | None = None) -> NoReturn:
     """Run the command line and exit: 0 done, 1 internal fault, 2 bad input, 3, 4 as documented."""
+    status: object = 0
     try:
         open_closed_streams()
-        status = app(arguments, standalone_mode=False)
-        sys.stdout.flush()
+        with reader_may_leave():
+            status = app(arguments, standalone_mode=False)
     except InputError as error:
-        option = OPTIONS.get(error.key.partition("[")[0])
-        say(f"{option}: {error.problem}" if option else str(error))
+        for line in error.lines(OPTIONS):
+            say(line)
         status = error.exit_code
     except SyncplanError as error:
         say(str(error))
@@ -129,10 +130,6 @@ def main(arguments: list[str] | None = None) -> NoReturn:
         status = error.exit_code
     except (KeyboardInterrupt, typer.Abort):
         status = INTERRUPTED
-    except BrokenPipeError:
-        # the reader has gone: point standard output elsewhere so that the exit stays silent
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        status = 0
     except MemoryError:
         say("out of memory: the team or the window is too large for this machine")
         status = INTERNAL_FAULT

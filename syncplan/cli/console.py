@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 from syncplan.errors import InputError
 
@@ -23,6 +23,7 @@ __all__ = [
     "deliver_document",
     "open_closed_streams",
     "progress_bar",
+    "reader_may_leave",
     "refuse_overwriting",
     "say",
     "say_notes",
@@ -58,13 +59,34 @@ def deliver(
     if output is not None:
         write_text(output, as_text(values))
         say(f"wrote {output}")
-    elif shown is Format.json:
-        sys.stdout.write(as_text(values))
-    if shown is Format.table and show is not None:
-        from rich.console import Console
+    with reader_may_leave():
+        if output is None and shown is Format.json:
+            sys.stdout.write(as_text(values))
+        if shown is Format.table and show is not None:
+            from rich.console import Console
 
-        show(Console(highlight=False))
+            show(Console(highlight=False))
     return shown
+
+
+@contextmanager
+def reader_may_leave() -> Iterator[None]:
+    """Write to standard output; if its reader leaves, as head does, the rest goes nowhere."""
+    try:
+        yield
+        sys.stdout.flush()
+    except BrokenPipeError:
+        _silence(sys.stdout)
+    except SystemExit as leaving:
+        # what click and rich make of a broken pipe
+        if not isinstance(leaving.__context__, BrokenPipeError):
+            raise
+        _silence(sys.stdout)
+
+
+def _silence(stream: TextIO) -> None:
+    """Let what is still to be written to a stream go nowhere, so that no flush fails."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def deliver_document(kind: str, document: "Document", output: Path | None, format_: Format) -> None:
@@ -166,4 +188,8 @@ def search_progress() -> Iterator[Callable[[int, int, float], None] | None]:
 
 def say(message: str) -> None:
     """Write one line to standard error."""
-    sys.stderr.write(f"syncplan: {message}\n")
+    try:
+        sys.stderr.write(f"syncplan: {message}\n")
+        sys.stderr.flush()
+    except BrokenPipeError:
+        _silence(sys.stderr)

@@ -1,6 +1,7 @@
 """The command that draws: plot."""
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,6 +10,7 @@ import typer
 from syncplan.cli.arguments import MaxVehicles
 from syncplan.cli.console import refuse_overwriting, say
 from syncplan.cli.document_table import checked, read_report
+from syncplan.cli.required_verdicts import say_verdict
 from syncplan.errors import InputError
 from syncplan.plotting.figure_table import FIGURES, IMAGE_FORMATS, SUBJECTS
 
@@ -16,8 +18,22 @@ if TYPE_CHECKING:
     from syncplan.plotting.canvas import Spec
     from syncplan.plotting.catalogue import Subject
     from syncplan.reports.refinement_schemas import RefinementResult
+    from syncplan.reports.verdict_schemas import PlanVerdict
 
 __all__ = ["plots"]
+
+
+@dataclass(frozen=True, slots=True)
+class JudgedFigures:
+    """Figures by name, their title, and verdicts on the plans that they show.
+
+    A single verdict has an empty name; of two, one is before and the other after.
+    """
+
+    specs: "dict[str, Spec]"
+    title: str
+    verdicts: "dict[str, PlanVerdict]"
+
 
 ENDINGS = (".html", *(f".{image}" for image in IMAGE_FORMATS))
 
@@ -74,7 +90,10 @@ def _plot(
     compare: Compare = None,
     max_vehicles: MaxVehicles = None,
 ) -> int:
-    """Draw a plan or a report: a page that works offline, or an image."""
+    """Draw a plan or a report: a page that works offline, or an image.
+
+    The verdict on the plan is said first, and stands at the top of a page.
+    """
     ending = _ending(output)
     names = list(dict.fromkeys(figure or []))
     if ending != ".html" and len(names) > 1:
@@ -85,8 +104,11 @@ def _plot(
     for given in (file, compare):
         if given is not None:
             refuse_overwriting(given, output)
-    specs, title = _drawn(file, names, compare, max_vehicles, only_first=ending != ".html")
-    _write(specs, title, output, ending)
+    drawn = _drawn(file, names, compare, max_vehicles, only_first=ending != ".html")
+    content = _content(drawn, ending)
+    for which, verdict in drawn.verdicts.items():
+        say_verdict(verdict, which)
+    _write(content, output)
     return 0
 
 
@@ -112,9 +134,11 @@ def _drawn(
     max_vehicles: int | None,
     *,
     only_first: bool,
-) -> "tuple[dict[str, Spec], str]":
+) -> "JudgedFigures":
+    from syncplan.planning.judged_plan import Plan
     from syncplan.planning.plan_files import load, plan_of
     from syncplan.plotting.catalogue import first_figure, specs_of
+    from syncplan.reports.verdict_schemas import plan_verdict
     from syncplan.scenario.models import MAX_VEHICLES
 
     most = max_vehicles or MAX_VEHICLES
@@ -126,7 +150,14 @@ def _drawn(
         after = plan_of(load(compare, max_vehicles=most))
     if only_first and not names:
         names = [first_figure(subject, refined=refined, after=after)]
-    return specs_of(subject, names, refined=refined, after=after), title
+    specs = specs_of(subject, names, refined=refined, after=after)
+    if isinstance(subject, Plan):
+        plans = {"": subject} if after is None else {"before": subject, "after": after}
+        return JudgedFigures(
+            specs, title, {k: plan_verdict(one.verdict) for k, one in plans.items()}
+        )
+    verdict = getattr(subject, "verdict", None)
+    return JudgedFigures(specs, title, {} if verdict is None else {"": verdict})
 
 
 def _read(file: str, most: int) -> "tuple[Subject, RefinementResult | None, str]":
@@ -148,17 +179,20 @@ def _read(file: str, most: int) -> "tuple[Subject, RefinementResult | None, str]
     return plan, refined, plan.scenario.name or "Plan"
 
 
-def _write(specs: "dict[str, Spec]", title: str, output: Path | None, ending: str) -> None:
-    from syncplan.runtime.files import write_bytes
-
+def _content(drawn: JudgedFigures, ending: str) -> bytes:
+    """The file as bytes: a page, or an image of the first figure."""
     if ending == ".html":
         from syncplan.plotting.html_page import figure_page
 
-        content = figure_page(title, specs).encode("utf-8")
-    else:
-        from syncplan.plotting.images import figure_image
+        return figure_page(drawn.title, drawn.specs, drawn.verdicts).encode("utf-8")
+    from syncplan.plotting.images import figure_image
 
-        content = figure_image(next(iter(specs.values())), ending.removeprefix("."))
+    return figure_image(next(iter(drawn.specs.values())), ending.removeprefix("."))
+
+
+def _write(content: bytes, output: Path | None) -> None:
+    from syncplan.runtime.files import write_bytes
+
     if output is None or str(output) == "-":
         sys.stdout.write(content.decode("utf-8"))
         return

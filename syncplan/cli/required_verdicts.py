@@ -1,4 +1,4 @@
-"""Options that make a verdict count: the exit status of a plan that is not as it has to be."""
+"""The verdict in words and as exit status: of a plan that is not as it has to be."""
 
 from typing import TYPE_CHECKING, Annotated
 
@@ -7,9 +7,11 @@ import typer
 from syncplan.cli.console import say
 
 if TYPE_CHECKING:
+    from syncplan.planning.findings import Verdict
     from syncplan.planning.judged_plan import Plan
+    from syncplan.reports.verdict_schemas import PlanVerdict
 
-__all__ = ["RequireGo", "RequireObservable", "verdict_status"]
+__all__ = ["RequireGo", "RequireObservable", "say_verdict", "verdict_status"]
 
 NOT_MET = 3
 
@@ -30,7 +32,16 @@ def verdict_status(plan: "Plan", *, observable: bool, go: bool) -> int:
         say("the plan is not observable (--require-observable)")
         status = NOT_MET
     if go and not plan.verdict.go:
-        codes = ", ".join(dict.fromkeys(one.code for one in plan.verdict.stops))
-        say(f"{plan.verdict.headline}: {codes} (--require-go)")
+        say(f"{_in_one_line(plan.verdict)} (--require-go)")
         status = NOT_MET
     return status
+
+
+def say_verdict(verdict: "PlanVerdict", which: str = "") -> None:
+    """Write which plan it is, and GO or NO-GO with the codes of its reasons, to standard error."""
+    say(f"{which}: {_in_one_line(verdict)}" if which else _in_one_line(verdict))
+
+
+def _in_one_line(verdict: "Verdict | PlanVerdict") -> str:
+    codes = ", ".join(dict.fromkeys(one.code for one in verdict.stops))
+    return f"{verdict.headline}: {codes}" if codes else verdict.headline

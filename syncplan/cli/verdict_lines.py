@@ -13,11 +13,8 @@ COLOURS = {"stop": "red", "warning": "yellow", "note": "cyan"}
 
 def show_verdict(verdict: PlanVerdict, console: Console) -> None:
     """Print GO, or NO-GO with the number of reasons."""
-    reasons = sum(one.level == "stop" for one in verdict.findings)
-    if verdict.go:
-        console.print("[bold green]GO[/]")
-    else:
-        console.print(f"[bold red]NO-GO[/]: {reasons} reason{'s' if reasons > 1 else ''}")
+    word, colon, reasons = verdict.headline.partition(":")
+    console.print(f"[bold {'green' if verdict.go else 'red'}]{word}[/]{colon}{reasons}")
 
 
 def show_findings(verdict: PlanVerdict, console: Console) -> None:

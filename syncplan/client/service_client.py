@@ -258,7 +258,7 @@ def _id(item: RemotePlan | RemoteJob | str) -> str:
 
 def _remote_plan(document: Mapping[str, Any]) -> RemotePlan:
     made = plan_of(loaded_from(document))
-    values = {one.name: getattr(made, one.name) for one in fields(made)}
+    values = {one.name: getattr(made, one.name) for one in fields(made) if one.init}
     return RemotePlan(
         **values,
         id=document["id"],

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-__all__ = ["MOST_NAMED", "Cure", "Finding", "Level", "Verdict"]
+__all__ = ["MOST_NAMED", "Cure", "Finding", "Level", "Verdict", "headline_of"]
 
 Level = Literal["stop", "warning", "note"]
 
@@ -66,5 +66,9 @@ class Verdict:
     @property
     def headline(self) -> str:
         """GO, or NO-GO with the number of reasons."""
-        reasons = len(self.stops)
-        return f"NO-GO: {reasons} reason{'s' if reasons > 1 else ''}" if reasons else "GO"
+        return headline_of(len(self.stops))
+
+
+def headline_of(stops: int) -> str:
+    """Return the first line on a plan with that many findings that stop the flight."""
+    return f"NO-GO: {stops} reason{'s' if stops > 1 else ''}" if stops else "GO"

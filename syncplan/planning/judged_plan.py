@@ -1,6 +1,6 @@
 """The plan: a judged team, and the verdict on flying it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from syncplan.planning.findings import Verdict
 from syncplan.planning.judged_team import JudgedTeam
@@ -13,6 +13,8 @@ __all__ = ["Plan"]
 @dataclass(frozen=True, slots=True, repr=False)
 class Plan(Result, JudgedTeam):
     """Orbits with all that the exact code found of them; attributes are those of JudgedTeam."""
+
+    _verdict: Verdict | None = field(default=None, init=False, compare=False)
 
     def __repr__(self) -> str:
         """Return one line: name, vehicles, rank, period."""
@@ -32,5 +34,12 @@ class Plan(Result, JudgedTeam):
 
     @property
     def verdict(self) -> Verdict:
-        """Whether the plan can be flown, with all that was found for and against it."""
-        return verdict_of(self)
+        """Whether the plan can be flown, with all that was found for and against it.
+
+        Computed at the first access and kept.
+        """
+        found = self._verdict
+        if found is None:
+            found = verdict_of(self)
+            object.__setattr__(self, "_verdict", found)
+        return found

@@ -8,19 +8,25 @@ from syncplan.errors import InputError
 from syncplan.plotting.canvas import CONFIG, Spec
 from syncplan.plotting.figure_table import FIGURES
 from syncplan.plotting.palette import DARK
+from syncplan.reports.verdict_schemas import PlanVerdict
 
 __all__ = ["embedded", "figure_page", "plotly_script"]
 
 
-def figure_page(title: str, specs: Mapping[str, Spec]) -> str:
+def figure_page(
+    title: str, specs: Mapping[str, Spec], verdicts: Mapping[str, PlanVerdict] | None = None
+) -> str:
     """Return the HTML of figures, by name, under a heading; everything needed is inside.
 
-    The same figures give the same bytes. Raises InputError where Plotly is not installed.
+    Verdicts on the plans that are shown, by what each is (empty for a single one), stand above
+    the figures with their findings. The same figures give the same bytes.
+    Raises InputError where Plotly is not installed.
     """
     sections = "\n".join(_section(name) for name in specs)
     values = "\n".join(embedded(f"values-{name}", spec) for name, spec in specs.items())
     links = " ".join(f'<a href="#{name}">{html.escape(FIGURES[name].title)}</a>' for name in specs)
     heading = html.escape(title)
+    judged = "".join(_verdict_lines(*one) for one in (verdicts or {}).items())
     return f"""<!DOCTYPE html>
 <html lang="en">
 <head>
@@ -33,7 +39,7 @@ def figure_page(title: str, specs: Mapping[str, Spec]) -> str:
 </head>
 <body>
 <header><h1>{heading}</h1>
-<nav aria-label="Figures">{links}</nav></header>
+{judged}<nav aria-label="Figures">{links}</nav></header>
 <main>
 <noscript><p>The figures are drawn by a script; allow scripts for this page.</p></noscript>
 {sections}
@@ -46,6 +52,17 @@ def figure_page(title: str, specs: Mapping[str, Spec]) -> str:
 </body>
 </html>
 """
+
+
+def _verdict_lines(which: str, verdict: PlanVerdict) -> str:
+    """The headline, and each finding below it."""
+    items = "".join(
+        f"<li>{one.level}: {one.code}: {html.escape(one.message)}</li>\n"
+        for one in verdict.findings
+    )
+    listed = f'<ul class="findings">\n{items}</ul>\n' if items else ""
+    headline = f"{which}: {verdict.headline}" if which else verdict.headline
+    return f'<p class="verdict"><strong>{headline}</strong></p>\n{listed}'
 
 
 def _section(name: str) -> str:
@@ -91,6 +108,7 @@ h1 { font-size: 1.6rem; margin: 0.5rem 0; overflow-wrap: anywhere; }
 h2 { font-size: 1.2rem; margin: 2.2rem 0 0; }
 p { margin: 0.2rem 0 0.6rem; }
 nav a { margin-right: 1rem; }
+.findings { margin: 0 0 0.8rem; padding-left: 1.2rem; overflow-wrap: anywhere; }
 a { color: #0061a8; }
 .player { display: flex; gap: 0.8rem; align-items: center; }
 .player input { flex: 1; }

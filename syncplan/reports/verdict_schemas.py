@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from syncplan.planning.findings import Verdict
+from syncplan.planning.findings import Verdict, headline_of
 from syncplan.reports.document_base import DocumentPart
 
 __all__ = ["PlanVerdict", "plan_verdict"]
@@ -37,6 +37,16 @@ class PlanVerdict(DocumentPart):
 
     go: bool
     findings: list[PlanFinding]
+
+    @property
+    def stops(self) -> list[PlanFinding]:
+        """The findings that stop the flight."""
+        return [one for one in self.findings if one.level == "stop"]
+
+    @property
+    def headline(self) -> str:
+        """GO, or NO-GO with the number of reasons."""
+        return headline_of(len(self.stops))
 
 
 def plan_verdict(verdict: Verdict) -> PlanVerdict:

@@ -20,7 +20,8 @@ _VALUE_LENGTH = 60
 def validation_fault(error: ValidationError, model: type[BaseModel], source: str) -> NoReturn:
     """Raise the InputError for a model's faults, unknown keys before all others.
 
-    Its message is that of the first; `faults` holds all, up to LARGEST_LIST of them.
+    Its message is that of the first and their number; `faults` holds all, up to LARGEST_LIST of
+    them.
     """
     faults = error.errors(include_url=False)
     faults.sort(key=lambda item: item["type"] != "extra_forbidden")
@@ -28,7 +29,9 @@ def validation_fault(error: ValidationError, model: type[BaseModel], source: str
     first, more = listed[0], len(faults) - 1
     problem = first.problem if more == 0 else f"{first.problem} (and {more} more)"
     message = f"{first.value}: {problem}" if first.value else problem
-    raise InputError(message, key=first.key, source=source, faults=listed) from None
+    raise InputError(
+        message, key=first.key, source=source, faults=listed, more=len(faults) - len(listed)
+    ) from None
 
 
 def _fault(item: dict[str, Any], model: type[BaseModel]) -> Fault:

@@ -10,6 +10,8 @@ from typing import Any
 
 import pytest
 
+from syncplan.errors import InputError
+from syncplan.scenario.loading import load_scenario
 from tests.tools.processes import PATIENCE_S, wait_until, worked
 from tests.tools.scenarios import BAD_FILES, FILES, document
 
@@ -143,12 +145,44 @@ def test_validation_of_an_unobservable_plan_says_so_in_plain_words(run: Any) -> 
 
 @pytest.mark.parametrize("path", sorted(BAD_FILES.iterdir()), ids=lambda path: path.stem)
 @pytest.mark.parametrize("command", ["plan", "validate"])
-def test_bad_files_exit_with_2_and_one_line(command: str, path: Path, run: Any) -> None:
+def test_bad_files_exit_with_2_and_a_line_for_each_fault(
+    command: str, path: Path, run: Any
+) -> None:
     status, out, err = run(command, str(path))
     assert (status, out) == (2, "")
-    assert err.count("\n") == 1
-    assert str(path) in err
+    with pytest.raises(InputError) as caught:
+        load_scenario(path)
+    lines = err.splitlines()
+    assert len(lines) == len(caught.value.faults)
+    for line, one in zip(lines, caught.value.faults, strict=True):
+        assert line.startswith(f"syncplan: {path}: {one.key}")
+        assert one.problem in line
+        assert "more" not in line
     assert "Traceback" not in err
+
+
+@pytest.mark.parametrize(("wrong", "counted"), [(1, None), (10, None), (11, 1), (16, 6), (30, 20)])
+def test_of_many_faults_ten_are_listed_and_the_rest_is_counted(
+    wrong: int, counted: int | None, run: Any, tmp_path: Path
+) -> None:
+    path = tmp_path / "s.json"
+    path.write_text(json.dumps(document(landmarks_m=[["x", k] for k in range(wrong)])))
+    status, _, err = run("plan", str(path))
+    assert status == 2
+    lines = [line.removeprefix(f"syncplan: {path}: ") for line in err.splitlines()]
+    assert lines[:10] == [
+        f"landmarks_m[{k}][0]: 'x': must be a valid number" for k in range(min(wrong, 10))
+    ]
+    assert lines[10:] == ([] if counted is None else [f"and {counted} more"])
+
+
+def test_of_faults_of_options_each_is_named_by_its_option(run: Any) -> None:
+    status, _, err = run("refine", GRID, "--starts", "0", "--time-limit-s", "-1")
+    assert status == 2
+    assert sorted(line.split(": ")[1] for line in err.splitlines()) == [
+        "--starts",
+        "--time-limit-s",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -315,13 +349,38 @@ def test_help_loads_no_heavy_package() -> None:
     assert done.returncode == 0, done.stderr
 
 
-def test_a_reader_that_leaves_early_is_no_fault() -> None:
-    command = f"{sys.executable} -m syncplan plan {GRID} | head -c 10"
-    done = subprocess.run(
-        ["bash", "-c", f"set -o pipefail; {command}"], capture_output=True, text=True, check=False
+def _piped(command: str, reader: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        ["bash", "-c", f"set -o pipefail; {sys.executable} -m syncplan {command} | {reader}"],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=PATIENCE_S,
     )
-    assert "Traceback" not in done.stderr
-    assert done.stdout.startswith("{")
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        f"plan {GRID}",
+        f"plan {GRID} --format table",
+        f"plan {GRID} --require-go",
+        f"plot {GRID} --figure spectrum 2> /dev/null",
+        "--help",
+        "schema",
+    ],
+)
+@pytest.mark.parametrize("reader", ["head -1", "true"])
+def test_a_reader_that_leaves_early_is_no_fault(command: str, reader: str) -> None:
+    done = _piped(command, reader)
+    assert done.returncode == 0
+    assert done.stderr == ""
+
+
+def test_a_reader_that_leaves_early_changes_no_verdict() -> None:
+    assert _piped(f"plan {BRIDGE} --require-go", "true").returncode == 3
+    assert _piped(f"plan {BRIDGE} --require-go --format table", "true").returncode == 3
+    assert _piped(f"plan {BAD_FILES / 'nan-rate.yaml'} 2>&1", "true").returncode == 2
 
 
 def test_a_link_is_followed_and_permissions_are_kept(run: Any, tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """The verdict at the command line: what it says first, and whether it counts."""
 
+import html
 import json
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,30 @@ def test_the_first_line_is_the_verdict(run: Any, command: tuple[str, ...]) -> No
     assert status == 3
     assert "NO-GO: 2 reasons: unobservable (--require-go)" in err
     assert run(name, GRID, *options, "--require-go")[0] == 0
+
+
+def test_plot_says_the_verdict_first_and_its_page_shows_it(run: Any, tmp_path: Path) -> None:
+    plan, page, report = (tmp_path / name for name in ("plan.json", "page.html", "report.json"))
+    assert run("plan", ALTERNATE, "-o", str(plan))[0] == 0
+    status, _, err = run("plot", str(plan), "--figure", "spectrum", "-o", str(page))
+    assert status == 0
+    assert err.splitlines()[0] == "syncplan: NO-GO: 2 reasons: unobservable"
+    head = page.read_text().partition("<nav")[0]
+    assert "<strong>NO-GO: 2 reasons</strong>" in head
+    for one in json.loads(plan.read_text())["verdict"]["findings"]:
+        assert html.escape(one["message"]) in head
+    assert run("validate", str(plan), "--trials", "2", "-o", str(report))[0] == 0
+    assert run("plot", str(report))[2].splitlines()[0] == err.splitlines()[0]
+    _, out, err = run("plot", GRID, "--figure", "spectrum")
+    assert err == "syncplan: GO\n"
+    assert "<strong>GO</strong>" in out
+    assert '<ul class="findings">' not in out
+    _, out, err = run("plot", str(plan), "--compare", GRID, "--figure", "comparison")
+    assert err.splitlines() == [
+        "syncplan: before: NO-GO: 2 reasons: unobservable",
+        "syncplan: after: GO",
+    ]
+    assert "<strong>after: GO</strong>" in out
 
 
 def test_what_is_observable_and_collides_is_no_go(run: Any, tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """The verdict: what stops a flight is found, by its code, and nothing else is."""
 
+import pickle
 from dataclasses import replace
 from typing import Any
 
@@ -224,3 +225,24 @@ def test_links_that_are_lost_or_nearly_lost_are_warned_of() -> None:
     (lost,) = found(parted, "link-lost")
     assert lost.level == "warning"
     assert lost.subjects == ("v1", "v2")
+
+
+def test_a_verdict_is_found_once_and_afresh_for_a_changed_plan(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    judged = made(landmarks_m=[[20.5, 0.0], [0.0, 90.0]])
+    told: list[str] = []
+    for code, check in list(CHECKS.items()):
+
+        def counted(one: Any, code: str = code, check: Any = check) -> Any:
+            told.append(code)
+            return check(one)
+
+        monkeypatch.setitem(CHECKS, code, counted)
+    assert judged.verdict is judged.verdict
+    assert told == list(CHECKS)
+    cleared = replace(
+        judged, scenario=judged.scenario.model_copy(update={"landmark_clearance_m": 0.0})
+    )
+    assert len(cleared.verdict.stops) == len(judged.verdict.stops) - 1
+    assert pickle.loads(pickle.dumps(judged)).verdict == judged.verdict
