@@ -3,6 +3,7 @@
 import { byId, element, notice, save, shown } from "./elements.js";
 import { ask } from "./service.js";
 import { FORMATS, MISSIONS, PILOTS } from "./tables.js";
+import { firstOpen, LEVELS } from "./verdict.js";
 
 /** The panel of downloads. `storePlan()` resolves with the identifier of the plan on show. */
 export function offerDownloads(store, storePlan) {
@@ -18,12 +19,14 @@ export function offerDownloads(store, storePlan) {
     element("button", { type: "button", onclick: () => run(saveExport) }, "Export"),
   ];
   const force = element("input", { type: "checkbox", id: "force" });
-  const forced = element("label", { for: "force", class: "check" }, force, " Export although the verdict is NO-GO");
+  const forced = element("label", { for: "force", class: "check" }, force, element("span", {}, " Export although the verdict is ", element("span", { class: "together" }, "NO-GO")));
+  const travels = element("div", { class: "travels", id: "export-findings" });
   const report = element("button", { type: "button", onclick: () => run(saveReport) }, "Report");
   byId("downloads").append(
     element("div", { class: "row" }, buttons[0], buttons[1], report),
     element("div", { class: "field wide" }, element("label", { for: "format" }, "Format"), format),
     pilots,
+    travels,
     forced,
     buttons[2],
     element("p", { class: "hint" }, "Missions, GeoJSON and KML need the origin's place: in the scenario, under “Place and time”."),
@@ -37,9 +40,14 @@ export function offerDownloads(store, storePlan) {
     notes.replaceChildren();
   };
   for (const name of ["opened", "scenario", "report"]) store.addEventListener(name, enable);
-  const offerForce = () => (forced.hidden = store.plan === null || store.plan.verdict.go);
-  store.addEventListener("plan", offerForce);
-  offerForce();
+  const foretell = (known) => {
+    forced.hidden = !known || store.plan.verdict.go;
+    travels.replaceChildren(...(known ? travelling(store.plan.verdict.findings) : []));
+  };
+  store.addEventListener("plan", () => foretell(true));
+  // what is at fault can't be exported, and nothing is known of it
+  store.addEventListener("faults", () => foretell(false));
+  foretell(false);
   enable();
 
   async function run(task) {
@@ -64,8 +72,7 @@ export function offerDownloads(store, storePlan) {
     const file = await answer.blob();
     save(file, `${nameOf(store)}-${format.value}.zip`, "application/zip");
     const texts = JSON.parse(answer.headers.get("Syncplan-Notes") || "[]");
-    const found = store.plan.verdict.findings.filter((one) => one.level !== "note").map((one) => one.message);
-    notes.replaceChildren(...[...found, ...texts].map((note) => element("p", { class: "remark" }, note)));
+    notes.replaceChildren(...texts.map((note) => element("p", { class: "remark" }, note)));
     notice(`Exported, ${shown(file.size / 1024)} KiB. The file that ends in .sync.json says how vehicles join their circles.`);
   }
 
@@ -74,6 +81,14 @@ export function offerDownloads(store, storePlan) {
     const answer = await ask("GET", `v1/jobs/${store.report}/result`);
     save(await answer.blob(), `${nameOf(store)}.report.json`, "application/json");
   }
+}
+
+/** What speaks against flying a plan, as the sidecar of its export will say. */
+function travelling(findings) {
+  const grave = findings.filter((one) => one.level !== "note");
+  if (!grave.length) return [element("p", { class: "hint" }, "No stop and no warning goes with the files.")];
+  const said = grave.map(({ level, message }) => element("p", { class: `remark ${level}` }, element("strong", {}, LEVELS[level]), message));
+  return [element("p", { class: "hint" }, "These findings go with the files, in their .sync.json:"), ...firstOpen(said, "finding")];
 }
 
 function choice(id, texts) {

@@ -33,11 +33,17 @@ export function shown(value, unit = "") {
   return unit ? `${text} ${unit}` : text;
 }
 
-/** Show a message in the line for messages; an empty text clears it. */
+/** Show a message over the page, wherever it is scrolled to; an empty text clears it. */
 export function notice(text, { fault = false } = {}) {
   const line = byId("notice");
   line.textContent = text;
   line.classList.toggle("bad", fault);
+  byId("dismiss").hidden = text === "";
+}
+
+/** Whether the message on show says what is wrong. */
+export function noticeIsFault() {
+  return byId("notice").classList.contains("bad");
 }
 
 /** Show what is wrong with an input next to it, in the element of its id and "-fault". */

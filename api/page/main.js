@@ -1,15 +1,16 @@
 // The page: what there is on it, and how its parts hear of one another.
 
 import { Charts } from "./charts.js";
+import { offerWaysOn } from "./dead_link.js";
 import { offerDownloads } from "./downloads.js";
 import { Editor } from "./editor.js";
-import { byId, notice } from "./elements.js";
+import { byId, notice, noticeIsFault } from "./elements.js";
 import { askForKeys } from "./keys.js";
 import { FormationMap } from "./map.js";
 import { Opening } from "./opening.js";
 import { Planner } from "./planner.js";
 import { Player } from "./player.js";
-import { postOnce } from "./service.js";
+import { NoPlan, postOnce } from "./service.js";
 import { keepOverReloads } from "./session.js";
 import { offerLink } from "./sharing.js";
 import { listenForKeys } from "./shortcuts.js";
@@ -31,6 +32,11 @@ showVerdicts(store);
 listenForKeys(store);
 const opening = new Opening(store, charts, address);
 const work = new Work(store, storePlan, { began, ended });
+const showDeadLink = offerWaysOn(store, {
+  edit: () => attempt(async () => (await opening.edit()) || opening.example(FIRST_EXAMPLE)),
+  example: () => attempt(() => opening.example(FIRST_EXAMPLE)),
+  fresh: () => attempt(() => opening.fresh()),
+});
 offerDownloads(store, storePlan);
 offerLink(store, storePlan, attempt);
 keepOverReloads(store);
@@ -130,6 +136,7 @@ byId("upload").addEventListener("change", async (event) => {
   event.target.value = "";
   if (file) attempt(() => opening.file(file));
 });
+byId("dismiss").addEventListener("click", () => notice(""));
 byId("undo").addEventListener("click", () => store.undo());
 byId("redo").addEventListener("click", () => store.redo());
 askForKeys(() => {
@@ -151,12 +158,13 @@ for (const name of ["opened", "scenario", "plan"]) {
 }
 store.addEventListener("scenario", (event) => {
   if (event.detail.lost) notice(`Edited: phases are computed anew. ${wayBack(store.lost)}`);
-  if (event.detail.restored) notice("");
+  // what was confirmed of the plan before is read by now
+  else if (event.detail.restored || !noticeIsFault()) notice("");
 });
 store.addEventListener("plan", (event) => event.detail.again && opening.compare(store.plan));
 addEventListener("popstate", () => attempt(goTo));
 store.addEventListener("faults", (event) => notice(event.detail.message, { fault: true }));
-store.addEventListener("plan", () => byId("notice").classList.contains("bad") && notice(""));
+store.addEventListener("plan", () => noticeIsFault() && notice(""));
 
 /** Do something that may fail, and say so. */
 async function attempt(task) {
@@ -185,10 +193,28 @@ function busy(flag) {
 
 async function start() {
   const asked = new URLSearchParams(location.search);
-  if (asked.get("plan")) await opening.plan(asked.get("plan"));
-  else if (!(await opening.edit())) await opening.example(FIRST_EXAMPLE);
+  if (asked.get("plan")) {
+    if (!(await openLinked(asked.get("plan")))) return;
+  } else if (!(await opening.edit())) await opening.example(FIRST_EXAMPLE);
   performance.mark("ready");
   if (asked.get("job")) resume(asked.get("job"));
+}
+
+/** Open the plan that the address names; resolves with whether there is one. */
+async function openLinked(planId) {
+  try {
+    await opening.plan(planId);
+    return true;
+  } catch (error) {
+    if (!(error instanceof NoPlan)) throw error;
+    if (!store.scenario) {
+      showDeadLink();
+      return false;
+    }
+    // beside a plan on show, a message will do
+    address();
+    throw error;
+  }
 }
 
 /** Go on with a job, or show what it came to. */
@@ -214,7 +240,7 @@ async function goTo() {
     store.undo();
     return;
   }
-  await opening.plan(planId);
+  await openLinked(planId);
   if (asked.get("job") && !followed) resume(asked.get("job"));
 }
 

@@ -6,6 +6,15 @@ import { ask, noSuchPlan, passing } from "./service.js";
 import { forget, kept } from "./session.js";
 import { Store } from "./store.js";
 
+/** What an empty planner begins with: two vehicles that see each other and two landmarks. */
+const FIRST_TEAM = {
+  name: "new",
+  orbit: { radius_m: 20, angular_rate_rad_s: 0.2, direction: "ccw" },
+  formation: { centers_m: [[0, 0], [70, 0]] },
+  landmarks_m: [[35, 40], [35, -40]],
+  sensor: { range_m: 50 },
+};
+
 /** Puts into a store what is chosen; an answer that comes after another choice is dropped.
  *
  * `address()` says in the address what is on show.
@@ -26,6 +35,11 @@ export class Opening {
     const choice = ++this.#choices;
     const answer = await ask("GET", `assets/examples/${name}.yaml`, { accept: "application/yaml" });
     await this.#text(await answer.text(), name, choice);
+  }
+
+  /** Begin with next to nothing. */
+  async fresh() {
+    await this.#text(JSON.stringify(FIRST_TEAM), FIRST_TEAM.name, ++this.#choices);
   }
 
   async file(file) {

@@ -1,5 +1,6 @@
 // Plans of the scenario being edited: one request at a time, always of the latest edit.
 
+import { orbitsOf } from "./scenario.js";
 import { askJson, passing, pause, Refusal } from "./service.js";
 import { PLAN_FIGURES } from "./tables.js";
 
@@ -37,7 +38,7 @@ export class Planner {
     const at = `v1/plans/${encodeURIComponent(planId)}`;
     const asked = ASKED.map((name) => askJson("GET", `${at}/figures/${name}?theme=${theme()}`));
     const [plan, ...found] = await Promise.all([askJson("GET", at), ...asked]);
-    return { plan: judgedPlan(plan), figures: Object.fromEntries(ASKED.map((name, k) => [name, found[k]])) };
+    return { plan: await judgedPlan(plan), figures: Object.fromEntries(ASKED.map((name, k) => [name, found[k]])) };
   }
 
   /** Resolves with the plan and figures of any scenario or plan document, stored nowhere. */
@@ -103,12 +104,12 @@ export class Planner {
   }
 }
 
-/** A stored plan with a verdict: one from before there were verdicts is taken by its rank and distances. */
-function judgedPlan(plan) {
+/** A stored plan with its verdict: one from before there were verdicts is judged now, its orbits kept. */
+async function judgedPlan(plan) {
   if (plan.verdict) return plan;
-  const go = plan.observability.observable && plan.separation.violations.length === 0;
-  const findings = plan.notes.map((message) => ({ code: "note", level: "note", message, subjects: [], cure: null }));
-  return { ...plan, verdict: { go, findings } };
+  const { scenario } = plan;
+  const { plan: judged } = await Planner.preview({ scenario, vehicles: orbitsOf(plan) }, { figures: [] });
+  return { ...plan, verdict: judged.verdict };
 }
 
 /** The faults of a refusal by their paths in the scenario, also where a plan document was sent. */

@@ -14,6 +14,9 @@ export class Refusal extends Error {
   }
 }
 
+/** There is no plan by an identifier, as far as the service tells. */
+export class NoPlan extends Refusal {}
+
 /** No answer: the service is away, or the connection is. */
 export class Unreachable extends Error {}
 
@@ -63,7 +66,7 @@ export function postOnce(path, value) {
 export function noSuchPlan(error) {
   const malformed = error instanceof Refusal && error.faults.some((one) => one.path === "path.plan_id");
   if (error.status !== 404 && !malformed) throw error;
-  throw new Refusal(error.status, { detail: "There is no such plan, or it belongs to another key." });
+  throw new NoPlan(error.status, { detail: "There is no such plan, or it belongs to another key." });
 }
 
 /** Return the answer to a request, repeated while the service is away; a notice says so at once. */

@@ -3,11 +3,11 @@
 import { byId, element, shown } from "./elements.js";
 import { withValue } from "./scenario.js";
 
-/** Reasons for a NO-GO that stand open; the others are folded. */
+/** Findings that stand open where there are many; the others are folded. */
 const MOST_OPEN = 3;
 
 /** What each level of a finding begins with. */
-const LEVELS = { stop: "Stop: ", warning: "Warning: ", note: "Note: " };
+export const LEVELS = { stop: "Stop: ", warning: "Warning: ", note: "Note: " };
 
 /** What the verdict on show is not of, by why: what the badge begins with, and a remark. */
 const DOUBTS = {
@@ -91,8 +91,9 @@ function halfTyped() {
 function verdictOf(store, quick) {
   const { plan, given, lost } = store;
   const { findings } = plan.verdict;
+  const stops = findings.filter((one) => one.level === "stop");
   return [
-    ...reasonsOf(store, findings.filter((one) => one.level === "stop")),
+    ...firstOpen(stops.map((one) => findingOf(store, one)), "reason"),
     table(plan, plan.predicted_rms_m, phases(plan, given, lost)),
     ...findings.filter((one) => one.level !== "stop").map((one) => findingOf(store, one)),
     element("p", { class: "hint" }, quick ? "Quick preview while you edit …" : ""),
@@ -149,12 +150,12 @@ function separation({ separation: least }) {
   return least.between ? `${shown(least.min_m, "m")}, ${least.between.join("–")}` : "—";
 }
 
-function reasonsOf(store, stops) {
-  const reasons = stops.map((one) => findingOf(store, one));
-  const folded = reasons.slice(MOST_OPEN);
-  if (!folded.length) return reasons;
-  const summary = element("summary", {}, folded.length > 1 ? `${folded.length} more reasons` : "1 more reason");
-  return [...reasons.slice(0, MOST_OPEN), element("details", {}, summary, ...folded)];
+/** The first of many elements, and the others under "n more": `noun` names one of them. */
+export function firstOpen(all, noun) {
+  const folded = all.slice(MOST_OPEN);
+  if (!folded.length) return all;
+  const summary = element("summary", {}, `${folded.length} more ${noun}${folded.length > 1 ? "s" : ""}`);
+  return [...all.slice(0, MOST_OPEN), element("details", {}, summary, ...folded)];
 }
 
 /** One finding: its sentence, its cure, and a button where the cure is a change of the scenario. */

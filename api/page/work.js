@@ -166,11 +166,13 @@ function elsewhere(job) {
 
 function refined(plan) {
   const { improved, reason, before, after } = plan.refinement;
+  // what is not to be flown is no success, however small its error
+  const go = plan.verdict?.go === true;
   const rms = (one) => shown(one.predicted_rms_m, "m");
   return [
     element(
       "p",
-      { class: `badge ${improved ? "good" : ""}` },
+      { class: `badge ${improved && go ? "good" : ""}` },
       improved ? `Predicted error ${rms(before)} → ${rms(after)}` : "No better plan was found",
     ),
     element("p", {}, improved ? `Rank ${before.rank} → ${after.rank}.` : reason),

@@ -112,7 +112,7 @@ def test_a_key_can_be_changed_and_others_plans_are_not_told_from_none(
             owned = http.get("/v1/plans").json()["items"]
         for plan in (owned[0]["id"], "nonsense"):
             page.goto(f"{guarded.url}/?plan={plan}")
-            expect(page.locator("#notice")).to_have_text(
+            expect(page.locator("#dead-link")).to_contain_text(
                 "There is no such plan, or it belongs to another key."
             )
 

@@ -193,6 +193,7 @@ def test_a_plan_that_is_no_go_is_exported_only_when_forced(visit: Visit) -> None
     page.get_by_label("Format", exact=True).select_option("csv")
     page.get_by_role("button", name="Export").click()
     expect(page.locator("#download-fault")).to_contain_text("NO-GO: 2 reasons; unobservable")
+    told = page.locator("#export-findings .remark").all_inner_texts()
     force.check()
     with page.expect_download() as waiting:
         page.get_by_role("button", name="Export").click()
@@ -200,9 +201,13 @@ def test_a_plan_that_is_no_go_is_exported_only_when_forced(visit: Visit) -> None
     sidecar = next(name for name in archive.namelist() if name.endswith(".sync.json"))
     findings = json.loads(archive.read(sidecar))["verdict"]["findings"]
     for one in findings:
-        expect(page.locator("#export-notes")).to_contain_text(one["message"])
         expect(page.locator("#verdict")).to_contain_text(one["message"])
+    # what goes with the files was on show before they were asked for, word for word
+    assert told == [f"Stop: {one['message']}" for one in findings]
     assert accessibility_faults(page) == []
     visit.choose(SAME)
     visit.verdict("✓ GO")
+    expect(page.locator("#export-findings")).to_have_text(
+        "No stop and no warning goes with the files."
+    )
     expect(force).to_be_hidden()

@@ -23,6 +23,9 @@ ORIGIN = {"lat_deg": 47.4, "lon_deg": 8.5, "alt_m": 410.0}
 SEEN = {"geo_origin": ORIGIN, "landmarks_m": [[0.0, 60.0], [70.0, 60.0]]}
 """What makes a go of the small team, and lets it be exported in every format."""
 
+NEAR = {"landmarks_m": [[0.0, 60.0], [70.0, 60.0], [-21.0, 0.0]]}
+"""What makes a no-go of it: v1 passes L3 at a metre."""
+
 
 def stored(http: httpx2.Client, **changes: Any) -> str:
     """Return where a new plan is."""
@@ -103,6 +106,19 @@ def test_figures_of_reports(ann: httpx2.Client) -> None:
     problem(ann.get(f"{swept}/figures/accuracy"), 404)
     refined = job(ann, f"{at}/refinements", starts=1, objective="logdet", time_limit_s=5)
     problem(ann.get(f"{refined}/figures/accuracy"), 409)
+
+
+@pytest.mark.parametrize(("changes", "go"), [(SEEN, True), (NEAR, False)])
+def test_the_report_of_a_validation_has_the_verdict_of_its_plan(
+    ann: httpx2.Client, changes: dict[str, Any], go: bool
+) -> None:
+    at = stored(ann, **changes)
+    ended = job(ann, f"{at}/validations", trials=2, duration_s=30)
+    report = ann.get(f"{ended}/result").json()
+    assert report["verdict"] == ann.get(at).json()["verdict"]
+    assert report["verdict"]["go"] is go
+    stops = [one for one in report["verdict"]["findings"] if one["level"] == "stop"]
+    assert [one["code"] for one in stops] == ([] if go else ["landmark-too-close"])
 
 
 def test_the_figures_that_can_be_asked_for_are_those_there_are() -> None:

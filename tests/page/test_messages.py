@@ -1,0 +1,174 @@
+"""What the page says, where it is seen, and what a link that leads nowhere offers."""
+
+import json
+from collections.abc import Callable
+
+import httpx2
+import pytest
+from playwright.sync_api import Page, Route, expect
+
+from tests.page.gestures import drag, plan_id_of
+from tests.tools.browsing import DESKTOP, PHONE, Tabs, Visit, accessibility_faults, visiting
+from tests.tools.scenarios import document
+from tests.tools.serving import Server
+
+GONE = "00000000-0000-4000-8000-000000000000"
+NO_PLAN = "There is no such plan, or it belongs to another key."
+
+
+@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
+def test_a_confirmation_is_seen_wherever_one_has_scrolled(
+    tabs: Tabs, server: Server, size: tuple[int, int]
+) -> None:
+    with visiting(tabs, server.url, size=size) as visit:
+        page = visit.page
+        visit.verdict("GO")
+        page.get_by_label("Format", exact=True).select_option("csv")
+        with page.expect_download():
+            page.get_by_role("button", name="Export").click()
+        told = page.locator("#notice")
+        expect(told).to_contain_text("Exported")
+        for place in (0, 10_000):
+            page.evaluate("y => window.scrollTo(0, y)", place)
+            expect(told).to_be_in_viewport(ratio=1.0)
+        expect(told).to_have_attribute("aria-live", "polite")
+        assert accessibility_faults(page) == []
+        # the last thing on the page is not covered
+        footer = page.get_by_role("link", name="OpenAPI document").bounding_box()
+        toast = page.locator(".toast").bounding_box()
+        assert footer is not None
+        assert toast is not None
+        assert footer["y"] + footer["height"] <= toast["y"]
+        dismiss = page.get_by_role("button", name="Dismiss the message")
+        dismiss.press("Enter")
+        expect(told).to_be_empty()
+        expect(dismiss).to_be_hidden()
+
+
+def test_a_confirmation_goes_with_the_next_edit_and_a_fault_stays_until_it_is_mended(
+    visit: Visit,
+) -> None:
+    page = visit.page
+    visit.expect_complaints("422")
+    page.get_by_role("button", name="Copy link").click()
+    told = page.locator("#notice")
+    expect(told).to_contain_text("Link copied")
+    page.get_by_label("Duration").fill("210")
+    expect(told).to_be_empty()
+    page.get_by_label("Duration").fill("-1")
+    expect(page.locator("#notice.bad")).to_contain_text("duration_s")
+    visit.settle()
+    page.get_by_label("Name").fill("still at fault")
+    visit.settle()
+    expect(page.locator("#notice.bad")).to_contain_text("duration_s")
+    page.get_by_label("Duration").fill("220")
+    expect(told).to_be_empty()
+
+
+@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+def test_a_link_to_no_plan_says_so_and_leads_on(
+    tabs: Tabs, server: Server, size: tuple[int, int], dark: bool
+) -> None:
+    with visiting(tabs, f"{server.url}/?plan={GONE}", size=size, dark=dark) as visit:
+        page = visit.page
+        visit.expect_complaints("404")
+        card = page.get_by_role("main", name="This link leads to no plan")
+        expect(card).to_contain_text(NO_PLAN)
+        expect(page.locator("#workspace")).to_be_hidden()
+        expect(page.get_by_role("heading", name="This link leads to no plan")).to_be_focused()
+        # nothing was being edited
+        expect(card.get_by_role("button")).to_have_text(
+            ["Open the example grid", "Begin with two vehicles"]
+        )
+        assert accessibility_faults(page) == []
+        card.get_by_role("button", name="Begin with two vehicles").press("Enter")
+        visit.verdict("✓ GO · Observable: rank 6 of 6")
+        expect(card).to_be_hidden()
+        assert "plan=" not in page.url
+
+
+def _open_example(page: Page) -> None:
+    page.get_by_role("button", name="Open the example grid").click()
+
+
+def _choose_example(page: Page) -> None:
+    page.get_by_label("Start from an example").select_option("paper-grid-same")
+
+
+@pytest.mark.parametrize("way", [_open_example, _choose_example])
+def test_a_link_to_no_plan_leads_to_an_example(
+    tabs: Tabs, server: Server, way: Callable[[Page], None]
+) -> None:
+    with visiting(tabs, f"{server.url}/?plan={GONE}") as visit:
+        visit.expect_complaints("404")
+        way(visit.page)
+        visit.verdict("Observable: rank 18 of 18")
+        expect(visit.page.locator("#dead-link")).to_be_hidden()
+
+
+def test_a_link_to_no_plan_leads_back_to_what_was_being_edited(
+    visit: Visit, server: Server
+) -> None:
+    page = visit.page
+    visit.expect_complaints("404")
+    page.get_by_label("Name").fill("mine")
+    visit.settle()
+    page.goto(f"{server.url}/?plan={GONE}")
+    page.get_by_role("button", name="Continue what was being edited").click()
+    expect(page.locator("#map-name")).to_have_text("mine")
+    visit.verdict("Observable: rank 18 of 18")
+
+
+def test_back_to_a_plan_that_was_deleted_keeps_the_one_on_show(
+    visit: Visit, server: Server
+) -> None:
+    page = visit.page
+    visit.expect_complaints("404")
+    page.get_by_role("button", name="Copy link").click()
+    expect(page.locator("#notice")).to_contain_text("Link copied")
+    kept = plan_id_of(page)
+    page.evaluate(f"history.pushState(null, '', '?plan={GONE}')")
+    page.evaluate(f"history.pushState(null, '', '?plan={kept}')")
+    page.go_back()
+    expect(page.locator("#notice.bad")).to_have_text(NO_PLAN)
+    visit.verdict("Observable: rank 18 of 18")
+    assert plan_id_of(page) == kept
+
+
+def test_the_badge_of_a_plan_from_before_there_were_verdicts_is_the_verdicts(
+    tabs: Tabs, server: Server
+) -> None:
+    def without_verdict(route: Route) -> None:
+        answer = route.fetch()
+        plan = answer.json()
+        del plan["verdict"]
+        route.fulfill(response=answer, body=json.dumps(plan))
+
+    # rank and separation are as they should be, and v1 passes a landmark at a metre
+    scenario = document(landmarks_m=[[35.0, 40.0], [-21.0, 0.0]])
+    plan = httpx2.post(f"{server.url}/v1/plans", json=scenario).json()
+    assert plan["observability"]["observable"]
+    assert [one["code"] for one in plan["verdict"]["findings"]] == ["landmark-too-close"]
+    with visiting(tabs, server.url) as visit:
+        page = visit.page
+        page.route(f"**/v1/plans/{plan['id']}", without_verdict)
+        page.goto(f"{server.url}/?plan={plan['id']}")
+        visit.verdict("✗ NO-GO · Observable: rank 6 of 6")
+        expect(page.locator("#badge")).to_have_class("badge bad")
+        expect(page.locator("#verdict")).to_contain_text("v1 passes L2 at 1 m")
+
+
+def test_while_a_scenario_is_at_fault_no_findings_are_said_to_go_with_its_files(
+    visit: Visit,
+) -> None:
+    page = visit.page
+    visit.expect_complaints("422")
+    visit.choose("paper-grid-alternate")
+    found = page.locator("#export-findings")
+    expect(found.locator(".remark")).to_have_count(2)
+    drag(page, "v3", (30.0, 150.0))
+    visit.doubt("Before the fault: ✗ NO-GO")
+    expect(found).to_be_empty()
+    page.get_by_role("button", name="Undo").click()
+    expect(found.locator(".remark")).to_have_count(2)
