@@ -6,6 +6,8 @@ from importlib import import_module
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
+from syncplan.scenario.other_documents import OTHER_DOCUMENTS
+
 if TYPE_CHECKING:
     from pydantic import BaseModel
     from rich.console import Console
@@ -67,14 +69,14 @@ DOCUMENTS: Mapping[str, DocumentKind] = MappingProxyType(
         "validation": DocumentKind(
             _RUNS,
             "ValidationDocument",
-            known_by=frozenset({"anees"}),
+            known_by=OTHER_DOCUMENTS["validation"].keys,
             title="Validation",
             shown_by="terminal_tables.show_validation",
         ),
         "replay": DocumentKind(
             _RUNS,
             "ReplayDocument",
-            known_by=frozenset({"anees", "readings"}),
+            known_by=OTHER_DOCUMENTS["replay"].keys,
             title="Replay",
             shown_by="terminal_tables.show_replay",
         ),
@@ -83,7 +85,7 @@ DOCUMENTS: Mapping[str, DocumentKind] = MappingProxyType(
             _RUNS,
             "SweepReport",
             published=False,
-            known_by=frozenset({"swept"}),
+            known_by=OTHER_DOCUMENTS["sweep"].keys,
             title="Sweep",
             shown_by="terminal_tables.show_sweep",
         ),

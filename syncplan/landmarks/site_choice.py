@@ -143,6 +143,8 @@ def _judged(
         judged,
         synchronisation=before.synchronisation,
         alternating_proven=before.alternating_proven,
+        placement=before.placement,
+        centres_placed=before.centres_placed,
     )
 
 

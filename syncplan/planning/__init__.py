@@ -13,6 +13,8 @@ verdict_checks      the table of checks
 judged_plan         the plan: a judged team and the verdict
 judgement           orbits to plan
 planner             scenario to plan
+derived_keys        keys of plan files that follow from others
+written_records     how the orbits of a plan file were found
 plan_files          plans read back and judged afresh
 subjects            what a function takes as a plan
 validation          Monte Carlo of a plan beside its bound

@@ -66,7 +66,8 @@ class JudgedTeam(WithTeam):
     unobservable : a named mode for each dimension that the rank lacks
     prediction : errors that the bounds predict
     refinement : how the plan was refined, or why it could not be; None if that was not tried
-    placement : how the centres were found; None where they were given
+    placement : how the centres were found; None where they were given or the plan is a file's
+    centres_placed : whether the plan's file says that placement found the centres
     """
 
     scenario: Scenario
@@ -87,3 +88,4 @@ class JudgedTeam(WithTeam):
     prediction: Prediction
     refinement: RefinementRecord | None = None
     placement: Placement | None = None
+    centres_placed: bool = False

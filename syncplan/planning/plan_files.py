@@ -11,9 +11,11 @@ from pydantic_core import PydanticCustomError
 
 from syncplan.errors import InputError
 from syncplan.orbits.circles import Orbits
+from syncplan.planning.derived_keys import check_derived
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.judgement import BoundChoice, judge
 from syncplan.planning.planner import plan
+from syncplan.planning.written_records import WrittenRecord, with_record, written_record
 from syncplan.scenario.chunked_validation import Many
 from syncplan.scenario.faults import validation_fault
 from syncplan.scenario.loading import (
@@ -31,7 +33,7 @@ __all__ = ["Loaded", "PlanFile", "StatedOrbit", "load", "loaded_from", "plan_of"
 
 
 class StatedOrbit(BaseModel):
-    """What a plan must state of a vehicle; other keys are derived and not read."""
+    """What a plan must state of a vehicle; keys that follow from these may be left out."""
 
     model_config = ConfigDict(extra="ignore", strict=True, allow_inf_nan=False)
 
@@ -45,7 +47,11 @@ class StatedOrbit(BaseModel):
 
 
 class PlanFile(BaseModel):
-    """A plan given: its orbits are judged as they are; other keys are derived and not read."""
+    """A plan given: its orbits are judged as they are.
+
+    Keys that follow from others may be left out, but must not contradict them. What was found of
+    the plan is found again, and not read.
+    """
 
     model_config = ConfigDict(extra="ignore", strict=True)
 
@@ -57,10 +63,11 @@ class PlanFile(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class Loaded:
-    """A scenario file, or a plan file with the orbits it states."""
+    """A scenario file, or a plan file with the orbits it states and how it says they were found."""
 
     scenario: Scenario
     orbits: Orbits | None
+    record: WrittenRecord | None = None
 
 
 def load(path: str | Path, *, max_vehicles: int = MAX_VEHICLES) -> Loaded:
@@ -84,7 +91,9 @@ def loaded_from(
         validation_fault(error, PlanFile, source)
     except RecursionError:
         raise InputError("is nested too deeply", source=source) from None
-    return Loaded(given.scenario, _orbits(given, source))
+    orbits = _orbits(given, source)
+    check_derived(document, orbits, source)
+    return Loaded(given.scenario, orbits, written_record(document))
 
 
 def plan_of(
@@ -96,11 +105,13 @@ def plan_of(
 ) -> Plan:
     """Return the plan of a scenario, or of the orbits a plan file states, judged afresh.
 
-    The options are those of syncplan.plan; given phases have no bound on their margin.
+    The options are those of syncplan.plan; given phases have no bound on their margin. A plan file
+    keeps its record of how the orbits were found, unless they have been changed since.
     """
     if loaded.orbits is None:
         return plan(loaded.scenario, bound=bound, steady=steady, margin_bound=margin_bound)
-    return judge(loaded.scenario, loaded.orbits, bound=bound, steady=steady)
+    judged = judge(loaded.scenario, loaded.orbits, bound=bound, steady=steady)
+    return with_record(judged, loaded.record)
 
 
 def stated(scenario: Scenario, orbits: Orbits) -> dict[str, Any]:

@@ -40,7 +40,7 @@ class RefinementRecord:
 
     Attributes
     ----------
-    options : as used
+    options : as used; None for a plan read from a file
     objective : name of the figure that was improved
     improved : whether the plan is better than the input; if not, it is the input
     reason : why nothing better was found; empty if it was
@@ -50,7 +50,7 @@ class RefinementRecord:
     starts : in order
     """
 
-    options: RefineOptions
+    options: RefineOptions | None
     objective: str
     improved: bool
     reason: str

@@ -5,18 +5,26 @@ from collections.abc import Iterator
 from syncplan.planning.findings import Finding
 from syncplan.planning.judged_team import JudgedTeam
 
-__all__ = ["bound_missing", "centres_placed", "not_refined", "search_cut_short"]
+__all__ = [
+    "CENTRES_PLACED",
+    "PLACED",
+    "bound_missing",
+    "centres_placed",
+    "not_refined",
+    "search_cut_short",
+]
+
+CENTRES_PLACED = "centres-placed"
+"""The code of the finding that the centres are none of the user's."""
+
+PLACED = "the centres were found by placement; formation.centers_m of the plan's scenario has them"
+"""Its message."""
 
 
 def centres_placed(judged: JudgedTeam) -> Iterator[Finding]:
     """Yield the finding that the centres are none of the user's."""
-    if judged.placement is not None:
-        yield Finding(
-            "centres-placed",
-            "note",
-            "the centres were found by placement; formation.centers_m of the plan's scenario has "
-            "them",
-        )
+    if judged.centres_placed or judged.placement is not None:
+        yield Finding(CENTRES_PLACED, "note", PLACED)
 
 
 def not_refined(judged: JudgedTeam) -> Iterator[Finding]:

@@ -226,7 +226,9 @@ def _best(case: _Case, attempts: list["Attempt"], cut_short: bool, bound: BoundC
     orbits = orbits_of(best.circles, given.orbits)
     steady = given.prediction.steady is not None
     judged = judge(_moved(given, case.options, orbits), orbits, bound=bound, steady=steady)
-    return replace(judged, refinement=record, placement=given.placement)
+    return replace(
+        judged, refinement=record, placement=given.placement, centres_placed=given.centres_placed
+    )
 
 
 def _record(attempt: "Attempt", objective: Objective) -> StartRecord:

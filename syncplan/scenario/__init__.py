@@ -11,5 +11,6 @@ rules                conditions between keys that JSON Schema cannot state
 models               the sections of a scenario
 formations           shapes by name, their centres and neighbours
 specification        the scenario as a whole
+other_documents      what is neither scenario nor plan, by its name
 loading              YAML and JSON to scenarios
 """

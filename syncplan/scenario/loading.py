@@ -15,6 +15,7 @@ from pydantic import ValidationError
 from syncplan.errors import InputError
 from syncplan.scenario.faults import described, validation_fault
 from syncplan.scenario.models import MAX_VEHICLES
+from syncplan.scenario.other_documents import refuse_other_documents
 from syncplan.scenario.specification import Scenario
 
 __all__ = [
@@ -197,6 +198,7 @@ def scenario_from(
     document: Mapping[str, Any], *, source: str = "", max_vehicles: int = MAX_VEHICLES
 ) -> Scenario:
     """Return the checked scenario of a mapping; `source` names it in messages."""
+    refuse_other_documents(document, source)
     try:
         return Scenario.model_validate(dict(document), context={"max_vehicles": max_vehicles})
     except ValidationError as error:

@@ -217,9 +217,9 @@ class Scenario(Result, Section):
         """
         formation = self.formation
         if formation.centers_m is None and formation.placed:
-            formation = Formation(
-                centers_m=self.centers, names=formation.names, links=formation.links
-            )
+            keys = {"centers_m": self.centers, "names": formation.names, "links": formation.links}
+            # a team beyond the usual limit was let in by whoever loaded it
+            formation = Formation.model_validate(keys, context={"max_vehicles": self.size})
         return self.following(formation=formation, window_s=self.window)
 
 

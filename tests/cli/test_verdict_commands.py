@@ -2,6 +2,7 @@
 
 import html
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -90,12 +91,49 @@ def test_a_plan_file_is_judged_again_with_its_own_orbits(run: Any, tmp_path: Pat
     file = tmp_path / "plan.json"
     assert run("plan", GRID, "-o", str(file))[0] == 0
     first = json.loads(file.read_text())
+    assert json.loads(run("plan", str(file))[1]) == first
     first["vehicles"][0]["phase_rad"] = 1.0
+    file.write_text(json.dumps(first))
+    status, out, err = run("plan", str(file))
+    assert (status, out, err.count("\n")) == (2, "", 2)
+    assert f"{file}: vehicles[0].position_m: [19.1067, 5.9104]: follows from center_m" in err
+    for key in ("position_m", "heading_rad"):
+        del first["vehicles"][0][key]
     file.write_text(json.dumps(first))
     status, out, _ = run("plan", str(file))
     again = json.loads(out)
     assert status == 0
     assert again["vehicles"][0]["phase_rad"] == 1.0
-    assert again["vehicles"][0]["position_m"] != first["vehicles"][0]["position_m"]
+    assert again["vehicles"][0]["position_m"] == pytest.approx(
+        [20.0 * math.cos(1.0), 20.0 * math.sin(1.0)]
+    )
     assert again["synchronisation"]["method"] == "given"
     assert again["links"][0]["phase_residual_rad"] != first["links"][0]["phase_residual_rad"]
+
+
+def test_notes_on_how_a_plan_was_found_survive_its_export(run: Any, tmp_path: Path) -> None:
+    scenario, plan, folder = tmp_path / "s.json", tmp_path / "plan.json", tmp_path / "files"
+    star = {"links": [["v1", f"v{k}"] for k in range(2, 5)]}
+    landmarks = [[60.0, 0.0], [0.0, 60.0]]
+    scenario.write_text(json.dumps(document(formation=star, landmarks_m=landmarks)))
+    assert run("plan", str(scenario), "-o", str(plan))[0] == 0
+    assert run("export", str(plan), "--format", "csv", "-o", str(folder), "--force")[0] == 0
+    (sidecar,) = folder.glob("*.sync.json")
+    first = json.loads(plan.read_text())["verdict"]
+    assert "centres-placed" in [one["code"] for one in first["findings"]]
+    assert json.loads(sidecar.read_text())["verdict"] == first
+
+
+def test_what_is_neither_plan_nor_scenario_is_called_by_its_name(run: Any, tmp_path: Path) -> None:
+    report, swept, folder = (tmp_path / name for name in ("report.json", "sweep.json", "files"))
+    short = ("--trials", "2", "--duration", "2")
+    assert run("validate", GRID, *short, "-o", str(report))[0] == 0
+    assert run("sweep", GRID, "--range", "50", *short, "-o", str(swept))[0] == 0
+    assert run("export", GRID, "--format", "csv", "-o", str(folder))[0] == 0
+    (sidecar,) = folder.glob("*.sync.json")
+    assert "is the sidecar of an export" in run("plan", str(sidecar))[2]
+    for given, called in ((report, "a validation report"), (swept, "a report of a sweep")):
+        for command in (("plan",), ("validate",), ("place",), ("plot", GRID, "--compare")):
+            status, _, err = run(*command, str(given))
+            assert status == 2
+            assert f"{given}: is {called} where a scenario or a plan is wanted; give the" in err

@@ -46,6 +46,8 @@ def given(**changes: Any) -> Tree:
     made = syncplan.plan(small(landmarks_m=LANDMARKS, **changes))
     values: Tree = json.loads(json.dumps(plan_document(made).as_json()))
     values["vehicles"][1]["phase_rad"] = 2.5
+    for key in ("position_m", "heading_rad"):
+        del values["vehicles"][1][key]
     return values
 
 
@@ -85,6 +87,28 @@ def test_a_plan_that_was_given_is_kept_and_drawn_and_exported_with_its_phases(
     assert ann.get(f"{at}/figures/timeline").status_code == 200
     assert ann.get(f"{at}/exports/csv?force=true").status_code == 200
     assert ann.post(f"{at}/refinements", json={"starts": 1}).status_code == 202
+
+
+def test_a_plan_that_contradicts_itself_is_refused_by_key(ann: httpx2.Client) -> None:
+    body = given()
+    body["vehicles"][1] |= {"speed_mps": 5.0, "heading_rad": 0.0}
+    told = problem(ann.post("/v1/plans", json=body), 422)
+    assert told.errors is not None
+    assert [(one.path, one.value) for one in told.errors] == [
+        ("vehicles[1].speed_mps", "5"),
+        ("vehicles[1].heading_rad", "0"),
+    ]
+    assert "which give 4; change those" in told.errors[0].message
+
+
+def test_a_plan_that_is_sent_back_as_it_was_keeps_its_record(ann: httpx2.Client) -> None:
+    first = judged(ann, "/v1/plans", document(landmarks_m=LANDMARKS))
+    assert judged(ann, "/v1/plans", first)["synchronisation"] == first["synchronisation"]
+
+
+def test_a_report_in_the_place_of_a_plan_is_called_by_its_name(ann: httpx2.Client) -> None:
+    told = problem(ann.post("/v1/plans", json={"anees": {}, "trials": 2}), 422)
+    assert told.detail.startswith("is a validation report where a scenario or a plan is wanted")
 
 
 def test_only_the_scenario_and_the_orbits_of_a_plan_are_read(ann: httpx2.Client) -> None:

@@ -1,0 +1,196 @@
+"""What a plan file says of how its orbits were found, kept while they are still those orbits."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from syncplan.orbits.circles import Orbits
+from syncplan.planning.figures_of_merit import FIGURES, Figures
+from syncplan.planning.judged_plan import Plan
+from syncplan.planning.refinement_record import RefinementRecord, StartRecord
+from syncplan.planning.search_checks import CENTRES_PLACED, PLACED
+from syncplan.scenario.chunked_validation import Many
+from syncplan.scenario.objectives import OBJECTIVES
+from syncplan.synchronisation.phases import Synchronisation
+
+__all__ = ["WrittenRecord", "with_record", "written_record"]
+
+SAME_ORBITS = 1e-4
+"""Of the mean radius: links that come this near to what the file says are those it was written
+for."""
+
+Words = Annotated[str, Field(max_length=2000)]
+
+
+class _Read(BaseModel):
+    model_config = ConfigDict(extra="ignore", frozen=True, strict=True, allow_inf_nan=False)
+
+
+class _WrittenLink(_Read):
+    a: str
+    b: str
+    min_distance_m: float
+
+
+class _WrittenLoss(_Read):
+    a: str
+    b: str
+    reason: Words
+
+
+class _WrittenPhases(_Read):
+    method: Words
+    smallest_margin_m: float | None
+    bound_m: float | None
+    bound_note: Words
+    odd_cycle: list[str]
+    alternating_proven_largest: bool | None
+
+
+class _WrittenStart(_Read):
+    start: int
+    status: Words
+    iterations: int
+    constraint_violation: float | None
+    dual_infeasibility: float | None
+    value: float | None
+    violations: list[Words]
+    unmet: list[Words]
+
+
+class _WrittenRefinement(_Read):
+    objective: str
+    improved: bool
+    reason: Words
+    cut_short: bool
+    before: dict[str, bool | float | None]
+    after: dict[str, bool | float | None]
+    active_constraints: list[Words]
+    starts: list[_WrittenStart]
+
+
+class _WrittenFinding(_Read):
+    code: str
+
+
+class _WrittenVerdict(_Read):
+    findings: Many[_WrittenFinding]
+
+
+class WrittenRecord(_Read):
+    """The parts of a plan file that say how its orbits were found."""
+
+    links: Many[_WrittenLink]
+    dropped_links: Many[_WrittenLoss]
+    synchronisation: _WrittenPhases
+    refinement: _WrittenRefinement | None = None
+    verdict: _WrittenVerdict | None = None
+    notes: Many[Words] = Field(default_factory=list)
+
+
+def written_record(document: Mapping[str, Any]) -> WrittenRecord | None:
+    """Return the record of a plan file, None where it has none that can be read."""
+    try:
+        return WrittenRecord.model_validate(dict(document))
+    except (ValidationError, RecursionError):
+        return None
+
+
+def with_record(judged: Plan, record: WrittenRecord | None) -> Plan:
+    """Return a plan that was judged afresh with the record of its file.
+
+    It is left out where the links come nearer, or stay further apart, than the file says: then
+    the orbits are no longer those that the record is about.
+    """
+    if record is None or not _same_links(judged, record):
+        return judged
+    names = judged.scenario.vehicle_names
+    reasons = {(one.a, one.b): one.reason for one in record.dropped_links}
+    codes = [] if record.verdict is None else [one.code for one in record.verdict.findings]
+    return replace(
+        judged,
+        synchronisation=_synchronisation(record, judged.orbits, names),
+        alternating_proven=record.synchronisation.alternating_proven_largest,
+        dropped_links=tuple(
+            replace(one, reason=reasons[names[one.a], names[one.b]]) for one in judged.dropped_links
+        ),
+        refinement=_refinement(record.refinement),
+        centres_placed=CENTRES_PLACED in codes or PLACED in record.notes,
+    )
+
+
+def _same_links(judged: Plan, record: WrittenRecord) -> bool:
+    names, orbits = judged.scenario.vehicle_names, judged.orbits
+    stated = {(one.a, one.b): one.min_distance_m for one in record.links}
+    found = {(names[one.a], names[one.b]): one.min_distance for one in judged.links}
+    lost = {(names[one.a], names[one.b]) for one in judged.dropped_links}
+    if stated.keys() != found.keys() or lost != {(one.a, one.b) for one in record.dropped_links}:
+        return False
+    allowed = SAME_ORBITS * float(orbits.radii.mean())
+    return all(abs(found[pair] - distance) <= allowed for pair, distance in stated.items())
+
+
+def _synchronisation(
+    record: WrittenRecord, orbits: Orbits, names: list[str]
+) -> Synchronisation | None:
+    """How the phases were found, None where they were given or refined."""
+    given, index = record.synchronisation, {name: k for k, name in enumerate(names)}
+    if given.method in ("given", "refined") or not set(given.odd_cycle) <= index.keys():
+        return None
+    return Synchronisation(
+        phases=orbits.phases,
+        method=given.method,
+        margin=given.smallest_margin_m,
+        bound=given.bound_m,
+        bound_note=given.bound_note,
+        dropped=(),
+        odd_cycle=tuple(index[name] for name in given.odd_cycle),
+    )
+
+
+def _refinement(given: _WrittenRefinement | None) -> RefinementRecord | None:
+    if given is None or given.objective not in OBJECTIVES:
+        return None
+    return RefinementRecord(
+        options=None,
+        objective=given.objective,
+        improved=given.improved,
+        reason=given.reason,
+        cut_short=given.cut_short,
+        before=_figures(given.before),
+        after=_figures(given.after),
+        active=tuple(given.active_constraints),
+        starts=tuple(
+            StartRecord(
+                start=one.start,
+                status=one.status,
+                iterations=one.iterations,
+                violation=_number(one.constraint_violation),
+                dual_residual=_number(one.dual_infeasibility),
+                value=one.value,
+                violations=tuple(one.violations),
+                unmet=tuple(one.unmet),
+            )
+            for one in given.starts
+        ),
+    )
+
+
+def _figures(values: Mapping[str, bool | float | None]) -> Figures:
+    """Figures of merit; those that were not finite, or are missing, are NaN."""
+    known = {one.name: _number(values.get(one.key)) for one in FIGURES}
+    objectives = {name: known.pop(name) for name in OBJECTIVES}
+    rank, certified = known.pop("rank"), known.pop("certified")
+    return Figures(
+        rank=0 if math.isnan(rank) else int(rank),
+        certified=certified == 1.0,
+        objectives=objectives,
+        **known,
+    )
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else float(value)
