@@ -31,6 +31,10 @@ __all__ = [
 ]
 
 
+PIPED_WIDTH = 160
+"""Columns of tables that go to a file or another program, unless COLUMNS says otherwise."""
+
+
 class Format(StrEnum):
     """What goes to standard output."""
 
@@ -65,7 +69,8 @@ def deliver(
         if shown is Format.table and show is not None:
             from rich.console import Console
 
-            show(Console(highlight=False))
+            piped = not (sys.stdout.isatty() or os.environ.get("COLUMNS"))
+            show(Console(highlight=False, width=PIPED_WIDTH if piped else None))
     return shown
 
 

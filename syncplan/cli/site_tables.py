@@ -1,12 +1,9 @@
 """A choice of landmark sites as tables for people at a terminal."""
 
-from typing import Any
-
-from rich import box
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
+from syncplan.cli.fitted_tables import FittedTable
 from syncplan.cli.terminal_tables import MOST_ROWS
 from syncplan.reports.site_schemas import SitesDocument
 
@@ -24,8 +21,11 @@ def show_sites(document: SitesDocument, console: Console) -> None:
         f"{_shown(document.before_m)}; no choice below {document.bound_m:.4g} m "
         f"(gap {100.0 * document.gap:.1f} %), {proof}"
     )
-    style: Any = {"box": box.SIMPLE_HEAD, "title_justify": "left", "pad_edge": False}
-    sites = Table("site", "position m", "share", "seen by", "chosen", title="candidates", **style)
+    sites = FittedTable(
+        "candidates",
+        ("site", "position m", "share", "seen by", "chosen"),
+        goes=("share", "seen by", "position m"),
+    )
     order = sorted(document.candidates, key=lambda site: (not site.chosen, -site.share))
     for site in order[:MOST_ROWS]:
         x, y = site.position_m
@@ -33,14 +33,13 @@ def show_sites(document: SitesDocument, console: Console) -> None:
         sites.add_row(
             escape(site.name), f"{x:.5g}, {y:.5g}", f"{site.share:.3f}", str(site.seen_by), chosen
         )
+    sites.count_hidden(len(order) - MOST_ROWS)
     console.print(sites)
-    bounds = Table("vehicle", "before m", "after m", title="window bound of each vehicle", **style)
+    bounds = FittedTable("window bound of each vehicle", ("vehicle", "before m", "after m"))
     for vehicle in document.window_bounds[:MOST_ROWS]:
         bounds.add_row(escape(vehicle.name), _shown(vehicle.before_m), f"{vehicle.after_m:.3g}")
+    bounds.count_hidden(len(document.window_bounds) - MOST_ROWS)
     console.print(bounds)
-    hidden = max(len(order), len(document.window_bounds)) - MOST_ROWS
-    if hidden > 0:
-        console.print(f"... and up to {hidden} more rows (see the JSON)")
     for note in document.notes:
         console.print(f"[yellow]note[/]: {escape(note)}")
 

@@ -1,13 +1,10 @@
 """Tables for people at a terminal."""
 
-from collections.abc import Sequence
-
 import numpy as np
-from rich import box
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
+from syncplan.cli.fitted_tables import FittedTable
 from syncplan.cli.verdict_lines import show_findings, show_verdict
 from syncplan.placement.centers import Placement
 from syncplan.planning.figures_of_merit import ROWS
@@ -69,9 +66,10 @@ def show_validation(report: ValidationDocument, console: Console) -> None:
     console.print(
         f"[bold]{escape(report.name or 'plan')}[/]: {report.run}, {report.filter.model} filter"
     )
-    table = _table(
+    table = FittedTable(
         "RMS error in m over the run, and over its second half",
         ("vehicle", "x", "y", "position", "2nd half", "bound", "ratio", "3 sigma"),
+        goes=("x", "y", "3 sigma", "position", "ratio"),
     )
     for vehicle in report.vehicles[:MOST_ROWS]:
         table.add_row(escape(vehicle.name), *_figures(vehicle))
@@ -98,9 +96,10 @@ def show_replay(report: ReplayDocument, console: Console) -> None:
         f"{counts.unknown} of unknown barcodes, {counts.not_asked_for} not asked for, "
         f"{counts.outside} outside the run"
     )
-    table = _table(
+    table = FittedTable(
         "RMS error in m over the run, and over its second half",
         ("robot", "x", "y", "position", "2nd half", "heading rad", "3 sigma"),
+        goes=("x", "y", "3 sigma", "2nd half"),
     )
     for robot in report.robots[:MOST_ROWS]:
         values = (robot.rms_x_m, robot.rms_y_m, robot.rms_m, robot.rms_second_half_m)
@@ -110,7 +109,7 @@ def show_replay(report: ReplayDocument, console: Console) -> None:
             f"{robot.rms_heading_rad:.3f}",
             f"{robot.coverage_3sigma:.4f}",
         )
-    _count_rest(table, len(report.robots))
+    table.count_hidden(len(report.robots) - MOST_ROWS)
     console.print(table)
     console.print(f"ANEES {_spread(report.anees)}")
     console.print(f"NIS   {_spread(report.nis)}")
@@ -121,10 +120,10 @@ def show_replay(report: ReplayDocument, console: Console) -> None:
 def show_placement(placed: Placement, console: Console) -> None:
     """Print a placement: centres and what they attain."""
     names = placed.scenario.vehicle_names
-    table = _table("centres found", ("vehicle", "centre m"))
+    table = FittedTable("centres found", ("vehicle", "centre m"))
     for name, center in list(zip(names, placed.centers.tolist(), strict=True))[:MOST_ROWS]:
         table.add_row(escape(name), _point((center[0], center[1])))
-    _count_rest(table, len(names))
+    table.count_hidden(len(names) - MOST_ROWS)
     console.print(table)
     if len(placed.gaps):
         console.print(
@@ -138,7 +137,7 @@ def show_sweep(report: SweepReport, console: Console) -> None:
     """Print a sweep: errors in x (p_e) and y (p_n) of each vehicle, then means over vehicles."""
     name = swept_key(report.swept).name.replace("_", " ")
     labels, reports = [row.label for row in report.rows], [row.validation for row in report.rows]
-    each = _table(
+    each = FittedTable(
         f"RMS error over the run, p_n/p_e in m, by {name}",
         ("vehicle", *(label.partition(",")[0] for label in labels)),
     )
@@ -146,8 +145,10 @@ def show_sweep(report: SweepReport, console: Console) -> None:
         figures = [one.vehicles[k] for one in reports]
         each.add_row(escape(vehicle.name), *(f"{f.rms_y_m:.2f}/{f.rms_x_m:.2f}" for f in figures))
     console.print(each)
-    means = _table(
-        "means over the vehicles, m", (name, "p_n", "p_e", "2nd half", "bound", "ANEES", "rank")
+    means = FittedTable(
+        "means over the vehicles, m",
+        (name, "p_n", "p_e", "2nd half", "bound", "ANEES", "rank"),
+        goes=("rank", "p_n", "p_e", "ANEES"),
     )
     for label, one in zip(labels, reports, strict=True):
         bound = one.overall.predicted_rms_m
@@ -171,10 +172,14 @@ def _synchronisation(document: PlanDocument) -> str:
     return f"phases: {record.method}; smallest margin {record.smallest_margin_m:.4g} m{bound}"
 
 
-def _vehicle_table(document: PlanDocument) -> Table:
-    table = _table(
+def _vehicle_table(document: PlanDocument) -> FittedTable:
+    table = FittedTable(
         "vehicles at time 0, with the predicted RMS error",
-        ("vehicle", "centre m", "R m", "sense", "phase", "position m", "heading", "error m"),
+        (
+            *("vehicle", "centre m", "R m", "sense", "phase", "speed m/s"),
+            *("position m", "heading", "error m"),
+        ),
+        goes=("heading", "position m", "sense", "R m", "speed m/s", "phase", "centre m"),
     )
     errors = document.predicted_rms_m.vehicles
     for vehicle in document.vehicles[:MOST_ROWS]:
@@ -185,18 +190,21 @@ def _vehicle_table(document: PlanDocument) -> Table:
             f"{vehicle.radius_m:g}",
             vehicle.direction,
             f"{vehicle.phase_rad:.4f}",
+            f"{vehicle.speed_mps:.4g}",
             _point(vehicle.position_m),
             f"{vehicle.heading_rad:.4f}",
             "-" if error is None else f"{error:.3g}",
         )
-    _count_rest(table, len(document.vehicles))
+    table.count_hidden(len(document.vehicles) - MOST_ROWS)
     return table
 
 
 def _print_links(document: PlanDocument, console: Console) -> None:
-    table = _table(
+    table = FittedTable(
         "meetings, once a period",
         ("link", "rule", "closest m", "contact s", "from s", "tolerance rad", "rank"),
+        goes=("from s", "tolerance rad", "rule", "contact s", "closest m"),
+        texts=("rule",),
     )
     short: dict[str, list[str]] = {}
     rows: list[tuple[Link, str]] = [(link, link.rule) for link in document.links]
@@ -209,7 +217,7 @@ def _print_links(document: PlanDocument, console: Console) -> None:
         name = escape(f"{seen.vehicle}-{seen.landmark}")
         _add_meeting(table, name, "landmark", seen, "-")
         short.setdefault(seen.reason, []).append(name)
-    _count_rest(table, len(rows))
+    table.count_hidden(len(rows) - MOST_ROWS)
     if table.row_count:
         console.print(table)
     for reason, names in short.items():
@@ -217,9 +225,9 @@ def _print_links(document: PlanDocument, console: Console) -> None:
             console.print(f"[yellow]not certified[/]: {', '.join(names)}: {reason}")
 
 
-def _refinement_table(result: RefinementResult) -> Table:
+def _refinement_table(result: RefinementResult) -> FittedTable:
     before, after = result.before, result.after
-    table = _table(
+    table = FittedTable(
         f"refined for {result.objective}, {len(result.starts)} starts", ("", "before", "after")
     )
     for row in ROWS:
@@ -236,7 +244,7 @@ def _figure(value: float | None) -> str:
 
 
 def _add_meeting(
-    table: Table, name: str, rule: str, meeting: Link | LandmarkLink, slip: str
+    table: FittedTable, name: str, rule: str, meeting: Link | LandmarkLink, slip: str
 ) -> None:
     table.add_row(
         name,
@@ -247,19 +255,6 @@ def _add_meeting(
         slip,
         str(meeting.rank),
     )
-
-
-def _table(title: str, columns: Sequence[str]) -> Table:
-    """A table whose first column is text and whose others are numbers."""
-    table = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False)
-    for k, column in enumerate(columns):
-        table.add_column(column, justify="left" if k == 0 or column == "rule" else "right")
-    return table
-
-
-def _count_rest(table: Table, rows: int) -> None:
-    if rows > MOST_ROWS:
-        table.add_row(f"... and {rows - MOST_ROWS} more (see the JSON)")
 
 
 def _figures(figures: ErrorFigures) -> list[str]:
