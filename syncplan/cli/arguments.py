@@ -1,5 +1,6 @@
 """Arguments that several commands share, and how comma-separated ones are read."""
 
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Annotated
 
@@ -19,6 +20,7 @@ __all__ = [
     "SubjectFile",
     "Threads",
     "Trials",
+    "beginning_with",
     "numbers",
 ]
 
@@ -52,6 +54,22 @@ MaxVehicles = Annotated[
     int | None,
     typer.Option(min=1, help="Accept teams up to this size (default 2000)", show_default=False),
 ]
+
+
+def beginning_with(names: Iterable[str], *, listed: bool = False) -> Callable[[str], list[str]]:
+    """Return what a shell completes an option with; `listed` options take names with commas."""
+    known = tuple(names)
+
+    def completed(incomplete: str) -> list[str]:
+        before, comma, last = incomplete.rpartition(",") if listed else ("", "", incomplete)
+        taken = before.split(",")
+        return [
+            f"{before}{comma}{name}"
+            for name in known
+            if name.startswith(last) and name not in taken
+        ]
+
+    return completed
 
 
 def numbers(text: str, option: str) -> list[float]:

@@ -63,7 +63,6 @@ JSON_SCHEMA = "https://json-schema.org/draft/2020-12/schema"
 app = typer.Typer(
     name="syncplan",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
     help="Synchronised circular orbits that let a team of robots localise itself.",

@@ -2,6 +2,7 @@
 
 import sys
 from enum import StrEnum
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -12,6 +13,7 @@ from syncplan.cli.arguments import (
     ScenarioFile,
     Shown,
     SubjectFile,
+    beginning_with,
     numbers,
 )
 from syncplan.cli.console import (
@@ -24,16 +26,18 @@ from syncplan.cli.console import (
 )
 from syncplan.cli.required_verdicts import RequireGo, RequireObservable, verdict_status
 from syncplan.errors import NoSolutionError
-from syncplan.scenario.objectives import listed
+from syncplan.scenario.objectives import OBJECTIVES, listed
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from rich.console import Console
 
     from syncplan.planning.judged_plan import Plan
+    from syncplan.scenario.specification import Scenario
 
 __all__ = ["plans"]
+
+VARIABLES = ("phases", "centers", "radii")
+"""What refinement can vary, see RefineOptions.vary."""
 
 LARGE_TEAM = 500
 """Teams above this size take several seconds to judge, so a message says so."""
@@ -93,7 +97,12 @@ def _plan(
 # --- refine ---------------------------------------------------------------------------------------
 
 _Vary = Annotated[
-    str | None, typer.Option(help="What may change: phases,centers,radii", show_default=False)
+    str | None,
+    typer.Option(
+        help=f"What may change: {','.join(VARIABLES)}",
+        show_default=False,
+        autocompletion=beginning_with(VARIABLES, listed=True),
+    ),
 ]
 _CenterBox = Annotated[
     float | None,
@@ -103,7 +112,12 @@ _RadiusLimits = Annotated[
     str | None, typer.Option(help="Least and largest radius, such as 15,25", show_default=False)
 ]
 _Objective = Annotated[
-    str | None, typer.Option(help=f"Figure of merit to improve: {listed()}", show_default=False)
+    str | None,
+    typer.Option(
+        help=f"Figure of merit to improve: {listed()}",
+        show_default=False,
+        autocompletion=beginning_with(OBJECTIVES),
+    ),
 ]
 _Margin = Annotated[
     float | None,
@@ -206,7 +220,8 @@ def _place(
 
 @plans.command(
     name="landmarks",
-    epilog="Example: syncplan landmarks scenario.yaml --candidates sites.yaml --choose 3",
+    epilog="Example: syncplan landmarks scenario.yaml --candidates sites.yaml --choose 3 "
+    "--scenario-out chosen.yaml",
 )
 def _landmarks(
     subject: SubjectFile,
@@ -215,25 +230,58 @@ def _landmarks(
     ],
     choose: Annotated[int, typer.Option(help="How many sites to choose")],
     output: Output = None,
+    scenario_out: Annotated[
+        Path | None,
+        typer.Option(
+            help="File to write the scenario with the chosen landmarks to, .yaml or .json; "
+            "comments of YAML are kept",
+            show_default=False,
+        ),
+    ] = None,
     format_: Shown = Format.auto,
     seed: Annotated[int, typer.Option(help="Seed of the search")] = 0,
     max_vehicles: MaxVehicles = None,
 ) -> int:
-    """Choose landmark sites among candidates so that the worst vehicle's bound is least."""
+    """Choose landmark sites among candidates so that the worst vehicle's bound is least.
+
+    With --scenario-out, plan and the other commands take what is written as it is.
+    """
     from syncplan.landmarks.candidates import load_candidates, new_sites
     from syncplan.landmarks.site_choice import choose_landmarks
-    from syncplan.planning.plan_files import load, plan_of
+    from syncplan.planning.plan_files import loaded_from, plan_of
     from syncplan.reports.sites_report import sites_document
+    from syncplan.scenario.loading import parse_document, read_text
     from syncplan.scenario.models import MAX_VEHICLES
 
-    refuse_overwriting(subject, output)
-    refuse_overwriting(candidates, output)
-    loaded = load(subject, max_vehicles=max_vehicles or MAX_VEHICLES)
+    for given in (subject, candidates):
+        refuse_overwriting(given, output)
+        refuse_overwriting(given, scenario_out)
+    source, text = read_text(subject)
+    values = parse_document(text, source)
+    loaded = loaded_from(values, source=source, max_vehicles=max_vehicles or MAX_VEHICLES)
     sites = load_candidates(candidates)
     new_sites(loaded.scenario, sites, source=candidates)
-    document = sites_document(choose_landmarks(plan_of(loaded), sites, choose, seed=seed))
-    deliver_document("sites", document, output, format_)
+    choice = choose_landmarks(plan_of(loaded), sites, choose, seed=seed)
+    if scenario_out is not None:
+        kept = text if loaded.scenario.formation.placed else ""
+        _write_scenario(kept, source, choice.plan.scenario, scenario_out)
+    deliver_document("sites", sites_document(choice), output, format_)
     return 0
+
+
+def _write_scenario(text: str, source: str, chosen: "Scenario", target: "Path") -> None:
+    """Write the file that was read with the landmarks of the scenario chosen.
+
+    Where its text is empty, because its centres were found, write the scenario chosen as a whole.
+    """
+    from syncplan.runtime.files import as_text, write_text
+    from syncplan.scenario.landmark_edits import with_landmarks
+
+    landmarks = dict(zip(chosen.landmark_names, chosen.landmarks, strict=True))
+    as_json = target.suffix.lower() == ".json"
+    given = text or as_text(chosen.model_dump(mode="json", exclude_none=True))
+    write_text(target, with_landmarks(given, source, landmarks, as_json=as_json))
+    say(f"wrote {target}")
 
 
 def _refined(

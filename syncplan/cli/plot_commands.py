@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from syncplan.cli.arguments import MaxVehicles
+from syncplan.cli.arguments import MaxVehicles, beginning_with
 from syncplan.cli.console import refuse_overwriting, say
 from syncplan.cli.document_table import checked, read_report
 from syncplan.cli.required_verdicts import say_verdict
@@ -66,6 +66,7 @@ Figures = Annotated[
     typer.Option(
         help=f"Figure to draw, may be repeated; {_OF}. All if not given; the first in an image",
         show_default=False,
+        autocompletion=beginning_with(FIGURES),
     ),
 ]
 Compare = Annotated[

@@ -13,4 +13,5 @@ formations           shapes by name, their centres and neighbours
 specification        the scenario as a whole
 other_documents      what is neither scenario nor plan, by its name
 loading              YAML and JSON to scenarios
+landmark_edits       scenario files with further landmarks
 """

@@ -2,16 +2,23 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
+from syncplan.cli import command_line
+from syncplan.cli.plan_commands import VARIABLES
 from syncplan.errors import InputError
+from syncplan.exporting.format_table import ALL, FORMATS
+from syncplan.plotting.figure_table import FIGURES
 from syncplan.scenario.loading import load_scenario
+from syncplan.scenario.objectives import OBJECTIVES
+from syncplan.scenario.refine_options import Variable
 from tests.tools.processes import PATIENCE_S, wait_until, worked
 from tests.tools.scenarios import BAD_FILES, FILES, document
 
@@ -321,11 +328,70 @@ def test_schemas_are_json_schema(contract: str, run: Any) -> None:
     assert schema["properties"]
 
 
-@pytest.mark.parametrize("command", ["plan", "validate", "sweep", "replay", "schema"])
+COMMANDS = [
+    str(command.name)
+    for each in command_line.app.registered_groups
+    for command in getattr(each.typer_instance, "registered_commands", [])
+]
+
+
+def test_all_commands_are_known_here() -> None:
+    assert {"plan", "validate", "landmarks", "export", "serve", "schema"} <= set(COMMANDS)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
 def test_help_has_an_example(command: str, run: Any) -> None:
     status, out, _ = run(command, "--help")
     assert status == 0
-    assert f"Example: syncplan {command}" in out
+    (example,) = re.findall(r"Example: .*?(?=Example:|$)", " ".join(out.split()))[:1]
+    assert f"syncplan {command}" in example
+
+
+def _completed(words: str) -> list[str]:
+    """What bash would offer after these words."""
+    script = (
+        "import sys; sys.argv = ['syncplan']; from syncplan.cli.command_line import main; main()"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        env={
+            **os.environ,
+            "_SYNCPLAN_COMPLETE": "complete_bash",
+            "COMP_WORDS": words,
+            "COMP_CWORD": str(words.count(" ")),
+        },
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=PATIENCE_S,
+    )
+    assert done.stderr == ""
+    return done.stdout.split()
+
+
+def test_a_shell_completes_what_can_be_chosen_by_name() -> None:
+    assert _completed("syncplan pla") == ["plan", "place"]
+    assert _completed("syncplan export --format ") == [*FORMATS, ALL]
+    assert _completed("syncplan refine --objective ") == list(OBJECTIVES)
+    assert _completed("syncplan refine --vary phases,") == ["phases,centers", "phases,radii"]
+    assert _completed("syncplan plot --figure t") == [k for k in FIGURES if k.startswith("t")]
+    assert _completed("syncplan plan sc") == []
+    assert get_args(Variable) == VARIABLES
+
+
+def test_bash_completes_file_names_where_there_is_nothing_to_choose(tmp_path: Path) -> None:
+    script = tmp_path / "syncplan"
+    script.write_text("import sys; from syncplan.cli.command_line import main; main(sys.argv[1:])")
+    shown = f"{sys.executable} {script} --show-completion; true"
+    done = subprocess.run(
+        ["bash", "-c", f"bash -c '{shown}' > {tmp_path}/shown; . {tmp_path}/shown; complete -p"],
+        env={**os.environ, "PYTHONPATH": str(Path(command_line.__file__).parents[2])},
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=PATIENCE_S,
+    )
+    assert done.stdout.strip() == "complete -o default -F _syncplan_completion syncplan"
 
 
 def test_the_version_is_printed(run: Any) -> None:
