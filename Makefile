@@ -53,6 +53,7 @@ check-all: postgresql check
 	$(TESTS) -m hypothesis --hypothesis-profile=fresh-cases
 	$(BIN)/python -m tests.searches.search_counterexamples 20000 $(SEED)
 	$(BIN)/python -m tests.searches.search_refinements 8 $(SEED)
+	$(BIN)/python -m tests.searches.search_consistency 40 $(SEED)
 	$(BIN)/python -m tests.searches.search_contract 500 $(SEED)
 	$(BIN)/python -m tests.searches.search_requests 400 $(SEED)
 	$(BIN)/python -m tests.searches.search_survival 2 $(SEED)

@@ -8,8 +8,6 @@ import { ENDED, JOB_KINDS } from "./tables.js";
 
 /** share of the least separation that may be lost without a word */
 const KEPT_SHARE = 0.9;
-/** trials below which chance alone may put the filter on either side */
-const FEWEST_TRIALS = 30;
 /** What a result says, by the kind of its job: `(result, lost) => elements`. */
 const OUTCOMES = { refinement: refined, validation: validated };
 
@@ -194,20 +192,37 @@ function separationOf(before, after) {
 
 function validated(report, lost) {
   const { overall, anees, trials } = report;
-  const few = trials < FEWEST_TRIALS;
-  const consistent = anees.verdict === "consistent";
-  // what a filter believes of a motion that nothing detects is no proof, nor is a handful of trials
-  const look = !consistent && !few ? "bad" : few || lost.length ? "" : "good";
-  const verdict = few ? `Too few trials to tell whether the filter is consistent: give ${FEWEST_TRIALS} or more.` : `The filter is ${anees.verdict}: ANEES ${shown(anees.value)}.`;
+  // what a filter believes of a motion that nothing detects is no proof
+  const looks = { consistent: lost.length ? "" : "good", unknown: "" };
+  const look = looks[anees.verdict] ?? "bad";
   return [
     element(
       "p",
       { class: `badge ${look}` },
       `Found ${shown(overall.rms_second_half_m, "m")}, predicted ${shown(overall.predicted_rms_m, "m")}`,
     ),
-    element("p", {}, `RMS over the second half of ${counted(trials)}. ${verdict}`),
+    element("p", {}, `RMS over the second half of ${counted(trials)}. ${consistencyOf(anees)}`),
+    ...spreadOf(overall),
     ...(lost.length ? [unproven(lost)] : []),
   ];
+}
+
+function consistencyOf(anees) {
+  if (anees.verdict === "unknown") return "Too few trials to tell whether the filter is consistent: run more.";
+  const [low, high] = anees.band.map((end) => shown(end));
+  return `The filter is ${anees.verdict}: ANEES ${shown(anees.value)}, 95 % interval ${low} to ${high}.`;
+}
+
+/** What to expect of one trial, and how often to expect worse; reports of earlier versions do not say. */
+function spreadOf(overall) {
+  const { median_rms_second_half_m: median, share_over_3_predicted: far, share_over_10_predicted: lost } = overall;
+  if (median === undefined || median === null) return [];
+  const often = far ? ` In ${percent(far)} of the trials some vehicle is off by more than 3 times the prediction, in ${percent(lost)} by more than 10 times.` : "";
+  return [element("p", {}, `Median trial ${shown(median, "m")}.${often}`)];
+}
+
+function percent(share) {
+  return `${shown(100 * share)} %`;
 }
 
 function unproven(lost) {

@@ -9,6 +9,7 @@ from syncplan.cli.verdict_lines import show_findings, show_verdict
 from syncplan.placement.centers import Placement
 from syncplan.planning.figures_of_merit import ROWS
 from syncplan.planning.swept_keys import swept_key
+from syncplan.reports.consistency_words import interval_words, verdict_words
 from syncplan.reports.plan_schemas import LandmarkLink, Link, PlanDocument
 from syncplan.reports.refinement_schemas import RefinementResult
 from syncplan.reports.run_schemas import (
@@ -67,15 +68,21 @@ def show_validation(report: ValidationDocument, console: Console) -> None:
         f"[bold]{escape(report.name or 'plan')}[/]: {report.run}, {report.filter.model} filter"
     )
     table = FittedTable(
-        "RMS error in m over the run, and over its second half",
-        ("vehicle", "x", "y", "position", "2nd half", "bound", "ratio", "3 sigma"),
-        goes=("x", "y", "3 sigma", "position", "ratio"),
+        "RMS error in m over the run and over its second half, and its median trial",
+        ("vehicle", "x", "y", "total", "2nd half", "median", "bound", "ratio", "3 sigma"),
+        goes=("x", "y", "3 sigma", "total", "ratio", "median"),
     )
     for vehicle in report.vehicles[:MOST_ROWS]:
         table.add_row(escape(vehicle.name), *_figures(vehicle))
     table.add_section()
     table.add_row("overall", *_figures(report.overall))
     console.print(table)
+    far, lost = report.overall.share_over_3_predicted, report.overall.share_over_10_predicted
+    if far is not None and lost is not None:
+        console.print(
+            f"trials with a vehicle off by over 3 times the bound {100.0 * far:.3g} %, "
+            f"over 10 times {100.0 * lost:.3g} %"
+        )
     console.print(f"ANEES {_spread(report.anees)}")
     console.print(f"NIS   {_spread(report.nis)}")
     if report.verdict is not None:
@@ -259,11 +266,13 @@ def _add_meeting(
 
 def _figures(figures: ErrorFigures) -> list[str]:
     predicted, ratio = figures.predicted_rms_m, figures.rms_over_predicted
+    median = figures.median_rms_second_half_m
     return [
         f"{figures.rms_x_m:.3g}",
         f"{figures.rms_y_m:.3g}",
         f"{figures.rms_m:.3g}",
         f"{figures.rms_second_half_m:.3g}",
+        "-" if median is None else f"{median:.3g}",
         "-" if predicted is None else f"{predicted:.3g}",
         "-" if ratio is None else f"{ratio:.2f}",
         f"{100.0 * figures.coverage_3sigma:.1f} %",
@@ -271,13 +280,9 @@ def _figures(figures: ErrorFigures) -> list[str]:
 
 
 def _spread(spread: Spread) -> str:
-    if spread.value is None or spread.band is None:
-        return "not judged: no samples"
-    colour = "green" if spread.verdict == "consistent" else "red"
-    return (
-        f"{spread.value:.3f}, 95 % band {spread.band[0]:.3f} to {spread.band[1]:.3f}: "
-        f"[{colour}]{spread.verdict}[/]"
-    )
+    colours = {"consistent": "green", "unknown": "yellow"}
+    colour = colours.get(spread.verdict, "red")
+    return f"{interval_words(spread)}: [{colour}]{verdict_words(spread)}[/]"
 
 
 def _point(point: tuple[float, float]) -> str:

@@ -4,6 +4,7 @@ covariances        covariance along a run, referred to time 0
 bounds             Cramer-Rao bounds
 filters            the table of filters to choose from
 filter_options     which filter, its gate, how many trials of what length
+mean_interval      confidence interval of a mean over trials
 consistency        ANEES, NIS, coverage
 filter_statistics  what a filter counts on its way
 filter_setup       motion model, initial variances, gate, sightings and readings of a run
@@ -12,6 +13,7 @@ lane_filter        a compiled filter, many trials side by side
 lane_statistics    kernels that compare lanes with the truth
 batched_filter     the kernels of the extended Kalman filter
 trials             results of trials, whole and in parts
+outlying_trials    the median trial, and trials far off
 montecarlo         many trials along a plan
 trial_archive      trials as bytes
 mrclam             recordings in the format of the MRCLAM data sets

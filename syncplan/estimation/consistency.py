@@ -7,7 +7,13 @@ A filter's sigma is no evidence of its error. Three figures compare the two:
                                                        1 where S is the innovations' variance
     coverage   share of |error| <= 3 sigma             0.9973 for normal errors
 
-The first two come with the two-sided 95 % band into which a consistent filter's figure falls.
+The first two come with their 95 % confidence interval. Trials are independent, samples of one trial
+are not, so the interval is that of a mean over trials, from their spread. A recording is a single
+trial: its interval supposes that the sums are chi-square variables.
+
+A filter is called optimistic (its sigmas are too small) or conservative where the whole interval is
+more than TOLERANCE from 1: a difference that many trials establish, but that nobody would notice,
+is none.
 
 Source: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001,
 5.4 (consistency of state estimators; chi-square bands of averaged NEES and NIS).
@@ -20,34 +26,62 @@ from typing import Literal
 import numpy as np
 
 from syncplan.arrays import Array
+from syncplan.estimation.mean_interval import INTERVAL_PROBABILITY, interval_of_mean
 
-__all__ = ["Consistency", "anees", "chi_square_band", "coverage", "gate_threshold", "nis"]
+__all__ = [
+    "FEWEST_TRIALS",
+    "TOLERANCE",
+    "WIDEST",
+    "Consistency",
+    "anees",
+    "chi_square_band",
+    "coverage",
+    "gate_threshold",
+    "nis",
+    "recorded_anees",
+    "recorded_nis",
+]
 
 Verdict = Literal["consistent", "optimistic", "conservative", "unknown"]
 
-BAND_PROBABILITY = 0.95
+Basis = Literal["trials", "chi-square"]
+
+TOLERANCE = 0.1
+"""How far from 1 a figure may be and count as consistent: sigmas that are 5 % off."""
+
+FEWEST_TRIALS = 10
+"""Of fewer trials the spread says too little."""
+
+WIDEST = 0.4
+"""An interval from the spread over trials that is wider does not show that a filter is consistent:
+it would hold 0.8 and 1.2."""
+
+_NO_BAND = (math.nan, math.nan)
 
 
 @dataclass(frozen=True, slots=True)
 class Consistency:
-    """A normalised squared error, its band, and whether it lies inside, above or below.
+    """A normalised squared error, its confidence interval, and what that shows of the filter.
 
     Attributes
     ----------
     value : mean normalised squared error, 1 for a consistent filter; NaN without samples
-    band : (low, high) two-sided 95 % band
-    degrees : chi-square degrees of freedom behind the band
-    verdict : "optimistic" above the band (sigmas too small), "conservative" below,
-        "unknown" without samples
+    band : (low, high) its two-sided 95 % confidence interval; (NaN, NaN) where there is none
+    count : of what the interval rests on: trials, or chi-square degrees of freedom
+    basis : which of the two
+    verdict : "optimistic" where the interval lies above 1 + TOLERANCE (sigmas too small),
+        "conservative" where it lies below 1 - TOLERANCE, "unknown" without an interval, or where it
+        is from the spread over trials and wider than WIDEST, otherwise "consistent"
     """
 
     value: float
     band: tuple[float, float]
-    degrees: int
+    count: int
+    basis: Basis
     verdict: Verdict
 
 
-def chi_square_band(degrees: int, probability: float = BAND_PROBABILITY) -> tuple[float, float]:
+def chi_square_band(degrees: int, probability: float = INTERVAL_PROBABILITY) -> tuple[float, float]:
     """Return the two-sided band of a chi-square variable over its degrees of freedom."""
     from scipy.special import chdtri
 
@@ -68,28 +102,49 @@ def gate_threshold(probability: float | None) -> float:
 def anees(nees: Array, dimension: int) -> Consistency:
     """Return the average NEES over its dimension, from the mean NEES of each trial (trials,).
 
-    NEES is correlated along a run, so each run counts as one sample however long it is: the band
-    has trials * dimension degrees of freedom. For runs much longer than the errors' correlation
-    time the band is wider than it need be. Trials without a NEES (NaN) count in neither.
+    Trials without a NEES (NaN) count in neither value nor interval.
     """
     judged = nees[~np.isnan(nees)]
-    if not len(judged):
-        return _nothing()
-    return _judged(float(judged.mean()) / dimension, len(judged) * dimension)
+    value = float(judged.mean()) / dimension if len(judged) else math.nan
+    return _of_trials(value, judged / dimension)
 
 
-def nis(total: float, count: int, gate_probability: float | None = None) -> Consistency:
-    """Return the mean of `count` normalised squared scalar innovations with the sum `total`.
+def nis(sums: Array, counts: Array, gate_probability: float | None = None) -> Consistency:
+    """Return the mean normalised squared scalar innovation over trials.
 
-    Innovations of a consistent filter are white, so each is a sample of its own. A gate cuts off
-    their tail: the mean of the rest is below 1 (0.987 for a gate of 99.9 %) and its variance
-    smaller. The value is divided by that mean, so a consistent filter has 1 whatever the gate; the
-    band is that of the chi-square variable with the same mean and variance.
+    `sums` and `counts` (trials,) are those of each trial. A gate cuts off the tail: the mean of the
+    rest is below 1 (0.987 for a gate of 99.9 %). The value is divided by that mean, so a consistent
+    filter has 1 whatever the gate.
     """
-    if not count:
-        return _nothing()
+    total = float(counts.sum())
+    if not total:
+        return _of_trials(math.nan, np.empty(0))
+    expected, _ = _gated_moments(gate_probability)
+    mean = float(sums.sum()) / total
+    # a ratio of two sums: to first order the mean of these, each of which is a trial's own
+    own = mean + (sums - mean * counts) * (len(counts) / total)
+    return _of_trials(mean / expected, own / expected)
+
+
+def recorded_anees(nees: float, dimension: int) -> Consistency:
+    """Return the average NEES over its dimension of a single trial.
+
+    NEES is correlated along a run, so the whole run counts as one sample: the interval supposes a
+    chi-square variable of `dimension` degrees of freedom, and is wider than it need be for a run
+    much longer than the errors' correlation time.
+    """
+    return _of_recording(nees / dimension, 0 if math.isnan(nees) else dimension)
+
+
+def recorded_nis(total: float, count: int, gate_probability: float | None = None) -> Consistency:
+    """Return the mean of `count` normalised squared innovations of a single trial, sum `total`.
+
+    Innovations of a consistent filter are white, so each is a sample of its own; the interval is
+    that of the chi-square variable with the mean and variance that a gate leaves.
+    """
     mean, variance = _gated_moments(gate_probability)
-    return _judged(float(total) / count / mean, round(2.0 * mean**2 / variance * count))
+    value = float(total) / count / mean if count else math.nan
+    return _of_recording(value, round(2.0 * mean**2 / variance * count))
 
 
 def coverage(covered: Array, samples: int) -> Array:
@@ -110,15 +165,27 @@ def _gated_moments(probability: float | None) -> tuple[float, float]:
     return mean, 3.0 * float(chdtr(5, gate)) / share - mean**2
 
 
-def _judged(value: float, degrees: int) -> Consistency:
+def _of_trials(value: float, values: Array) -> Consistency:
+    """The figure `value`, which is the mean of those of trials (k,)."""
+    if len(values) < FEWEST_TRIALS:
+        return Consistency(value, _NO_BAND, len(values), "trials", "unknown")
+    band = interval_of_mean(values)
+    verdict = _verdict(band)
+    if verdict == "consistent" and band[1] - band[0] > WIDEST:
+        verdict = "unknown"
+    return Consistency(value, band, len(values), "trials", verdict)
+
+
+def _of_recording(value: float, degrees: int) -> Consistency:
+    """The figure of a single trial, a chi-square variable over its degrees of freedom."""
+    if not degrees:
+        return Consistency(value, _NO_BAND, 0, "chi-square", "unknown")
     low, high = chi_square_band(degrees)
-    verdict: Verdict = "consistent"
-    if value > high:
-        verdict = "optimistic"
-    elif value < low:
-        verdict = "conservative"
-    return Consistency(value, (low, high), degrees, verdict)
+    band = value / high, value / low
+    return Consistency(value, band, degrees, "chi-square", _verdict(band))
 
 
-def _nothing() -> Consistency:
-    return Consistency(math.nan, (math.nan, math.nan), 0, "unknown")
+def _verdict(band: tuple[float, float]) -> Verdict:
+    if band[0] > 1.0 + TOLERANCE:
+        return "optimistic"
+    return "conservative" if band[1] < 1.0 - TOLERANCE else "consistent"

@@ -61,20 +61,25 @@ def run_trials(
     steps: int,
     options: FilterOptions,
     *,
+    believed: Team | None = None,
     first_trial: int = 0,
     threads: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> MonteCarloResult:
     """Return the errors of the filter over `options.trials` trials of `steps` samples.
 
-    `sightings` holds who sees whom at k = 1..steps. `first_trial`, a multiple of CHUNK_TRIALS,
-    makes this a part of a longer run, which `merge` joins. `progress` is called with the number of
-    trials done. Raises InputError naming the argument at fault.
+    `sightings` holds who sees whom at k = 1..steps. The filter takes the sigmas of `believed` for
+    true, those of the team if None; what it reads has the team's. `first_trial`, a multiple of
+    CHUNK_TRIALS, makes this a part of a longer run, which `merge` joins. `progress` is called with
+    the number of trials done. Raises InputError naming the argument at fault.
     """
     _check_run(steps, first_trial, threads)
+    known = team if believed is None else believed
     _check_sigmas(team)
+    _check_sigmas(known)
     _check_sightings(sightings, team.count, len(team.landmarks))
-    setup = _setup(team, sightings, steps, options)
+    assumed = replace(team, sensors=known.sensors, noise=known.noise)
+    setup = _setup(assumed, sightings, steps, options)
     run = _Run(
         team=team,
         setup=setup,
@@ -208,7 +213,7 @@ def _readings(run: _Run, trials: range) -> Readings:
         np.random.Generator(np.random.PCG64(sequence)).standard_normal(out=row)
     poses, speeds, turn_rates, sightings = np.split(draws.T, np.cumsum(sizes)[:-1])
     orbits, noise = run.team.orbits, run.team.noise
-    pose_sigmas = np.sqrt(run.setup.initial_variances).ravel()
+    pose_sigmas = np.tile([noise.position_sigma, noise.position_sigma, noise.heading_sigma], n)
     speeds = _scattered(np.tile(orbits.speeds, steps), noise.speed_sigma, speeds)
     turn_rates = _scattered(np.tile(orbits.turn_rates, steps), noise.turn_rate_sigma, turn_rates)
     return Readings(

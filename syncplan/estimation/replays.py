@@ -22,7 +22,7 @@ import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.errors import InputError, NoSolutionError
-from syncplan.estimation.consistency import Consistency, anees, coverage, nis
+from syncplan.estimation.consistency import Consistency, coverage, recorded_anees, recorded_nis
 from syncplan.estimation.filter_options import FilterChanges, FilterOptions, options_with
 from syncplan.estimation.filter_setup import FilterSetup, Readings, build_setup
 from syncplan.estimation.filter_statistics import empty_series, empty_statistics
@@ -154,8 +154,10 @@ def replay(
         result=result,
         accuracy=accuracy(result),
         coverage=coverage(result.covered[0], result.coverage_samples),
-        anees=anees(result.nees, 3 * len(log.robots)),
-        nis=nis(float(result.nis_sums[0]), int(result.accepted[0]), chosen.gate_probability),
+        anees=recorded_anees(float(result.nees[0]), 3 * len(log.robots)),
+        nis=recorded_nis(
+            float(result.nis_sums[0]), int(result.accepted[0]), chosen.gate_probability
+        ),
         unknown=bearings.unknown,
         not_asked_for=bearings.not_asked_for,
         outside=bearings.outside,

@@ -17,6 +17,7 @@ from syncplan.estimation.filter_options import (
     steps_in_run,
 )
 from syncplan.estimation.montecarlo import run_trials
+from syncplan.estimation.outlying_trials import TrialErrors, trial_errors
 from syncplan.estimation.trials import Accuracy, MonteCarloResult, accuracy, merge
 from syncplan.orbits.sightings import Sightings, sample_sightings
 from syncplan.planning.judged_plan import Plan
@@ -41,7 +42,7 @@ class Validation(Result):
     accuracy : RMS errors by vehicle
     predicted : (n,) m, the bound's RMS over the second half; None where not computed
     coverage : (n,) share of coordinates within three sigma
-    anees, nis : consistency figures
+    anees, nis : consistency figures, with intervals from the spread over trials
     """
 
     plan: Plan
@@ -61,6 +62,11 @@ class Validation(Result):
             f"<{type(self).__name__} of {self.plan!r}: {self.result.trials} trials over "
             f"{self.duration:.4g} s, RMS {float(found.position):.3g} m>"
         )
+
+    @property
+    def trial_errors(self) -> TrialErrors:
+        """Errors of each trial: the median, and shares of trials over a limit."""
+        return trial_errors(self.result)
 
     @property
     def model(self) -> str:
@@ -185,9 +191,7 @@ def conclude(run: TrialRun, parts: Sequence[MonteCarloResult]) -> Validation:
         predicted=_predicted(flown, run.duration),
         coverage=coverage(result.covered.mean(axis=0), result.coverage_samples),
         anees=anees(result.nees, 3 * flown.orbits.count),
-        nis=nis(
-            float(result.nis_sums.sum()), int(result.accepted.sum()), run.options.gate_probability
-        ),
+        nis=nis(result.nis_sums, result.accepted, run.options.gate_probability),
     )
 
 

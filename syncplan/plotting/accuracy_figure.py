@@ -55,6 +55,10 @@ def _validated(report: ValidationDocument) -> Spec:
     if all(value is not None for value in predicted):
         name = "predicted: posterior bound, second half"
         traces.insert(0, bars("predicted", name, names, predicted, BLUE, "x"))
+    medians = [vehicle.median_rms_second_half_m for vehicle in found]
+    if all(value is not None for value in medians):
+        values = np.array(medians, dtype=float)
+        traces.append(_marks("median", "median trial, second half", names, values, "diamond"))
     note = report.run
     ratio = report.overall.rms_over_predicted
     if ratio is not None:

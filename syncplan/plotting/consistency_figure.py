@@ -1,9 +1,11 @@
-"""Consistency: ANEES and NIS with their bands, and the share of errors within three sigma."""
+"""Consistency: ANEES and NIS with their intervals, and the share of errors within 3 sigma."""
 
 import numpy as np
 
+from syncplan.estimation.consistency import TOLERANCE
 from syncplan.plotting.canvas import Spec, axis, escaped, layout, numbers, panel_title
-from syncplan.plotting.palette import BLUE, INK, MUTED, SKY, VERMILLION
+from syncplan.plotting.palette import BLUE, INK, MUTED, SKY, VERMILLION, translucent
+from syncplan.reports.consistency_words import interval_words, verdict_words
 from syncplan.reports.run_schemas import ReplayDocument, Spread, ValidationDocument
 
 __all__ = ["consistency_spec"]
@@ -11,11 +13,13 @@ __all__ = ["consistency_spec"]
 IDEAL_COVERAGE = 0.9973
 """Probability that a normal error lies within three sigma."""
 
+_TOLERATED = [1.0 - TOLERANCE, 1.0 + TOLERANCE]
 _SYMBOLS = {"consistent": "circle", "optimistic": "triangle-right", "conservative": "triangle-left"}
+_COLOURS = {"consistent": BLUE, "unknown": MUTED}
 
 
 def consistency_spec(report: ValidationDocument | ReplayDocument) -> Spec:
-    """Return the figure of ANEES and NIS in their 95 % bands, and of each vehicle's coverage."""
+    """Return the figure of ANEES and NIS with 95 % intervals, and of each vehicle's coverage."""
     figures = [("ANEES", report.anees), ("NIS", report.nis)]
     traces = []
     axes: Spec = {}
@@ -23,7 +27,8 @@ def consistency_spec(report: ValidationDocument | ReplayDocument) -> Spec:
         suffix = "" if number == 0 else "2"
         traces += _spread_traces(name, figure, suffix)
         left = 0.52 * number
-        values = [1.0] if figure.value is None else [1.0, figure.value, *(figure.band or ())]
+        values = [*_TOLERATED, *([] if figure.value is None else [figure.value])]
+        values += figure.band or ()
         axes[f"xaxis{suffix}"] = axis(
             f"{name}: 1 is honest",
             domain=[left, left + 0.48],
@@ -59,11 +64,11 @@ def consistency_spec(report: ValidationDocument | ReplayDocument) -> Spec:
 
 
 def _verdict(name: str, figure: Spread) -> str:
-    if figure.value is None or figure.band is None:
+    if figure.value is None:
         return f"{name}: nothing to judge"
-    low, high = figure.band
-    band = f"95 % band {low:.4g} to {high:.4g}"
-    return f"{name} {figure.value:.4g}: {figure.verdict}<br>{band}"
+    value, _, interval = interval_words(figure).partition(", ")
+    verdict, _, reason = verdict_words(figure).partition(", ")
+    return f"{name} {value}: {verdict}<br>{interval or reason}"
 
 
 def _room(values: list[float]) -> list[float | None]:
@@ -73,7 +78,7 @@ def _room(values: list[float]) -> list[float | None]:
 
 
 def _spread_traces(name: str, figure: Spread, suffix: str) -> list[Spec]:
-    """The band as a thick line, the value as a mark on it: a circle if within, else a triangle."""
+    """The interval as a thick line, the value as a mark on it, beside the tolerated range."""
     shared = {"type": "scatter", "xaxis": f"x{suffix}", "yaxis": f"y{suffix}"}
 
     def trace(part: str, words: str, mode: str) -> Spec:
@@ -87,14 +92,23 @@ def _spread_traces(name: str, figure: Spread, suffix: str) -> list[Spec]:
         "line": {"color": MUTED, "width": 1.5, "dash": "dash"},
         "hoverinfo": "skip",
     }
-    if figure.value is None or figure.band is None:
-        return [ideal]
+    tolerated = {
+        **trace("tolerated", f"within {TOLERANCE:.0%} of 1: consistent", "lines"),
+        "x": [*_TOLERATED, *_TOLERATED[::-1], _TOLERATED[0]],
+        "y": [-0.8, -0.8, 0.8, 0.8, -0.8],
+        "fill": "toself",
+        "fillcolor": translucent(MUTED, 0.15),
+        "line": {"width": 0},
+        "hoverinfo": "skip",
+    }
+    if figure.value is None:
+        return [tolerated, ideal]
     band = {
-        **trace("band", "95 % band", "lines"),
-        "x": numbers(figure.band),
+        **trace("band", _band_name(figure), "lines"),
+        "x": numbers(figure.band or ()),
         "y": [0, 0],
         "line": {"color": SKY, "width": 16},
-        "hovertemplate": "%{x}<extra>edge of the band</extra>",
+        "hovertemplate": "%{x}<extra>end of the interval</extra>",
     }
     value = {
         **trace("value", "found", "markers"),
@@ -104,12 +118,16 @@ def _spread_traces(name: str, figure: Spread, suffix: str) -> list[Spec]:
         "marker": {
             "symbol": _SYMBOLS.get(figure.verdict, "circle"),
             "size": 14,
-            "color": BLUE if figure.verdict == "consistent" else VERMILLION,
+            "color": _COLOURS.get(figure.verdict, VERMILLION),
             "line": {"color": INK, "width": 1},
         },
         "hovertemplate": f"{name} %{{x}}, {figure.verdict}<extra></extra>",
     }
-    return [band, ideal, value]
+    return [tolerated, *([band] if figure.band else []), ideal, value]
+
+
+def _band_name(figure: Spread) -> str:
+    return "95 % band" if figure.basis is None else "95 % interval"
 
 
 def _coverage_traces(names: list[str], covered: list[float]) -> list[Spec]:

@@ -92,7 +92,7 @@ def error_bands(
 
 
 def consistency(report: Run, *, theme: Theme = "light") -> Figure:
-    """Return ANEES and NIS in their bands, and the coverage of each vehicle."""
+    """Return ANEES and NIS with their intervals, and the coverage of each vehicle."""
     return _one(report, "consistency", theme)
 
 

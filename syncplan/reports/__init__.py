@@ -6,6 +6,7 @@ refinement_schemas  the JSON contract of refinements
 plan_schemas        of plans
 site_schemas        of choices of landmark sites
 run_schemas         of validations, replays and sweeps
+consistency_words   ANEES and NIS in words
 job_contract        kinds and states of the service's jobs
 refinement_report   refinements
 plan_report         plans

@@ -8,6 +8,7 @@ from syncplan import __version__
 from syncplan.arrays import Array
 from syncplan.estimation.replays import Replay, longest_gap
 from syncplan.estimation.trials import Accuracy
+from syncplan.reports.consistency_words import interval_words
 from syncplan.reports.run_schemas import ReadingCounts, ReplayDocument, ReplayFilter, RobotFigures
 from syncplan.reports.validation_report import series_of, spread_of
 
@@ -22,9 +23,6 @@ LONG_PAUSE_S = 2.0
 
 SHARE_WORTH_TELLING = 0.01
 """Of a recording, where it can't be used."""
-
-WORTH_TELLING = 0.1
-"""Distance of NIS from 1: the band of so many innovations is narrower than what matters."""
 
 MOST_BEARING_RAD = 6.5
 """Beyond a turn, with a little to spare."""
@@ -127,27 +125,27 @@ def _readings_notes(replayed: Replay) -> list[str]:
 
 def _consistency_notes(replayed: Replay) -> list[str]:
     notes = []
-    figure, assumed = replayed.anees, replayed.bearing_sigma
-    if figure.verdict == "optimistic":
+    anees, nis = spread_of(replayed.anees), spread_of(replayed.nis)
+    assumed = replayed.bearing_sigma
+    if anees.verdict == "optimistic":
         notes.append(
-            f"the filter makes larger errors than its sigmas say (ANEES {figure.value:.2f} above "
-            f"{figure.band[1]:.2f}): they are too small for these robots, or {OTHER_CAUSES}"
+            f"the filter makes larger errors than its sigmas say (ANEES {interval_words(anees)}): "
+            f"they are too small for these robots, or {OTHER_CAUSES}"
         )
-    elif figure.verdict == "conservative":
+    elif anees.verdict == "conservative":
         notes.append(
-            f"the filter makes smaller errors than its sigmas say (ANEES {figure.value:.2f} below "
-            f"{figure.band[0]:.2f}): they may be smaller"
+            f"the filter makes smaller errors than its sigmas say (ANEES {interval_words(anees)}): "
+            "they may be smaller"
         )
-    figure = replayed.nis
-    if figure.verdict == "optimistic" and figure.value > 1.0 + WORTH_TELLING:
+    if nis.verdict == "optimistic":
         notes.append(
-            f"bearings scatter more than the filter expects (NIS {figure.value:.3g}): their sigma "
-            f"may be more than {assumed:g} rad"
+            f"bearings scatter more than the filter expects (NIS {interval_words(nis)}): their "
+            f"sigma may be more than {assumed:g} rad"
         )
-    elif figure.verdict == "conservative" and figure.value < 1.0 - WORTH_TELLING:
+    elif nis.verdict == "conservative":
         notes.append(
-            f"bearings scatter less than the filter expects (NIS {figure.value:.3g}): their sigma "
-            f"may be less than {assumed:g} rad"
+            f"bearings scatter less than the filter expects (NIS {interval_words(nis)}): their "
+            f"sigma may be less than {assumed:g} rad"
         )
     return notes
 

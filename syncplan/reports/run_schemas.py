@@ -32,12 +32,24 @@ __all__ = [
 
 
 class Spread(DocumentPart):
-    """A normalised squared error: its mean, the 95 % band it should lie in, and what that says."""
+    """A normalised squared error: its mean, that mean's confidence interval, and what that says."""
 
-    value: float | None
-    band: tuple[float, float] | None = Field(description="Two-sided 95 % chi-square band")
-    verdict: Literal["consistent", "optimistic", "conservative", "unknown"]
-    count: int = Field(description="Degrees of freedom the band rests on")
+    value: float | None = Field(description="1 for a consistent filter; null without samples")
+    band: tuple[float, float] | None = Field(
+        description="Two-sided 95 % confidence interval of `value`; null where too few trials "
+        "were run. In files without `basis`, the chi-square band of a consistent filter"
+    )
+    verdict: Literal["consistent", "optimistic", "conservative", "unknown"] = Field(
+        description="optimistic where the whole interval is above 1.1 (sigmas too small), "
+        "conservative where it is below 0.9; unknown without an interval, or where one over trials "
+        "is wider than 0.4; otherwise consistent"
+    )
+    count: int = Field(description="Of what the interval rests on: trials or degrees of freedom")
+    basis: Literal["trials", "chi-square"] | None = Field(
+        default=None,
+        description="What the interval rests on: the spread over trials or, for a single run, a "
+        "chi-square variable; null in older files",
+    )
 
 
 class _Errors(DocumentPart):
@@ -57,6 +69,18 @@ class ErrorFigures(_Errors):
 
     predicted_rms_m: float | None
     rms_over_predicted: float | None = Field(description="Second-half RMS over predicted RMS")
+    median_rms_second_half_m: float | None = Field(
+        default=None,
+        description="Median over the trials of each trial's second-half RMS; null in older files",
+    )
+    share_over_3_predicted: float | None = Field(
+        default=None,
+        description="Share of trials whose second-half RMS is over 3 times the predicted RMS; "
+        "overall, of trials in which any vehicle's is. Null where nothing is predicted",
+    )
+    share_over_10_predicted: float | None = Field(
+        default=None, description="The same over 10 times the predicted RMS"
+    )
 
 
 class VehicleFigures(ErrorFigures):

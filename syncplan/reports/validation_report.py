@@ -1,16 +1,21 @@
 """Validations and sweeps as documents, with what their figures mean in words."""
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from syncplan import __version__
+from syncplan.arrays import Array
 from syncplan.estimation.consistency import Consistency
+from syncplan.estimation.outlying_trials import TrialErrors
 from syncplan.estimation.trials import Accuracy, MonteCarloResult, series
 from syncplan.planning.sweeps import ValidatedRow
 from syncplan.planning.swept_keys import swept_key
 from syncplan.planning.validation import Validation
+from syncplan.reports.consistency_words import interval_words
+from syncplan.reports.document_base import finite_or_none
 from syncplan.reports.run_schemas import (
     ErrorFigures,
     FilterRecord,
@@ -26,14 +31,18 @@ from syncplan.reports.verdict_schemas import plan_verdict
 
 __all__ = ["series_of", "spread_of", "sweep_document", "validation_document"]
 
+FEW_SHAPE_THE_RMS = 1.5
+"""RMS over the median trial's error, above which a few trials make up the RMS."""
+
+_FACTORS = (3.0, 10.0)
+"""Multiples of the bound that the shares of trials are over."""
+
 
 def validation_document(validation: Validation) -> ValidationDocument:
     """Return the report of a Monte Carlo run."""
     plan = validation.plan
     names = plan.scenario.vehicle_names
-    result, predicted = validation.result, validation.predicted
-    per_vehicle = validation.accuracy
-    overall_bound = None if predicted is None else float(np.sqrt(np.mean(predicted**2)))
+    result, overall = validation.result, _overall(validation)
     return ValidationDocument(
         version=__version__,
         name=plan.scenario.name,
@@ -49,27 +58,12 @@ def validation_document(validation: Validation) -> ValidationDocument:
             used=int(result.accepted.sum()),
         ),
         observable=plan.observable,
-        vehicles=[
-            VehicleFigures(
-                name=name,
-                **_figures(
-                    per_vehicle,
-                    k,
-                    None if predicted is None else float(predicted[k]),
-                    float(validation.coverage[k]),
-                ),
-            )
-            for k, name in enumerate(names)
-        ],
-        overall=ErrorFigures(
-            **_figures(
-                per_vehicle.overall(), (), overall_bound, float(np.mean(validation.coverage))
-            )
-        ),
+        vehicles=_vehicles(validation),
+        overall=overall,
         anees=spread_of(validation.anees),
         nis=spread_of(validation.nis),
         series=series_of(result, names, plan.sensors.sample_time) if result.branches else None,
-        notes=_filter_notes(validation),
+        notes=_filter_notes(validation, overall),
     )
 
 
@@ -100,6 +94,46 @@ def _row(row: ValidatedRow, report: ValidationDocument) -> SweepRow:
     )
 
 
+def _vehicles(validation: Validation) -> list[VehicleFigures]:
+    predicted, each = validation.predicted, validation.trial_errors
+    medians = each.median()
+    shares = [_shares(each, predicted, factor) for factor in _FACTORS]
+    return [
+        VehicleFigures(
+            name=name,
+            **_figures(
+                validation.accuracy,
+                k,
+                None if predicted is None else float(predicted[k]),
+                float(validation.coverage[k]),
+            ),
+            median_rms_second_half_m=float(medians[k]),
+            share_over_3_predicted=None if shares[0] is None else float(shares[0][k]),
+            share_over_10_predicted=None if shares[1] is None else float(shares[1][k]),
+        )
+        for k, name in enumerate(validation.plan.scenario.vehicle_names)
+    ]
+
+
+def _shares(each: TrialErrors, predicted: Array | None, factor: float) -> Array | None:
+    return None if predicted is None else each.share_over(factor * predicted)
+
+
+def _overall(validation: Validation) -> ErrorFigures:
+    predicted, each = validation.predicted, validation.trial_errors
+    bound = None if predicted is None else float(np.sqrt(np.mean(predicted**2)))
+    shares = [
+        None if predicted is None else each.overall_share_over(factor * predicted)
+        for factor in _FACTORS
+    ]
+    return ErrorFigures(
+        **_figures(validation.accuracy.overall(), (), bound, float(np.mean(validation.coverage))),
+        median_rms_second_half_m=each.overall_median(),
+        share_over_3_predicted=shares[0],
+        share_over_10_predicted=shares[1],
+    )
+
+
 def _figures(
     accuracy: Accuracy, vehicle: int | tuple[()], predicted: float | None, covered: float
 ) -> dict[str, Any]:
@@ -119,10 +153,12 @@ def _figures(
 
 def spread_of(figure: Consistency) -> Spread:
     """Return a consistency figure as a document holds it."""
-    if not figure.degrees:
-        return Spread(value=None, band=None, verdict="unknown", count=0)
     return Spread(
-        value=figure.value, band=figure.band, verdict=figure.verdict, count=figure.degrees
+        value=finite_or_none(figure.value),
+        band=None if math.isnan(figure.band[0]) else figure.band,
+        verdict=figure.verdict,
+        count=figure.count,
+        basis=figure.basis,
     )
 
 
@@ -155,30 +191,54 @@ def series_of(result: MonteCarloResult, names: Sequence[str], sample_time: float
     )
 
 
-def _filter_notes(validation: Validation) -> list[str]:
-    """What the consistency figures mean for the reader, in plain words."""
-    plan, figure = validation.plan, validation.anees
-    verdict = plan.observability
+def _filter_notes(validation: Validation, report: ErrorFigures) -> list[str]:
+    """What the figures mean for the reader, in plain words."""
+    figure = spread_of(validation.anees)
     notes = []
-    if not verdict.observable:
-        motions = "; ".join(item.description for item in plan.unobservable[:3])
-        text = (
-            f"the plan is NOT observable (rank {verdict.rank} of {verdict.state_dim}): no sighting "
-            f"can detect {motions}"
-        )
-        if figure.verdict == "optimistic":
-            text += (
-                f". The filter does not know: it is inconsistent (ANEES {figure.value:.2f}, "
-                "1 is consistent), its sigmas are too small there and must not be trusted"
-            )
-        notes.append(text)
+    if not validation.plan.observable:
+        notes.append(_unobservable_note(validation, figure))
     elif figure.verdict == "optimistic":
         notes.append(
-            f"the filter is inconsistent (ANEES {figure.value:.2f} above "
-            f"{figure.band[1]:.2f}): it makes larger errors than its sigmas say, because it "
-            "linearises about its own estimate; smaller initial sigmas or more sightings help"
+            f"the filter is optimistic (ANEES {interval_words(figure)}): it makes larger errors "
+            "than its sigmas say, because it linearises about its own estimate; smaller initial "
+            "sigmas or more sightings help"
         )
+    outliers = _outliers_note(report)
+    if outliers:
+        notes.append(outliers)
     lost = int(np.isnan(validation.result.nees).sum())
     if lost:
         notes.append(f"{lost} trials ended with a covariance that is not positive definite")
     return notes
+
+
+def _unobservable_note(validation: Validation, figure: Spread) -> str:
+    plan = validation.plan
+    verdict = plan.observability
+    motions = "; ".join(item.description for item in plan.unobservable[:3])
+    text = (
+        f"the plan is NOT observable (rank {verdict.rank} of {verdict.state_dim}): no sighting "
+        f"can detect {motions}. Along them the filter's sigmas are those of the start, grown by "
+        "the noise of the motion: they hold where initial_sigma is true, small against the "
+        "distances of sight, and the run is short"
+    )
+    if figure.verdict == "optimistic":
+        text += (
+            f". Here they do not hold: the filter is optimistic (ANEES {interval_words(figure)})"
+        )
+    return text
+
+
+def _outliers_note(overall: ErrorFigures) -> str | None:
+    """Where some trials are so far off that the RMS is theirs."""
+    far, lost = overall.share_over_3_predicted, overall.share_over_10_predicted
+    median = overall.median_rms_second_half_m
+    if not far or lost is None or median is None:
+        return None
+    if overall.rms_second_half_m <= FEW_SHAPE_THE_RMS * median and not lost:
+        return None
+    return (
+        f"in {100.0 * far:.3g} % of the trials some vehicle is off by more than 3 times the "
+        f"bound, in {100.0 * lost:.3g} % by more than 10 times: they shape the RMS of "
+        f"{overall.rms_second_half_m:.3g} m, the median trial has {median:.3g} m"
+    )

@@ -101,7 +101,8 @@ def test_a_validation_is_no_proof_where_the_plan_is_unobservable_or_trials_are_f
         expect(outcome).to_contain_text(f"of {trials} trial")
 
     validate("30")
-    expect(outcome).to_contain_text("The filter is consistent")
+    expect(outcome).to_contain_text(re.compile("The filter is consistent: ANEES .*95 % interval"))
+    expect(outcome).to_contain_text("Median trial")
     expect(badge).to_have_class("badge good")
     validate("1")
     expect(outcome).to_contain_text("of 1 trial. Too few trials to tell")

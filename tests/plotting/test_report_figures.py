@@ -56,10 +56,13 @@ def test_bars_are_the_errors_found_and_predicted(report: ValidationDocument) -> 
         ("late", "rms_second_half_m"),
         ("whole", "rms_m"),
         ("predicted", "predicted_rms_m"),
+        ("median", "median_rms_second_half_m"),
     ):
         expected = [getattr(vehicle, key) for vehicle in report.vehicles]
         np.testing.assert_allclose(_trace(spec, uid)["y"], expected, atol=1e-6)
-    patterns = [trace["marker"].get("pattern", {}).get("shape", "") for trace in spec["data"]]
+    bars = [trace["marker"] for trace in spec["data"] if trace["type"] == "bar"]
+    patterns = [marker.get("pattern", {}).get("shape", "") for marker in bars]
+    assert len(patterns) == 3
     assert len(set(patterns)) == len(patterns)
 
 
@@ -68,7 +71,7 @@ def test_a_report_without_a_prediction_has_no_bars_of_it(report: ValidationDocum
     for figure in [*values["vehicles"], values["overall"]]:
         figure["predicted_rms_m"] = figure["rms_over_predicted"] = None
     spec = specs_of(ValidationDocument.model_validate(values), ["accuracy"])["accuracy"]
-    assert [trace["uid"] for trace in spec["data"]] == ["late", "whole"]
+    assert [trace["uid"] for trace in spec["data"]] == ["late", "whole", "median"]
 
 
 def test_the_band_is_three_sigma_of_each_axis_about_zero(
@@ -143,6 +146,9 @@ def test_consistency_shows_value_band_and_verdict(report: ValidationDocument) ->
         assert _trace(spec, f"{name}-value")["x"] == [figure.value]
         texts = [note["text"] for note in spec["layout"]["annotations"]]
         assert any(text.startswith(name) and figure.verdict in text for text in texts)
+        assert any("95 % interval" in text and "over 20 trials" in text for text in texts)
+        tolerated = _trace(spec, f"{name}-tolerated")
+        assert (min(tolerated["x"]), max(tolerated["x"])) == (0.9, 1.1)
     covered = [vehicle.coverage_3sigma for vehicle in report.vehicles]
     np.testing.assert_allclose(_trace(spec, "coverage")["y"], covered, atol=1e-6)
 
@@ -155,6 +161,29 @@ def test_a_dishonest_filter_is_told_by_symbol_and_words(report: ValidationDocume
     low, high = spec["layout"]["xaxis"]["range"]
     assert low < 1.0
     assert high > 3.0
+
+
+def test_a_single_trial_has_a_value_and_no_interval() -> None:
+    one = validate(small(landmarks_m=[[35, 9]]), trials=1, duration=5.0)
+    spec = specs_of(one, ["consistency"])["consistency"]
+    assert "ANEES-band" not in {trace["uid"] for trace in spec["data"]}
+    assert _trace(spec, "ANEES-value")["x"] == [one.anees.value]
+    texts = [note["text"] for note in spec["layout"]["annotations"]]
+    assert any("1 trial: not judged<br>at least 10 trials are needed" in text for text in texts)
+
+
+def test_a_report_of_an_earlier_version_keeps_its_band(report: ValidationDocument) -> None:
+    values = report.as_json()
+    for name in ("anees", "nis"):
+        del values[name]["basis"]
+    for figure in [*values["vehicles"], values["overall"]]:
+        for key in ("median_rms_second_half_m", "share_over_3_predicted"):
+            del figure[key]
+    old = ValidationDocument.model_validate(values)
+    spec = specs_of(old, ["consistency"])["consistency"]
+    assert _trace(spec, "ANEES-band")["name"] == "95 % band"
+    accuracy = specs_of(old, ["accuracy"])["accuracy"]
+    assert "median" not in {trace["uid"] for trace in accuracy["data"]}
 
 
 def test_a_run_without_bearings_has_nothing_to_judge() -> None:
