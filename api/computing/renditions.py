@@ -35,7 +35,7 @@ def previewed(
     from syncplan.plotting.catalogue import specs_of
     from syncplan.reports.plan_report import plan_document
 
-    made = plan_of(loaded_body(body, syntax, limits), margin_bound=not quick)
+    made = plan_of(loaded_body(body, syntax, limits), margin_bound=not quick, pilot=not quick)
     specs = specs_of(made, names, theme=theme) if names else {}
     return _compact({"plan": plan_document(made).as_json(), "figures": specs})
 

@@ -49,7 +49,7 @@ def _runs(spec: JobSpec) -> list[TrialRun]:
 
     assert spec.plan is not None
     options = ValidationRequest.model_validate_json(spec.request).run_options()
-    return [trial_run(plan_of(loaded_plan(spec.plan)), options)]
+    return [trial_run(plan_of(loaded_plan(spec.plan), pilot=False), options)]
 
 
 def _report(spec: JobSpec, concluded: Sequence[Validation]) -> JobReport:

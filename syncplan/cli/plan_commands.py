@@ -261,7 +261,7 @@ def _landmarks(
     loaded = loaded_from(values, source=source, max_vehicles=max_vehicles or MAX_VEHICLES)
     sites = load_candidates(candidates)
     new_sites(loaded.scenario, sites, source=candidates)
-    choice = choose_landmarks(plan_of(loaded), sites, choose, seed=seed)
+    choice = choose_landmarks(plan_of(loaded, pilot=False), sites, choose, seed=seed)
     if scenario_out is not None:
         kept = text if loaded.scenario.formation.placed else ""
         _write_scenario(kept, source, choice.plan.scenario, scenario_out)

@@ -91,12 +91,12 @@ def _validate(
         with_series=series,
     )
     refuse_overwriting(subject, output)
-    flown = plan_of(load(subject, max_vehicles=max_vehicles or MAX_VEHICLES))
+    flown = plan_of(load(subject, max_vehicles=max_vehicles or MAX_VEHICLES), pilot=False)
     announce_compilation(options, flown.team.count)
     with progress_bar("trials", trials) as progress:
         result = validate(flown, options, threads=threads, progress=progress)
     deliver_document("validation", validation_document(result), output, format_)
-    return verdict_status(flown, observable=require_observable, go=require_go)
+    return verdict_status(result.plan, observable=require_observable, go=require_go)
 
 
 def _with_options_of_swept_keys(command: Callable[..., int]) -> Callable[..., int]:

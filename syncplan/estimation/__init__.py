@@ -1,6 +1,7 @@
 """How well: error bounds, the filter, many trials of it, and recordings of real robots.
 
 covariances        covariance along a run, referred to time 0
+start_up_index     how far bearings are from linear at the start
 bounds             Cramer-Rao bounds
 filters            the table of filters to choose from
 filter_options     which filter, its gate, how many trials of what length
@@ -8,6 +9,7 @@ mean_interval      confidence interval of a mean over trials
 consistency        ANEES, NIS, coverage
 filter_statistics  what a filter counts on its way
 filter_setup       motion model, initial variances, gate, sightings and readings of a run
+pilot              a few trials in plain NumPy, samples thinned out
 reference_filter   the filter in plain NumPy, one trial
 lane_filter        a compiled filter, many trials side by side
 lane_statistics    kernels that compare lanes with the truth

@@ -25,11 +25,17 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.errors import NoSolutionError
-from syncplan.estimation.covariances import Run, variances_along
+from syncplan.estimation.covariances import Run, foreseen_along, variances_along
+from syncplan.estimation.start_up_index import (
+    StartUpIndex,
+    first_samples,
+    index_of_run,
+    lines_of_sight,
+)
 from syncplan.observability.rank import Observability, sighting_rows
 from syncplan.orbits.circles import Orbits, perpendicular, phase, unit
 from syncplan.orbits.contacts import Windows
-from syncplan.orbits.sightings import sample_sightings, steps_within
+from syncplan.orbits.sightings import Sightings, sample_sightings, steps_within
 from syncplan.orbits.team import Team
 
 __all__ = [
@@ -57,10 +63,21 @@ class PosteriorBound:
     ----------
     position_variance : (steps + 1, n) m^2, trace of each vehicle's position block at k Ts
     heading_variance : (steps + 1, n) rad^2
+    start_up : how far from linear its sightings are; None where not asked for
     """
 
     position_variance: Array
     heading_variance: Array
+    start_up: StartUpIndex | None = None
+
+    def until(self, samples: float) -> "PosteriorBound":
+        """Return the bound along the first whole `samples`, or all there are."""
+        end = int(samples + 1e-9) + 1
+        return replace(
+            self,
+            position_variance=self.position_variance[:end],
+            heading_variance=self.heading_variance[:end],
+        )
 
     def rms_second_half(self) -> Array:
         """Return (n,) RMS position bound in m over the samples k with 2 k > steps."""
@@ -98,11 +115,14 @@ def window_bound(result: Observability) -> Array:
     return np.where(lost > 1e-9, np.nan, result.scale * np.sqrt(variance))
 
 
-def posterior_bound(team: Team, windows: Windows, duration: float) -> PosteriorBound:
+def posterior_bound(
+    team: Team, windows: Windows, duration: float, *, start_up: bool = False
+) -> PosteriorBound:
     """Return the posterior bound over `duration` s, sightings at k Ts with k >= 1.
 
-    Raises NoSolutionError where the covariance stops being positive definite in floating point:
-    sigmas that span too many orders of magnitude.
+    `start_up` adds the start-up index, from the same recursion. Raises NoSolutionError where the
+    covariance stops being positive definite in floating point: sigmas that span too many orders
+    of magnitude.
     """
     noise = team.noise
     system = _ReferredSystem.along(team, windows, steps_within(duration, team.sensors.sample_time))
@@ -110,7 +130,7 @@ def posterior_bound(team: Team, windows: Windows, duration: float) -> PosteriorB
     sigma[:2] /= system.scale
     covariance = np.diag(np.tile(sigma**2, team.count))
     try:
-        bound = system.bound(covariance)
+        bound = system.with_index(covariance) if start_up else system.bound(covariance)
     except np.linalg.LinAlgError:
         raise NoSolutionError(_INDEFINITE) from None
     if np.any(bound.position_variance < 0.0):
@@ -148,6 +168,8 @@ class _ReferredSystem:
     run: Run
     moved: Array  # (2, n, steps + 1) displacement since time 0, in mean radii
     scale: float
+    team: Team
+    sightings: Sightings
 
     @classmethod
     def along(
@@ -170,11 +192,23 @@ class _ReferredSystem:
             targets=np.where(targets < orbits.count, targets, 0),
             first=sightings.first_of_steps(steps),
         )
-        return cls(run, moved, scale)
+        return cls(run, moved, scale, team, sightings)
 
     def bound(self, covariance: Array) -> PosteriorBound:
-        """Return the bound along the run: each vehicle's block carried to its own time."""
-        position_, x_turn, y_turn, turn = variances_along(self.run, covariance)
+        """Return the bound along the run."""
+        return self._carried(variances_along(self.run, covariance))
+
+    def with_index(self, covariance: Array) -> PosteriorBound:
+        """Return the bound along the run with its start-up index."""
+        seen = self.sightings.until(first_samples(self.team))
+        lines = lines_of_sight(self.team, seen, self.scale)
+        variances, foreseen = foreseen_along(self.run, covariance, lines)
+        index = index_of_run(self.team, seen, foreseen)
+        return replace(self._carried(variances), start_up=index)
+
+    def _carried(self, variances: Array) -> PosteriorBound:
+        """Each vehicle's block carried from time 0 to its own time."""
+        position_, x_turn, y_turn, turn = variances
         east, north = self.moved
         spread = position_ + 2.0 * (east * y_turn - north * x_turn) + (east**2 + north**2) * turn
         return PosteriorBound(self.scale**2 * spread.T, turn.T)

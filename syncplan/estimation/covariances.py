@@ -20,15 +20,21 @@ whole to be positive definite:
 
 The border is as long as the state. In larger teams it costs more than it saves: there, and where
 the sigmas span many orders of magnitude, rows are processed sample by sample.
+
+On the way, the recursion holds what a filter knows just before it takes in a row. Of two further
+linear functions a, b of the same six states it gives, at hardly any cost,
+
+    cov(a_k, b_k) = a_k . (P + N_k) b_k - sum over the rows j < k of (half_j . a_k) (half_j . b_k)
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from syncplan.arrays import Array, Index
 
-__all__ = ["Run", "variances_along"]
+__all__ = ["Foreseen", "Run", "foreseen_along", "variances_along"]
 
 
 GROUPED_VEHICLES = 20
@@ -86,13 +92,62 @@ class Run:
         return np.ascontiguousarray(np.moveaxis(self.noise[_SYMMETRIC], (3, 2), (0, 1)))
 
 
+@dataclass(frozen=True, slots=True)
+class Foreseen:
+    """What is known just before each of the first s rows, all earlier ones taken in.
+
+    Attributes
+    ----------
+    pairs : (2, 2, s) covariances of the two functions asked for
+    innovation : (s,) variance of the row's own innovation, in whitened units
+    """
+
+    pairs: Array
+    innovation: Array
+
+
 def variances_along(run: Run, covariance: Array) -> Array:
     """Return (4, n, steps + 1) of each vehicle's block after each sample's sightings.
 
     The four are xx + yy, x psi, y psi and psi psi. `covariance` is (3 n, 3 n) at time 0. Raises
     LinAlgError where an innovation covariance is not positive definite in floating point.
     """
-    return (_by_groups if _suits_groups(run, covariance) else _by_samples)(run, covariance.copy())
+    return _method(run, covariance)(run, covariance.copy(), None)
+
+
+def foreseen_along(run: Run, covariance: Array, functions: Array) -> tuple[Array, Foreseen]:
+    """Return the same as variances_along, and what is known before each row of two functions.
+
+    `functions` is (2, s, 6), of the states that the first s rows concern, s whole samples.
+    """
+    size = functions.shape[1]
+    asked = _Asked(functions, Foreseen(np.empty((2, 2, size)), np.empty(size)))
+    return _method(run, covariance)(run, covariance.copy(), asked), asked.found
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """Two functions of the states that rows concern, (2, s, 6), and where the answers go."""
+
+    functions: Array
+    found: Foreseen
+
+    def answer(
+        self, run: Run, noise: Array, sample: Index, begin: int, groups: tuple[Array, Array, Array]
+    ) -> None:
+        """Fill in what the groups of rows from `begin` on say, as _brought_in returns them."""
+        before, halves, innovation = groups
+        own = slice(begin, min(begin + len(sample), len(self.found.innovation)))
+        size = own.stop - begin
+        used = -(-size // GROUP_ROWS)
+        probes = [_dense(run, one[own], noise, sample[:size], begin) for one in self.functions]
+        known = _known_before(before[:used], halves[:, :used], probes)
+        self.found.pairs[..., own] = known.reshape(2, 2, -1)[..., :size]
+        self.found.innovation[own] = innovation.reshape(-1)[:size]
+
+
+def _method(run: Run, covariance: Array) -> Callable[[Run, Array, _Asked | None], Array]:
+    return _by_groups if _suits_groups(run, covariance) else _by_samples
 
 
 def _suits_groups(run: Run, covariance: Array) -> bool:
@@ -119,7 +174,7 @@ def _blocks(count: int) -> tuple[Index, Index]:
 # --- sample by sample ---------------------------------------------------------------------------
 
 
-def _by_samples(run: Run, covariance: Array) -> Array:
+def _by_samples(run: Run, covariance: Array, asked: _Asked | None) -> Array:
     noise, columns = run.noise_blocks, run.columns
     vehicles = np.arange(run.count)
     view = covariance.reshape(run.count, 3, run.count, 3)
@@ -128,26 +183,39 @@ def _by_samples(run: Run, covariance: Array) -> Array:
         view[vehicles, :, vehicles, :] += noise[k]
         begin, end = run.first[k], run.first[k + 1]
         if begin < end:
-            _update(covariance, run.rows[begin:end], columns[begin:end])
+            _update(covariance, run.rows[begin:end], columns[begin:end], asked, begin)
         found[k] = view[vehicles, :, vehicles, :]
     upper = found[:, :, _UPPER[0], _UPPER[1]]
     return _four(np.moveaxis(upper, (2, 1), (0, 1)))
 
 
-def _update(covariance: Array, rows: Array, columns: Index) -> None:
-    """Bring m whitened bearings into the covariance, in place."""
+def _update(
+    covariance: Array, rows: Array, columns: Index, asked: _Asked | None, begin: int
+) -> None:
+    """Bring m whitened bearings, from row `begin` on, into the covariance, in place."""
     gain = np.matmul(rows[:, None, :], covariance[columns])[:, 0]
     innovation = np.einsum("mc,mcl->ml", rows, gain.T[columns])
     innovation[np.diag_indices_from(innovation)] += 1.0
     factor = np.linalg.cholesky(innovation)
     half = np.linalg.solve(factor, gain)
+    if asked is not None and begin < len(asked.found.innovation):
+        own = slice(begin, begin + len(rows))
+        functions = asked.functions[:, own]
+        blocks = covariance[columns[:, :, None], columns[:, None, :]]
+        earlier = np.tril(np.ones((len(rows), len(rows))), -1)
+        # of each function, by how much each earlier row of the sample reduced it
+        told = np.einsum("amc,jmc->amj", functions, half[:, columns]) * earlier
+        asked.found.pairs[..., own] = np.einsum(
+            "amc,mcd,bmd->abm", functions, blocks, functions
+        ) - np.einsum("amj,bmj->abm", told, told)
+        asked.found.innovation[own] = np.diag(factor) ** 2
     covariance -= half.T @ half
 
 
 # --- group by group -----------------------------------------------------------------------------
 
 
-def _by_groups(run: Run, covariance: Array) -> Array:
+def _by_groups(run: Run, covariance: Array, asked: _Asked | None) -> Array:
     sample = np.repeat(np.arange(len(run.first) - 1), np.diff(run.first))
     blocks = _blocks(run.count)
     until_sample = run.first[1:]
@@ -165,19 +233,23 @@ def _by_groups(run: Run, covariance: Array) -> Array:
         noise = run.noise[..., start : max(until, sample[end - 1] + 1)].copy()
         noise[..., 0] = 0.0
         noise = np.cumsum(noise, axis=-1)
-        rows, noisy = _dense(run, noise, sample[begin:end] - start, begin)
+        own = slice(begin, end)
+        rows, noisy = _dense(run, run.rows[own], noise, sample[own] - start, begin)
         ceiling = float(np.trace(covariance) + noise[[0, 3, 5], :, -1].sum())
-        before, halves = _brought_in(covariance, rows, noisy, ceiling)
+        before, halves, innovation = _brought_in(covariance, rows, noisy, ceiling)
+        if asked is not None and begin < len(asked.found.innovation):
+            asked.answer(run, noise, sample[own] - start, begin, (before, halves, innovation))
         row = until_sample[done:until] - 1 - begin
         found[..., done:until] = _four(noise[..., done - start : until - start])
-        found[..., done:until] += _four(before)[..., row // GROUP_ROWS] - _reductions(halves, row)
+        four = _four(_own_blocks(before))[..., row // GROUP_ROWS]
+        found[..., done:until] += four - _reductions(halves, row)
         covariance[blocks] += noise[..., sample[end - 1] - start][_SYMMETRIC]
         start, done = sample[end - 1], until
     return found
 
 
-def _dense(run: Run, noise: Array, sample: Index, begin: int) -> tuple[Array, Array]:
-    """Rows from `begin` on in groups, and the noise up to each row's sample times the row.
+def _dense(run: Run, six: Array, noise: Array, sample: Index, begin: int) -> tuple[Array, Array]:
+    """Rows from `begin` on, given as their `six`, in groups; and the noise up to each times it.
 
     Both (g, 3 n, m), each row a column; zeros fill up the last group.
     """
@@ -190,7 +262,7 @@ def _dense(run: Run, noise: Array, sample: Index, begin: int) -> tuple[Array, Ar
     end = begin + len(sample)
     # targets first: in place of a landmark is a vehicle, which may be the observer itself
     for vehicles, columns in ((run.targets, slice(3, 6)), (run.observers, slice(0, 3))):
-        who, own = vehicles[begin:end], run.rows[begin:end, columns].T
+        who, own = vehicles[begin:end], six[:, columns].T
         at = place + 3 * GROUP_ROWS * who + axes
         grown = noise.reshape(6, -1).take(who * noise.shape[-1] + sample, axis=1)
         rows.reshape(-1)[at] = own
@@ -207,15 +279,16 @@ def _times(blocks: Array, vectors: Array) -> Array:
 
 def _brought_in(
     covariance: Array, rows: Array, noisy: Array, ceiling: float
-) -> tuple[Array, Array]:
+) -> tuple[Array, Array, Array]:
     """Bring groups of rows into the covariance, in place, leaving out all noise since the first.
 
-    `ceiling` is above the trace of the covariance with its noise. Returns each vehicle's block
-    before each group, (6, n, g), and the halves (m, g, 3 n).
+    `ceiling` is above the trace of the covariance with its noise. Returns the covariance before
+    each group, (g, 3 n, 3 n), the halves (m, g, 3 n) and each row's innovation variance (g, m).
     """
     number, width, size = rows.shape
     before = np.empty((number, width, width))
     halves = np.empty((size, number, width))
+    variances = np.empty((number, size))
     bordered = np.zeros((size + width, size + width))
     innovation, border = bordered[:size, :size], bordered[size:, :size]
     np.fill_diagonal(bordered, 1.0 + 2.0 * ceiling)
@@ -226,11 +299,33 @@ def _brought_in(
         border += noisy[k]
         np.matmul(rows[k].T, border, out=innovation)
         diagonal += 1.0
-        half = np.linalg.cholesky(bordered)[size:, :size]
+        factor = np.linalg.cholesky(bordered)
+        half = factor[size:, :size]
+        variances[k] = np.einsum("ii->i", factor)[:size]
         halves[:, k] = half.T
         covariance -= half @ half.T
-    lines, columns = _blocks(width // 3)
-    return np.moveaxis(before[:, lines[_UPPER], columns[_UPPER]], 0, -1), halves
+    return before, halves, variances * variances
+
+
+def _own_blocks(covariances: Array) -> Array:
+    """(6, n, g) each vehicle's block of covariances (g, 3 n, 3 n)."""
+    lines, columns = _blocks(covariances.shape[-1] // 3)
+    return np.moveaxis(covariances[:, lines[_UPPER], columns[_UPPER]], 0, -1)
+
+
+def _known_before(before: Array, halves: Array, probes: list[tuple[Array, Array]]) -> Array:
+    """(2, 2, g, m) covariances of two functions (g, 3 n, m), with their noise, before each row."""
+    earlier = np.triu(np.ones((len(halves), len(halves))), 1)
+    # in one piece: of a mere view the products take several times as long
+    by_group = np.ascontiguousarray(np.swapaxes(halves, 0, 1))
+    told = [by_group @ one * earlier for one, _ in probes]
+    grown = [before @ one + noisy for one, noisy in probes]
+    known = np.empty((2, 2, *probes[0][0].shape[::2]))
+    for a, b in ((0, 0), (0, 1), (1, 1)):
+        known[a, b] = known[b, a] = np.einsum("gkm,gkm->gm", probes[a][0], grown[b]) - np.einsum(
+            "gjm,gjm->gm", told[a], told[b]
+        )
+    return known
 
 
 def _reductions(halves: Array, row: Index) -> Array:

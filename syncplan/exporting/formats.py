@@ -14,7 +14,7 @@ from syncplan.exporting.loiter_turns import snapped_radii
 from syncplan.exporting.missions import flies_loiter_turns
 from syncplan.exporting.sidecar import sidecar_file
 from syncplan.planning.judged_plan import Plan
-from syncplan.planning.judgement import judge
+from syncplan.planning.judgement import BoundChoice, judge
 
 __all__ = [
     "ALL",
@@ -135,7 +135,9 @@ def _snapped(flight: Flight) -> tuple[Flight, list[str]]:
         radius_m=radii.tolist(), angular_rate_rad_s=plan.orbits.rate, speed_mps=None
     )
     scenario = plan.scenario.following(orbit=orbit)
-    judged = judge(scenario, replace(plan.orbits, radii=radii), bound="never")
+    predicted = plan.prediction.rms is not None
+    bound: BoundChoice = "always" if predicted else "never"
+    judged = judge(scenario, replace(plan.orbits, radii=radii), bound=bound)
     worst = int(np.argmax(moved))
     notes = [
         f"radii snapped to what ArduPilot stores, at most by {moved[worst]:.2g} m "

@@ -34,6 +34,13 @@ class Sightings:
     targets: Index
     kinds: Index
 
+    def until(self, last_step: int) -> "Sightings":
+        """Return the sightings up to step `last_step`, included."""
+        end = int(np.searchsorted(self.steps, last_step, side="right"))
+        return Sightings(
+            self.steps[:end], self.observers[:end], self.targets[:end], self.kinds[:end]
+        )
+
     def first_of_steps(self, last_step: int) -> Index:
         """Return (last_step + 2,) offsets: step k's sightings are first[k] to first[k + 1]."""
         return np.searchsorted(self.steps, np.arange(last_step + 2)).astype(np.int64)

@@ -1,6 +1,7 @@
 """The chain from a scenario to a judged plan, and what is done with plans.
 
 figures_of_merit    by what plans are compared
+start_up            whether the filter reaches the bound: index and pilot
 refinement_record   how a plan was refined
 judged_team         a team with all that was found of it
 distance_limits     how near vehicles may come to each other and to landmarks
@@ -9,6 +10,7 @@ observability_checks  findings on rank and certificate
 path_checks         findings on distances, areas and limits
 link_checks         findings on links lost or easily lost
 search_checks       findings on how the plan was found
+start_up_checks     findings on the start
 verdict_checks      the table of checks
 judged_plan         the plan: a judged team and the verdict
 judgement           orbits to plan

@@ -12,6 +12,7 @@ from syncplan.orbits.separation import Approach
 from syncplan.orbits.team import Team, WithTeam
 from syncplan.placement.centers import Placement
 from syncplan.planning.refinement_record import RefinementRecord
+from syncplan.planning.start_up import StartUp
 from syncplan.scenario.specification import Scenario
 from syncplan.synchronisation.phases import Synchronisation
 
@@ -68,6 +69,8 @@ class JudgedTeam(WithTeam):
     refinement : how the plan was refined, or why it could not be; None if that was not tried
     placement : how the centres were found; None where they were given or the plan is a file's
     centres_placed : whether the plan's file says that placement found the centres
+    start_up : whether the filter can be expected to reach the bound; None where no bound was
+        computed, or the team is not observable
     """
 
     scenario: Scenario
@@ -89,3 +92,4 @@ class JudgedTeam(WithTeam):
     refinement: RefinementRecord | None = None
     placement: Placement | None = None
     centres_placed: bool = False
+    start_up: StartUp | None = None

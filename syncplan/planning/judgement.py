@@ -6,7 +6,12 @@ import numpy as np
 
 from syncplan.arrays import Index, as_pairs
 from syncplan.errors import NoSolutionError
-from syncplan.estimation.bounds import posterior_bound, steady_bound, window_bound
+from syncplan.estimation.bounds import (
+    PosteriorBound,
+    posterior_bound,
+    steady_bound,
+    window_bound,
+)
 from syncplan.observability.connectivity import connectivity_period
 from syncplan.observability.link_verdicts import landmark_verdicts, vehicle_verdicts
 from syncplan.observability.unobservable_modes import name_modes
@@ -19,6 +24,7 @@ from syncplan.orbits.team import Team
 from syncplan.planning.distance_limits import TOLERANCE, DistanceLimit, separation_limit
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.judged_team import Prediction, UnmetLink
+from syncplan.planning.start_up import StartUp, start_up_of
 from syncplan.runtime.blas import single_threaded_blas
 from syncplan.scenario.specification import Scenario
 from syncplan.synchronisation.phases import Synchronisation
@@ -39,14 +45,15 @@ def judge(
     *,
     bound: BoundChoice = "auto",
     steady: bool = False,
+    pilot: bool = True,
     given: Index | None = None,
     found: Synchronisation | None = None,
 ) -> Plan:
     """Return the plan of given orbits; nothing is taken over from whoever made them.
 
-    `bound` and `steady` are those of syncplan.plan. `given` are the (e, 2) links that the phases
-    were found for, by default those that the scenario lists or its circles allow; `found`, how
-    the phases were found, has the reasons of links that they could not keep.
+    `bound`, `steady` and `pilot` are those of syncplan.plan. `given` are the (e, 2) links that the
+    phases were found for, by default those that the scenario lists or its circles allow; `found`,
+    how the phases were found, has the reasons of links that they could not keep.
     """
     resolved = scenario.resolved()
     team = team_of(resolved, orbits)
@@ -55,6 +62,7 @@ def judge(
     listed = [(a, b) for a, b in pairs.tolist()]
     met = _met_pairs(team, assessed.windows)
     kept = [pair for pair in listed if pair in met]
+    along, note = _bound_along(assessed, resolved.duration_s, bound)
     return Plan(
         scenario=resolved,
         team=team,
@@ -71,7 +79,8 @@ def judge(
         observability=assessed.observability,
         certificate=assessed.certificate,
         unobservable=tuple(name_modes(assessed, resolved.vehicle_names, resolved.landmark_names)),
-        prediction=_predict(assessed, resolved, bound, steady),
+        prediction=_predict(assessed, resolved, steady, along, note),
+        start_up=_start_up(assessed, resolved.duration_s, along, pilot),
     )
 
 
@@ -134,25 +143,46 @@ def bound_is_affordable(team: Team, duration: float) -> bool:
     return steps * (3.0 * team.count) ** 2 * team.count <= BOUND_WORK_LIMIT
 
 
-def _predict(
-    assessed: Assessment, scenario: Scenario, bound: BoundChoice, steady: bool
-) -> Prediction:
-    team, windows, duration = assessed.team, assessed.windows, scenario.duration_s
-    rms, note = None, "the posterior bound was not asked for"
+def _bound_along(
+    assessed: Assessment, duration: float, bound: BoundChoice
+) -> tuple[PosteriorBound | None, str]:
+    """The posterior bound with its start-up index, or why it is missing."""
+    team = assessed.team
+    if bound == "never":
+        return None, "the posterior bound was not asked for"
     if bound == "auto" and not bound_is_affordable(team, duration):
-        note = (
+        return None, (
             f"the posterior bound of {team.count} vehicles over {duration:g} s is "
             "computed on request (--bound always)"
         )
-    elif bound != "never":
-        try:
-            rms, note = posterior_bound(team, windows, duration).rms_second_half(), ""
-        except NoSolutionError as error:
-            note = str(error)
+    observable = assessed.observability.observable
+    try:
+        return posterior_bound(team, assessed.windows, duration, start_up=observable), ""
+    except NoSolutionError as error:
+        return None, str(error)
+
+
+def _predict(
+    assessed: Assessment,
+    scenario: Scenario,
+    steady: bool,
+    along: PosteriorBound | None,
+    note: str,
+) -> Prediction:
+    team = assessed.team
     window = window_bound(assessed.observability)
     limit = None
     if steady:
-        limit = steady_bound(team, windows)
+        limit = steady_bound(team, assessed.windows)
         if scenario.window >= team.orbits.period * (1.0 - 1e-9):
             limit = np.where(np.isnan(window), np.inf, limit)
+    rms = None if along is None else along.rms_second_half()
     return Prediction(rms=rms, steady=limit, window=window, note=note)
+
+
+def _start_up(
+    assessed: Assessment, duration: float, along: PosteriorBound | None, pilot: bool
+) -> StartUp | None:
+    if along is None:
+        return None
+    return start_up_of(assessed.team, assessed.windows, duration, along, pilot=pilot)

@@ -102,6 +102,7 @@ def plan_of(
     bound: BoundChoice = "auto",
     steady: bool = False,
     margin_bound: bool = True,
+    pilot: bool = True,
 ) -> Plan:
     """Return the plan of a scenario, or of the orbits a plan file states, judged afresh.
 
@@ -109,8 +110,10 @@ def plan_of(
     keeps its record of how the orbits were found, unless they have been changed since.
     """
     if loaded.orbits is None:
-        return plan(loaded.scenario, bound=bound, steady=steady, margin_bound=margin_bound)
-    judged = judge(loaded.scenario, loaded.orbits, bound=bound, steady=steady)
+        return plan(
+            loaded.scenario, bound=bound, steady=steady, margin_bound=margin_bound, pilot=pilot
+        )
+    judged = judge(loaded.scenario, loaded.orbits, bound=bound, steady=steady, pilot=pilot)
     return with_record(judged, loaded.record)
 
 

@@ -32,6 +32,7 @@ def plan(
     bound: BoundChoice = "auto",
     steady: bool = False,
     margin_bound: bool = True,
+    pilot: bool = True,
 ) -> Plan:
     """Return the plan of a scenario: senses, phases, links and the verdict on observability.
 
@@ -41,7 +42,8 @@ def plan(
     `bound` says whether the posterior bound is computed: for teams up to a stated amount of work
     (auto), always or never. `steady` adds its periodic limit. `margin_bound` says whether the
     bound on the links' smallest margin is computed, which takes most of the time where phases have
-    no closed form.
+    no closed form. `pilot` says whether a few trials are run where the start-up index does not
+    clear the plan.
     """
     if bound not in ("auto", "always", "never"):
         raise InputError(f"{bound!r}: must be auto, always or never", key="bound")
@@ -65,7 +67,9 @@ def plan(
     off = np.array(per_vehicle(resolved.orbit.desync_rad, resolved.size), dtype=float)
     phases = (found.phases + off) % (2.0 * np.pi) if off.any() else found.phases
     orbits = replace(circles, senses=senses, phases=phases)
-    judged = judge(resolved, orbits, bound=bound, steady=steady, given=pairs, found=found)
+    judged = judge(
+        resolved, orbits, bound=bound, steady=steady, pilot=pilot, given=pairs, found=found
+    )
     return replace(judged, synchronisation=found, alternating_proven=proven, placement=placed)
 
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from syncplan.planning.figures_of_merit import Figures
+from syncplan.planning.start_up import StartBefore
 from syncplan.scenario.refine_options import RefineOptions
 
 __all__ = ["RefinementRecord", "StartRecord"]
@@ -48,6 +49,7 @@ class RefinementRecord:
     before, after : exact figures of merit, positions in the input's mean radius
     active : constraints that the result meets with hardly any margin
     starts : in order
+    start_before : how the input starts; None where that was not judged
     """
 
     options: RefineOptions | None
@@ -59,3 +61,4 @@ class RefinementRecord:
     after: Figures
     active: tuple[str, ...]
     starts: tuple[StartRecord, ...]
+    start_before: StartBefore | None = None

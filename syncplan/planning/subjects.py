@@ -17,19 +17,20 @@ PlanSubject = Plan | Scenario | str | Path | Mapping[str, Any]
 """A plan; a scenario, which is planned; or a file or a mapping that holds one or the other."""
 
 
-def planned(subject: PlanSubject, *, bound: BoundChoice = "auto") -> Plan:
-    """Return a plan as it is, and the plan of anything else; `bound` is that of syncplan.plan.
+def planned(subject: PlanSubject, *, bound: BoundChoice = "auto", pilot: bool = True) -> Plan:
+    """Return a plan as it is, and the plan of anything else.
 
-    Raises InputError for a file or mapping that holds neither a plan nor a scenario.
+    `bound` and `pilot` are those of syncplan.plan. Raises InputError for a file or mapping that
+    holds neither a plan nor a scenario.
     """
     if isinstance(subject, Plan):
         return subject
     if isinstance(subject, Scenario):
-        return plan_of(Loaded(subject, None), bound=bound)
+        return plan_of(Loaded(subject, None), bound=bound, pilot=pilot)
     if isinstance(subject, str | Path):
-        return plan_of(load(subject), bound=bound)
+        return plan_of(load(subject), bound=bound, pilot=pilot)
     if isinstance(subject, Mapping):
-        return plan_of(loaded_from(subject), bound=bound)
+        return plan_of(loaded_from(subject), bound=bound, pilot=pilot)
     raise InputError(
         f"is a {type(subject).__name__}; give a Plan, a Scenario, the path of a file or a mapping",
         key="subject",

@@ -91,11 +91,14 @@ def planned_rows(
     key = swept_key(name)
     if not values:
         raise InputError("no values given; give a list such as 0.2,0.4", key=name)
-    rows = [PlannedRow(f"{value:g}", value, plan(key.varied(scenario, value))) for value in values]
+    rows = [
+        PlannedRow(f"{value:g}", value, plan(key.varied(scenario, value), pilot=False))
+        for value in values
+    ]
     if connected:
         last = rows[-1]
         reach = connected_range(last.plan)
-        wider = plan(SWEPT_KEYS["range"].varied(last.plan.scenario, reach))
+        wider = plan(SWEPT_KEYS["range"].varied(last.plan.scenario, reach), pilot=False)
         label = f"connected, {last.label} at range {reach:.4g} m"
         rows.append(PlannedRow(label, last.value, wider))
     return rows

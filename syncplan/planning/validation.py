@@ -22,6 +22,7 @@ from syncplan.estimation.trials import Accuracy, MonteCarloResult, accuracy, mer
 from syncplan.orbits.sightings import Sightings, sample_sightings
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.judgement import bound_is_affordable
+from syncplan.planning.start_up import StartTrials, concluded
 from syncplan.planning.subjects import PlanSubject, planned
 from syncplan.results import Result
 from syncplan.runtime.blas import single_threaded_blas
@@ -35,7 +36,7 @@ class Validation(Result):
 
     Attributes
     ----------
-    plan : the plan that was flown
+    plan : the plan that was flown; of its start, these trials say what a pilot would
     duration : s
     options : which filter, and its gate
     result : per trial figures, and the series where asked for
@@ -135,7 +136,7 @@ def trial_run(
 ) -> TrialRun:
     """Return the set-up of a validation, whose parts run_part runs and conclude joins."""
     chosen = options_with(options, changes)
-    flown = planned(subject)
+    flown = planned(subject, pilot=False)
     length = flown.scenario.duration_s if chosen.duration is None else chosen.duration
     sample_time, period = flown.sensors.sample_time, flown.orbits.period
     steps = steps_in_run(length, sample_time, period, flown.team.count)
@@ -182,17 +183,36 @@ def conclude(run: TrialRun, parts: Sequence[MonteCarloResult]) -> Validation:
             f"the filter diverged in {lost} of {run.trials} trials: its errors are no longer "
             "finite; smaller sigmas or a shorter sample time may help"
         )
+    found, predicted = accuracy(result), _predicted(flown, run.duration)
     return Validation(
-        plan=flown,
+        plan=_with_own_trials(run, found, predicted),
         duration=run.duration,
         options=run.options,
         result=result,
-        accuracy=accuracy(result),
-        predicted=_predicted(flown, run.duration),
+        accuracy=found,
+        predicted=predicted,
         coverage=coverage(result.covered.mean(axis=0), result.coverage_samples),
         anees=anees(result.nees, 3 * flown.orbits.count),
         nis=nis(result.nis_sums, result.accepted, run.options.gate_probability),
     )
+
+
+def _with_own_trials(run: TrialRun, found: Accuracy, predicted: Array | None) -> Plan:
+    """The plan that was flown; where its start needed trials, these stand in for the pilot's."""
+    flown = run.plan
+    if flown.start_up is None or flown.start_up.cleared or predicted is None:
+        return flown
+    trials = StartTrials(
+        trials=run.trials,
+        seed=run.options.seed,
+        duration=run.duration,
+        pilot=False,
+        found=found.late_position,
+        predicted=predicted,
+    )
+    length = flown.scenario.duration_s
+    start_up = concluded(flown.start_up, trials, flown.team, flown.windows, length)
+    return replace(flown, start_up=start_up)
 
 
 def _predicted(flown: Plan, duration: float) -> Array | None:

@@ -19,6 +19,7 @@ from syncplan.planning.search_checks import (
     not_refined,
     search_cut_short,
 )
+from syncplan.planning.start_up_checks import start_up, start_up_worse
 
 __all__ = ["CHECKS", "verdict_of"]
 
@@ -32,6 +33,8 @@ CHECKS: dict[str, Callable[[JudgedTeam], Iterable[Finding]]] = {
     "over-limit": over_limit,
     "link-lost": lost_links,
     "link-fragile": fragile_links,
+    "start-up": start_up,
+    "start-up-worse": start_up_worse,
     "not-refined": not_refined,
     "search-cut-short": search_cut_short,
     "centres-placed": centres_placed,

@@ -12,6 +12,7 @@ from syncplan.planning.figures_of_merit import FIGURES, Figures
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.refinement_record import RefinementRecord, StartRecord
 from syncplan.planning.search_checks import CENTRES_PLACED, PLACED
+from syncplan.planning.start_up import StartBefore
 from syncplan.scenario.chunked_validation import Many
 from syncplan.scenario.objectives import OBJECTIVES
 from syncplan.synchronisation.phases import Synchronisation
@@ -61,6 +62,11 @@ class _WrittenStart(_Read):
     unmet: list[Words]
 
 
+class _WrittenInputStart(_Read):
+    index: float
+    worst_rms_over_predicted: float | None
+
+
 class _WrittenRefinement(_Read):
     objective: str
     improved: bool
@@ -70,6 +76,7 @@ class _WrittenRefinement(_Read):
     after: dict[str, bool | float | None]
     active_constraints: list[Words]
     starts: list[_WrittenStart]
+    start_up_before: _WrittenInputStart | None = None
 
 
 class _WrittenFinding(_Read):
@@ -176,7 +183,16 @@ def _refinement(given: _WrittenRefinement | None) -> RefinementRecord | None:
             )
             for one in given.starts
         ),
+        start_before=_start_before(given.start_up_before),
     )
+
+
+def _start_before(given: _WrittenInputStart | None) -> StartBefore | None:
+    """How the input starts; a ratio that was not finite is infinite."""
+    if given is None:
+        return None
+    ratio = given.worst_rms_over_predicted
+    return StartBefore(given.index, math.inf if ratio is None else ratio)
 
 
 def _figures(values: Mapping[str, bool | float | None]) -> Figures:

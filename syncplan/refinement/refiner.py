@@ -219,6 +219,7 @@ def _best(case: _Case, attempts: list["Attempt"], cut_short: bool, bound: BoundC
         after=before,
         active=(),
         starts=tuple(_record(one, objective) for one in attempts),
+        start_before=None if given.start_up is None else given.start_up.before,
     )
     if not better or best is None or best.after is None or best.circles is None:
         return replace(given, refinement=record)

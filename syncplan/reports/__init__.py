@@ -1,6 +1,7 @@
 """Plans and runs as JSON documents, with what their figures mean in words.
 
 document_base       what all documents share
+start_up_schemas    the start of a plan and its JSON contract
 verdict_schemas     verdicts and their JSON contract
 refinement_schemas  the JSON contract of refinements
 plan_schemas        of plans

@@ -29,6 +29,7 @@ from syncplan.reports.plan_schemas import (
     Witness,
 )
 from syncplan.reports.refinement_report import refinement_result
+from syncplan.reports.start_up_schemas import start_up_record
 from syncplan.reports.verdict_schemas import plan_verdict
 
 __all__ = ["certificate_reason", "plan_document"]
@@ -74,6 +75,9 @@ def plan_document(plan: Plan) -> PlanDocument:
             None if plan.prediction.steady is None else _errors(plan.prediction.steady, names)
         ),
         window_bound_m=_errors(plan.prediction.window, names),
+        start_up=(
+            None if plan.start_up is None else start_up_record(plan.start_up, names, landmarks)
+        ),
         refinement=None if plan.refinement is None else refinement_result(plan.refinement),
         notes=[one.message for one in verdict.findings],
     )

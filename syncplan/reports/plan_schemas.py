@@ -6,6 +6,7 @@ from pydantic import Field
 
 from syncplan.reports.document_base import DocumentPart, Point, VersionedDocument, Window
 from syncplan.reports.refinement_schemas import RefinementResult
+from syncplan.reports.start_up_schemas import StartUpRecord
 from syncplan.reports.verdict_schemas import PlanVerdict
 from syncplan.scenario.specification import Scenario
 
@@ -167,7 +168,7 @@ class SynchronisationRecord(DocumentPart):
 class PlanDocument(VersionedDocument):
     """A plan: orbits, meetings and the verdict on observability."""
 
-    left_out_if_none: ClassVar[frozenset[str]] = frozenset({"refinement", "verdict"})
+    left_out_if_none: ClassVar[frozenset[str]] = frozenset({"refinement", "start_up", "verdict"})
 
     verdict: PlanVerdict | None = Field(
         default=None, description="Go or no-go, with all findings; absent from older files"
@@ -187,6 +188,11 @@ class PlanDocument(VersionedDocument):
     predicted_rms_m: ErrorPrediction
     steady_rms_m: ErrorPrediction | None
     window_bound_m: ErrorPrediction
+    start_up: StartUpRecord | None = Field(
+        default=None,
+        description="Whether the filter reaches the predicted error; absent where none is "
+        "predicted, from plans that are not observable and from older files",
+    )
     refinement: RefinementResult | None = Field(
         default=None, description="How the plan was refined, where it was"
     )

@@ -4,8 +4,14 @@ from typing import Any
 
 from syncplan.planning.figures_of_merit import FIGURES, Figures
 from syncplan.planning.refinement_record import RefinementRecord, StartRecord
+from syncplan.planning.start_up import StartBefore
 from syncplan.reports.document_base import finite_or_none
-from syncplan.reports.refinement_schemas import FiguresOfMerit, RefinementResult, StartResult
+from syncplan.reports.refinement_schemas import (
+    FiguresOfMerit,
+    InputStart,
+    RefinementResult,
+    StartResult,
+)
 
 __all__ = ["refinement_result"]
 
@@ -21,7 +27,12 @@ def refinement_result(record: RefinementRecord) -> RefinementResult:
         after=_figures(record.after),
         active_constraints=list(record.active),
         starts=[_start(item) for item in record.starts],
+        start_up_before=None if record.start_before is None else _before(record.start_before),
     )
+
+
+def _before(start: StartBefore) -> InputStart:
+    return InputStart(index=start.index, worst_rms_over_predicted=finite_or_none(start.worst_ratio))
 
 
 def _figures(figures: Figures) -> FiguresOfMerit:

@@ -7,7 +7,7 @@ from pydantic import Field, create_model
 from syncplan.planning.figures_of_merit import FIGURES
 from syncplan.reports.document_base import DocumentPart
 
-__all__ = ["FiguresOfMerit", "RefinementResult", "StartResult"]
+__all__ = ["FiguresOfMerit", "InputStart", "RefinementResult", "StartResult"]
 
 
 class _ComparedPlan(DocumentPart):
@@ -57,6 +57,16 @@ class StartResult(DocumentPart):
     unmet: list[str] = Field(description="Constraints that the solver could not meet")
 
 
+class InputStart(DocumentPart):
+    """How the plan starts that was refined; see `start_up` of plans."""
+
+    index: float
+    worst_rms_over_predicted: float | None = Field(
+        description="Of the pilot's worst vehicle: 1 where the index cleared the plan, null where "
+        "a filter broke down"
+    )
+
+
 class RefinementResult(DocumentPart):
     """How a plan was refined; `improved` says whether this is a better plan or the input."""
 
@@ -68,3 +78,6 @@ class RefinementResult(DocumentPart):
     after: FiguresOfMerit
     active_constraints: list[str]
     starts: list[StartResult]
+    start_up_before: InputStart | None = Field(
+        default=None, description="How the input starts; null where that was not tried"
+    )

@@ -1,0 +1,96 @@
+"""The start-up index: how far bearings are from linear in what a filter does not know yet.
+
+An extended Kalman filter replaces a bearing by its tangent at the estimate. With the error of the
+relative position split into a along and b across the line of sight, at distance rho,
+
+    bearing = b / rho - a b / rho^2 + ...
+    eta     = sqrt(P_aa P_bb + P_ab^2) / rho^2         standard deviation of the second term
+
+for normal errors (Isserlis). The filter takes that term for noise it does not know of, so what
+counts is its size beside the deviation of the innovation, sqrt(S), that the filter expects:
+
+    start-up index = max of eta / sqrt(S) over the sightings of the first two periods
+
+with P and S of the covariance recursion along the plan, from the initial sigmas, each just before
+the sighting is taken in. By then a plan has seen twice all that it ever sees.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from syncplan.arrays import Array
+from syncplan.estimation.covariances import Foreseen
+from syncplan.orbits.paths import body_paths
+from syncplan.orbits.sighting_kinds import sigmas_by_kind
+from syncplan.orbits.sightings import Sightings, steps_within
+from syncplan.orbits.team import Team
+
+__all__ = ["StartUpIndex", "first_samples", "index_of_run", "lines_of_sight"]
+
+PERIODS = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class StartUpIndex:
+    """The start-up index of a run, and the sighting that has it.
+
+    Attributes
+    ----------
+    value : the index, a pure number; 0 without sightings
+    observer, target : who measures whom there; targets from n on are landmarks
+    time : s, when
+    """
+
+    value: float
+    observer: int
+    target: int
+    time: float
+
+
+def first_samples(team: Team) -> int:
+    """Return the last sample whose sightings the index covers."""
+    return steps_within(PERIODS * team.orbits.period, team.sensors.sample_time)
+
+
+def lines_of_sight(team: Team, sightings: Sightings, scale: float) -> Array:
+    """Return (2, s, 6): the target's way along and across the line of sight, over its distance.
+
+    As linear functions of errors at time 0, the observer's three and the target's three, positions
+    in `scale` m; a landmark's three are zero, and all are where the two are at one place.
+    """
+    center, cosine, sine = body_paths(team.orbits, team.landmarks)
+    tau = (sightings.steps * (team.orbits.rate * team.sensors.sample_time))[:, None]
+    turned, swung = np.cos(tau) - 1.0, np.sin(tau)
+    ends = (sightings.observers, sightings.targets)
+    starts = [center[end] + cosine[end] for end in ends]
+    own, other = (cosine[end] * turned + sine[end] * swung for end in ends)
+    q = starts[1] + other - starts[0] - own
+    squared = np.sum(q * q, axis=1, keepdims=True)
+    along = np.divide(q, squared, out=np.zeros_like(q), where=squared > 0.0)
+    across = np.column_stack([-along[:, 1], along[:, 0]])
+    found = np.zeros((2, len(q), 6))
+    for place, way in enumerate((along, across)):
+        found[place, :, :2] = -scale * way
+        found[place, :, 2] = way[:, 0] * own[:, 1] - way[:, 1] * own[:, 0]
+        found[place, :, 3:5] = scale * way
+        found[place, :, 5] = way[:, 1] * other[:, 0] - way[:, 0] * other[:, 1]
+    found[:, sightings.targets >= team.count, 3:] = 0.0
+    return found
+
+
+def index_of_run(team: Team, sightings: Sightings, foreseen: Foreseen) -> StartUpIndex:
+    """Return the index from what is known before each sighting of its lines_of_sight."""
+    if not len(sightings.steps):
+        return StartUpIndex(0.0, 0, 0, 0.0)
+    (along, both), (_, across) = foreseen.pairs
+    remainder = np.maximum(along, 0.0) * np.maximum(across, 0.0) + both * both
+    sigma = sigmas_by_kind(team.sensors, sightings.kinds, sightings.observers)
+    values = np.sqrt(remainder / foreseen.innovation) / sigma
+    first = int(np.argmax(values))
+    return StartUpIndex(
+        value=float(values[first]),
+        observer=int(sightings.observers[first]),
+        target=int(sightings.targets[first]),
+        time=float(sightings.steps[first] * team.sensors.sample_time),
+    )

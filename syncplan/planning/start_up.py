@@ -1,0 +1,220 @@
+"""Start-up: whether the filter can be expected to reach the bound from the initial sigmas.
+
+An index that comes with the bound clears most plans. Where it does not, a pilot of a few trials
+shows what the filter makes of the plan, beside what the bound predicts.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from syncplan.arrays import Array
+from syncplan.errors import NoSolutionError
+from syncplan.estimation.bounds import PosteriorBound, posterior_bound
+from syncplan.estimation.pilot import (
+    PILOT_SEED,
+    PILOT_TRIALS,
+    pilot_squares,
+    pilot_work,
+    thinned,
+)
+from syncplan.estimation.start_up_index import StartUpIndex, first_samples
+from syncplan.orbits.contacts import Windows
+from syncplan.orbits.team import Team
+
+__all__ = [
+    "CLEARING_INDEX",
+    "SAFE_RATIO",
+    "ClearingSigmas",
+    "StartBefore",
+    "StartTrials",
+    "StartUp",
+    "concluded",
+    "start_up_of",
+]
+
+CLEARING_INDEX = 0.45
+"""A plan with at most this start-up index needs no trials."""
+
+SAFE_RATIO = 1.5
+"""Largest RMS error over its prediction, of any vehicle, that counts as reaching the bound."""
+
+PILOT_TURNS = 5
+"""Periods that a pilot covers at most."""
+
+PILOT_WORK_LIMIT = 1e9
+"""Multiplications that a pilot may take: about a second."""
+
+_ATTEMPTS = 4
+_LEAST_SHARE = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class StartTrials:
+    """What trials from the initial sigmas found, beside the prediction.
+
+    Attributes
+    ----------
+    trials, seed : of the trials
+    duration : s, of each
+    pilot : whether they are a pilot's, rather than those of a validation
+    found, predicted : (n,) m, RMS position error over the second half, and the bound's; an error
+        is infinite where a filter broke down
+    """
+
+    trials: int
+    seed: int
+    duration: float
+    pilot: bool
+    found: Array
+    predicted: Array
+
+    @property
+    def ratios(self) -> Array:
+        """(n,) error found over that predicted; infinite where nothing is predicted but 0."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            shares = self.found / self.predicted
+        return np.where(np.isnan(shares), 1.0, shares)
+
+
+@dataclass(frozen=True, slots=True)
+class ClearingSigmas:
+    """Smaller initial sigmas, in m and rad, that the index of the same plan clears."""
+
+    position: float
+    heading: float
+
+
+@dataclass(frozen=True, slots=True)
+class StartBefore:
+    """How the plan starts that another was made from.
+
+    Attributes
+    ----------
+    index : its start-up index
+    worst_ratio : largest error over its prediction that trials found; 1 where none were needed
+    """
+
+    index: float
+    worst_ratio: float
+
+    @property
+    def cleared(self) -> bool:
+        """Whether the index alone cleared the plan."""
+        return self.index <= CLEARING_INDEX
+
+
+@dataclass(frozen=True, slots=True)
+class StartUp:
+    """Whether the filter can be expected to reach the bound.
+
+    Attributes
+    ----------
+    index : of the whole run
+    trials : the pilot, or a validation's trials; None where none ran
+    untried : why no pilot ran although the index does not clear the plan; else empty
+    clearing : initial sigmas from which the index clears the plan; None where trials found no
+        harm, or none were found
+    """
+
+    index: StartUpIndex
+    trials: StartTrials | None = None
+    untried: str = ""
+    clearing: ClearingSigmas | None = None
+
+    @property
+    def cleared(self) -> bool:
+        """Whether the index alone clears the plan."""
+        return self.index.value <= CLEARING_INDEX
+
+    @property
+    def worst_ratio(self) -> float:
+        """Largest error over its prediction that trials found; 1 where none were needed."""
+        return 1.0 if self.trials is None else float(self.trials.ratios.max())
+
+    @property
+    def before(self) -> StartBefore | None:
+        """What is kept of it for a plan made from this one; None where nothing was tried."""
+        if self.trials is None and not self.cleared:
+            return None
+        return StartBefore(self.index.value, self.worst_ratio)
+
+
+def start_up_of(
+    team: Team, windows: Windows, duration: float, bound: PosteriorBound, *, pilot: bool
+) -> StartUp | None:
+    """Return what index and pilot say of a run of `duration` s with its bound.
+
+    None where the bound has no index. Without `pilot`, only the index.
+    """
+    index = bound.start_up
+    if index is None:
+        return None
+    found = StartUp(index)
+    if found.cleared:
+        return found
+    if not pilot:
+        return replace(found, untried="trials were left out, as in quick previews")
+    length = min(duration, PILOT_TURNS * team.orbits.period)
+    if pilot_work(team, windows, length) > PILOT_WORK_LIMIT:
+        return replace(found, untried=f"a pilot of {team.count} vehicles takes long")
+    trials = _piloted(team, windows, length, bound)
+    if trials is None:
+        return replace(found, untried="the run is too short for a pilot")
+    return concluded(found, trials, team, windows, duration)
+
+
+def concluded(
+    found: StartUp, trials: StartTrials, team: Team, windows: Windows, duration: float
+) -> StartUp:
+    """Return what the index, over `duration` s, and these trials say, with a cure for harm."""
+    found = replace(found, trials=trials, untried="", clearing=None)
+    if found.worst_ratio <= SAFE_RATIO:
+        return found
+    # the index covers no more than this
+    length = min(duration, first_samples(team) * team.sensors.sample_time)
+    return replace(found, clearing=_clearing(team, windows, length, found.index.value))
+
+
+def _piloted(
+    team: Team, windows: Windows, length: float, bound: PosteriorBound
+) -> StartTrials | None:
+    thin = thinned(team)
+    if length < 2.0 * thin.sensors.sample_time:
+        return None
+    squares = pilot_squares(thin, windows, length)
+    return StartTrials(
+        trials=PILOT_TRIALS,
+        seed=PILOT_SEED,
+        duration=length,
+        pilot=True,
+        found=np.sqrt(squares.mean(axis=0)),
+        predicted=bound.until(length / team.sensors.sample_time).rms_second_half(),
+    )
+
+
+def _clearing(team: Team, windows: Windows, duration: float, index: float) -> ClearingSigmas | None:
+    """Both sigmas in one proportion, to two digits; the index falls about as they do."""
+    share, noise = 1.0, team.noise
+    for _ in range(_ATTEMPTS):
+        share *= 0.95 * CLEARING_INDEX / index
+        if share < _LEAST_SHARE:
+            return None
+        smaller = replace(
+            noise,
+            position_sigma=_two_digits(share * noise.position_sigma),
+            heading_sigma=_two_digits(share * noise.heading_sigma),
+        )
+        try:
+            bound = posterior_bound(replace(team, noise=smaller), windows, duration, start_up=True)
+        except NoSolutionError:
+            return None
+        assert bound.start_up is not None
+        index = bound.start_up.value
+        if index <= CLEARING_INDEX:
+            return ClearingSigmas(smaller.position_sigma, smaller.heading_sigma)
+    return None
+
+
+def _two_digits(value: float) -> float:
+    return float(f"{value:.2g}")

@@ -1,0 +1,201 @@
+"""The finding on the start: index, pilot, cure, and what a refinement makes worse."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from syncplan.planning import start_up
+from syncplan.planning.findings import Finding
+from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import plan
+from syncplan.planning.start_up import (
+    CLEARING_INDEX,
+    SAFE_RATIO,
+    StartBefore,
+    StartTrials,
+    StartUp,
+)
+from syncplan.planning.validation import validate
+from syncplan.refinement.refiner import refine
+from syncplan.reports.plan_report import plan_document
+from syncplan.reports.validation_report import validation_document
+from syncplan.scenario.loading import scenario_from
+from syncplan.scenario.specification import Scenario
+from tests.tools.scenarios import example
+
+
+def grid(position: float = 15.0, heading: float = 0.3, name: str = "paper-grid-same") -> Scenario:
+    scenario = example(name)
+    sigma = scenario.initial_sigma.model_copy(
+        update={"position_m": position, "heading_rad": heading}
+    )
+    return scenario.model_copy(update={"initial_sigma": sigma})
+
+
+@pytest.fixture(scope="module")
+def uncertain() -> Plan:
+    return plan(grid())
+
+
+def found(judged: Plan, code: str = "start-up") -> list[Finding]:
+    return [one for one in judged.verdict.findings if one.code == code]
+
+
+def start_of(judged: Plan) -> StartUp:
+    assert judged.start_up is not None
+    return judged.start_up
+
+
+def test_an_uncertain_start_is_warned_of_with_error_and_prediction(uncertain: Plan) -> None:
+    (told,) = found(uncertain)
+    trials = start_of(uncertain).trials
+    assert trials is not None
+    assert told.level == "warning"
+    assert uncertain.verdict.go
+    worst = int(np.argmax(trials.ratios))
+    name = uncertain.scenario.vehicle_names[worst]
+    predicted = trials.predicted[worst]
+    assert trials.found[worst] > SAFE_RATIO * predicted
+    words = f"{name} off by {trials.found[worst]:.3g} m ({predicted:.3g} m predicted)"
+    assert words in told.message
+    assert "from initial_sigma 15 m and 0.3 rad" in told.message
+    assert told.subjects == tuple(uncertain.scenario.vehicle_names)
+
+
+def test_the_cure_of_an_uncertain_start_clears_it(uncertain: Plan) -> None:
+    (told,) = found(uncertain)
+    assert told.cure is not None
+    assert set(told.cure.change) == {"initial_sigma.position_m", "initial_sigma.heading_rad"}
+    values = uncertain.scenario.model_dump(mode="json", exclude_none=True)
+    for key, value in told.cure.change.items():
+        section, name = key.split(".")
+        values[section][name] = value
+    cured = plan(scenario_from(values))
+    assert found(cured) == []
+    assert start_of(cured).cleared
+
+
+def test_a_known_start_needs_no_pilot() -> None:
+    made = plan(example("paper-grid-same"))
+    assert start_of(made).index.value <= CLEARING_INDEX
+    assert start_of(made).trials is None
+    assert found(made) == []
+
+
+def test_trials_that_find_no_harm_are_silent(
+    uncertain: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # as if the index cleared nothing
+    monkeypatch.setattr(start_up, "CLEARING_INDEX", 0.0)
+    made = plan(grid(1.0, 0.02))
+    assert start_of(made).trials is not None
+    assert start_of(made).worst_ratio <= SAFE_RATIO
+    assert found(made) == []
+
+
+def test_what_was_not_tried_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    (told,) = found(plan(grid(), pilot=False))
+    assert told.level == "note"
+    assert "trials were left out" in told.message
+    monkeypatch.setattr(start_up, "PILOT_WORK_LIMIT", 1.0)
+    (told,) = found(plan(grid()))
+    assert told.level == "note"
+    assert "takes long" in told.message
+
+
+@pytest.mark.parametrize("bound", ["never", "auto"])
+def test_a_plan_that_predicts_nothing_says_nothing_of_its_start(bound: Any) -> None:
+    name = "paper-grid-same" if bound == "never" else "paper-grid-alternate"
+    made = plan(grid(name=name), bound=bound)
+    assert made.start_up is None
+    assert found(made) == []
+
+
+def test_the_same_plan_is_judged_the_same_again(uncertain: Plan) -> None:
+    again = plan(grid())
+    assert found(again) == found(uncertain)
+    before, after = start_of(uncertain).trials, start_of(again).trials
+    assert before is not None
+    assert after is not None
+    np.testing.assert_array_equal(before.found, after.found)
+
+
+def test_a_validation_speaks_of_its_own_trials(uncertain: Plan) -> None:
+    flown = validate(plan(grid(), pilot=False), trials=32, seed=5, threads=1)
+    findings = validation_document(flown).verdict
+    assert findings is not None
+    (told,) = [one for one in findings.findings if one.code == "start-up"]
+    assert told.level == "warning"
+    assert ": 32 trials over 200 s found" in told.message
+    assert flown.predicted is not None
+    worst = int(np.argmax(flown.accuracy.late_position / flown.predicted))
+    assert f"off by {flown.accuracy.late_position[worst]:.3g} m" in told.message
+
+
+def test_a_long_run_is_piloted_over_its_first_periods(uncertain: Plan) -> None:
+    long = plan(grid().model_copy(update={"duration_s": 500.0}))
+    trials = start_of(long).trials
+    assert trials is not None
+    assert trials.duration == pytest.approx(5.0 * long.orbits.period)
+    short = plan(grid().model_copy(update={"duration_s": trials.duration}))
+    assert short.prediction.rms is not None
+    np.testing.assert_allclose(trials.predicted, short.prediction.rms, rtol=1e-9)
+    alone = start_of(short).trials
+    assert alone is not None
+    np.testing.assert_allclose(trials.found, alone.found, rtol=1e-9)
+
+
+def test_the_document_holds_the_figures(uncertain: Plan) -> None:
+    values = plan_document(uncertain).as_json()["start_up"]
+    start = start_of(uncertain)
+    assert start.trials is not None
+    assert values["index"] == start.index.value
+    assert values["observer"] == uncertain.scenario.vehicle_names[start.index.observer]
+    ratios = values["pilot"]["rms_over_predicted"]
+    assert list(ratios) == uncertain.scenario.vehicle_names
+    assert list(ratios.values()) == start.trials.ratios.tolist()
+    lost = replace(start.trials, found=np.full(6, np.inf))
+    gone = replace(uncertain, start_up=replace(start, trials=lost))
+    assert plan_document(gone).as_json()["start_up"]["pilot"]["rms_over_predicted"]["v1"] is None
+    assert "v1 lost" in found(gone)[0].message
+
+
+def ratios(judged: Plan, ratio: float) -> StartUp:
+    """A start like the plan's whose worst vehicle is that many times off."""
+    start = start_of(judged)
+    predicted = np.ones(judged.team.count)
+    trials = StartTrials(16, 0, 100.0, pilot=True, found=ratio * predicted, predicted=predicted)
+    return replace(start, trials=trials)
+
+
+@pytest.fixture(scope="module")
+def refined() -> Plan:
+    return refine(plan(grid(5.0, 0.1)), vary=["phases"], starts=1, workers=1, time_limit_s=20.0)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "level"),
+    [(1.1, 1.15, None), (1.1, 1.4, "note"), (1.1, 4.0, "warning"), (4.0, 3.0, None)],
+)
+def test_a_refinement_that_starts_worse_says_so(
+    refined: Plan, before: float, after: float, level: str | None
+) -> None:
+    assert refined.refinement is not None
+    start = refined.refinement.start_before
+    assert start is not None
+    given = StartBefore(1.0, before)
+    record = replace(refined.refinement, improved=True, start_before=given)
+    told = found(
+        replace(refined, refinement=record, start_up=ratios(refined, after)), "start-up-worse"
+    )
+    assert [one.level for one in told] == ([] if level is None else [level])
+    for one in told:
+        assert f"{after:.3g} times its prediction; it was {before:.3g} before" in one.message
+    cleared = replace(record, start_before=StartBefore(0.2, 1.0))
+    told = found(
+        replace(refined, refinement=cleared, start_up=ratios(refined, after)), "start-up-worse"
+    )
+    assert len(told) == (after > 1.1 * 1.0)
+    assert all("the index cleared it, at 0.2, before" in one.message for one in told)

@@ -1,0 +1,181 @@
+"""Search for starts that the verdict misjudges: unwarned of and lost, or warned of and well.
+
+    python -m tests.searches.search_start_up [DRAWS [SEED]] [--trials N] [--processes N]
+        [--missed SHARE] [--wrong SHARE]
+
+Part of `make check-all`. Certified teams of 2 to 8 vehicles are drawn, with initial sigmas of 0.5,
+2, 5 and 15 m in turn and 0.02 rad a metre, each planned and then validated. A team is `over` where
+some vehicle's RMS error of the second half is over twice its bound, `well` where all are within
+1.3 times. Fails where more than 15 % of those over were not warned of, or more than 10 % of those
+well were; few draws want wider limits.
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from syncplan.arrays import Array
+from syncplan.errors import InputError, NoSolutionError
+from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import plan
+from syncplan.planning.start_up import CLEARING_INDEX
+from syncplan.planning.validation import validate
+from syncplan.scenario.loading import scenario_from
+
+__all__ = ["Start", "draw_plan", "main", "search_one"]
+
+SIGMAS_M = (0.5, 2.0, 5.0, 15.0)
+HEADING_RAD_A_METRE = 0.02
+
+OVER, WELL = 2.0, 1.3
+MOST_MISSED, MOST_WRONG = 0.15, 0.10
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """What one drawn scenario came to.
+
+    Attributes
+    ----------
+    sigma : m, of the initial position
+    index : the start-up index
+    warned : whether the plan's verdict warns of the start
+    ratio : worst vehicle's error over its bound, found by the validation; infinite if it diverged
+    """
+
+    sigma: float
+    index: float
+    warned: bool
+    ratio: float
+
+
+def draw_plan(number: int, seed: int) -> Plan:
+    """Return the plan of the `number`-th certified scenario of a seed."""
+    generator = np.random.default_rng([seed, number, 60413])
+    while True:
+        try:
+            made = plan(scenario_from(_document(generator, SIGMAS_M[number % len(SIGMAS_M)])))
+        except (InputError, NoSolutionError):
+            continue
+        if made.certificate.holds and made.start_up is not None:
+            return made
+
+
+def _document(generator: np.random.Generator, sigma: float) -> dict[str, Any]:
+    count = int(generator.integers(2, 9))
+    radii = generator.uniform(14.0, 26.0, count) if generator.random() < 0.6 else np.full(count, 20)
+    reach = generator.uniform(30.0, 60.0)
+    centers = _tree(generator, radii, reach) if generator.random() < 0.6 else None
+    if centers is None:
+        columns = 2 if count < 7 else 3
+        place = np.array([(k % columns, k // columns) for k in range(count)], dtype=float)
+        spacing = 2.0 * radii.max() + reach * generator.uniform(0.3, 0.7)
+        centers = spacing * place + generator.uniform(-6.0, 6.0, (count, 2))
+    number = int(generator.integers(2, 6))
+    near, turn = generator.choice(count, number), generator.uniform(0.0, 2.0 * np.pi, number)
+    away = (radii[near] + reach * generator.uniform(0.2, 0.8, number))[:, None]
+    landmarks = centers[near] + away * np.column_stack([np.cos(turn), np.sin(turn)])
+    sensor = {
+        "range_m": reach,
+        "bearing_sigma_rad": float(generator.choice([0.03, 0.1])),
+        "sample_time_s": float(generator.choice([0.1, 0.2])),
+    }
+    if generator.random() < 0.2:
+        sensor["fov_deg"] = generator.uniform(160.0, 360.0)
+    return {
+        "orbit": {
+            "radius_m": radii.tolist(),
+            "angular_rate_rad_s": float(generator.uniform(0.15, 0.4)),
+            "direction": str(generator.choice(["ccw", "alternate"])),
+        },
+        "formation": {"centers_m": centers.tolist()},
+        "landmarks_m": landmarks.tolist(),
+        "sensor": sensor,
+        "motion": {"speed_sigma_mps": 0.1, "turn_rate_sigma_rad_s": 0.01},
+        "initial_sigma": {"position_m": sigma, "heading_rad": HEADING_RAD_A_METRE * sigma},
+        "duration_s": float(generator.choice([120.0, 200.0])),
+    }
+
+
+def _tree(generator: np.random.Generator, radii: Array, reach: float) -> Array | None:
+    """Centres along a random tree, neighbours within reach, all circles clear of each other."""
+    centers = np.zeros((len(radii), 2))
+    for k in range(1, len(radii)):
+        for _ in range(200):
+            parent = int(generator.integers(0, k))
+            turn = generator.uniform(0.0, 2.0 * np.pi)
+            away = radii[k] + radii[parent] + reach * generator.uniform(0.3, 0.85)
+            centers[k] = centers[parent] + away * np.array([np.cos(turn), np.sin(turn)])
+            apart = np.hypot(*(centers[:k] - centers[k]).T) - radii[:k] - radii[k]
+            if np.all(apart > 0.1 * reach):
+                break
+        else:
+            return None
+    return centers
+
+
+def search_one(number: int, *, seed: int, trials: int) -> Start:
+    """Return what the `number`-th scenario of a seed came to."""
+    made = draw_plan(number, seed)
+    assert made.start_up is not None
+    warned = any(one.code == "start-up" and one.level == "warning" for one in made.verdict.findings)
+    try:
+        flown = validate(made, trials=trials, seed=seed + 1, threads=1)
+    except NoSolutionError:
+        ratio = np.inf
+    else:
+        assert flown.predicted is not None
+        ratio = float(np.max(flown.accuracy.late_position / flown.predicted))
+    return Start(made.noise.position_sigma, made.start_up.index.value, warned, ratio)
+
+
+def main(
+    draws: int = 200,
+    seed: int = 0,
+    *,
+    trials: int = 200,
+    processes: int | None = None,
+    missed: float = MOST_MISSED,
+    wrong: float = MOST_WRONG,
+) -> bool:
+    """Print what became of the draws; return whether the verdict judged well enough."""
+    one = partial(search_one, seed=seed, trials=trials)
+    with ProcessPoolExecutor(processes) as pool:
+        found = list(pool.map(one, range(draws)))
+    print(f"{draws} certified scenarios, {trials} trials each, seed {seed}")
+    print("   sigma  drawn  cleared  over 2  unwarned  within 1.3  warned of")
+    for sigma in SIGMAS_M:
+        _row(f"{sigma:g} m", [start for start in found if start.sigma == sigma])
+    lost, well = _row("all", found)
+    print(f"of those over 2, {lost:.1%} went unwarned; of those within 1.3, {well:.1%} warned of")
+    return lost <= missed and well <= wrong
+
+
+def _row(label: str, found: Sequence[Start]) -> tuple[float, float]:
+    """Print a row; return the share of lost starts unwarned of, and of well ones warned of."""
+    over = [start for start in found if start.ratio > OVER]
+    well = [start for start in found if start.ratio < WELL]
+    missed = sum(not start.warned for start in over)
+    wrong = sum(start.warned for start in well)
+    cleared = sum(start.index <= CLEARING_INDEX for start in found)
+    print(
+        f"{label:>8}{len(found):>7}{cleared:>9}{len(over):>8}{missed:>10}{len(well):>12}{wrong:>11}"
+    )
+    return missed / max(len(over), 1), wrong / max(len(well), 1)
+
+
+if __name__ == "__main__":
+    arguments = argparse.ArgumentParser(description=__doc__)
+    arguments.add_argument("draws", nargs="?", type=int, default=200)
+    arguments.add_argument("seed", nargs="?", type=int, default=0)
+    arguments.add_argument("--trials", type=int, default=200)
+    arguments.add_argument("--processes", type=int)
+    arguments.add_argument("--missed", type=float, default=MOST_MISSED)
+    arguments.add_argument("--wrong", type=float, default=MOST_WRONG)
+    sys.exit(not main(**vars(arguments.parse_args())))
