@@ -257,7 +257,7 @@ def _id(item: RemotePlan | RemoteJob | str) -> str:
 
 
 def _remote_plan(document: Mapping[str, Any]) -> RemotePlan:
-    made = plan_of(loaded_from(document))
+    made = plan_of(loaded_from(document, max_vehicles=len(document["vehicles"])))
     values = {one.name: getattr(made, one.name) for one in fields(made) if one.init}
     return RemotePlan(
         **values,

@@ -10,11 +10,14 @@ import numpy as np
 import pytest
 
 import syncplan
+from api.plan_texts import loaded_plan
 from syncplan.client.service_client import Client
 from syncplan.errors import InputError
+from syncplan.orbits.circles import Orbits
 from syncplan.planning.plan_files import loaded_from, plan_of, stated
 from syncplan.reports.plan_report import plan_document
 from syncplan.runtime.files import as_text
+from syncplan.scenario.loading import scenario_from
 from tests.tools.api_servers import key_of, problem, serving, speaking
 from tests.tools.processes import PATIENCE_S
 from tests.tools.scenarios import document, example, small
@@ -230,3 +233,12 @@ def test_the_client_keeps_a_plan_with_its_phases(server: Server) -> None:
 def test_a_file_of_a_plan_names_its_faults_by_path() -> None:
     with pytest.raises(InputError, match=r"^p\.json: scenario\.sensor\.range_m: -5: must be"):
         loaded_from(_with("scenario.sensor.range_m", -5), source="p.json")
+
+
+def test_a_stored_plan_is_read_whatever_its_size() -> None:
+    shape = {"shape": "grid", "count": 2001, "columns": 50, "spacing_m": 70.0}
+    large = scenario_from(document(formation=shape, duration_s=10.0), max_vehicles=2001).resolved()
+    centers = np.array(large.centers)
+    ones = np.ones(large.size)
+    orbits = Orbits(centers, 20.0 * ones, ones, 0.0 * ones, large.orbit.rate)
+    assert loaded_plan(json.dumps(stated(large, orbits))).scenario.size == 2001
