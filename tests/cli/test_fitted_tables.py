@@ -28,7 +28,7 @@ def body(lines: list[str]) -> list[list[str]]:
     """The words of the rows of a table."""
     rule = next(k for k, line in enumerate(lines) if "─" in line)
     rows = (line.split() for line in lines[rule + 1 :])
-    return [row for row in rows if row and row[0][0] != "n"]
+    return [row for row in rows if row and row[0][0] == "v"]
 
 
 NUMBERS = st.floats(-1e6, 1e6).map(lambda value: f"{value:.6g}")
