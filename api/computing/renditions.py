@@ -33,10 +33,11 @@ def previewed(
     """Return a plan as made_plan makes it with figures of it, as JSON; raises as that does."""
     from syncplan.planning.plan_files import plan_of
     from syncplan.plotting.catalogue import specs_of
+    from syncplan.plotting.figure_style import FigureStyle
     from syncplan.reports.plan_report import plan_document
 
     made = plan_of(loaded_body(body, syntax, limits), margin_bound=not quick, pilot=not quick)
-    specs = specs_of(made, names, theme=theme) if names else {}
+    specs = specs_of(made, names, style=FigureStyle(theme=theme)) if names else {}
     return _compact({"plan": plan_document(made).as_json(), "figures": specs})
 
 
@@ -46,24 +47,27 @@ def plan_figure(text: str, name: str, theme: "Theme", parent_text: str | None) -
     With its parent's text, the plan is shown beside its parent.
     """
     from syncplan.plotting.catalogue import specs_of
+    from syncplan.plotting.figure_style import FigureStyle
     from syncplan.reports.refinement_schemas import RefinementResult
 
+    style = FigureStyle(theme=theme)
     if parent_text is not None:
-        specs = specs_of(_judged(parent_text), [name], theme=theme, after=_judged(text))
+        specs = specs_of(_judged(parent_text), [name], style=style, after=_judged(text))
         return _compact(specs[name])
     record = json.loads(text).get("refinement")
     refined = None if record is None else RefinementResult.model_validate(record)
-    return _compact(specs_of(_judged(text), [name], theme=theme, refined=refined)[name])
+    return _compact(specs_of(_judged(text), [name], style=style, refined=refined)[name])
 
 
 def report_figure(text: str, kind: JobKindName, name: str, theme: "Theme") -> str:
     """Return a figure of a job's report as JSON; raises InputError."""
     from syncplan.plotting.catalogue import specs_of
+    from syncplan.plotting.figure_style import FigureStyle
 
     model = JOB_KINDS[kind].report
     assert model is not None
     report: Any = model.model_validate_json(text)
-    return _compact(specs_of(report, [name], theme=theme)[name])
+    return _compact(specs_of(report, [name], style=FigureStyle(theme=theme))[name])
 
 
 def exported(text: str, name: str, options: Mapping[str, Any]) -> tuple[bytes, tuple[str, ...]]:

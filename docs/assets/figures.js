@@ -22,8 +22,8 @@
       // the page has its own controls, which take the keyboard
       delete spec.layout.updatemenus;
       delete spec.layout.sliders;
-      spec.layout.height -= 80;
-      spec.layout.margin.b = 80;
+      spec.layout.height -= spec.layout.meta.controls_px;
+      spec.layout.margin.b -= spec.layout.meta.controls_px;
       const frame = spec.frames[Number(slider.value)];
       frame.traces.forEach((n, i) => { Object.assign(spec.data[n], frame.data[i]); });
     }

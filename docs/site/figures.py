@@ -11,6 +11,8 @@ from syncplan.orbits.circles import position
 from syncplan.planning.judged_plan import Plan
 from syncplan.plotting.canvas import Spec, axis, layout, numbers
 from syncplan.plotting.catalogue import specs_of
+from syncplan.plotting.figure_style import PLAIN
+from syncplan.plotting.layout_fitting import fitted
 from syncplan.plotting.palette import BLUE, GREEN, ORANGE, VERMILLION
 from syncplan.reports.run_schemas import ValidationDocument
 
@@ -112,13 +114,13 @@ def _lines_of_sight() -> Drawn:
     drawn = layout(
         "Direction of the line of sight over one period",
         note="from the line of centres, 70 m apart; broad where the two see each other",
-        height=520,
+        inner=340,
         xaxis=axis("time, s"),
         yaxis=axis("direction, degrees"),
     )
-    drawn["margin"]["b"] = 160
     return Drawn(
-        {"data": traces, "layout": drawn}, f"Direction of the line of sight. {'. '.join(words)}."
+        fitted({"data": traces, "layout": drawn}, PLAIN),
+        f"Direction of the line of sight. {'. '.join(words)}.",
     )
 
 
@@ -136,18 +138,17 @@ def _optimism() -> Drawn:
     drawn = layout(
         "Error of v1 along x, and what the filter says of it",
         note=f"{exact.trials} trials of the alternating grid, seed {exact.seed}",
-        height=480,
+        inner=320,
         xaxis=axis("time, s"),
         yaxis=axis("m", rangemode="tozero"),
     )
-    drawn["margin"]["b"] = 120
     words = (
         f"Phased exactly, v1's error along x reaches {wrong:.1f} m after {exact.duration_s:g} s "
         f"while the filter's own sigma says {claimed:.1f} m (ANEES {exact.anees.value:.2f}, "
         f"{exact.anees.verdict}). With phases 0.2 rad off the rule the error is {right:.1f} m and "
         f"the sigma {own:.1f} m (ANEES {cured.anees.value:.2f}, {cured.anees.verdict})."
     )
-    return Drawn({"data": traces, "layout": drawn}, words)
+    return Drawn(fitted({"data": traces, "layout": drawn}, PLAIN), words)
 
 
 def _line(

@@ -1,7 +1,7 @@
 """The command that draws: plot."""
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,9 +12,12 @@ from syncplan.cli.console import refuse_overwriting, say
 from syncplan.cli.document_table import checked, read_report
 from syncplan.cli.required_verdicts import say_verdict
 from syncplan.errors import InputError
+from syncplan.plotting.figure_style import COLUMN_PX, FigureStyle
 from syncplan.plotting.figure_table import FIGURES, IMAGE_FORMATS, SUBJECTS
+from syncplan.plotting.palette import Theme
 
 if TYPE_CHECKING:
+    from syncplan.planning.judged_plan import Plan
     from syncplan.plotting.canvas import Spec
     from syncplan.plotting.catalogue import Subject
     from syncplan.reports.refinement_schemas import RefinementResult
@@ -24,15 +27,23 @@ __all__ = ["plots"]
 
 
 @dataclass(frozen=True, slots=True)
-class JudgedFigures:
-    """Figures by name, their title, and verdicts on the plans that they show.
+class JudgedSubject:
+    """What figures are drawn of, with its title and the verdicts on the plans that they show.
 
     A single verdict has an empty name; of two, one is before and the other after.
     """
 
-    specs: "dict[str, Spec]"
+    subject: "Subject"
+    refined: "RefinementResult | None"
+    after: "Plan | None"
     title: str
     verdicts: "dict[str, PlanVerdict]"
+
+    def specs(self, names: list[str], style: FigureStyle) -> "dict[str, Spec]":
+        """Return its figures of these names, or all of them."""
+        from syncplan.plotting.catalogue import specs_of
+
+        return specs_of(self.subject, names, style=style, refined=self.refined, after=self.after)
 
 
 ENDINGS = (".html", *(f".{image}" for image in IMAGE_FORMATS))
@@ -57,14 +68,14 @@ Drawn = Annotated[
         "-o",
         "--output",
         help="File to write: .html holds all figures and works offline; .png, .svg and .pdf "
-        "hold one",
+        "hold one each, several as NAME-FIGURE.png",
         show_default=False,
     ),
 ]
 Figures = Annotated[
     list[str] | None,
     typer.Option(
-        help=f"Figure to draw, may be repeated; {_OF}. All if not given; the first in an image",
+        help=f"Figure to draw, may be repeated; {_OF}. All if not given; the first as an image",
         show_default=False,
         autocompletion=beginning_with(FIGURES),
     ),
@@ -79,37 +90,70 @@ Compare = Annotated[
 ]
 
 
+Width = Annotated[
+    int | None,
+    typer.Option(
+        help="Width in px, 240 to 4000; 1000 for an image, the reader's for a page",
+        show_default=False,
+    ),
+]
+Height = Annotated[
+    int | None,
+    typer.Option(
+        help="Height of each figure in px, 160 to 8000; what it needs if not given",
+        show_default=False,
+    ),
+]
+FontScale = Annotated[float, typer.Option(help="Size of all text, 0.5 to 3 times the usual")]
+PixelRatio = Annotated[float, typer.Option(help="Dots of a PNG for each px, 1 to 6")]
+ThemeShown = Annotated[
+    Theme | None,
+    typer.Option(
+        help="Colours; if not given, light in an image and the reader's own in a page",
+        show_default=False,
+    ),
+]
+
+
 @plots.command(
     name="plot",
     epilog="Example: syncplan plot plan.json -o plan.html\n\n"
-    "Example: syncplan plot report.json --figure errors -o errors.svg",
+    "Example: syncplan plot plan.json --figure formation --figure timeline --width 400 "
+    "--theme dark -o plan.png",
 )
 def _plot(
     file: DrawnFile,
     output: Drawn = None,
     figure: Figures = None,
     compare: Compare = None,
+    width: Width = None,
+    height: Height = None,
+    font_scale: FontScale = 1.0,
+    theme: ThemeShown = None,
+    pixel_ratio: PixelRatio = 2.0,
     max_vehicles: MaxVehicles = None,
 ) -> int:
-    """Draw a plan or a report: a page that works offline, or an image.
+    """Draw a plan or a report: a page that works offline, or images.
 
     The verdict on the plan is said first, and stands at the top of a page.
     """
     ending = _ending(output)
     names = list(dict.fromkeys(figure or []))
-    if ending != ".html" and len(names) > 1:
-        raise InputError(
-            f"{', '.join(names)}: an image holds one; give one, or write a .html page",
-            key="figure",
-        )
+    style = FigureStyle(width, height, font_scale, theme or "light", pixel_ratio)
+    targets = _targets(output, ending, names)
     for given in (file, compare):
-        if given is not None:
-            refuse_overwriting(given, output)
-    drawn = _drawn(file, names, compare, max_vehicles, only_first=ending != ".html")
-    content = _content(drawn, ending)
-    for which, verdict in drawn.verdicts.items():
+        for target in targets:
+            if given is not None:
+                refuse_overwriting(given, target)
+    subject = _subject(file, compare, max_vehicles)
+    if ending == ".html":
+        contents = [_page(subject, names, style, theme)]
+    else:
+        contents = _images(subject, names, ending.removeprefix("."), style)
+    for which, verdict in subject.verdicts.items():
         say_verdict(verdict, which)
-    _write(content, output)
+    for target, content in zip(targets, contents, strict=True):
+        _write(content, target)
     return 0
 
 
@@ -128,17 +172,16 @@ def _ending(output: Path | None) -> str:
     return ending
 
 
-def _drawn(
-    file: str,
-    names: list[str],
-    compare: str | None,
-    max_vehicles: int | None,
-    *,
-    only_first: bool,
-) -> "JudgedFigures":
+def _targets(output: Path | None, ending: str, names: list[str]) -> list[Path | None]:
+    """The files to write: of several images, the figure's name joins the file's."""
+    if output is None or ending == ".html" or len(names) < 2:
+        return [output]
+    return [output.with_name(f"{output.stem}-{name}{output.suffix}") for name in names]
+
+
+def _subject(file: str, compare: str | None, max_vehicles: int | None) -> JudgedSubject:
     from syncplan.planning.judged_plan import Plan
     from syncplan.planning.plan_files import load, plan_of
-    from syncplan.plotting.catalogue import first_figure, specs_of
     from syncplan.reports.verdict_schemas import plan_verdict
     from syncplan.scenario.models import MAX_VEHICLES
 
@@ -149,16 +192,13 @@ def _drawn(
         if file == "-" == compare:
             raise InputError("standard input can't be both plans; give a file", key="compare")
         after = plan_of(load(compare, max_vehicles=most))
-    if only_first and not names:
-        names = [first_figure(subject, refined=refined, after=after)]
-    specs = specs_of(subject, names, refined=refined, after=after)
     if isinstance(subject, Plan):
         plans = {"": subject} if after is None else {"before": subject, "after": after}
-        return JudgedFigures(
-            specs, title, {k: plan_verdict(one.verdict) for k, one in plans.items()}
-        )
-    verdict = getattr(subject, "verdict", None)
-    return JudgedFigures(specs, title, {} if verdict is None else {"": verdict})
+        verdicts = {which: plan_verdict(one.verdict) for which, one in plans.items()}
+    else:
+        verdict = getattr(subject, "verdict", None)
+        verdicts = {} if verdict is None else {"": verdict}
+    return JudgedSubject(subject, refined, after, title, verdicts)
 
 
 def _read(file: str, most: int) -> "tuple[Subject, RefinementResult | None, str]":
@@ -180,15 +220,27 @@ def _read(file: str, most: int) -> "tuple[Subject, RefinementResult | None, str]
     return plan, refined, plan.scenario.name or "Plan"
 
 
-def _content(drawn: JudgedFigures, ending: str) -> bytes:
-    """The file as bytes: a page, or an image of the first figure."""
-    if ending == ".html":
-        from syncplan.plotting.html_page import figure_page
+def _page(given: JudgedSubject, names: list[str], style: FigureStyle, theme: Theme | None) -> bytes:
+    """A page of figures: it has the colours of both themes, and layouts for two widths."""
+    from syncplan.plotting.html_page import figure_page
 
-        return figure_page(drawn.title, drawn.specs, drawn.verdicts).encode("utf-8")
-    from syncplan.plotting.images import figure_image
+    light = replace(style, theme="light")
+    specs = given.specs(names, light)
+    columns = given.specs(names, replace(light, width=COLUMN_PX, height=None))
+    page = figure_page(given.title, specs, given.verdicts, columns=columns, theme=theme)
+    return page.encode("utf-8")
 
-    return figure_image(next(iter(drawn.specs.values())), ending.removeprefix("."))
+
+def _images(
+    given: JudgedSubject, names: list[str], image_format: str, style: FigureStyle
+) -> list[bytes]:
+    """An image of each figure, in that order; of the first one if none is named."""
+    from syncplan.plotting.catalogue import first_figure
+    from syncplan.plotting.images import figure_images
+
+    if not names:
+        names = [first_figure(given.subject, refined=given.refined, after=given.after)]
+    return list(figure_images(given.specs(names, style), image_format, style).values())
 
 
 def _write(content: bytes, output: Path | None) -> None:

@@ -6,15 +6,20 @@ import numpy as np
 
 from syncplan.planning.judged_plan import Plan
 from syncplan.plotting.canvas import Spec, axis, escaped, layout, message, numbers
+from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.palette import BLUE, GREEN, INK, ORANGE, SKY
 from syncplan.reports.run_schemas import ReplayDocument, ValidationDocument
 
 __all__ = ["accuracy_spec", "bars", "prediction_spec"]
 
-_MOST_LABELS = 40
+_LEAST_BAR_PX = 5.0
+"""Width below which bars become marks: their patterns could not be told apart."""
+
+_MARKS = {"predicted": "line-ew-open", "late": "circle", "whole": "circle-open"}
+_MARK_PX = 6
 
 
-def prediction_spec(plan: Plan) -> Spec:
+def prediction_spec(plan: Plan, style: FigureStyle) -> Spec:
     """Return the figure of the predicted RMS position error of each vehicle."""
     found = plan.prediction
     title = f"{escaped(plan.scenario.name or 'Plan')}: predicted error"
@@ -38,15 +43,17 @@ def prediction_spec(plan: Plan) -> Spec:
     undetermined = int(np.sum(~np.isfinite(found.window)))
     if undetermined:
         note += f"; one window leaves {undetermined} of {len(names)} positions undetermined"
-    return {"data": traces, "layout": _layout(title, note, len(names))}
+    return _drawn(title, note, traces, len(names), style)
 
 
-def accuracy_spec(report: ValidationDocument | ReplayDocument) -> Spec:
+def accuracy_spec(report: ValidationDocument | ReplayDocument, style: FigureStyle) -> Spec:
     """Return the figure of RMS position errors of a run, beside the predicted ones if known."""
-    return _replayed(report) if isinstance(report, ReplayDocument) else _validated(report)
+    if isinstance(report, ReplayDocument):
+        return _replayed(report, style)
+    return _validated(report, style)
 
 
-def _validated(report: ValidationDocument) -> Spec:
+def _validated(report: ValidationDocument, style: FigureStyle) -> Spec:
     """RMS position errors over the trials beside the predicted ones."""
     names = [escaped(vehicle.name) for vehicle in report.vehicles]
     found = report.vehicles
@@ -66,15 +73,15 @@ def _validated(report: ValidationDocument) -> Spec:
     if not report.observable:
         note += "; the plan is NOT observable"
     title = f"{escaped(report.name or 'Plan')}: error found and predicted"
-    return {"data": traces, "layout": _layout(title, note, len(names))}
+    return _drawn(title, note, traces, len(names), style)
 
 
-def _replayed(report: ReplayDocument) -> Spec:
+def _replayed(report: ReplayDocument, style: FigureStyle) -> Spec:
     """RMS position errors of the robots of a recording."""
     title = f"{escaped(report.name)}: error found"
     note = f"{report.run}; {report.position_rmse_m:.3g} m over all robots"
     traces = _found_traces("filter", report)
-    return {"data": traces, "layout": _layout(title, note, len(report.robots))}
+    return _drawn(title, note, traces, len(report.robots), style)
 
 
 def _found_traces(who: str, report: ValidationDocument | ReplayDocument) -> list[Spec]:
@@ -128,18 +135,29 @@ def _marks(uid: str, name: str, vehicles: list[str], values: np.ndarray, symbol:
     }
 
 
-def _layout(title: str, note: str, count: int) -> Spec:
+def _drawn(title: str, note: str, traces: list[Spec], count: int, style: FigureStyle) -> Spec:
+    """The figure of traces over `count` vehicles: bars, or marks where bars become too thin."""
+    bars_shown = sum(trace["type"] == "bar" for trace in traces)
+    if style.plot_px < _LEAST_BAR_PX * count * (bars_shown + 0.5):
+        traces = [_as_marks(trace) for trace in traces]
     # names may look like numbers or dates: they stay names
-    across = axis("vehicle", type="category")
-    if count > _MOST_LABELS:
-        across["tickfont"] = {"size": 9}
     drawn = layout(
         title,
         note=note,
-        height=460,
+        inner=330,
         barmode="group",
-        xaxis=across,
+        xaxis=axis("vehicle", type="category"),
         yaxis=axis("RMS position error, m", rangemode="tozero"),
     )
-    drawn["margin"]["b"] = 120
-    return drawn
+    return {"data": traces, "layout": drawn}
+
+
+def _as_marks(trace: Spec) -> Spec:
+    """Bars as marks at their ends."""
+    if trace["type"] != "bar":
+        return trace
+    symbol, color = _MARKS[trace["uid"]], trace["marker"]["color"]
+    marker = {"symbol": symbol, "size": _MARK_PX, "color": color, "line": {"width": 1.5}}
+    if symbol == "line-ew-open":
+        marker = {**marker, "line": {"width": 2, "color": color}}
+    return {**trace, "type": "scatter", "mode": "markers", "marker": marker}

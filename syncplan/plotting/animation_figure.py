@@ -3,20 +3,23 @@
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.orbits.circles import heading, position
+from syncplan.orbits.circles import position
 from syncplan.orbits.contacts import Windows
 from syncplan.planning.judged_plan import Plan
-from syncplan.plotting.canvas import Spec, compass, decimals, escaped, gapped, layout, numbers
+from syncplan.plotting.canvas import Spec, compass, escaped, gapped, layout, numbers
+from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.link_styles import Standing, body_names, grouped
+from syncplan.plotting.map_labels import landmark_trace, name_trace, obstructions
 from syncplan.plotting.map_layers import (
+    HEAD_PX,
+    VEHICLE_PX,
+    area_traces,
     circle_traces,
-    landmark_traces,
-    map_axes,
-    map_height,
-    mark_px,
-    name_trace,
-    view_box,
+    pointer,
+    pointer_entry,
+    vehicle_marks,
 )
+from syncplan.plotting.map_view import MapView, view_of
 from syncplan.plotting.palette import INK
 
 __all__ = ["FRAMES", "animation_spec", "live"]
@@ -31,37 +34,35 @@ _HEAD_AT = 0.68
 """Where on a sight line its arrowhead lies: past the middle, which keeps both ways apart."""
 
 
-def animation_spec(plan: Plan, frames: int = FRAMES) -> Spec:
+def animation_spec(plan: Plan, style: FigureStyle, frames: int = FRAMES) -> Spec:
     """Return the figure of one period in `frames` steps, with buttons and a slider.
 
     A line joins a vehicle and what it sees at that moment, in the look that the formation gives a
     link of that worth; its arrowhead points at what is seen.
     """
-    low, high = view_box(plan)
-    places = decimals(float(np.max(high - low))) - 1
+    view = view_of(style, plan)
     names = body_names(plan)
+    about = obstructions(plan, np.empty((0, 2), dtype=int))
     still = [
-        *circle_traces(plan, places, arrows=False),
-        *landmark_traces(plan, names, places),
-        name_trace(plan, names, places),
-        _entry(plan, "directions", "direction of sight", 9),
-        _entry(plan, "vehicles", "vehicle", 15),
+        *area_traces(plan, view),
+        *circle_traces(plan, view, arrows=False),
+        *landmark_trace(plan, view, names, about),
+        name_trace(plan, view, names, about),
+        pointer_entry("directions", "direction of sight", HEAD_PX),
+        pointer_entry("vehicles", "vehicle", VEHICLE_PX),
     ]
     times = np.arange(frames) * plan.orbits.period / frames
     kinds, kind_of = _kinds(plan)
-    moving = [_moving_traces(plan, kind_of, len(kinds), float(time), places) for time in times]
+    moving = [_moving_traces(plan, kind_of, len(kinds), float(time), view) for time in times]
     first = moving[0]
-    for trace, more in zip(first, _looks(kinds, names), strict=True):
+    for trace, more in zip(first, _looks(kinds, names, view), strict=True):
         trace.update(more)
     index = [len(still) + k for k in range(len(first))]
     steps = [{"name": str(k), "data": traces, "traces": index} for k, traces in enumerate(moving)]
-    steps[0] = {**steps[0], "data": _moving_traces(plan, kind_of, len(kinds), 0.0, places)}
+    steps[0] = {**steps[0], "data": _moving_traces(plan, kind_of, len(kinds), 0.0, view)}
     title = f"{escaped(plan.scenario.name or 'Formation')}: one period"
     note = f"{plan.orbits.period:.4g} s in {frames} steps; arrowheads point at what is seen"
-    drawn = layout(
-        title, note=note, height=map_height(plan) + 236, **map_axes(plan), **_controls(times)
-    )
-    drawn["margin"]["b"] = 160
+    drawn = layout(title, note=note, inner=view.height_px, **view.axes(), **_controls(times))
     return {"data": [*still, *first], "layout": drawn, "frames": steps}
 
 
@@ -86,40 +87,26 @@ def _kinds(plan: Plan) -> tuple[list[Standing], Index]:
     return [shown for shown, _ in ordered], kind_of
 
 
-def _moving_traces(plan: Plan, kind_of: Index, kinds: int, time: float, places: int) -> list[Spec]:
+def _moving_traces(
+    plan: Plan, kind_of: Index, kinds: int, time: float, view: MapView
+) -> list[Spec]:
     """What changes from frame to frame: sight lines of each kind, their heads, the vehicles."""
-    orbits = plan.orbits
-    where = position(orbits, time)
-    bodies = np.concatenate([where, plan.landmarks.reshape(-1, 2)])
+    orbits, places = plan.orbits, view.places - 1
+    bodies = np.concatenate([position(orbits, time), plan.landmarks.reshape(-1, 2)])
     observers, targets = live(plan.windows, orbits.period, time)
     # two that see each other are joined once
     pairs = np.unique(np.sort(np.column_stack([observers, targets]), axis=1), axis=0)
     worth = kind_of[pairs[:, 0], pairs[:, 1]]
-    start, end = bodies[observers], bodies[targets]
-    heads = start + _HEAD_AT * (end - start)
-    away = end - start
+    away = bodies[targets] - bodies[observers]
+    heads = bodies[observers] + _HEAD_AT * away
     return [
         *(_segments(bodies[pairs[worth == kind]], places) for kind in range(kinds)),
         {
             "x": numbers(heads[:, 0], places) or [None],
             "y": numbers(heads[:, 1], places) or [None],
-            "marker": {
-                "symbol": "arrow",
-                "size": mark_px(plan, 9),
-                "color": INK,
-                "angle": compass(np.arctan2(away[:, 1], away[:, 0])),
-            },
+            "marker": pointer(view, HEAD_PX, compass(np.arctan2(away[:, 1], away[:, 0])), INK),
         },
-        {
-            "x": numbers(where[:, 0], places),
-            "y": numbers(where[:, 1], places),
-            "marker": {
-                "symbol": "arrow",
-                "size": mark_px(plan, 15),
-                "color": INK,
-                "angle": compass(heading(orbits, time)),
-            },
-        },
+        vehicle_marks(plan, view, time, places),
     ]
 
 
@@ -129,7 +116,7 @@ def _segments(ends: Array, places: int) -> Spec:
     return {"x": x or [None], "y": y or [None]}
 
 
-def _looks(kinds: list[Standing], names: list[str]) -> list[Spec]:
+def _looks(kinds: list[Standing], names: list[str], view: MapView) -> list[Spec]:
     """How the moving traces look; their places come with each frame."""
     return [
         *(
@@ -139,7 +126,11 @@ def _looks(kinds: list[Standing], names: list[str]) -> list[Spec]:
                 "hoverinfo": "skip",
                 "uid": f"sight-{kind.key}",
                 "name": f"in contact: {kind.text}",
-                "line": {"color": kind.color, "width": kind.width, "dash": kind.dash},
+                "line": {
+                    "color": kind.color,
+                    "dash": kind.dash,
+                    "width": view.link_px(kind.width),
+                },
             }
             for kind in kinds
         ),
@@ -161,21 +152,6 @@ def _looks(kinds: list[Standing], names: list[str]) -> list[Spec]:
             "hovertemplate": "%{text}<br>%{x} m, %{y} m<extra></extra>",
         },
     ]
-
-
-def _entry(plan: Plan, moving: str, name: str, largest: float) -> Spec:
-    """The legend's entry of arrows that move: their own would turn with the first of them."""
-    return {
-        "type": "scatter",
-        "mode": "markers",
-        "uid": f"{moving}-entry",
-        "name": name,
-        "legendgroup": moving,
-        "x": [None],
-        "y": [None],
-        "marker": {"symbol": "arrow", "size": mark_px(plan, largest), "angle": 90, "color": INK},
-        "hoverinfo": "skip",
-    }
 
 
 def _controls(times: Array) -> Spec:
@@ -203,7 +179,7 @@ def _controls(times: Array) -> Spec:
                 "type": "buttons",
                 "direction": "left",
                 "showactive": False,
-                "pad": {"t": 52, "r": 10},
+                "pad": {"t": 66, "r": 10},
                 "buttons": buttons,
             }
         ],
@@ -212,7 +188,7 @@ def _controls(times: Array) -> Spec:
                 **place,
                 "x": 0.2,
                 "len": 0.8,
-                "pad": {"t": 42},
+                "pad": {"t": 56},
                 "currentvalue": {"prefix": "time ", "suffix": " s"},
                 "steps": steps,
             }

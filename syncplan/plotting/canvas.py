@@ -43,16 +43,32 @@ CONFIG: Mapping[str, Any] = {
 }
 """Plotly's configuration for pages: nothing is offered that would send a plan elsewhere."""
 
+_TITLE_FONT_PX = 17
+_LEGEND_FONT_PX = 12
+
+_CONTROLS_PX = 96
+"""Height of Plotly's own play button and slider; pages that have others take it off."""
+
 _LINE_LENGTH = 46
-_NOTE_LENGTH = 92
-_NOTE_LINE_PX = 18
+_BELOW_PX = 52
+_MESSAGE_LENGTH = 44
 
 
-def layout(title: str, *, note: str = "", height: int = 520, **more: Any) -> Spec:
-    """Return a layout: title, a note under it, legend below, clear background.
+def layout(
+    title: str,
+    *,
+    note: str = "",
+    inner: int = 340,
+    above: int = 0,
+    below: int = _BELOW_PX,
+    **more: Any,
+) -> Spec:
+    """Return a layout: title, a note under it, legend in columns below, clear background.
 
-    `title` and `note` are shown as they are: names in them must be escaped. uirevision keeps zoom
-    and hidden legend entries when a page draws the figure again.
+    `inner` is the height of the plot in px, `above` what stands between it and the note, `below`
+    the room for the lowest axis; syncplan.plotting.layout_fitting adds the rest. `title` and
+    `note` are shown as they are: names in them must be escaped. uirevision keeps zoom and hidden
+    legend entries when a page draws the figure again.
     """
     heading: dict[str, Any] = {
         "text": title,
@@ -63,19 +79,29 @@ def layout(title: str, *, note: str = "", height: int = 520, **more: Any) -> Spe
         "yref": "container",
         "yanchor": "top",
         "pad": {"t": 14, "l": 14},
-        "font": {"size": 17},
+        "font": {"size": _TITLE_FONT_PX},
     }
-    lines = list(_lines(note, _NOTE_LENGTH)) if note else []
-    if lines:
-        heading["subtitle"] = {"text": "<br>".join(lines), "font": {"size": 13, "color": MUTED}}
+    if note:
+        heading["subtitle"] = {"text": note, "font": {"size": 13, "color": MUTED}}
     return {
         "title": heading,
         "font": {"family": FONT, "size": 13, "color": INK},
         "paper_bgcolor": CLEAR,
         "plot_bgcolor": CLEAR,
-        "height": height,
-        "margin": {"l": 70, "r": 24, "t": 56 + _NOTE_LINE_PX * len(lines), "b": 60},
-        "legend": {"orientation": "h", "x": 0, "y": 0, "yref": "container", "yanchor": "bottom"},
+        "height": inner + below,
+        "margin": {"l": 70, "r": 24, "t": above, "b": below},
+        "meta": {"inner_px": inner, "above_px": above, "controls_px": _CONTROLS_PX},
+        # columns of one width, whatever traces are switched together
+        "legend": {
+            "orientation": "h",
+            "x": 0.008,
+            "xref": "container",
+            "y": 0,
+            "yref": "container",
+            "yanchor": "bottom",
+            "traceorder": "normal",
+            "font": {"size": _LEGEND_FONT_PX},
+        },
         "hovermode": "closest",
         "modebar": {
             "bgcolor": CLEAR,
@@ -92,7 +118,7 @@ def layout(title: str, *, note: str = "", height: int = 520, **more: Any) -> Spe
 def axis(title: str = "", **more: Any) -> Spec:
     """Return an axis with its title (unit included) and a quiet grid."""
     return {
-        "title": {"text": title},
+        "title": {"text": title, "standoff": 8, "font": {"size": 13}},
         "gridcolor": GRID,
         "zeroline": False,
         "showline": True,
@@ -115,7 +141,8 @@ def panel_title(text: str, x: float, y: float) -> Spec:
         "xanchor": "left",
         "yanchor": "bottom",
         "showarrow": False,
-        "font": {"size": 14},
+        "align": "left",
+        "font": {"size": 13},
     }
 
 
@@ -123,14 +150,14 @@ def message(title: str, text: str) -> Spec:
     """Return a figure that says why there is nothing to draw."""
     hidden = {"visible": False}
     note = {
-        "text": "<br>".join(_lines(escaped(text), 70)),
+        "text": "<br>".join(_lines(escaped(text), _MESSAGE_LENGTH)),
         "x": 0.5,
         "y": 0.5,
         "xref": "paper",
         "yref": "paper",
         "showarrow": False,
     }
-    shown = layout(title, height=240, xaxis=hidden, yaxis=hidden, annotations=[note])
+    shown = layout(title, inner=160, below=10, xaxis=hidden, yaxis=hidden, annotations=[note])
     return {"data": [], "layout": shown}
 
 
@@ -167,9 +194,9 @@ def escaped(text: str) -> str:
     return html.escape(text, quote=False)
 
 
-def label(text: str) -> str:
-    """Return an escaped text broken into lines that fit a legend."""
-    return "<br>".join(_lines(escaped(text), _LINE_LENGTH))
+def label(text: str, most: int = _LINE_LENGTH) -> str:
+    """Return an escaped text broken into lines of at most so many characters."""
+    return "<br>".join(_lines(escaped(text), most))
 
 
 def _lines(text: str, width: int) -> Iterable[str]:

@@ -7,8 +7,8 @@ from syncplan.estimation.replays import Replay
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.validation import Validation
 from syncplan.plotting.canvas import Spec
+from syncplan.plotting.figure_style import PLAIN, FigureStyle
 from syncplan.plotting.figure_table import FIGURES, FigureInput, SubjectKind
-from syncplan.plotting.palette import Theme, themed
 from syncplan.reports.refinement_report import refinement_result
 from syncplan.reports.refinement_schemas import RefinementResult
 from syncplan.reports.replay_report import replay_document
@@ -25,7 +25,7 @@ def specs_of(
     subject: Subject,
     names: Sequence[str] = (),
     *,
-    theme: Theme = "light",
+    style: FigureStyle = PLAIN,
     refined: RefinementResult | None = None,
     after: Plan | None = None,
 ) -> dict[str, Spec]:
@@ -35,19 +35,19 @@ def specs_of(
     a second plan to compare with. Needs no Plotly. Raises InputError for a name that the subject
     does not have.
     """
-    of, given = _given(subject, refined, after)
+    of, given = _given(subject, refined, after, style)
     known = _known(of, given)
     for name in names:
         if name not in known:
             raise InputError(f"{name!r}: {_why_not(name, of, known)}", key="figure")
-    return {name: themed(FIGURES[name].draw(given), theme) for name in names or known}
+    return {name: FIGURES[name].draw(given) for name in names or known}
 
 
 def first_figure(
     subject: Subject, *, refined: RefinementResult | None = None, after: Plan | None = None
 ) -> str:
     """Return the name of the figure to show where there is room for one; see specs_of."""
-    known = _known(*_given(subject, refined, after))
+    known = _known(*_given(subject, refined, after, PLAIN))
     return next((name for name in known if FIGURES[name].compares), known[0])
 
 
@@ -59,17 +59,17 @@ def report_of(run: Run) -> ValidationDocument | ReplayDocument:
 
 
 def _given(
-    subject: Subject, refined: RefinementResult | None, after: Plan | None
+    subject: Subject, refined: RefinementResult | None, after: Plan | None, style: FigureStyle
 ) -> tuple[SubjectKind, FigureInput]:
     if isinstance(subject, Plan):
         if subject.refinement is not None:
             refined = refinement_result(subject.refinement)
-        return "plan", FigureInput(subject, refined, after)
+        return "plan", FigureInput(subject, style, refined, after)
     if after is not None:
         raise InputError("only a plan can be compared with a plan", key="compare")
     if isinstance(subject, SweepReport):
-        return "sweep", FigureInput(subject)
-    return "run", FigureInput(report_of(subject))
+        return "sweep", FigureInput(subject, style)
+    return "run", FigureInput(report_of(subject), style)
 
 
 def _known(of: SubjectKind, given: FigureInput) -> list[str]:

@@ -9,35 +9,43 @@ from syncplan.plotting.accuracy_figure import bars
 from syncplan.plotting.canvas import (
     Spec,
     axis,
-    decimals,
     escaped,
     gapped,
+    label,
     layout,
     message,
     numbers,
     panel_title,
 )
+from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.link_styles import body_names
-from syncplan.plotting.map_layers import circle_points, landmark_traces, map_height, view_box
-from syncplan.plotting.palette import BLUE, INK, MUTED, ORANGE
+from syncplan.plotting.map_labels import Obstructions, landmark_trace, name_trace
+from syncplan.plotting.map_layers import area_traces, circle_points, line_trace, sense_heads
+from syncplan.plotting.map_view import MapView, view_of
+from syncplan.plotting.palette import BLUE, MUTED, ORANGE
 from syncplan.reports.refinement_schemas import FiguresOfMerit, RefinementResult
 from syncplan.scenario.objectives import OBJECTIVES
 
 __all__ = ["comparison_spec", "refinement_spec"]
 
 _BARS_PX = 170
-_GAP_PX = 100
+_GAP_PX = 84
+_NAMED = 6
+"""Vehicles named in a note."""
 
 _SIDES = (("before", ORANGE, "/"), ("after", BLUE, ""))
 """Names, colours and patterns of the bars."""
 
+_CAPTION_LENGTH = 22
+
 _METRES = [row for row in ROWS if row.unit == "m"]
 
 
-def refinement_spec(record: RefinementResult, name: str = "") -> Spec:
+def refinement_spec(record: RefinementResult, name: str, style: FigureStyle) -> Spec:
     """Return the figure of a refinement: figures of merit in m before and after."""
     title = f"{escaped(name or 'Plan')}: refinement for {escaped(record.objective)}"
-    labels = [row.caption.replace("\n", "<br>") for row in _METRES]
+    captions = [row.caption.replace("\n", " ") for row in _METRES]
+    labels = [label(text, _CAPTION_LENGTH) for text in captions]
     traces = []
     both = (record.before, record.after)
     for (side, color, pattern), figures in zip(_SIDES, both, strict=True):
@@ -52,56 +60,77 @@ def refinement_spec(record: RefinementResult, name: str = "") -> Spec:
     note = f"{_summary(record.before)} before; {_summary(record.after)} after"
     if not record.improved:
         note = f"not refined: {escaped(record.reason)}"
-    drawn = layout(
-        title,
-        note=note,
-        height=460,
-        barmode="group",
-        xaxis=axis(type="category"),
-        yaxis=axis("m", rangemode="tozero"),
-    )
-    drawn["margin"]["b"] = 110
+    metres, captioned = axis("m", rangemode="tozero"), axis(type="category")
+    axes: Spec = {"xaxis": captioned, "yaxis": metres}
+    if style.narrow:
+        # bars lie down: captions find no room beside each other
+        for trace in traces:
+            lying = {"x": trace["y"], "y": trace["x"], "orientation": "h"}
+            trace.update(lying, hovertemplate="%{y}: %{x:.3g} m<extra></extra>")
+        axes = {"xaxis": metres, "yaxis": {**captioned, "autorange": "reversed"}}
+    drawn = layout(title, note=note, inner=310, barmode="group", **axes)
     return {"data": traces, "layout": drawn}
 
 
-def comparison_spec(before: Plan, after: Plan) -> Spec:
+def comparison_spec(before: Plan, after: Plan, style: FigureStyle) -> Spec:
     """Return the figure of two plans of the same vehicles: circles, and each predicted error.
 
-    Raises InputError where the plans are of different vehicles.
+    Heads on the circles show the senses; a thin line joins a vehicle's two centres. Raises
+    InputError where the plans are of different vehicles.
     """
     _refuse_other_vehicles(before, after)
-    low, high = (
-        corner(view_box(before)[k], view_box(after)[k])
-        for k, corner in enumerate((np.minimum, np.maximum))
-    )
-    places = decimals(float(np.max(high - low)))
-    traces = _circles(before, "before", ORANGE, "dash", places)
-    traces += _circles(after, "after", BLUE, "solid", places)
-    traces += landmark_traces(after, body_names(after), places)
+    view, names = view_of(style, before, after), body_names(after)
+    traces = [*area_traces(after, view), _moves(before, after, view)]
+    traces += _circles(before, "before", ORANGE, "dash", view)
+    traces += _circles(after, "after", BLUE, "solid", view)
+    about = _obstructions(before, after)
+    traces += landmark_trace(after, view, names, about)
+    traces.append({**name_trace(after, view, names, about), "legendgroup": "after"})
     traces += _errors(before, after)
-    map_px = max(map_height(before), map_height(after))
-    inner = map_px + _GAP_PX + _BARS_PX
+    inner = view.height_px + style.px(_GAP_PX) + _BARS_PX
     share = _BARS_PX / inner
+    axes = view.axes()
+    axes["yaxis"]["domain"] = [1.0 - view.height_px / inner, 1]
     drawn = layout(
         f"{escaped(after.scenario.name or 'Plan')}: before and after",
-        note=f"{_verdict(before)} before; {_verdict(after)} after",
-        height=inner + 196,
+        note=f"{_verdict(before)} before; {_verdict(after)} after; {_turned(before, after)}",
+        inner=inner,
         barmode="group",
-        xaxis=axis("x (east), m", range=numbers([low[0], high[0]], 6), constrain="domain"),
-        yaxis=axis(
-            "y (north), m",
-            range=numbers([low[1], high[1]], 6),
-            scaleanchor="x",
-            scaleratio=1,
-            constrain="domain",
-            domain=[1.0 - map_px / inner, 1],
-        ),
+        **axes,
         xaxis2=axis("vehicle", type="category", anchor="y2"),
         yaxis2=axis("predicted RMS, m", rangemode="tozero", domain=[0, share], anchor="x2"),
         annotations=[panel_title("Predicted position error, second half of the run", 0, share)],
     )
-    drawn["margin"]["b"] = 110
     return {"data": traces, "layout": drawn}
+
+
+def _obstructions(before: Plan, after: Plan) -> Obstructions:
+    """The moves and both plans' circles."""
+    moves = np.stack([before.orbits.centers, after.orbits.centers], axis=1)
+    return Obstructions(
+        moves,
+        np.concatenate([before.orbits.centers, after.orbits.centers]),
+        np.concatenate([before.orbits.radii, after.orbits.radii]),
+    )
+
+
+def _turned(before: Plan, after: Plan) -> str:
+    """Which vehicles fly round the other way."""
+    other = np.flatnonzero(before.orbits.senses != after.orbits.senses)
+    names = [escaped(after.scenario.vehicle_names[k]) for k in other]
+    if not names:
+        return "all keep their direction"
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    verb = "changes" if len(names) == 1 else "change"
+    return f"{', '.join(names[:_NAMED])}{more} {verb} direction"
+
+
+def _moves(before: Plan, after: Plan, view: MapView) -> Spec:
+    """Lines between the centres before and after."""
+    ends = np.stack([before.orbits.centers, after.orbits.centers], axis=1)
+    x, y = gapped(ends, view.places)
+    line = {"color": MUTED, "width": 1.0, "dash": "dot"}
+    return line_trace("moves", "move of the centre", x, y, line)
 
 
 def _refuse_other_vehicles(before: Plan, after: Plan) -> None:
@@ -127,32 +156,36 @@ def _errors(before: Plan, after: Plan) -> list[Spec]:
     return traces
 
 
-def _circles(plan: Plan, side: str, color: str, dash: str, places: int) -> list[Spec]:
-    x, y = gapped(circle_points(plan), places)
+def _circles(plan: Plan, side: str, color: str, dash: str, view: MapView) -> list[Spec]:
+    """Circles with a head each that shows the sense, and their centres."""
+    x, y = gapped(circle_points(plan), view.places)
     centers = plan.orbits.centers
+    line = {"color": color, "dash": dash, "width": view.line_px(2.0), "simplify": False}
+    everyone = np.ones(plan.orbits.count, dtype=bool)
+    turns = ["counter-clockwise" if sense > 0.0 else "clockwise" for sense in plan.orbits.senses]
     return [
+        line_trace(f"circles-{side}", f"circles {side}", x, y, line, legendgroup=side),
         {
-            "type": "scatter",
-            "uid": f"circles-{side}",
-            "name": f"circles {side}",
-            "mode": "lines",
-            "x": x,
-            "y": y,
-            "line": {"color": color, "dash": dash, "width": 2},
-            "hoverinfo": "skip",
+            **sense_heads(plan, view, color, everyone),
+            "uid": f"heads-{side}",
             "legendgroup": side,
         },
         {
             "type": "scatter",
             "uid": f"centers-{side}",
-            "mode": "markers+text" if side == "after" else "markers",
-            "x": numbers(centers[:, 0], places),
-            "y": numbers(centers[:, 1], places),
-            "text": body_names(plan)[: plan.orbits.count],
-            "textposition": "top center",
-            "marker": {"symbol": "circle" if side == "after" else "circle-open", "color": INK},
-            "textfont": {"color": MUTED},
-            "hovertemplate": f"%{{text}} {side}: %{{x}} m, %{{y}} m<extra></extra>",
+            "mode": "markers",
+            "x": numbers(centers[:, 0], view.places),
+            "y": numbers(centers[:, 1], view.places),
+            "text": [
+                f"{name} {side}, {turn}"
+                for name, turn in zip(body_names(plan), turns, strict=False)
+            ],
+            "marker": {
+                "symbol": "circle" if side == "after" else "circle-open",
+                "size": view.mark_px(5.0),
+                "color": color,
+            },
+            "hovertemplate": "%{text}: %{x} m, %{y} m<extra></extra>",
             "legendgroup": side,
             "showlegend": False,
         },

@@ -4,6 +4,7 @@ import numpy as np
 
 from syncplan.estimation.consistency import TOLERANCE
 from syncplan.plotting.canvas import Spec, axis, escaped, layout, numbers, panel_title
+from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.palette import BLUE, INK, MUTED, SKY, VERMILLION, translucent
 from syncplan.reports.consistency_words import interval_words, verdict_words
 from syncplan.reports.run_schemas import ReplayDocument, Spread, ValidationDocument
@@ -14,30 +15,37 @@ IDEAL_COVERAGE = 0.9973
 """Probability that a normal error lies within three sigma."""
 
 _TOLERATED = [1.0 - TOLERANCE, 1.0 + TOLERANCE]
+
+_BAND_PX = 78
+_WORDS_PX = 96
+_COVERAGE_PX = 190
+"""Heights: of a panel with a band, of what stands between panels, of the panel of vehicles."""
+
 _SYMBOLS = {"consistent": "circle", "optimistic": "triangle-right", "conservative": "triangle-left"}
 _COLOURS = {"consistent": BLUE, "unknown": MUTED}
 
 
-def consistency_spec(report: ValidationDocument | ReplayDocument) -> Spec:
+def consistency_spec(report: ValidationDocument | ReplayDocument, style: FigureStyle) -> Spec:
     """Return the figure of ANEES and NIS with 95 % intervals, and of each vehicle's coverage."""
     figures = [("ANEES", report.anees), ("NIS", report.nis)]
     traces = []
     axes: Spec = {}
+    inner, places, split = _panels(style)
     for number, (name, figure) in enumerate(figures):
         suffix = "" if number == 0 else "2"
         traces += _spread_traces(name, figure, suffix)
-        left = 0.52 * number
+        left, right, low, high = places[number]
         values = [*_TOLERATED, *([] if figure.value is None else [figure.value])]
         values += figure.band or ()
         axes[f"xaxis{suffix}"] = axis(
             f"{name}: 1 is honest",
-            domain=[left, left + 0.48],
+            domain=[left, right],
             anchor=f"y{suffix}",
-            nticks=6,
+            nticks=5,
             range=_room(values),
         )
         axes[f"yaxis{suffix}"] = axis(
-            domain=[0.76, 0.96], range=[-1, 1], visible=False, anchor=f"x{suffix}"
+            domain=[low, high], range=[-1, 1], visible=False, anchor=f"x{suffix}"
         )
     names = [escaped(vehicle.name) for vehicle in report.vehicles]
     covered = [vehicle.coverage_3sigma for vehicle in report.vehicles]
@@ -46,21 +54,35 @@ def consistency_spec(report: ValidationDocument | ReplayDocument) -> Spec:
     lowest = min(*covered, IDEAL_COVERAGE, 0.98)
     axes["yaxis3"] = axis(
         "share within 3 sigma",
-        domain=[0, 0.5],
+        domain=[0, split],
         anchor="x3",
         range=[lowest - 0.05 * (1.0 - lowest), 1.002],
         tickformat=".1%",
     )
     titles = [
-        panel_title(_verdict(name, figure), 0.52 * number, 0.97)
+        panel_title(_verdict(name, figure), places[number][0], places[number][3])
         for number, (name, figure) in enumerate(figures)
     ]
-    titles.append(panel_title("Coordinates within the filter's own 3 sigma", 0, 0.51))
+    titles.append(panel_title("Coordinates within the filter's own 3 sigma", 0, split))
     title = f"{escaped(report.name or 'Plan')}: is the filter honest?"
-    drawn = layout(title, note=report.run, height=590, annotations=titles, **axes)
-    drawn["margin"]["t"] += 34
-    drawn["margin"]["b"] = 104
+    drawn = layout(title, note=report.run, inner=inner, above=40, annotations=titles, **axes)
     return {"data": traces, "layout": drawn}
+
+
+def _panels(style: FigureStyle) -> tuple[int, list[tuple[float, float, float, float]], float]:
+    """Height in px, (left, right, low, high) of the bands' panels, and the top of the lowest one.
+
+    The bands stand side by side, or under each other where that leaves no room for their words.
+    """
+    rows, words_px = 2 if style.narrow else 1, style.px(_WORDS_PX)
+    inner = rows * (_BAND_PX + words_px) + _COVERAGE_PX
+    places = []
+    for number in range(2):
+        row, column = (number, 0) if rows == 2 else (0, number)
+        high = 1.0 - row * (_BAND_PX + words_px) / inner
+        left, right = (0.0, 1.0) if rows == 2 else (0.52 * column, 0.52 * column + 0.48)
+        places.append((left, right, high - _BAND_PX / inner, high))
+    return inner, places, _COVERAGE_PX / inner
 
 
 def _verdict(name: str, figure: Spread) -> str:

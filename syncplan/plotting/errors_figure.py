@@ -1,4 +1,8 @@
-"""Errors over time with the filter's own 3-sigma band, as the paper's Figs. 9-11 and 14-18."""
+"""Errors over time with the filter's own 3-sigma band, as the paper's Figs. 9-11 and 14-18.
+
+Axes hold all of the run's second half, the settled one. A start with larger errors leaves them, by
+how much the note says; whoever zooms out on a page sees it.
+"""
 
 from collections.abc import Sequence
 from itertools import chain
@@ -8,6 +12,7 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.plotting.canvas import Spec, axis, escaped, layout, numbers, panel_title
+from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.palette import INK, SKY, VERMILLION, translucent
 from syncplan.reports.run_schemas import ReplayDocument, Series, ValidationDocument, VehicleSeries
 
@@ -20,12 +25,19 @@ MOST_POINTS = 400
 """Moments drawn of a run: every k-th sample."""
 
 _ROW_PX = 150
-_GAP_PX = 34
+_NARROW_ROW_PX = 110
+_GAP_PX = 38
 _COLUMNS = ("x in m", "y in m", "heading in rad")
+_WORTH_CLIPPING = 1.5
+"""How many times larger than the settled half a start must be to be clipped."""
+
+_AIR = 1.1
 
 
 def errors_spec(
-    report: ValidationDocument | ReplayDocument, vehicles: Sequence[str] | None = None
+    report: ValidationDocument | ReplayDocument,
+    style: FigureStyle,
+    vehicles: Sequence[str] | None = None,
 ) -> Spec:
     """Return the figure of errors over time: a row per vehicle; x, y and heading.
 
@@ -38,23 +50,56 @@ def errors_spec(
     rows = _chosen(report, series, vehicles)
     every = max(1, -(-len(series.time_s) // MOST_POINTS))
     times = np.array(series.time_s)[::every]
+    places = [(row, column) for row in rows for column in range(3)]
     traces = list(
         chain.from_iterable(
             _panel(report, row, column, times, every, number)
-            for number, (row, column) in enumerate((r, c) for r in rows for c in range(3))
+            for number, (row, column) in enumerate(places)
         )
     )
-    whole = _ROW_PX * len(rows) + _GAP_PX * (len(rows) - 1)
-    axes, titles = _axes(rows, whole)
+    ranges = [_settled(row, column) for row, column in places]
+    axes, titles, inner = _axes(rows, ranges, style)
     shown = "error" if report.trials == 1 else "mean error"
     note = f"{shown} of {report.run}, and the filter's own 3-sigma band"
     if len(rows) < len(report.vehicles) and vehicles is None:
         note += f"; the {len(rows)} of {len(report.vehicles)} vehicles with the largest errors"
+    note += _clipped(series, places, ranges)
     title = f"{escaped(report.name or 'Plan')}: errors over time"
-    drawn = layout(title, note=note, height=whole + 216, annotations=titles, **axes)
-    drawn["margin"]["t"] += 26
-    drawn["margin"]["b"] = 112
+    drawn = layout(title, note=note, inner=inner, above=24, annotations=titles, **axes)
     return {"data": traces, "layout": drawn}
+
+
+def _settled(row: VehicleSeries, column: int) -> float | None:
+    """Half the range of an axis that holds the second half; None if the start is hardly larger."""
+    whole = _reach(row, column)
+    half = _AIR * float(np.max(whole[len(whole) // 2 :]))
+    return half if 0.0 < _WORTH_CLIPPING * half < float(np.max(whole)) else None
+
+
+def _reach(row: VehicleSeries, column: int) -> Array:
+    """The largest of what is drawn of a coordinate, at each moment."""
+    mean, sigma, rms = _curves(row, column)
+    return np.asarray(np.maximum.reduce([np.abs(mean), 3.0 * sigma, 3.0 * rms]))
+
+
+def _clipped(
+    series: Series, places: list[tuple[VehicleSeries, int]], ranges: list[float | None]
+) -> str:
+    """What a note says of starts that leave their axes."""
+    starts = [
+        (column, float(np.max(_reach(row, column))))
+        for (row, column), half in zip(places, ranges, strict=True)
+        if half is not None
+    ]
+    if not starts:
+        return ""
+    said = []
+    for unit, of in (("m", (0, 1)), ("rad", (2,))):
+        largest = max((top for column, top in starts if column in of), default=None)
+        if largest is not None:
+            said.append(f"{largest:.2g} {unit}")
+    settled = series.time_s[len(series.time_s) // 2]
+    return f"; axes fit the run from {settled:.4g} s, clipped starts reach {' and '.join(said)}"
 
 
 def _series_of(report: ValidationDocument | ReplayDocument) -> Series:
@@ -148,27 +193,36 @@ def _spread(at: list[float | None], rms: Array) -> Spec:
     }
 
 
-def _axes(rows: list[VehicleSeries], whole: int) -> tuple[Spec, list[Spec]]:
-    """Three columns of panels, and a title over each row."""
+def _axes(
+    rows: list[VehicleSeries], ranges: list[float | None], style: FigureStyle
+) -> tuple[Spec, list[Spec], int]:
+    """Panels in three columns, or in one where three find no room; titles; height in px."""
+    columns = 1 if style.narrow else 3
+    row_px, gap_px = _NARROW_ROW_PX if style.narrow else _ROW_PX, style.px(_GAP_PX)
+    lines = 3 * len(rows) // columns
+    whole = row_px * lines + gap_px * (lines - 1)
     axes: Spec = {}
     titles = []
-    for r, row in enumerate(rows):
-        top = 1.0 - r * (_ROW_PX + _GAP_PX) / whole
-        bottom = top - _ROW_PX / whole
-        for c in range(3):
-            number = 3 * r + c
-            suffix = str(number + 1) if number else ""
-            left = c * 0.35
-            last = r == len(rows) - 1
-            titles.append(panel_title(f"{escaped(row.name)}: {_COLUMNS[c]}", left, top))
-            axes[f"xaxis{suffix}"] = axis(
-                "time, s" if last else "",
-                domain=[left, left + 0.30],
-                anchor=f"y{suffix}",
-                showticklabels=last,
-                **({"matches": "x"} if number else {}),
-            )
-            axes[f"yaxis{suffix}"] = axis(
-                domain=[max(bottom, 0.0), top], anchor=f"x{suffix}", nticks=5
-            )
-    return axes, titles
+    for number, half in enumerate(ranges):
+        line, column = divmod(number, columns)
+        top = 1.0 - line * (row_px + gap_px) / whole
+        suffix = str(number + 1) if number else ""
+        left = column * 0.35
+        last = line == lines - 1
+        name, kind = rows[number // 3].name, _COLUMNS[number % 3]
+        titles.append(panel_title(f"{escaped(name)}: {kind}", left, top))
+        axes[f"xaxis{suffix}"] = axis(
+            "time, s" if last else "",
+            domain=[left, 1.0 if columns == 1 else left + 0.30],
+            anchor=f"y{suffix}",
+            showticklabels=last,
+            **({"matches": "x"} if number else {}),
+        )
+        fixed: Spec = {} if half is None else {"range": numbers([-half, half], 5)}
+        axes[f"yaxis{suffix}"] = axis(
+            domain=[max(top - row_px / whole, 0.0), top],
+            anchor=f"x{suffix}",
+            nticks=5,
+            **fixed,
+        )
+    return axes, titles, whole

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 if TYPE_CHECKING:
     from syncplan.planning.judged_plan import Plan
     from syncplan.plotting.canvas import Spec
+    from syncplan.plotting.figure_style import FigureStyle
     from syncplan.reports.refinement_schemas import RefinementResult
 
 __all__ = [
@@ -44,15 +45,21 @@ class FigureInput:
     subject : the plan, or the document of a run or sweep
     refined : how the plan was refined, where it was
     after : a second plan to compare with
+    style : size, scale of text, theme
     """
 
     subject: Any
+    style: "FigureStyle"
     refined: "RefinementResult | None" = None
     after: "Plan | None" = None
 
 
 def _subject_alone(given: FigureInput) -> tuple[Any, ...]:
     return (given.subject,)
+
+
+def _subject_in_style(given: FigureInput) -> tuple[Any, ...]:
+    return given.subject, given.style
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,11 +91,13 @@ class Figure:
         return self.there is None or self.there(given)
 
     def draw(self, given: FigureInput) -> "Spec":
-        """Return the figure as Plotly's plain values, in light colours."""
+        """Return the figure as Plotly's plain values, in the style given."""
+        from syncplan.plotting.layout_fitting import fitted
+        from syncplan.plotting.palette import themed
+
         module, _, function = self.maker.partition(".")
         make = getattr(import_module(f"{__package__}.{module}"), function)
-        spec: Spec = make(*self.takes(given))
-        return spec
+        return themed(fitted(make(*self.takes(given)), given.style), given.style.theme)
 
 
 FIGURES: Mapping[str, Figure] = MappingProxyType(
@@ -99,12 +108,14 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "landmarks; arrows show motions that no sighting can detect.",
             "plan",
             "formation_figure.formation_spec",
+            takes=_subject_in_style,
         ),
         "animation": Figure(
             "One period",
             "Where the vehicles are and who sees whom, through one period.",
             "plan",
             "animation_figure.animation_spec",
+            takes=_subject_in_style,
         ),
         "timeline": Figure(
             "Contacts",
@@ -112,6 +123,7 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "sightings connects as time goes on.",
             "plan",
             "timeline_figure.timeline_spec",
+            takes=_subject_in_style,
         ),
         "spectrum": Figure(
             "Singular values",
@@ -124,13 +136,14 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "The least RMS position error that any unbiased filter can reach, vehicle by vehicle.",
             "plan",
             "accuracy_figure.prediction_spec",
+            takes=_subject_in_style,
         ),
         "refinement": Figure(
             "Refinement",
             "Figures of merit of the plan before it was refined, and after.",
             "plan",
             "comparison_figure.refinement_spec",
-            takes=lambda given: (given.refined, given.subject.scenario.name),
+            takes=lambda given: (given.refined, given.subject.scenario.name, given.style),
             there=lambda given: given.refined is not None,
             why_not="the plan was not refined",
         ),
@@ -139,7 +152,7 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "Circles and predicted errors of two plans of the same vehicles.",
             "plan",
             "comparison_figure.comparison_spec",
-            takes=lambda given: (given.subject, given.after),
+            takes=lambda given: (given.subject, given.after, given.style),
             there=lambda given: given.after is not None,
             why_not="there is no second plan (--compare)",
             compares=True,
@@ -149,12 +162,14 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "RMS position errors of the filter, beside the predicted ones where these are known.",
             "run",
             "accuracy_figure.accuracy_spec",
+            takes=_subject_in_style,
         ),
         "errors": Figure(
             "Errors over time",
             "Errors in x, y and heading with the filter's own 3-sigma band.",
             "run",
             "errors_figure.errors_spec",
+            takes=_subject_in_style,
             there=lambda given: given.subject.series is not None,
             why_not="the report has no errors over time (--series keeps them)",
         ),
@@ -163,6 +178,7 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "Whether the filter's errors are as large as it says: ANEES, NIS, 3-sigma coverage.",
             "run",
             "consistency_figure.consistency_spec",
+            takes=_subject_in_style,
         ),
         "sweep": Figure(
             "Sweep",

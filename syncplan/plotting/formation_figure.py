@@ -6,31 +6,24 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.observability.unobservable_modes import UnobservableMode
-from syncplan.orbits.circles import heading, position, unit
+from syncplan.orbits.circles import position, unit
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.judged_team import UnmetLink
-from syncplan.plotting.canvas import (
-    Spec,
-    compass,
-    decimals,
-    escaped,
-    gapped,
-    label,
-    layout,
-    numbers,
-)
+from syncplan.plotting.canvas import Spec, compass, escaped, gapped, label, layout
+from syncplan.plotting.figure_style import FigureStyle
+from syncplan.plotting.link_lines import link_ends, link_pairs
 from syncplan.plotting.link_styles import DROPPED, Standing, body_names, grouped, hover
+from syncplan.plotting.map_labels import landmark_trace, name_trace, obstructions
 from syncplan.plotting.map_layers import (
+    VEHICLE_PX,
+    area_traces,
     circle_traces,
-    landmark_traces,
     line_trace,
-    map_axes,
-    map_height,
-    mark_px,
-    name_trace,
-    view_box,
+    pointer_entry,
+    vehicle_marks,
 )
-from syncplan.plotting.palette import INK, MUTED, PURPLE, translucent
+from syncplan.plotting.map_view import MapView, view_of
+from syncplan.plotting.palette import PURPLE
 
 __all__ = ["formation_spec", "verdict_words"]
 
@@ -39,41 +32,40 @@ MOTIONS_SHOWN = 3
 """Unobservable motions drawn at first; the others stand in the legend, to be switched on."""
 
 
-_HIDDEN_ENDS = 0.45
-"""Share of a radius near a centre that link lines leave free, for the names."""
-
 _ARROW = 0.9
 _LEAST_ARROW = 0.05
 """Length of the longest arrow of a motion in mean radii, and at least in widths of the map."""
 
+_HEAD_PX = 15.0
+_SHORT_PX = 9.0
+_SHORT_MARK_PX = 7.0
+"""Length of a link's line below which a mark shows it, and the size of that."""
+
 _MOTION_DASHES = ("solid", "dash", "dot")
 
 
-def formation_spec(plan: Plan) -> Spec:
+def formation_spec(plan: Plan, style: FigureStyle) -> Spec:
     """Return the figure of a plan's formation at time 0, both axes to one scale.
 
-    Links run between centres, by what they are worth. An unobservable motion is an arrow at each
+    Links run from rim to rim, by what they are worth. An unobservable motion is an arrow at each
     vehicle that it displaces, the longest 0.9 mean radii long (more on a large map).
     Turns are shown when pointed at.
     """
-    low, high = view_box(plan)
-    places = decimals(float(np.max(high - low)))
+    view = view_of(style, plan)
     names = body_names(plan)
+    about = obstructions(plan, link_pairs(plan), _arrow_lines(plan, view))
     traces = [
-        *_area_traces(plan, places),
-        *_link_traces(plan, names, places),
-        *circle_traces(plan, places, arrows=True),
-        *landmark_traces(plan, names, places),
-        _vehicle_trace(plan, names, places),
-        name_trace(plan, names, places),
-        *_motion_traces(plan, names, places),
+        *area_traces(plan, view),
+        *_link_traces(plan, names, view),
+        *circle_traces(plan, view, arrows=True),
+        *landmark_trace(plan, view, names, about),
+        pointer_entry("vehicles", "vehicle at time 0", VEHICLE_PX),
+        _vehicle_trace(plan, names, view),
+        name_trace(plan, view, names, about),
+        *_motion_traces(plan, names, view),
     ]
     title = escaped(plan.scenario.name or "Formation")
-    entries = sum(trace.get("showlegend", True) for trace in traces)
-    below = 70 + 12 * entries
-    height = 80 + map_height(plan) + below
-    drawn = layout(title, note=verdict_words(plan), height=height, **map_axes(plan))
-    drawn["margin"]["b"] = below
+    drawn = layout(title, note=verdict_words(plan), inner=view.height_px, **view.axes())
     return {"data": traces, "layout": drawn}
 
 
@@ -85,9 +77,8 @@ def verdict_words(plan: Plan) -> str:
     return f"{state}: rank {verdict.rank} of {verdict.state_dim}; certificate {holds}"
 
 
-def _vehicle_trace(plan: Plan, names: list[str], places: int) -> Spec:
+def _vehicle_trace(plan: Plan, names: list[str], view: MapView) -> Spec:
     orbits = plan.orbits
-    where = position(orbits, 0.0)
     turns = ["counter-clockwise" if sense > 0.0 else "clockwise" for sense in orbits.senses]
     texts = [
         f"{names[k]}, {turns[k]}<br>radius {orbits.radii[k]:.4g} m, "
@@ -97,32 +88,26 @@ def _vehicle_trace(plan: Plan, names: list[str], places: int) -> Spec:
     return {
         "type": "scatter",
         "uid": "vehicles",
-        "name": "vehicle at time 0",
+        "legendgroup": "vehicles",
+        "showlegend": False,
         "mode": "markers",
-        "x": numbers(where[:, 0], places),
-        "y": numbers(where[:, 1], places),
-        "marker": {
-            "symbol": "arrow",
-            "size": mark_px(plan, 15),
-            "angle": compass(heading(orbits, 0.0)),
-            "color": INK,
-        },
+        **vehicle_marks(plan, view, 0.0, view.places),
         "text": texts,
         "hoverinfo": "text",
     }
 
 
-def _link_traces(plan: Plan, names: list[str], places: int) -> list[Spec]:
+def _link_traces(plan: Plan, names: list[str], view: MapView) -> list[Spec]:
     traces = []
     ordered = sorted(grouped(plan).items(), key=lambda item: item[0].key)
     for shown, meetings in ordered:
         pairs = [(item.a, item.b) for item in meetings]
         texts = [hover(item, names, shown) for item in meetings]
-        traces.append(_pair_trace(plan, pairs, texts, shown, places))
+        traces.append(_pair_trace(plan, pairs, texts, shown, view))
     if plan.dropped_links:
         texts = [_dropped_words(item, names) for item in plan.dropped_links]
         pairs = [(item.a, item.b) for item in plan.dropped_links]
-        traces.append(_pair_trace(plan, pairs, texts, DROPPED, places))
+        traces.append(_pair_trace(plan, pairs, texts, DROPPED, view))
     return traces
 
 
@@ -131,21 +116,21 @@ def _dropped_words(item: UnmetLink, names: list[str]) -> str:
 
 
 def _pair_trace(
-    plan: Plan, pairs: Sequence[tuple[int, int]], texts: list[str], shown: Standing, places: int
+    plan: Plan, pairs: Sequence[tuple[int, int]], texts: list[str], shown: Standing, view: MapView
 ) -> Spec:
-    """Lines between centres (or to landmarks), with a middle point to be pointed at."""
-    index = np.array(pairs)
-    bodies = np.concatenate([plan.orbits.centers, plan.landmarks.reshape(-1, 2)])
-    radii = np.concatenate([plan.orbits.radii, np.zeros(len(plan.landmarks))])
-    start, end = bodies[index[:, 0]], bodies[index[:, 1]]
-    apart = np.maximum(np.hypot(*(end - start).T), 1e-9)[:, None]
-    ahead = (end - start) / apart
-    start = start + ahead * np.minimum(_HIDDEN_ENDS * radii[index[:, :1]], 0.3 * apart)
-    end = end - ahead * np.minimum(_HIDDEN_ENDS * radii[index[:, 1:]], 0.3 * apart)
-    x, y = gapped(np.stack([start, 0.5 * (start + end), end], axis=1), places)
+    """Lines from rim to rim, with a middle point to be pointed at, marked where a line is short."""
+    start, end = link_ends(plan.orbits, plan.landmarks, np.array(pairs))
+    x, y = gapped(np.stack([start, 0.5 * (start + end), end], axis=1), view.places)
     text = [""] * len(x)
     text[1::4] = texts
-    line = {"color": shown.color, "dash": shown.dash, "width": shown.width}
+    lengths = view.scale * np.hypot(*(end - start).T)
+    sizes = [0.0] * len(x)
+    sizes[1::4] = [_SHORT_MARK_PX if length < _SHORT_PX else 0.0 for length in lengths]
+    line = {"color": shown.color, "dash": shown.dash, "width": view.link_px(shown.width)}
+    marks: Spec = {}
+    if any(sizes):
+        marker = {"symbol": "diamond", "size": sizes, "color": shown.color, "line": {"width": 0}}
+        marks = {"mode": "lines+markers", "marker": {**marker, "opacity": 1}}
     return line_trace(
         shown.key,
         shown.text,
@@ -155,89 +140,65 @@ def _pair_trace(
         text=text,
         hoverinfo="text",
         hovertemplate="%{text}<extra></extra>",
+        **marks,
     )
 
 
-def _area_traces(plan: Plan, places: int) -> list[Spec]:
-    scenario = plan.scenario
+def _motion_traces(plan: Plan, names: list[str], view: MapView) -> list[Spec]:
+    """Arrows of each motion, and an entry in the legend, which has no room for arrowheads."""
     traces = []
-    if scenario.area_m is not None:
-        x, y = gapped(_closed(scenario.area_m), places)
+    for number, motion in enumerate(plan.unobservable):
+        line = {
+            "color": PURPLE,
+            "dash": _MOTION_DASHES[number % len(_MOTION_DASHES)],
+            "width": 3.5,
+        }
+        shared = {
+            "legendgroup": f"motion-{number}",
+            "visible": True if number < MOTIONS_SHOWN else "legendonly",
+        }
+        text = label(f"unobservable: {motion.description}")
+        traces.append(line_trace(f"entry-{number}", text, [None], [None], line, **shared))
         traces.append(
-            line_trace("area", "area", x, y, {"color": MUTED, "dash": "dot", "width": 1.5})
+            {
+                "type": "scatter",
+                "uid": f"motion-{number}",
+                "mode": "lines+markers",
+                **_arrows(plan, motion, names, view),
+                "line": line,
+                "hovertemplate": "%{text}<extra></extra>",
+                "showlegend": False,
+                **shared,
+            }
         )
-    kept_out = [gapped(_closed(polygon), places) for polygon in scenario.keep_out_m or []]
-    if kept_out:
-        x = [value for one, _ in kept_out for value in one]
-        y = [value for _, one in kept_out for value in one]
-        filled = {"fill": "toself", "fillcolor": translucent(MUTED, 0.25)}
-        line = {"color": MUTED, "width": 1}
-        traces.append(line_trace("keep-out", "keep-out zone", x, y, line, **filled))
     return traces
 
 
-def _closed(polygon: Sequence[tuple[float, float]]) -> Array:
-    return np.array([[*polygon, polygon[0]]], dtype=float)
-
-
-def _motion_traces(plan: Plan, names: list[str], places: int) -> list[Spec]:
-    return [
-        _motion_trace(plan, motion, names, places, number)
-        for number, motion in enumerate(plan.unobservable)
-    ]
-
-
-def _motion_trace(
-    plan: Plan, motion: UnobservableMode, names: list[str], places: int, number: int
-) -> Spec:
-    """Arrows at the vehicles that move, to one scale; an arc for one that only turns."""
-    return {
-        "type": "scatter",
-        "uid": f"motion-{number}",
-        "name": label(f"unobservable: {motion.description}"),
-        "mode": "lines+markers",
-        **_arrows(plan, motion, names, places, _MOTION_DASHES[number % len(_MOTION_DASHES)]),
-        "hovertemplate": "%{text}<extra></extra>",
-        "visible": True if number < MOTIONS_SHOWN else "legendonly",
-    }
-
-
-def _arrows(plan: Plan, motion: UnobservableMode, names: list[str], places: int, dash: str) -> Spec:
-    """Lines, their heads, and what each of them says."""
-    head = mark_px(plan, 15)
+def _arrows(plan: Plan, motion: UnobservableMode, names: list[str], view: MapView) -> Spec:
+    """Places of lines and their heads, and what each of them says."""
+    head = view.mark_px(_HEAD_PX)
     x: list[float | None] = []
     y: list[float | None] = []
     sizes: list[float] = []
     angles: list[float] = []
     text: list[str] = []
-    for k, path, ahead in _arrow_paths(plan, motion):
-        one_x, one_y = gapped(path[None], places)
+    for k, path, ahead in _arrow_paths(plan, motion, view):
+        one_x, one_y = gapped(path[None], view.places)
         x, y = x + one_x, y + one_y
         plain = len(path) - 1
         sizes += [0] * plain + [head, 0]
         angles += [0.0] * plain + compass(np.arctan2(ahead[1], ahead[0])) + [0.0]
         text += [_motion_words(motion, names[k], k)] * (plain + 1) + [""]
-    return {
-        "x": x,
-        "y": y,
-        "line": {"color": PURPLE, "dash": dash, "width": 3.5},
-        "marker": {
-            "symbol": "arrow",
-            "size": sizes,
-            "angle": angles,
-            "color": PURPLE,
-            "opacity": 1,
-            "line": {"width": 0},
-        },
-        "text": text,
-    }
+    marker = {"symbol": "arrow", "size": sizes, "angle": angles, "color": PURPLE}
+    return {"x": x, "y": y, "marker": {**marker, "opacity": 1, "line": {"width": 0}}, "text": text}
 
 
-def _arrow_paths(plan: Plan, motion: UnobservableMode) -> Iterator[tuple[int, Array, Array]]:
+def _arrow_paths(
+    plan: Plan, motion: UnobservableMode, view: MapView
+) -> Iterator[tuple[int, Array, Array]]:
     """Each vehicle that moves, its line (p, 2) in m, and the direction of its head."""
     radius = float(plan.orbits.radii.mean())
-    low, high = view_box(plan)
-    length = max(_ARROW * radius, _LEAST_ARROW * float(np.max(high - low)))
+    length = max(_ARROW * radius, _LEAST_ARROW * float(np.max(view.high - view.low)))
     where = position(plan.orbits, 0.0)
     shifts = np.hypot(motion.motion[:, 0], motion.motion[:, 1])
     for k in motion.vehicles:
@@ -247,6 +208,16 @@ def _arrow_paths(plan: Plan, motion: UnobservableMode) -> Iterator[tuple[int, Ar
         else:
             path = _turning_arc(where[k], radius / 3.0, float(motion.motion[k, 2]))
             yield k, path, path[-1] - path[-2]
+
+
+def _arrow_lines(plan: Plan, view: MapView) -> Array:
+    """The lines (k, 2, 2) m of all arrows that are drawn at first."""
+    lines = [
+        np.stack([path[:-1], path[1:]], axis=1)
+        for motion in plan.unobservable[:MOTIONS_SHOWN]
+        for _, path, _ in _arrow_paths(plan, motion, view)
+    ]
+    return np.concatenate([np.empty((0, 2, 2)), *lines])
 
 
 def _motion_words(motion: UnobservableMode, name: str, k: int) -> str:

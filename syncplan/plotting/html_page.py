@@ -7,35 +7,48 @@ from collections.abc import Mapping
 from syncplan.errors import InputError
 from syncplan.plotting.canvas import CONFIG, Spec
 from syncplan.plotting.figure_table import FIGURES
-from syncplan.plotting.palette import DARK
+from syncplan.plotting.palette import DARK, Theme
 from syncplan.reports.verdict_schemas import PlanVerdict
 
 __all__ = ["embedded", "figure_page", "plotly_script"]
 
 
 def figure_page(
-    title: str, specs: Mapping[str, Spec], verdicts: Mapping[str, PlanVerdict] | None = None
+    title: str,
+    specs: Mapping[str, Spec],
+    verdicts: Mapping[str, PlanVerdict] | None = None,
+    *,
+    columns: Mapping[str, Spec] | None = None,
+    theme: Theme | None = None,
 ) -> str:
     """Return the HTML of figures, by name, under a heading; everything needed is inside.
 
     Verdicts on the plans that are shown, by what each is (empty for a single one), stand above
-    the figures with their findings. The same figures give the same bytes.
-    Raises InputError where Plotly is not installed.
+    the figures with their findings. Figures are in the colours of a light page, which the script
+    swaps: for `theme` or, without it, as the reader's system has it. `columns` are the same
+    figures laid out for COLUMN_PX, shown where the page is narrow. The page is as wide as a
+    figure's layout says, if one does. The same figures give the same bytes. Raises InputError
+    where Plotly is not installed.
     """
     sections = "\n".join(_section(name) for name in specs)
-    values = "\n".join(embedded(f"values-{name}", spec) for name, spec in specs.items())
+    parts = {f"values-{name}": _fluid(spec) for name, spec in specs.items()}
+    parts |= {f"column-{name}": _changed(specs[name], one) for name, one in (columns or {}).items()}
+    values = "\n".join(embedded(name, part) for name, part in parts.items())
+    widths = [spec["layout"]["width"] for spec in specs.values() if "width" in spec["layout"]]
+    width = f"body {{ max-width: {max(widths) + _PAGE_SIDES_PX}px; }}\n" if widths else ""
+    scheme, chosen = (theme, f' data-theme="{theme}"') if theme else ("light dark", "")
     links = " ".join(f'<a href="#{name}">{html.escape(FIGURES[name].title)}</a>' for name in specs)
     heading = html.escape(title)
     judged = "".join(_verdict_lines(*one) for one in (verdicts or {}).items())
     return f"""<!DOCTYPE html>
-<html lang="en">
+<html lang="en"{chosen}>
 <head>
 <meta charset="utf-8">
 <meta http-equiv="Content-Security-Policy" content="{_POLICY}">
 <meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark">
+<meta name="color-scheme" content="{scheme}">
 <title>{heading}</title>
-<style>{_STYLE}</style>
+<style>{_STYLE}{width}</style>
 </head>
 <body>
 <header><h1>{heading}</h1>
@@ -63,6 +76,18 @@ def _verdict_lines(which: str, verdict: PlanVerdict) -> str:
     listed = f'<ul class="findings">\n{items}</ul>\n' if items else ""
     headline = f"{which}: {verdict.headline}" if which else verdict.headline
     return f'<p class="verdict"><strong>{headline}</strong></p>\n{listed}'
+
+
+def _fluid(spec: Spec) -> Spec:
+    """A figure that takes the width of its page."""
+    return {**spec, "layout": {key: v for key, v in spec["layout"].items() if key != "width"}}
+
+
+def _changed(spec: Spec, column: Spec) -> Spec:
+    """What of a figure is other in a narrow column; an animation keeps its frames and marks."""
+    other = _fluid(column)
+    keys = {"layout"} if spec["data"] == column["data"] or "frames" in spec else {"layout", "data"}
+    return {key: other[key] for key in sorted(keys)}
 
 
 def _section(name: str) -> str:
@@ -93,6 +118,8 @@ def plotly_script() -> str:
     return script
 
 
+_PAGE_SIDES_PX = 48
+
 _POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
     "img-src data: blob:; font-src data:"
@@ -100,26 +127,30 @@ _POLICY = (
 """Nothing is ever fetched: the browser itself refuses."""
 
 _STYLE = """
-:root { color-scheme: light dark; }
-body { margin: 0 auto; padding: 1rem 1.5rem 3rem; max-width: 68rem; background: #ffffff;
-  color: #1b1b1f; font: 16px/1.5 system-ui, -apple-system, "Segoe UI", "DejaVu Sans", Arial,
+:root { color-scheme: light dark; --paper: #ffffff; --ink: #1b1b1f; --link: #0061a8; }
+@media (prefers-color-scheme: dark) {
+  :root { --paper: #16161a; --ink: #ececf0; --link: #7cc0f0; }
+}
+:root[data-theme="light"] { color-scheme: light; --paper: #ffffff; --ink: #1b1b1f; }
+:root[data-theme="light"] { --link: #0061a8; }
+:root[data-theme="dark"] { color-scheme: dark; --paper: #16161a; --ink: #ececf0; }
+:root[data-theme="dark"] { --link: #7cc0f0; }
+body { margin: 0 auto; padding: 1rem 1.5rem 3rem; max-width: 68rem; background: var(--paper);
+  color: var(--ink); font: 16px/1.5 system-ui, -apple-system, "Segoe UI", "DejaVu Sans", Arial,
   sans-serif; }
 h1 { font-size: 1.6rem; margin: 0.5rem 0; overflow-wrap: anywhere; }
 h2 { font-size: 1.2rem; margin: 2.2rem 0 0; }
 p { margin: 0.2rem 0 0.6rem; }
 nav a { margin-right: 1rem; }
 .findings { margin: 0 0 0.8rem; padding-left: 1.2rem; overflow-wrap: anywhere; }
-a { color: #0061a8; }
+a { color: var(--link); }
 .player { display: flex; gap: 0.8rem; align-items: center; }
 .player input { flex: 1; }
 .player output { min-width: 7em; font-variant-numeric: tabular-nums; }
 .player button { font: inherit; min-width: 5em; padding: 0.2em 0.8em; }
-@media (prefers-color-scheme: dark) {
-  body { background: #16161a; color: #ececf0; }
-  a { color: #7cc0f0; }
-}
 @media print {
-  body { background: #ffffff; color: #000000; max-width: none; padding: 0; }
+  :root, :root[data-theme] { --paper: #ffffff; --ink: #000000; }
+  body { max-width: none; padding: 0; }
   nav, .player, .modebar { display: none; }
   section { break-inside: avoid; }
 }
@@ -130,29 +161,40 @@ _SCRIPT = """
 const read = (id) => document.getElementById(id).textContent;
 const darkColors = JSON.parse(read("dark-colors"));
 const darkScheme = matchMedia("(prefers-color-scheme: dark)");
+const chosen = document.documentElement.dataset.theme;
+const isDark = () => (chosen ? chosen === "dark" : darkScheme.matches);
 const config = JSON.parse(read("plotly-config"));
 const printWidth = 700;
+const columnWidth = 600;
+const isNarrow = (div) => div.clientWidth < columnWidth;
 
-function valuesOf(name, dark) {
-  let text = read("values-" + name);
+function parsed(id, dark) {
+  let text = read(id);
   if (dark) {
     for (const [light, other] of Object.entries(darkColors)) {
       text = text.replaceAll('"' + light + '"', '"' + other + '"');
     }
   }
-  const spec = JSON.parse(text);
+  return JSON.parse(text);
+}
+
+function valuesOf(name, dark, narrow) {
+  const spec = parsed("values-" + name, dark);
+  if (narrow && document.getElementById("column-" + name)) {
+    Object.assign(spec, parsed("column-" + name, dark));
+  }
   if (spec.frames) {
     // the page has its own controls, which take the keyboard
     delete spec.layout.updatemenus;
     delete spec.layout.sliders;
-    spec.layout.height -= 80;
-    spec.layout.margin.b = 80;
+    spec.layout.height -= spec.layout.meta.controls_px;
+    spec.layout.margin.b -= spec.layout.meta.controls_px;
   }
   return spec;
 }
 
 function draw(div, dark, width) {
-  const spec = valuesOf(div.id.slice(5), dark);
+  const spec = valuesOf(div.id.slice(5), dark, !width && isNarrow(div));
   if (width) {
     spec.layout.width = width;
   }
@@ -184,7 +226,7 @@ function player(div, spec) {
     slider.setAttribute("aria-valuetext", times[k] + " seconds");
     if (dark !== wanted) {
       dark = wanted;
-      known = valuesOf(div.id.slice(5), dark);
+      known = valuesOf(div.id.slice(5), dark, false);
     }
     const frame = known.frames[k];
     const data = [...known.data];
@@ -195,7 +237,7 @@ function player(div, spec) {
   const step = () => {
     if (!playing) { return; }
     slider.value = (Number(slider.value) + 1) % spec.frames.length;
-    show(darkScheme.matches);
+    show(isDark());
     timer = setTimeout(step, 100);
   };
   const label = () => { button.textContent = playing ? "Pause" : "Play"; };
@@ -208,7 +250,7 @@ function player(div, spec) {
   slider.addEventListener("input", () => {
     playing = false;
     label();
-    show(darkScheme.matches);
+    show(isDark());
   });
   label();
   output.textContent = times[0] + " s";
@@ -218,7 +260,7 @@ function player(div, spec) {
 const shown = new Map();
 const plots = [...document.querySelectorAll(".plot")];
 for (const div of plots) {
-  draw(div, darkScheme.matches);
+  draw(div, isDark());
   const spec = JSON.parse(read("values-" + div.id.slice(5)));
   if (spec.frames) { shown.set(div, player(div, spec)); }
 }
@@ -228,7 +270,14 @@ function drawAll(dark, width) {
     shown.get(div)?.(dark);
   }
 }
-darkScheme.addEventListener("change", () => drawAll(darkScheme.matches));
+darkScheme.addEventListener("change", () => drawAll(isDark()));
+let narrow = plots.some(isNarrow);
+addEventListener("resize", () => {
+  if (plots.some(isNarrow) !== narrow) {
+    narrow = !narrow;
+    drawAll(isDark());
+  }
+});
 addEventListener("beforeprint", () => drawAll(false, printWidth));
-addEventListener("afterprint", () => drawAll(darkScheme.matches));
+addEventListener("afterprint", () => drawAll(isDark()));
 """

@@ -33,6 +33,7 @@ class Standing:
 DROPPED = Standing("dropped", "dropped link", MUTED, "dot", 1.5, "")
 
 _KINDS = {"link": 3.0, "incidental": 1.3, "landmark": 1.8}
+_PATTERNS = {"link": ("", ".", "/"), "incidental": ("-", ".", "/"), "landmark": ("x", "+", "\\")}
 _WORDS = {"link": "link", "incidental": "incidental link", "landmark": "landmark link"}
 
 
@@ -42,14 +43,15 @@ def standing_of(plan: Plan, meeting: LinkVerdict, *, incidental: bool = False) -
     kind = "landmark" if to_landmark else "incidental" if incidental else "link"
     full = 2 if to_landmark else 3
     words, width = _WORDS[kind], _KINDS[kind]
+    certified, weak, short = _PATTERNS[kind]
     if meeting.certified:
         text = f"{words}, rank {full}, certified"
-        return Standing(f"{kind}-certified", text, GREEN, "solid", width, "")
+        return Standing(f"{kind}-certified", text, GREEN, "solid", width, certified)
     if meeting.rank >= full:
         text = f"{words}, rank {full}, too weak"
-        return Standing(f"{kind}-weak", text, SKY, "dashdot", width, ".")
+        return Standing(f"{kind}-weak", text, SKY, "dashdot", width, weak)
     text = f"{words}, rank {meeting.rank} of {full}"
-    return Standing(f"{kind}-rank-{meeting.rank}", text, VERMILLION, "dash", width, "/")
+    return Standing(f"{kind}-rank-{meeting.rank}", text, VERMILLION, "dash", width, short)
 
 
 def grouped(plan: Plan) -> dict[Standing, list[LinkVerdict]]:

@@ -1,82 +1,38 @@
-"""What maps of a formation share: axes to one scale, circles with their senses, landmarks."""
+"""Layers of maps of a formation: areas, circles with their senses, vehicles."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.orbits.circles import unit
+from syncplan.orbits.circles import heading, position, unit
 from syncplan.planning.judged_plan import Plan
-from syncplan.plotting.canvas import Spec, axis, compass, gapped, numbers
-from syncplan.plotting.palette import BLUE, INK, ORANGE
+from syncplan.plotting.canvas import Spec, compass, gapped, numbers
+from syncplan.plotting.map_view import MapView
+from syncplan.plotting.palette import BLUE, INK, MUTED, ORANGE, translucent
 
 __all__ = [
+    "area_traces",
     "circle_points",
     "circle_traces",
-    "landmark_traces",
     "line_trace",
-    "map_axes",
-    "map_height",
-    "mark_px",
-    "name_trace",
-    "view_box",
+    "pointer",
+    "pointer_entry",
+    "sense_heads",
+    "vehicle_marks",
 ]
 
 CIRCLE_POINTS = 72
 """Points of a circle; the chord is a thousandth of the radius inside it."""
 
-MAP_WIDTH_PX = 880
-MAP_HEIGHTS_PX = (240, 640)
+VEHICLE_PX = 15.0
+HEAD_PX = 10.0
 
 _SENSE_STYLES = (
     (1.0, "ccw", "counter-clockwise circle", BLUE, "solid"),
     (-1.0, "cw", "clockwise circle", ORANGE, "dash"),
 )
-
-
-def view_box(plan: Plan) -> tuple[Array, Array]:
-    """Return the corners (2,), (2,) in m of what is to be seen: circles, landmarks, area."""
-    orbits = plan.orbits
-    points = [
-        orbits.centers - orbits.radii[:, None],
-        orbits.centers + orbits.radii[:, None],
-        plan.landmarks.reshape(-1, 2),
-    ]
-    if plan.scenario.area_m is not None:
-        points.append(np.array(plan.scenario.area_m, dtype=float))
-    everything = np.concatenate(points)
-    low, high = everything.min(axis=0), everything.max(axis=0)
-    room = 0.06 * float(np.max(high - low))
-    return low - room, high + room
-
-
-def map_axes(plan: Plan) -> Spec:
-    """Return the two axes of a map, to one scale, with room around the formation."""
-    low, high = view_box(plan)
-    return {
-        "xaxis": axis("x (east), m", range=numbers([low[0], high[0]], 6), constrain="domain"),
-        "yaxis": axis(
-            "y (north), m",
-            range=numbers([low[1], high[1]], 6),
-            scaleanchor="x",
-            scaleratio=1,
-            constrain="domain",
-        ),
-    }
-
-
-def map_height(plan: Plan) -> int:
-    """Return the height in px that a map wants where it is some MAP_WIDTH_PX wide."""
-    low, high = view_box(plan)
-    wide, tall = (high - low).tolist()
-    return int(np.clip(MAP_WIDTH_PX * tall / wide, *MAP_HEIGHTS_PX))
-
-
-def mark_px(plan: Plan, largest: float) -> float:
-    """Return the size in px of a mark that suits the circles of a map, at most `largest`."""
-    low, high = view_box(plan)
-    radius_px = MAP_WIDTH_PX * float(plan.orbits.radii.min()) / float(np.max(high - low))
-    return round(float(np.clip(0.45 * radius_px, 5.0, largest)), 1)
 
 
 def circle_points(plan: Plan) -> Array:
@@ -86,7 +42,7 @@ def circle_points(plan: Plan) -> Array:
     return np.asarray(orbits.centers[:, None] + orbits.radii[:, None, None] * turn)
 
 
-def circle_traces(plan: Plan, places: int, *, arrows: bool) -> list[Spec]:
+def circle_traces(plan: Plan, view: MapView, *, arrows: bool) -> list[Spec]:
     """Return the circles, a trace for each sense; `arrows` adds heads that show the sense."""
     points = circle_points(plan)
     traces: list[Spec] = []
@@ -94,48 +50,68 @@ def circle_traces(plan: Plan, places: int, *, arrows: bool) -> list[Spec]:
         chosen = plan.orbits.senses == sense
         if not chosen.any():
             continue
-        x, y = gapped(points[chosen], places)
-        line = {"color": color, "dash": dash, "width": 1.8, "simplify": False}
+        x, y = gapped(points[chosen], view.places)
+        line = {"color": color, "dash": dash, "width": view.line_px(1.8), "simplify": False}
         traces.append(line_trace(f"circles-{key}", name, x, y, line, legendgroup=key))
         if arrows:
-            traces.append(_sense_heads(plan, chosen, key, color, places))
+            heads = sense_heads(plan, view, color, chosen)
+            traces.append({**heads, "uid": f"heads-{key}", "legendgroup": key})
     return traces
 
 
-def landmark_traces(plan: Plan, names: list[str], places: int) -> list[Spec]:
-    """Return the landmarks with their names, if there are any."""
-    if not len(plan.landmarks):
-        return []
-    return [
-        {
-            "type": "scatter",
-            "uid": "landmarks",
-            "name": "landmark",
-            "mode": "markers+text",
-            "x": numbers(plan.landmarks[:, 0], places),
-            "y": numbers(plan.landmarks[:, 1], places),
-            "text": names[plan.orbits.count :],
-            "textposition": "top center",
-            "marker": {"symbol": "star", "size": 13, "color": INK},
-            "hovertemplate": "%{text}<br>%{x} m, %{y} m<extra></extra>",
-        }
-    ]
+def area_traces(plan: Plan, view: MapView) -> list[Spec]:
+    """Return the area and the keep-out zones, where the scenario has any."""
+    scenario = plan.scenario
+    traces = []
+    if scenario.area_m is not None:
+        x, y = gapped(_closed(scenario.area_m), view.places)
+        line = {"color": MUTED, "dash": "dot", "width": 1.5}
+        traces.append(line_trace("area", "area", x, y, line))
+    kept_out = [gapped(_closed(polygon), view.places) for polygon in scenario.keep_out_m or []]
+    if kept_out:
+        x = [value for one, _ in kept_out for value in one]
+        y = [value for _, one in kept_out for value in one]
+        filled = {"fill": "toself", "fillcolor": translucent(MUTED, 0.25)}
+        line = {"color": MUTED, "width": 1}
+        traces.append(line_trace("keep-out", "keep-out zone", x, y, line, **filled))
+    return traces
 
 
-def name_trace(plan: Plan, names: list[str], places: int) -> Spec:
-    """Return the names at the centres; vehicles that share one share a label."""
-    shared: dict[tuple[float, float], list[str]] = {}
-    for k, center in enumerate(np.round(plan.orbits.centers, places).tolist()):
-        shared.setdefault((center[0], center[1]), []).append(names[k])
+def vehicle_marks(plan: Plan, view: MapView, time: float, places: int) -> Spec:
+    """Return places, rounded, and arrows of the vehicles at a time in s."""
+    where = position(plan.orbits, time)
+    return {
+        "x": numbers(where[:, 0], places),
+        "y": numbers(where[:, 1], places),
+        "marker": pointer(view, VEHICLE_PX, compass(heading(plan.orbits, time)), INK),
+    }
+
+
+def pointer(view: MapView, largest: float, angles: Any, color: str) -> Spec:
+    """Return a marker: an arrow whose tip is the point, turned by Plotly's `angles`."""
+    return {
+        "symbol": "arrow",
+        "size": view.mark_px(largest),
+        "angle": angles,
+        "color": color,
+    }
+
+
+def pointer_entry(group: str, name: str, size: float) -> Spec:
+    """Return the legend's entry of a trace of pointers, upright and on the line of its words."""
     return {
         "type": "scatter",
-        "uid": "names",
-        "mode": "text",
-        "x": [x for x, _ in shared],
-        "y": [y for _, y in shared],
-        "text": [", ".join(who) for who in shared.values()],
-        "textfont": {"size": 13 if plan.orbits.count <= 24 else 10},
-        "showlegend": False,
+        "mode": "markers",
+        "uid": f"{group}-entry",
+        "name": name,
+        "legendgroup": group,
+        "x": [None],
+        "y": [None],
+        "marker": {
+            "symbol": "triangle-up",
+            "size": 0.8 * size,
+            "color": INK,
+        },
         "hoverinfo": "skip",
     }
 
@@ -155,25 +131,22 @@ def line_trace(uid: str, name: str, x: Any, y: Any, line: Spec, **more: Any) -> 
     }
 
 
-def _sense_heads(plan: Plan, chosen: Array, key: str, color: str, places: int) -> Spec:
-    """A head on each circle opposite the vehicle, pointing the way it flies round."""
+def sense_heads(plan: Plan, view: MapView, color: str, chosen: Array) -> Spec:
+    """Return a head on each chosen circle opposite the vehicle, pointing the way it flies round."""
     orbits = plan.orbits
     across = orbits.phases + np.pi
     where = (orbits.centers + orbits.radii[:, None] * unit(across))[chosen]
     ahead = (across + orbits.senses * np.pi / 2.0)[chosen]
     return {
         "type": "scatter",
-        "uid": f"heads-{key}",
         "mode": "markers",
-        "x": numbers(where[:, 0], places),
-        "y": numbers(where[:, 1], places),
-        "marker": {
-            "symbol": "arrow",
-            "size": mark_px(plan, 9),
-            "angle": compass(ahead),
-            "color": color,
-        },
-        "legendgroup": key,
+        "x": numbers(where[:, 0], view.places),
+        "y": numbers(where[:, 1], view.places),
+        "marker": pointer(view, HEAD_PX, compass(ahead), color),
         "showlegend": False,
         "hoverinfo": "skip",
     }
+
+
+def _closed(polygon: Sequence[tuple[float, float]]) -> Array:
+    return np.array([[*polygon, polygon[0]]], dtype=float)

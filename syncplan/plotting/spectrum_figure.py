@@ -45,7 +45,7 @@ def spectrum_spec(plan: Plan) -> Spec:
     shown = layout(
         title,
         note=f"{verdict_words(plan)}; positions in mean radii",
-        height=460,
+        inner=320,
         xaxis=axis("number, largest first", range=width),
         yaxis=axis(
             "singular value",
@@ -55,7 +55,6 @@ def spectrum_spec(plan: Plan) -> Spec:
         ),
         annotations=[_gap(rank, drawn, verdict.gap, limit)],
     )
-    shown["margin"]["b"] = 110
     return {"data": traces, "layout": shown}
 
 
@@ -76,18 +75,26 @@ def _points(
 
 
 def _gap(rank: int, drawn: np.ndarray, gap: float, limit: float) -> Spec:
-    """What separates the last value that counts from the first that does not, or the tolerance."""
+    """What separates the last value that counts from the first that does not, or the tolerance.
+
+    The words stand in the larger part of the gap, away from the line of the tolerance.
+    """
+    high = float(drawn[max(rank, 1) - 1])
     if rank < len(drawn):
         size = f"a factor of {gap:.1e}" if np.isfinite(gap) else "all: the rest is zero"
         text, low, at = f"gap: {size}", float(drawn[rank]), rank + 0.5
+        edges = np.log10([low, min(max(limit, low), high), high])
+        parts = [edges[:2], edges[1:]]
+        middle = float(np.mean(max(parts, key=lambda part: float(part[1] - part[0]))))
     else:
         last = float(drawn[-1])
-        text, low, at = f"smallest is {last / limit:.1e}<br>times the tolerance", limit, rank
-    high = float(drawn[max(rank, 1) - 1])
+        text, at = f"smallest is {last / limit:.1e}<br>times the tolerance", rank
+        middle = float(np.log10(np.sqrt(limit * high)))
     return {
         "text": text,
         "x": at,
-        "y": round(float(np.log10(np.sqrt(low * high))), 4),
+        "y": round(middle, 4),
         "xanchor": "right",
         "showarrow": False,
+        "font": {"size": 13},
     }

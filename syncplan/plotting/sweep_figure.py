@@ -60,11 +60,10 @@ def sweep_spec(report: SweepReport) -> Spec:
         f"{escaped(first.name or 'Scenario')}: sweep of {escaped(report.swept)}",
         note=f"{first.trials} trials of {first.duration_s:g} s at each value, seed {first.seed}"
         + ("; so few leave much to chance" if first.trials < FEW_TRIALS else ""),
-        height=520,
+        inner=340,
         xaxis=axis(f"{key.one}, {key.unit}"),
         yaxis=axis("RMS error over all vehicles, m", rangemode="tozero"),
     )
-    drawn["margin"]["b"] = 150
     return {"data": [trace for trace in traces if trace["y"]], "layout": drawn}
 
 

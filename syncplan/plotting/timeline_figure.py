@@ -1,4 +1,8 @@
-"""The contact timeline: a bar for each directed sighting, and what their union joins below."""
+"""The contact timeline: a bar for each directed sighting, and what their union joins below.
+
+A row is a directed sighting (v1 -> v2) or, of teams with more than MANY_SIGHTINGS of these, a
+vehicle: what it sees at once stands in lanes of its row.
+"""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -11,10 +15,19 @@ from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.orbits.graphs import disjoint_sets
 from syncplan.planning.judged_plan import Plan
 from syncplan.plotting.canvas import Spec, axis, escaped, layout, numbers, panel_title
+from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.link_styles import Standing, body_names, grouped, hover
 from syncplan.plotting.palette import BLUE, INK, PURPLE
 
-__all__ = ["Row", "rows_of", "timeline_spec", "union_growth", "within_period"]
+__all__ = [
+    "Lane",
+    "Row",
+    "lanes_of",
+    "rows_of",
+    "timeline_spec",
+    "union_growth",
+    "within_period",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,51 +41,107 @@ class Row:
     shown: Standing
 
 
+MANY_SIGHTINGS = 60
+"""Directed sightings up to which each has a row of its own."""
+
 ROW_PX = 19
-NARROW_ROW_PX = 11
-MANY_ROWS = 60
-UNION_PX = 170
+VEHICLE_ROW_PX = 14
+BARS_PX = (60, 1600)
+"""Height of a row, and of all of them."""
+
+_LABEL_PX = 12
+_LABEL_FONT_PX = 11
+_UNION_PX = 170
+_GAP_PX = 84
+_BAR = 0.72
+"""Share of a row that its bars fill."""
 
 
-def timeline_spec(plan: Plan) -> Spec:
+@dataclass(frozen=True, slots=True)
+class Lane:
+    """One window drawn: its row, middle and width in rows, start and end in s, its sighting."""
+
+    row: int
+    at: float
+    width: float
+    start: float
+    end: float
+    sighting: Row
+
+
+def timeline_spec(plan: Plan, style: FigureStyle) -> Spec:
     """Return the figure of all sightings over [0, T), with the growth of their union below.
 
     A window that passes T goes on from 0.
     """
     names = body_names(plan)
-    rows = rows_of(plan)
-    row_px = ROW_PX if len(rows) <= MANY_ROWS else NARROW_ROW_PX
-    bars_px = max(row_px * len(rows), 60)
-    gap_px = 90
-    inner = bars_px + gap_px + UNION_PX
-    kinds = len({row.shown for row in rows}) + 3
-    bottom = 70 + 13 * kinds
-    split = UNION_PX / inner
+    lanes, labels = lanes_of(plan, names)
+    row_px = style.px(ROW_PX if len(rows_of(plan)) <= MANY_SIGHTINGS else VEHICLE_ROW_PX)
+    bars_px = min(max(row_px * len(labels), BARS_PX[0]), BARS_PX[1])
+    inner = bars_px + style.px(_GAP_PX) + _UNION_PX
+    # a label where there is room for it: in each row, or in every k-th
+    every = max(1, -(-style.px(_LABEL_PX) * len(labels) // bars_px))
+    split = _UNION_PX / inner
     period = plan.orbits.period
     longest = max(period, plan.connectivity_period or 0.0)
     title = f"{escaped(plan.scenario.name or 'Plan')}: who sees whom, when"
     drawn = layout(
         title,
         note=_note(plan),
-        height=90 + inner + bottom,
+        inner=inner,
+        above=12,
         barmode="overlay",
         xaxis=axis("time within a period, s", range=[0, period], domain=[0, 1], anchor="y"),
         yaxis=axis(
             domain=[1.0 - bars_px / inner, 1],
-            range=[len(rows) - 0.5, -0.5],
+            range=[len(labels) - 0.5, -0.5],
             tickmode="array",
-            tickvals=list(range(len(rows))),
-            ticktext=[f"{names[row.observer]} → {names[row.target]}" for row in rows],
-            tickfont={"size": 12 if row_px == ROW_PX else 8},
+            tickvals=list(range(0, len(labels), every)),
+            ticktext=labels[::every],
+            tickfont={"size": _LABEL_FONT_PX},
             ticks="",
         ),
         xaxis2=axis("watched from time 0 for, s", range=[0, longest], anchor="y2"),
         yaxis2=axis("number", domain=[0, split], rangemode="tozero", anchor="x2"),
         annotations=[panel_title("What the union of the sightings joins", 0, split)],
     )
-    drawn["margin"]["t"] += 14
-    drawn["margin"]["b"] = bottom
-    return {"data": [*_bars(plan, rows, names), *_union_traces(plan)], "layout": drawn}
+    return {"data": [*_bars(lanes, names), *_union_traces(plan)], "layout": drawn}
+
+
+def lanes_of(plan: Plan, names: list[str]) -> tuple[list[Lane], list[str]]:
+    """Return every window with its place in a row, and the rows' labels; `names` escaped.
+
+    Windows of one row that overlap in time stand in lanes under each other.
+    """
+    sightings, period = rows_of(plan), plan.orbits.period
+    if len(sightings) <= MANY_SIGHTINGS:
+        row_of = {id(one): k for k, one in enumerate(sightings)}
+        labels = [f"{names[one.observer]} → {names[one.target]}" for one in sightings]
+    else:
+        observers = sorted({one.observer for one in sightings})
+        row_of = {id(one): observers.index(one.observer) for one in sightings}
+        labels = [names[k] for k in observers]
+    of_row: dict[int, list[tuple[float, float, Row]]] = {}
+    for one in sightings:
+        windows = within_period(one.windows, period)
+        of_row.setdefault(row_of[id(one)], []).extend((*window, one) for window in windows)
+    return [lane for row, drawn in of_row.items() for lane in _laid_out(row, drawn)], labels
+
+
+def _laid_out(row: int, windows: list[tuple[float, float, Row]]) -> list[Lane]:
+    """The windows of a row, each in the first lane that is free when it begins."""
+    busy: list[float] = []
+    lanes = []
+    ordered = sorted(windows, key=lambda window: window[:2])
+    for start, end, _ in ordered:
+        lane = next((k for k, until in enumerate(busy) if until <= start), len(busy))
+        busy[lane : lane + 1] = [end]
+        lanes.append(lane)
+    width = _BAR / max(len(busy), 1)
+    return [
+        Lane(row, row + (lane + 0.5) * width - 0.5 * _BAR, width, start, end, sighting)
+        for lane, (start, end, sighting) in zip(lanes, ordered, strict=True)
+    ]
 
 
 def rows_of(plan: Plan) -> list[Row]:
@@ -160,20 +229,11 @@ def _note(plan: Plan) -> str:
     )
 
 
-def _bars(plan: Plan, rows: list[Row], names: list[str]) -> list[Spec]:
+def _bars(lanes: list[Lane], names: list[str]) -> list[Spec]:
     """One trace for each kind of link, so that the legend distinguishes them."""
     traces = []
-    for shown in dict.fromkeys(row.shown for row in rows):
-        base, length, at, text = [], [], [], []
-        for number, row in enumerate(rows):
-            if row.shown != shown:
-                continue
-            words = hover(row.meeting, names, shown)
-            for start, end in within_period(row.windows, plan.orbits.period):
-                base.append(start)
-                length.append(end - start)
-                at.append(number)
-                text.append(f"{start:.4g} to {end:.4g} s<br>{words}")
+    for shown in dict.fromkeys(lane.sighting.shown for lane in lanes):
+        drawn = [lane for lane in lanes if lane.sighting.shown == shown]
         marker = {"color": shown.color, "line": {"color": INK, "width": 0.6}}
         if shown.pattern:
             marker["pattern"] = {"shape": shown.pattern, "fillmode": "replace", "size": 6}
@@ -183,17 +243,24 @@ def _bars(plan: Plan, rows: list[Row], names: list[str]) -> list[Spec]:
                 "uid": f"bars-{shown.key}",
                 "name": shown.text,
                 "orientation": "h",
-                "base": numbers(base, 6),
-                "x": numbers(length, 6),
-                "y": at,
-                "width": 0.66,
+                "base": numbers([lane.start for lane in drawn], 6),
+                "x": numbers([lane.end - lane.start for lane in drawn], 6),
+                "y": numbers([lane.at for lane in drawn], 4),
+                "width": numbers([lane.width for lane in drawn], 4),
                 "marker": marker,
-                "hovertext": text,
+                "hovertext": [_window_words(lane, names) for lane in drawn],
                 "hoverinfo": "text",
                 "textposition": "none",
             }
         )
     return traces
+
+
+def _window_words(lane: Lane, names: list[str]) -> str:
+    one = lane.sighting
+    who = f"{names[one.observer]} → {names[one.target]}"
+    words = hover(one.meeting, names, one.shown)
+    return f"{who}, {lane.start:.4g} to {lane.end:.4g} s<br>{words}"
 
 
 def _union_traces(plan: Plan) -> list[Spec]:

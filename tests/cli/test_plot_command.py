@@ -3,9 +3,7 @@
 import importlib.util
 import io
 import json
-import os
 import re
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -19,19 +17,15 @@ from syncplan import figures
 from syncplan.errors import InputError
 from syncplan.planning.planner import plan
 from syncplan.plotting.catalogue import specs_of
+from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.html_page import figure_page
+from tests.tools.image_browser import BROWSER, needs_browser
 from tests.tools.processes import PATIENCE_S
 from tests.tools.scenarios import FILES, document, small
 
 GRID = str(FILES / "paper-grid-alternate.yaml")
 
 Run = Callable[..., tuple[int, str, str]]
-
-BROWSER = os.environ.get("BROWSER_PATH") or next(
-    (found for name in ("chromium", "google-chrome", "chrome") if (found := shutil.which(name))),
-    None,
-)
-needs_browser = pytest.mark.skipif(BROWSER is None, reason="no Chrome or Chromium")
 
 
 class _Page(HTMLParser):
@@ -182,10 +176,12 @@ def test_a_refined_plan_file_keeps_its_before_and_after(run: Run, tmp_path: Path
         (("--figure", "pie"), "--figure: 'pie': choose from formation, animation"),
         (("--figure", "refinement"), "the plan was not refined"),
         (("--figure", "comparison"), "there is no second plan (--compare)"),
-        (
-            ("--figure", "spectrum", "--figure", "timeline", "-o", "two.png"),
-            "--figure: spectrum, timeline: an image holds one",
-        ),
+        (("--width", "100"), "--width: 100: choose from 240 to 4000"),
+        (("--height", "100"), "--height: 100: choose from 160 to 8000"),
+        (("--height", "165"), "--height: 165 px leave no room for the plot; at this width it"),
+        (("--font-scale", "nan"), "--font-scale: nan: choose from 0.5 to 3"),
+        (("--pixel-ratio", "7"), "--pixel-ratio: 7: choose from 1 to 6"),
+        (("--theme", "blue"), "'blue' is not one of 'light', 'dark'"),
         (("--compare", "none.json"), "none.json: no such file"),
     ],
 )
@@ -300,8 +296,91 @@ def test_images_are_what_their_names_say_and_the_same_each_time(
 
 
 @needs_browser
+def test_several_images_need_one_browser_and_are_of_the_size_asked_for(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import kaleido
+
+    started = []
+    start = kaleido.Kaleido
+
+    def counted(**options: Any) -> Any:
+        started.append(options)
+        return start(**options)
+
+    monkeypatch.setattr(kaleido, "Kaleido", counted)
+    names = ("formation", "spectrum", "timeline")
+    asked = [part for name in names for part in ("--figure", name)]
+    size = ("--width", "500", "--height", "700", "--pixel-ratio", "1")
+    status, _, err = run("plot", GRID, *asked, *size, "-o", str(tmp_path / "plan.png"))
+    assert status == 0
+    assert len(started) == 1
+    files = [tmp_path / f"plan-{name}.png" for name in names]
+    assert sorted(tmp_path.iterdir()) == sorted(files)
+    assert [f"wrote {file}" in err for file in files] == [True] * 3
+    for file in files:
+        header = file.read_bytes()[16:24]
+        assert [int.from_bytes(header[k : k + 4], "big") for k in (0, 4)] == [500, 700]
+    assert len({file.read_bytes() for file in files}) == 3
+
+
+@needs_browser
+def test_an_image_has_the_colours_of_its_theme(run: Run, tmp_path: Path) -> None:
+    for theme, paper, other in (
+        ("light", "rgb(255, 255, 255)", "rgb(22, 22, 26)"),
+        ("dark", "rgb(22, 22, 26)", "rgb(255, 255, 255)"),
+    ):
+        target = tmp_path / f"{theme}.svg"
+        assert run("plot", GRID, "--theme", theme, "-o", str(target))[0] == 0
+        drawn = target.read_text(encoding="utf-8")
+        assert paper in drawn
+        assert other not in drawn
+
+
+def test_none_of_several_images_is_written_over_what_they_are_made_from(
+    run: Run, tmp_path: Path
+) -> None:
+    source = tmp_path / "plan-spectrum.svg"
+    source.write_text(json.dumps(document()))
+    asked = ("--figure", "formation", "--figure", "spectrum", "-o", str(tmp_path / "plan.svg"))
+    status, _, err = run("plot", str(source), *asked)
+    assert status == 2
+    assert "is the file that is read" in err
+    assert list(tmp_path.iterdir()) == [source]
+
+
+def test_a_page_takes_a_theme_and_a_width(run: Run) -> None:
+    _, plain, _ = run("plot", GRID)
+    _, dark, _ = run("plot", GRID, "--theme", "dark", "--width", "700")
+    assert '<html lang="en">' in plain
+    assert '<html lang="en" data-theme="dark">' in dark
+    assert '<meta name="color-scheme" content="dark">' in dark
+    assert "body { max-width: 748px; }" in dark
+    assert "max-width: 748px" not in plain
+    # the script swaps light colours: they stand in the page, whatever the theme
+    values = _page(dark).values["formation"]
+    assert values["layout"]["font"]["color"] == "#1b1b1f"
+    # as wide as the reader's window
+    assert "width" not in values["layout"]
+
+
+@needs_browser
+def test_a_narrow_page_shows_figures_laid_out_for_a_column(run: Run, tmp_path: Path) -> None:
+    target = tmp_path / "plan.html"
+    assert run("plot", GRID, "--figure", "formation", "-o", str(target))[0] == 0
+    from syncplan.scenario.loading import load_scenario
+
+    made = plan(load_scenario(GRID))
+    for window, style in ((1200, FigureStyle()), (500, FigureStyle(width=400))):
+        height = specs_of(made, ["formation"], style=style)["formation"]["layout"]["height"]
+        dom = _dumped(target, tmp_path, f"--window-size={window},900")
+        drawn = re.search(r'class="main-svg"[^>]* height="(\d+)"', dom)
+        assert drawn is not None
+        assert int(drawn[1]) == height
+
+
+@needs_browser
 def test_a_browser_draws_the_page_and_plays_it_without_a_fault(run: Run, tmp_path: Path) -> None:
-    assert BROWSER is not None
     target = tmp_path / "plan.html"
     assert run("plot", GRID, "-o", str(target))[0] == 0
     page = target.read_text(encoding="utf-8")
@@ -312,27 +391,35 @@ def test_a_browser_draws_the_page_and_plays_it_without_a_fault(run: Run, tmp_pat
     )
     page, _, end = page.rpartition("</body>")
     target.write_text(f"{page}<script>{play}</script></body>{end}", encoding="utf-8")
+    dom = _dumped(target, tmp_path)
+    assert dom.count('class="main-svg"') >= 5
+    assert dom.count('class="player"') == 1
+    assert ">Pause</button>" in dom
+    steps = re.search(r'data-steps="(\d+)"', dom)
+    assert steps is not None
+    assert int(steps[1]) >= 3
+
+
+def _dumped(page: Path, work: Path, *more: str) -> str:
+    """A page's elements once its script has run, without a fault."""
+    assert BROWSER is not None
     done = subprocess.run(
         [
             BROWSER,
             "--headless",
             "--no-sandbox",
             "--disable-gpu",
-            f"--user-data-dir={tmp_path / 'profile'}",
+            f"--user-data-dir={work / 'profile'}",
             "--enable-logging=stderr",
             "--virtual-time-budget=6000",
+            *more,
             "--dump-dom",
-            target.as_uri(),
+            page.as_uri(),
         ],
         capture_output=True,
         text=True,
         timeout=PATIENCE_S,
         check=True,
     )
-    assert done.stdout.count('class="main-svg"') >= 5
-    assert done.stdout.count('class="player"') == 1
-    assert ">Pause</button>" in done.stdout
-    steps = re.search(r'data-steps="(\d+)"', done.stdout)
-    assert steps is not None
-    assert int(steps[1]) >= 3
     assert "CONSOLE" not in done.stderr, done.stderr
+    return done.stdout

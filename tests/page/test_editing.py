@@ -10,7 +10,8 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from syncplan.planning.planner import plan
-from syncplan.plotting.map_layers import view_box
+from syncplan.plotting.figure_style import PLAIN
+from syncplan.plotting.map_view import view_of
 from syncplan.scenario.loading import load_scenario
 from tests.page.gestures import downloaded, drag, handle, opened, saved
 from tests.tools.browsing import Visit, accessibility_faults
@@ -102,7 +103,8 @@ def test_the_map_shows_all_of_what_was_opened_and_no_more_than_that(visit: Visit
     for name in ("mixed-radii-camera", SAME, "mixed-radii-camera"):
         visit.choose(name)
         drawn = plan(load_scenario(FILES / f"{name}.yaml"))
-        low, high = view_box(drawn)
+        view = view_of(PLAIN, drawn)
+        low, high = view.low, view.high
         seen = np.array(page.evaluate(ranges))
         assert seen.mean(axis=1) == pytest.approx((low + high) / 2.0, abs=0.2)
         # one scale: along one axis just what there is to see, along the other what fills the frame

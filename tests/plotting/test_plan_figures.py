@@ -18,6 +18,7 @@ from syncplan.planning.planner import plan
 from syncplan.plotting import formation_figure as drawing
 from syncplan.plotting.animation_figure import FRAMES, live
 from syncplan.plotting.catalogue import specs_of
+from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.figure_table import FIGURES
 from syncplan.plotting.palette import DARK
 from syncplan.plotting.timeline_figure import union_growth, within_period
@@ -197,7 +198,7 @@ def test_bars_are_the_directed_windows_cut_at_the_period(made: Plan) -> None:
     for trace in spec["data"]:
         if trace["type"] == "bar":
             for row, start, length in zip(trace["y"], trace["base"], trace["x"], strict=True):
-                drawn[labels[row]].append((start, start + length))
+                drawn[labels[round(row)]].append((start, start + length))
     names = made.scenario.vehicle_names + made.scenario.landmark_names
     windows = made.windows
     expected = {}
@@ -381,7 +382,7 @@ def test_every_figure_is_one_that_plotly_accepts_and_the_same_each_time(made: Pl
 
 def test_a_dark_page_has_none_of_the_light_ones_colours(made: Plan) -> None:
     light = json.dumps(specs_of(made))
-    dark = json.dumps(specs_of(made, theme="dark"))
+    dark = json.dumps(specs_of(made, style=FigureStyle(theme="dark")))
     for color, swapped in DARK.items():
         assert f'"{color}"' in light
         assert f'"{color}"' not in dark

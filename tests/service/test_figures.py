@@ -13,6 +13,7 @@ from api.routes.export_routes import ExportName
 from api.routes.figure_routes import PlanFigure, ReportFigure, StoredFigure
 from syncplan.exporting.formats import ALL, FORMATS, as_archive, export
 from syncplan.plotting.catalogue import specs_of
+from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.figure_table import FIGURES
 from syncplan.reports.plan_report import plan_document
 from syncplan.scenario.loading import scenario_from
@@ -49,7 +50,7 @@ def test_a_preview_is_the_plan_and_its_figures_and_is_kept_nowhere(ann: httpx2.C
     made = syncplan.plan(scenario_from(document()))
     assert answer.json() == {
         "plan": plan_document(made).as_json(),
-        "figures": specs_of(made, ["formation", "spectrum"], theme="dark"),
+        "figures": specs_of(made, ["formation", "spectrum"], style=FigureStyle(theme="dark")),
     }
     assert ann.get("/v1/plans").json()["items"] == before
     assert "location" not in answer.headers

@@ -1,0 +1,258 @@
+"""Layouts: sizes, text and themes as asked for, at any width; long lists stay readable."""
+
+import json
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from syncplan import figures
+from syncplan.errors import InputError
+from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import plan
+from syncplan.planning.validation import validate
+from syncplan.plotting.catalogue import specs_of
+from syncplan.plotting.errors_figure import errors_spec
+from syncplan.plotting.figure_style import LIMITS, PLAIN, FigureStyle
+from syncplan.plotting.link_styles import body_names
+from syncplan.plotting.timeline_figure import MANY_SIGHTINGS, lanes_of, rows_of, within_period
+from syncplan.reports.run_schemas import ValidationDocument
+from syncplan.reports.validation_report import validation_document
+from tests.tools.scenarios import example, small
+
+LEAST_LABEL_PX = 11.0
+
+
+@pytest.fixture(scope="module")
+def alternating() -> Plan:
+    return plan(example("paper-grid-alternate"))
+
+
+@pytest.fixture(scope="module")
+def large() -> Plan:
+    shape = {"shape": "grid", "count": 100, "columns": 10, "spacing_m": 70.0}
+    return plan(small(formation=shape, landmarks_m=[[-40.0, 0.0], [-40.0, 60.0]]), bound="never")
+
+
+@pytest.fixture(scope="module")
+def report() -> ValidationDocument:
+    run = validate(example("paper-grid-same"), trials=20, seed=1, duration=100.0, with_series=True)
+    return validation_document(run)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(240, 2400), st.sampled_from([0.5, 0.8, 1.0, 1.4, 2.0, 3.0]))
+def test_title_plot_and_legend_share_the_height_and_texts_fit_the_width(
+    alternating: Plan, width: int, scale: float
+) -> None:
+    style = FigureStyle(width=width, font_scale=scale)
+    for name, spec in specs_of(alternating, style=style).items():
+        layout = spec["layout"]
+        assert layout["width"] == width
+        margin = layout["margin"]
+        inner = layout["meta"]["inner_px"]
+        assert layout["height"] == margin["t"] + inner + margin["b"], name
+        texts = [layout["title"]["text"], layout["title"].get("subtitle", {}).get("text", "")]
+        named = [t["name"] for t in spec["data"] if t.get("showlegend", True) and t.get("name")]
+        for text, size in zip(texts, (17.0, 13.0), strict=True):
+            most = max(map(len, text.split("<br>")))
+            assert most <= max(8, (width - 28) / (0.5 * size * scale))
+        for text in named:
+            most = max(map(len, text.split("<br>")))
+            assert most <= max(8, (width - 28 - 46) / (0.5 * 12.0 * scale))
+
+
+def test_entries_of_a_legend_are_unique_and_in_columns(
+    alternating: Plan, report: ValidationDocument
+) -> None:
+    for subject in (alternating, report):
+        for name, spec in specs_of(subject).items():
+            shown = [t for t in spec["data"] if t.get("showlegend", True) and t.get("name")]
+            assert len({trace["name"] for trace in shown}) == len(shown), name
+            # grouped entries would flow in columns of different widths
+            assert spec["layout"]["legend"]["traceorder"] == "normal"
+            # Plotly's arrow hangs from the line of its words
+            marks = (
+                [t.get("marker", {}).get("symbol") for t in shown if "markers" in t["mode"]]
+                if name in ("formation", "animation")
+                else []
+            )
+            assert "arrow" not in marks
+
+
+def test_a_height_is_kept_or_refused(alternating: Plan) -> None:
+    spec = specs_of(alternating, ["formation"], style=FigureStyle(height=700))["formation"]
+    assert spec["layout"]["height"] == 700
+    with pytest.raises(InputError, match="leave no room for the plot; at this width it needs"):
+        specs_of(alternating, ["formation"], style=FigureStyle(height=170))
+
+
+@pytest.mark.parametrize("key", list(LIMITS))
+def test_values_beyond_the_limits_are_refused(key: str) -> None:
+    least, most = LIMITS[key]
+    style: Any = FigureStyle
+    for value in (least, most):
+        style(**{key: value})
+    for value in (0.99 * least, 1.01 * most, float("nan")):
+        with pytest.raises(InputError, match="choose from") as caught:
+            style(**{key: value})
+        assert caught.value.key == key
+
+
+def test_an_unknown_theme_is_refused() -> None:
+    with pytest.raises(InputError, match="'blue': choose from light, dark"):
+        FigureStyle(theme="blue")  # type: ignore[arg-type]
+
+
+def test_text_is_scaled_and_lines_are_not(alternating: Plan) -> None:
+    one, two = (
+        specs_of(alternating, ["spectrum"], style=FigureStyle(font_scale=scale))["spectrum"]
+        for scale in (1.0, 2.0)
+    )
+    for path in (("title", "font"), ("legend", "font"), ("font",)):
+        sizes = []
+        for spec in (one, two):
+            value: Any = spec["layout"]
+            for key in path:
+                value = value[key]
+            sizes.append(value["size"])
+        assert sizes[1] == 2.0 * sizes[0]
+    assert one["data"][0]["marker"] == two["data"][0]["marker"]
+
+
+def test_the_library_s_figures_take_a_style_and_a_theme(
+    alternating: Plan, report: ValidationDocument
+) -> None:
+    style = figures.FigureStyle(width=400, theme="dark")
+    for name, figure in figures.figures_of(alternating, style=style).items():
+        assert figure.layout.width == 400, name
+        assert figure.layout.font.color == "#ececf0", name
+    light = figures.formation(alternating, theme="light", style=style)
+    assert light.layout.width == 400
+    assert light.layout.font.color == "#1b1b1f"
+    assert figures.formation(alternating).layout.width is None
+    bands = figures.error_bands(report, ["v1"], style=style)
+    assert (bands.layout.width, bands.layout.font.color) == (400, "#ececf0")
+
+
+def _label_spacing(spec: dict[str, Any]) -> float:
+    """Px between labels of the timeline's rows."""
+    layout = spec["layout"]
+    axis, margin = layout["yaxis"], layout["margin"]
+    inner = layout["height"] - margin["t"] - margin["b"]
+    rows = axis["range"][0] - axis["range"][1]
+    every = float(np.diff(axis["tickvals"]).min()) if len(axis["tickvals"]) > 1 else 1.0
+    return float(inner * (axis["domain"][1] - axis["domain"][0]) / rows * every)
+
+
+@pytest.mark.parametrize("width", [1200, 400])
+def test_the_timeline_of_a_hundred_has_a_readable_row_for_each_vehicle(
+    large: Plan, width: int
+) -> None:
+    spec = specs_of(large, ["timeline"], style=FigureStyle(width=width))["timeline"]
+    assert spec["layout"]["yaxis"]["ticktext"] == large.scenario.vehicle_names
+    assert _label_spacing(spec) >= LEAST_LABEL_PX
+    assert spec["layout"]["height"] < 2000
+
+
+def test_of_a_thousand_rows_every_few_have_a_label() -> None:
+    shape = {"shape": "line", "count": 400, "spacing_m": 70.0}
+    spec = specs_of(plan(small(formation=shape), bound="never"), ["timeline"])["timeline"]
+    assert len(spec["layout"]["yaxis"]["ticktext"]) < 200
+    assert _label_spacing(spec) >= LEAST_LABEL_PX
+    assert spec["layout"]["height"] < 2200
+
+
+def test_lanes_hold_every_window_once_and_none_over_another(large: Plan, alternating: Plan) -> None:
+    for made, by_vehicle in ((large, True), (alternating, False)):
+        sightings = rows_of(made)
+        assert (len(sightings) > MANY_SIGHTINGS) == by_vehicle
+        lanes, labels = lanes_of(made, body_names(made))
+        expected = sorted(
+            (one.observer, one.target, *window)
+            for one in sightings
+            for window in within_period(one.windows, made.orbits.period)
+        )
+        drawn = [(x.sighting.observer, x.sighting.target, x.start, x.end) for x in lanes]
+        assert sorted(drawn) == expected
+        for row in range(len(labels)):
+            here = [lane for lane in lanes if lane.row == row]
+            assert all(abs(lane.at - row) + 0.5 * lane.width < 0.5 for lane in here)
+            for at in {lane.at for lane in here}:
+                ordered = sorted((x.start, x.end) for x in here if x.at == at)
+                assert all(a[1] <= b[0] for a, b in pairwise(ordered))
+            if by_vehicle:
+                assert {labels[row]} == {f"v{lane.sighting.observer + 1}" for lane in here}
+
+
+def _panels(spec: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
+    found: dict[str, list[dict[str, Any]]] = {}
+    for trace in spec["data"]:
+        found.setdefault(trace["yaxis"].replace("y", "yaxis"), []).append(trace)
+    return found
+
+
+def test_axes_of_errors_fit_the_settled_half_and_say_what_they_leave_out(
+    report: ValidationDocument,
+) -> None:
+    spec = specs_of(report, ["errors"])["errors"]
+    clipped = 0.0
+    for name, traces in _panels(spec).items():
+        low, high = spec["layout"][name]["range"]
+        late, start = 0.0, 0.0
+        for trace in traces:
+            x, y = (np.array(trace[key], dtype=float) for key in "xy")
+            late = max(late, float(np.nanmax(np.abs(y[x >= 50.0]))))
+            start = max(start, float(np.nanmax(np.abs(y))))
+        assert late < high == -low < 1.3 * late
+        assert start > 1.5 * high
+        if not name.endswith(("3", "6", "9", "2", "5", "8")):
+            clipped = max(clipped, start)
+    note = spec["layout"]["title"]["subtitle"]["text"].replace("<br>", " ")
+    assert "axes fit the run from 50 s, clipped starts reach " in note
+    assert " m and " in note
+
+
+def test_a_start_as_good_as_the_rest_is_not_clipped() -> None:
+    near = example("paper-grid-same").model_dump(mode="json", exclude_none=True)
+    near["initial_sigma"] = {"position_m": 0.3, "heading_rad": 0.01}
+    run = validate(small(**near), trials=4, seed=1, duration=60.0, with_series=True)
+    spec = specs_of(run, ["errors"])["errors"]
+    ranges = [axis.get("range") for key, axis in spec["layout"].items() if key.startswith("yaxis")]
+    assert None in ranges
+    assert all(
+        "clipped" not in spec["layout"]["title"]["subtitle"]["text"]
+        for one in ranges
+        if not any(ranges)
+    )
+
+
+def test_panels_of_errors_stand_under_each_other_in_a_column(report: ValidationDocument) -> None:
+    wide = errors_spec(report, PLAIN)["layout"]
+    column = errors_spec(report, FigureStyle(width=400))["layout"]
+    for layout, lefts in ((wide, {0.0, 0.35, 0.7}), (column, {0.0})):
+        panels = [
+            (tuple(layout[f"xaxis{k}"]["domain"]), tuple(layout[f"yaxis{k}"]["domain"]))
+            for k in ("", *range(2, 3 * len(report.vehicles) + 1))
+        ]
+        assert {x[0] for x, _ in panels} == lefts
+        assert len(set(panels)) == len(panels)
+
+
+def test_bars_too_thin_for_their_patterns_become_marks(large: Plan) -> None:
+    run = validate(large, trials=2, seed=1, duration=2.0)
+    few = validate(small(), trials=2, seed=1, duration=2.0)
+    for subject, bars in ((run, False), (few, True)):
+        spec = specs_of(subject, ["accuracy"], style=FigureStyle(width=400))["accuracy"]
+        assert any(trace["type"] == "bar" for trace in spec["data"]) == bars
+    marks = specs_of(run, ["accuracy"], style=FigureStyle(width=400))["accuracy"]["data"]
+    assert len({trace["marker"]["symbol"] for trace in marks}) == len(marks)
+
+
+def test_styles_give_the_same_figure_each_time(alternating: Plan) -> None:
+    style = FigureStyle(width=400, font_scale=1.2, theme="dark")
+    one, two = (json.dumps(specs_of(alternating, style=style)) for _ in range(2))
+    assert one == two

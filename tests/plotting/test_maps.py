@@ -1,0 +1,217 @@
+"""Maps: links end on rims and leave names free, senses and areas are shown, axes have one scale."""
+
+import html
+import re
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from syncplan.orbits.circles import Orbits
+from syncplan.planning.judged_plan import Plan
+from syncplan.planning.plan_files import Loaded, plan_of
+from syncplan.planning.planner import plan
+from syncplan.plotting.catalogue import specs_of
+from syncplan.plotting.figure_style import PLAIN, FigureStyle
+from syncplan.plotting.images import figure_images
+from syncplan.plotting.link_lines import link_ends
+from syncplan.plotting.map_view import view_of
+from tests.tools.image_browser import needs_browser
+from tests.tools.scenarios import example, small
+
+STYLES = (FigureStyle(width=1200), FigureStyle(width=400), FigureStyle(font_scale=2.0))
+
+ROW = {"centers_m": [[0.0, 0.0], [70.0, 0.0], [140.0, 0.0], [210.0, 0.0]]}
+"""Where a link from the first to the third runs through the second's centre."""
+
+AREA = [[-40.0, -60.0], [260.0, -60.0], [260.0, 60.0], [-40.0, 60.0]]
+
+
+def _wide_range(**changes: Any) -> Plan:
+    sensor = {"range_m": 160.0, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1}
+    return plan(small(sensor=sensor, **changes), bound="never")
+
+
+TEAMS = {
+    "grid": lambda: plan(example("paper-grid-alternate")),
+    "camera": lambda: plan(example("mixed-radii-camera")),
+    "row": lambda: _wide_range(formation=ROW, landmarks_m=[[105.0, 40.0], [105.0, -40.0]]),
+    "overlapping": lambda: _wide_range(formation={"centers_m": [[0.0, 0.0], [33.0, 0.0]]}),
+    "many": lambda: plan(
+        small(formation={"shape": "hex", "count": 30, "columns": 6, "spacing_m": 70.0}),
+        bound="never",
+    ),
+}
+
+
+@pytest.fixture(scope="module", params=list(TEAMS))
+def team(request: pytest.FixtureRequest) -> Plan:
+    return TEAMS[request.param]()
+
+
+def _trace(spec: dict[str, Any], uid: str) -> dict[str, Any]:
+    (trace,) = (one for one in spec["data"] if one["uid"] == uid)
+    found: dict[str, Any] = trace
+    return found
+
+
+def _link_lines(spec: dict[str, Any]) -> list[np.ndarray]:
+    """Both ends of every link drawn."""
+    kinds = ("link-", "incidental-", "landmark-", "dropped")
+    lines = []
+    for trace in spec["data"]:
+        if trace["uid"].startswith(kinds):
+            points = np.column_stack([trace["x"], trace["y"]]).astype(float).reshape(-1, 4, 2)
+            lines += [points[k, [0, 2]] for k in range(len(points))]
+    return lines
+
+
+def test_links_end_at_the_rims_of_their_circles(team: Plan) -> None:
+    spec = specs_of(team, ["formation"])["formation"]
+    lines = _link_lines(spec)
+    bodies = np.concatenate([team.orbits.centers, team.landmarks.reshape(-1, 2)])
+    reach = np.concatenate([team.orbits.radii, np.zeros(len(team.landmarks))])
+    met = [*team.links, *team.incidental_links, *team.landmark_links]
+    assert len(lines) == len(met) + len(team.dropped_links)
+    for line in lines:
+        for point in line:
+            rims = np.abs(np.hypot(*(bodies - point).T) - reach)
+            assert rims.min() < 0.01
+        gap = np.hypot(*(line[1] - line[0]))
+        whole = np.hypot(*(bodies[:, None] - bodies[None]).reshape(-1, 2).T)
+        assert gap < whole.max()
+
+
+coordinate = st.integers(-1000, 1000).map(lambda k: k / 10.0)
+radius = st.integers(10, 1000).map(lambda k: k / 10.0)
+
+
+@given(st.tuples(coordinate, coordinate), st.tuples(coordinate, coordinate), radius, radius)
+def test_ends_lie_on_both_rims_however_two_circles_lie(
+    one: tuple[float, float], other: tuple[float, float], first: float, second: float
+) -> None:
+    centers, radii = np.array([one, other]), np.array([first, second])
+    orbits = Orbits(centers, radii, np.ones(2), np.zeros(2), 0.2)
+    start, end = link_ends(orbits, np.empty((0, 2)), np.array([[0, 1]]))
+    assert np.hypot(*(start[0] - centers[0])) == pytest.approx(first, rel=1e-6)
+    assert np.hypot(*(end[0] - centers[1])) == pytest.approx(second, rel=1e-6)
+    apart = float(np.hypot(*(centers[1] - centers[0])))
+    if apart > first + second:
+        assert np.hypot(*(end[0] - start[0])) == pytest.approx(apart - first - second, abs=1e-6)
+    # where names stand, no line passes
+    middle = start[0] + np.linspace(0.0, 1.0, 101)[:, None] * (end[0] - start[0])
+    for center in centers:
+        assert np.hypot(*(middle - center).T).min() > 0.2 * min(first, second)
+
+
+@pytest.mark.parametrize("style", STYLES, ids=["wide", "column", "large text"])
+def test_no_link_strikes_through_a_name(team: Plan, style: FigureStyle) -> None:
+    spec = specs_of(team, ["formation"], style=style)["formation"]
+    scale = view_of(style, team).scale
+    along = np.linspace(0.0, 1.0, 801)[:, None]
+    lines = _link_lines(spec)
+    points = np.concatenate([line[0] + along * (line[1] - line[0]) for line in lines])
+    names = _trace(spec, "names")
+    shown = 0
+    for text, x, y, size in zip(
+        names["text"], names["x"], names["y"], names["textfont"]["size"], strict=True
+    ):
+        if text:
+            half = 0.5 * size * np.array([0.55 * len(html.unescape(text)), 0.9]) / scale
+            inside = (np.abs(points - [x, y]) < half).all(axis=1)
+            assert not inside.any(), text
+            shown += 1
+    assert shown == len(names["text"])
+
+
+def test_names_fit_their_circles_where_there_is_room(team: Plan) -> None:
+    spec = specs_of(team, ["formation"])["formation"]
+    names, scale = _trace(spec, "names"), view_of(PLAIN, team).scale
+    for text, size in zip(names["text"], names["textfont"]["size"], strict=True):
+        assert 7.0 <= size <= 13.0
+        assert 0.5 * len(html.unescape(text)) * size < 2.0 * scale * team.orbits.radii.max()
+
+
+def test_a_landmark_s_name_stands_where_no_link_comes_from() -> None:
+    made = _wide_range(landmarks_m=[[35.0, 40.0], [35.0, -40.0]])
+    spec = specs_of(made, ["formation"])["formation"]
+    above, below = _trace(spec, "landmarks")["textposition"]
+    assert above.startswith("top")
+    assert below.startswith("bottom")
+
+
+def test_lines_of_many_vehicles_are_thinner() -> None:
+    widths = {}
+    for count in (6, 100):
+        shape = {"shape": "grid", "count": count, "columns": 10, "spacing_m": 70.0}
+        spec = specs_of(plan(small(formation=shape), bound="never"), ["formation"])["formation"]
+        widths[count] = {
+            trace["uid"]: trace["line"]["width"]
+            for trace in spec["data"]
+            if trace["uid"].startswith(("link", "circles"))
+        }
+    for uid, width in widths[100].items():
+        assert width < widths[6][uid]
+        assert width >= 0.5
+
+
+def test_links_are_thinner_where_each_vehicle_has_many() -> None:
+    widths = []
+    for reach in (50.0, 130.0):
+        sensor = {"range_m": reach, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1}
+        shape = {"shape": "grid", "count": 12, "columns": 4, "spacing_m": 70.0}
+        made = plan(small(formation=shape, sensor=sensor), bound="never")
+        spec = specs_of(made, ["formation"])["formation"]
+        widths.append(_trace(spec, "link-certified")["line"]["width"])
+    assert 0.5 < widths[1] < widths[0]
+
+
+def test_areas_are_on_every_map() -> None:
+    zone = [[30.0, 35.0], [40.0, 35.0], [35.0, 45.0]]
+    made = plan(small(formation=ROW, area_m=AREA, keep_out_m=[zone]), bound="never")
+    specs = specs_of(made, ["formation", "animation", "comparison"], after=made)
+    for name, spec in specs.items():
+        area, kept_out = _trace(spec, "area"), _trace(spec, "keep-out")
+        drawn = np.column_stack([area["x"][:4], area["y"][:4]]).astype(float)
+        np.testing.assert_allclose(drawn, AREA, err_msg=name)
+        assert kept_out["fill"] == "toself"
+        moving = {n for frame in spec.get("frames", []) for n in frame["traces"]}
+        assert spec["data"].index(area) not in moving
+
+
+def test_a_comparison_shows_and_says_which_vehicles_turn_round() -> None:
+    before = plan(small(formation=ROW), bound="never")
+    senses = np.array([1.0, -1.0, 1.0, 1.0])
+    after = plan_of(Loaded(before.scenario, replace(before.orbits, senses=senses)))
+    spec = specs_of(before, ["comparison"], after=after)["comparison"]
+    for side, one in (("before", before), ("after", after)):
+        heads = _trace(spec, f"heads-{side}")
+        arm = np.column_stack([heads["x"], heads["y"]]) - one.orbits.centers
+        np.testing.assert_allclose(np.hypot(*arm.T), one.orbits.radii, atol=0.01)
+        turned = np.radians(heads["marker"]["angle"])
+        cross = arm[:, 0] * np.cos(turned) - arm[:, 1] * np.sin(turned)
+        np.testing.assert_array_equal(np.sign(cross), one.orbits.senses)
+    note = spec["layout"]["title"]["subtitle"]["text"]
+    assert note.endswith("v2 changes direction")
+    same = specs_of(before, ["comparison"], after=before)["comparison"]
+    assert same["layout"]["title"]["subtitle"]["text"].endswith("all keep their direction")
+
+
+@needs_browser
+@pytest.mark.parametrize("size", [(1200, None), (400, None), (500, 900)])
+def test_circles_are_round(size: tuple[int, int | None]) -> None:
+    style = FigureStyle(width=size[0], height=size[1])
+    made = plan(example("paper-grid-same"), bound="never")
+    specs = specs_of(made, ["formation"], style=style)
+    svg = figure_images(specs, "svg", style)["formation"].decode("utf-8")
+    # from the circles' trace to the next one
+    drawn = svg.split("tracecircles-ccw")[1].split('class="trace scatter')[0]
+    lines = re.findall(r'class="js-line"[^>]*? d="([^"]+)"', drawn)
+    circles = [np.array(re.findall(r"-?[\d.]+", line), dtype=float) for line in lines]
+    assert len(circles) == made.orbits.count
+    for one in circles:
+        wide, tall = np.ptp(one.reshape(-1, 2), axis=0)
+        assert wide == pytest.approx(tall, rel=0.01)
