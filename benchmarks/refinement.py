@@ -54,7 +54,7 @@ EQUAL = 0.05
 
 
 def document(count: int) -> dict[str, Any]:
-    """Return the scenario of a grid with four landmarks beside it."""
+    """Return the scenario of a grid with four landmarks beside it, none of them an obstacle."""
     columns = COLUMNS[count]
     rows, width = -(-count // columns), 70 * (columns - 1)
     return {
@@ -71,6 +71,7 @@ def document(count: int) -> dict[str, Any]:
         "motion": {"speed_sigma_mps": 0.1, "turn_rate_sigma_rad_s": 0.01},
         "initial_sigma": {"position_m": 5, "heading_rad": 0.1},
         "min_separation_m": 10,
+        "landmark_clearance_m": 0,
         "duration_s": 200,
     }
 
@@ -140,11 +141,12 @@ def check_agreement(posed: Posed) -> float:
     random, worst = np.random.default_rng(0), 0.0
     for stage in stages_of(posed.problem):
         program, team = nlp_of(posed.problem, stage), VectorisedTeam.of(posed.problem, stage)
-        given = program.variables_of(circles_of(posed.problem.orbits))
+        circles = circles_of(posed.problem.orbits)
+        given, sides = program.variables_of(circles), program.sides_of(circles)
         for _ in range(10):
             shift = 0.1 * random.standard_normal(program.size)
             x = np.clip(given + shift, program.lower, program.upper)
-            theirs, constraints = program.values(x)
+            theirs, constraints = program.values(x, sides)
             expected = np.append(
                 float(theirs), np.array(constraints).ravel() - program.constraint_lower
             )

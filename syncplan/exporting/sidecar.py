@@ -47,7 +47,7 @@ def sync_document(flight: Flight, format_: str, written: Written) -> SyncDocumen
         geo_origin=plan.scenario.geo_origin,
         period_s=plan.orbits.period,
         angular_rate_rad_s=plan.orbits.rate,
-        min_separation_m=plan.scenario.min_separation_m,
+        min_separation_m=plan.scenario.separation,
         duration_s=flight.duration,
         procedure=procedure(flight, written),
         vehicles=_vehicles(flight, written),
@@ -126,7 +126,7 @@ def _tolerance(flight: Flight, meetings: Sequence[LinkVerdict]) -> float | None:
 
 def _separation_tolerances(flight: Flight) -> list[float | None]:
     """How late or early each vehicle may be, s, before it comes too near; None for no limit."""
-    orbits, apart = flight.plan.orbits, flight.plan.scenario.min_separation_m
+    orbits, apart = flight.plan.orbits, flight.plan.scenario.separation
     a, b = reachable_pairs(orbits, np.full(orbits.count, apart))
     pairs = np.column_stack([a, b])[a < b]
     least, allowed = np.full(orbits.count, np.pi), separation_tolerances(orbits, pairs, apart)

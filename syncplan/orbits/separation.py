@@ -18,6 +18,7 @@ __all__ = [
     "Approach",
     "circle_gaps",
     "closest_approach",
+    "landmark_gaps",
     "least_circle_gaps",
     "least_distances",
     "outer_gaps",
@@ -54,6 +55,15 @@ def least_circle_gaps(
     (near, far), (small, large), (a, b) = distances, radii, pairs.T
     within = np.maximum(small[a] - large[b], small[b] - large[a]) - far
     return np.asarray(np.maximum(near - large[a] - large[b], within))
+
+
+def landmark_gaps(centers: Array, radii: Array, landmarks: Array) -> Array:
+    """Return (n, m) m: how near each circle's path comes to each of (m, 2) landmarks.
+
+    ||c - L| - R|, once in every turn, whether the landmark lies within the circle or outside.
+    """
+    away = np.hypot(*(centers[:, None] - landmarks[None]).T).T
+    return np.asarray(np.abs(away - radii[:, None]))
 
 
 @dataclass(frozen=True, slots=True)

@@ -119,7 +119,7 @@ def _margin(scenario: Scenario, margin: float | None) -> float:
 
 def _of_links(scenario: Scenario, names: Names, ranges: Array) -> Demands:
     links = as_pairs(scenario.linked)
-    least = max(scenario.min_separation_m, _LEAST_SHARE * float(ranges.min()))
+    least = max(scenario.separation, _LEAST_SHARE * float(ranges.min()))
     most = ranges[links].max(axis=1) - names.margin
     return Demands(
         names=names,
@@ -139,7 +139,7 @@ def _of_links(scenario: Scenario, names: Names, ranges: Array) -> Demands:
 def _of_shape(scenario: Scenario, names: Names, ranges: Array) -> Demands:
     """Neighbours' circles gap_m apart: within range or not, and whatever landmarks there are."""
     formation, radii = scenario.formation, radii_of(scenario)
-    gap, separation = formation.gap_m or 0.0, scenario.min_separation_m
+    gap, separation = formation.gap_m or 0.0, scenario.separation
     links = SHAPES[formation.shape or ""].neighbours(len(radii), formation.columns)
     if gap < separation:
         raise NoSolutionError(

@@ -44,7 +44,7 @@ class DistanceLimit:
 
 def separation_limit(scenario: Scenario) -> DistanceLimit:
     """Return how near two vehicles may come to each other."""
-    return DistanceLimit("min_separation_m", scenario.min_separation_m or None)
+    return DistanceLimit("min_separation_m", scenario.min_separation_m)
 
 
 def landmark_limit(scenario: Scenario) -> DistanceLimit:

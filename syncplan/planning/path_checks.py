@@ -5,10 +5,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from syncplan.arrays import Array
+from syncplan.orbits.separation import landmark_gaps
 from syncplan.planning.distance_limits import TOLERANCE, landmark_limit, separation_limit
 from syncplan.planning.findings import MOST_NAMED, Cure, Finding
 from syncplan.planning.judged_team import JudgedTeam
 from syncplan.scenario.areas import Area
+from syncplan.scenario.refine_options import RefineOptions
 
 __all__ = [
     "in_keep_out",
@@ -36,14 +38,10 @@ def vehicles_too_close(judged: JudgedTeam) -> Iterator[Finding]:
 
 
 def landmarks_too_close(judged: JudgedTeam) -> Iterator[Finding]:
-    """Yield the vehicles that come nearer to a landmark than they may, nearest first.
-
-    A circle of radius R about c passes a landmark L at ||c - L| - R|, once in every turn.
-    """
+    """Yield the vehicles that come nearer to a landmark than they may, nearest first."""
     scenario, orbits = judged.scenario, judged.orbits
     asked = landmark_limit(scenario)
-    away = np.hypot(*(orbits.centers[:, None] - judged.landmarks[None]).T).T
-    clear = np.abs(away - orbits.radii[:, None])
+    clear = landmark_gaps(orbits.centers, orbits.radii, judged.landmarks)
     near = np.argwhere(clear < asked.least(orbits.radii) * (1.0 - TOLERANCE))
     near = near[np.argsort(clear[tuple(near.T)], kind="stable")]
     limit = asked.worded(orbits.radii)
@@ -57,12 +55,22 @@ def landmarks_too_close(judged: JudgedTeam) -> Iterator[Finding]:
         for vehicle, landmark in near.tolist()
     ]
     cure = Cure(
-        "move the circle or the landmark; where the landmark is no obstacle, set "
-        "landmark_clearance_m to what is safe, or to 0"
+        f"{_not_cleared(judged)}move the circle or the landmark; where the landmark is no "
+        "obstacle, set landmark_clearance_m to what is safe, or to 0"
     )
     yield from _first_of(
         "landmark-too-close", each, cure, f"passes of landmarks come below {limit}"
     )
+
+
+def _not_cleared(judged: JudgedTeam) -> str:
+    """What refinement could not do, in words; empty for a plan that was not refined."""
+    if judged.refinement is None:
+        return ""
+    options = judged.refinement.options or judged.scenario.refine or RefineOptions()
+    if {"centers", "radii"}.isdisjoint(options.vary):
+        return "refinement varied phases alone, which moves no path: let it vary centers; or "
+    return "refinement could not clear it: give it more room (center_box_m, radius_m); or "
 
 
 def outside_area(judged: JudgedTeam) -> Iterator[Finding]:

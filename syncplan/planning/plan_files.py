@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
 from syncplan.errors import InputError
@@ -59,6 +59,18 @@ class PlanFile(BaseModel):
     vehicles: Many[StatedOrbit] = Field(
         description="The orbits, one for each vehicle of the scenario, in its order"
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_a_separation_that_was_none(cls, document: Any) -> Any:
+        """Plans written before there were verdicts state 0 where no separation was given."""
+        if not isinstance(document, dict) or "version" not in document or "verdict" in document:
+            return document
+        scenario = document.get("scenario")
+        if not isinstance(scenario, dict) or scenario.get("min_separation_m") != 0:
+            return document
+        kept = {key: value for key, value in scenario.items() if key != "min_separation_m"}
+        return {**document, "scenario": kept}
 
 
 @dataclass(frozen=True, slots=True)

@@ -61,7 +61,7 @@ def plan(
         team.sensors.ranges,
         pairs,
         resolved.orbit.first_phase_rad,
-        resolved.min_separation_m,
+        resolved.separation,
         margin_bound=margin_bound,
     )
     off = np.array(per_vehicle(resolved.orbit.desync_rad, resolved.size), dtype=float)

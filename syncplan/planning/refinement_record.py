@@ -50,6 +50,7 @@ class RefinementRecord:
     active : constraints that the result meets with hardly any margin
     starts : in order
     start_before : how the input starts; None where that was not judged
+    cleared : whether the result keeps distances that the input did not, whatever its figures
     """
 
     options: RefineOptions | None
@@ -62,3 +63,4 @@ class RefinementRecord:
     active: tuple[str, ...]
     starts: tuple[StartRecord, ...]
     start_before: StartBefore | None = None
+    cleared: bool = False

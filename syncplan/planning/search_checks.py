@@ -7,9 +7,11 @@ from syncplan.planning.judged_team import JudgedTeam
 
 __all__ = [
     "CENTRES_PLACED",
+    "CLEARED",
     "PLACED",
     "bound_missing",
     "centres_placed",
+    "cleared",
     "not_refined",
     "search_cut_short",
 ]
@@ -17,8 +19,11 @@ __all__ = [
 CENTRES_PLACED = "centres-placed"
 """The code of the finding that the centres are none of the user's."""
 
+CLEARED = "cleared"
+"""The code of the finding that refinement cleared what was too near."""
+
 PLACED = "the centres were found by placement; formation.centers_m of the plan's scenario has them"
-"""Its message."""
+"""The message of the first."""
 
 
 def centres_placed(judged: JudgedTeam) -> Iterator[Finding]:
@@ -35,6 +40,18 @@ def not_refined(judged: JudgedTeam) -> Iterator[Finding]:
             "not-refined",
             "warning",
             f"not refined: {record.reason}; this is the plan that was given",
+        )
+
+
+def cleared(judged: JudgedTeam) -> Iterator[Finding]:
+    """Yield the finding that refinement cleared what was too near, whatever that cost."""
+    record = judged.refinement
+    if record is not None and record.cleared:
+        yield Finding(
+            CLEARED,
+            "note",
+            "the plan that was given came too near to vehicles, landmarks or areas; this one "
+            "clears them or comes less near, which counted before its figures",
         )
 
 

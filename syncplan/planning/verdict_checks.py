@@ -16,6 +16,7 @@ from syncplan.planning.path_checks import (
 from syncplan.planning.search_checks import (
     bound_missing,
     centres_placed,
+    cleared,
     not_refined,
     search_cut_short,
 )
@@ -36,6 +37,7 @@ CHECKS: dict[str, Callable[[JudgedTeam], Iterable[Finding]]] = {
     "start-up": start_up,
     "start-up-worse": start_up_worse,
     "not-refined": not_refined,
+    "cleared": cleared,
     "search-cut-short": search_cut_short,
     "centres-placed": centres_placed,
     "not-certified": not_certified,

@@ -11,7 +11,7 @@ from syncplan.orbits.circles import Orbits
 from syncplan.planning.figures_of_merit import FIGURES, Figures
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.refinement_record import RefinementRecord, StartRecord
-from syncplan.planning.search_checks import CENTRES_PLACED, PLACED
+from syncplan.planning.search_checks import CENTRES_PLACED, CLEARED, PLACED
 from syncplan.planning.start_up import StartBefore
 from syncplan.scenario.chunked_validation import Many
 from syncplan.scenario.objectives import OBJECTIVES
@@ -124,7 +124,7 @@ def with_record(judged: Plan, record: WrittenRecord | None) -> Plan:
         dropped_links=tuple(
             replace(one, reason=reasons[names[one.a], names[one.b]]) for one in judged.dropped_links
         ),
-        refinement=_refinement(record.refinement),
+        refinement=_refinement(record.refinement, cleared=CLEARED in codes),
         centres_placed=CENTRES_PLACED in codes or PLACED in record.notes,
     )
 
@@ -158,7 +158,7 @@ def _synchronisation(
     )
 
 
-def _refinement(given: _WrittenRefinement | None) -> RefinementRecord | None:
+def _refinement(given: _WrittenRefinement | None, *, cleared: bool) -> RefinementRecord | None:
     if given is None or given.objective not in OBJECTIVES:
         return None
     return RefinementRecord(
@@ -184,6 +184,7 @@ def _refinement(given: _WrittenRefinement | None) -> RefinementRecord | None:
             for one in given.starts
         ),
         start_before=_start_before(given.start_up_before),
+        cleared=cleared,
     )
 
 

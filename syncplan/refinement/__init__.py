@@ -6,6 +6,7 @@ measures             exact figures of merit with these margins
 problem_setup        the problem that a plan and options pose
 sample_times         the samples at which the smooth problem looks
 stages               ever sharper steps between seen and unseen
+sides                on which side of landmarks and keep-outs circles pass
 constraint_blocks    constraints with their sparse Jacobian
 smooth_sightings     the information of sightings, smooth
 smooth_contacts      contacts, smooth
@@ -13,7 +14,7 @@ smooth_team          information and contacts of the whole team
 smooth_bound         the posterior bound, smooth
 smooth_determinants  log determinant and window bound of the information
 objective_forms      each objective, exact and smooth
-clearances           separation and areas, smooth
+clearances           separation, landmarks and areas, smooth
 nlp                  the nonlinear program of one stage
 starting_points      where the starts begin
 ipopt                the stages solved one after the other

@@ -1,10 +1,13 @@
-"""Separation and areas as smooth constraints, over the whole turn and not only at samples.
+"""Separation, landmarks and areas as smooth constraints, over the whole turn, not only at samples.
 
 Two vehicles of one sense move relative to each other on a circle of radius
 m = |R_b e(phi_b) - R_a e(phi_a)| about the offset D of their centres, so their least distance is
 |D - m|: closed form. For opposite senses the relative path is an ellipse. There the constraint
 takes a soft minimum of |q|^2 at many samples, which is never above the true minimum, less the most
 that |q|^2 can fall between two samples: never more than the true least distance.
+
+A circle passes a landmark at ||c - L| - R|. It clears a keep-out by the distances of its edges less
+R or, going round it, by R less those of its corners; see syncplan.refinement.sides.
 """
 
 import casadi as ca
@@ -14,8 +17,9 @@ from syncplan.arrays import Array, Index
 from syncplan.orbits.paths import relative_motion
 from syncplan.refinement.constraint_blocks import Blocks, pair_blocks, single_blocks, stacked_blocks
 from syncplan.refinement.problem import RefineProblem
+from syncplan.refinement.sides import kept_landmarks
 
-__all__ = ["area_clearances", "separations"]
+__all__ = ["area_clearances", "landmark_clearances", "separations"]
 
 
 _SAMPLES = 120
@@ -32,7 +36,7 @@ def separations(problem: RefineProblem, circles: ca.MX) -> Blocks:
     outside keeps it outside, and one that goes round it keeps it inside.
     """
     pairs = problem.guarded_pairs()
-    floor = problem.min_separation / problem.scale
+    floor = problem.guarded_separation / problem.scale
     senses = problem.orbits.senses
     alike = senses[pairs[:, 0]] == senses[pairs[:, 1]]
     blocks = []
@@ -47,36 +51,70 @@ def separations(problem: RefineProblem, circles: ca.MX) -> Blocks:
     return stacked_blocks(blocks, problem.orbits.count)
 
 
-def area_clearances(problem: RefineProblem, circles: ca.MX) -> Blocks:
-    """Return by how much each circle clears each edge of the polygons, scaled; 0 is met."""
-    area, scale = problem.area, problem.scale
+def landmark_clearances(problem: RefineProblem, circles: ca.MX, sides: ca.MX) -> Blocks:
+    """Return the distances of circles from landmarks over what is kept; at least 1 is met.
+
+    `sides` are those of `sides_of`, the first of them.
+    """
+    kept, names, count = kept_landmarks(problem), problem.names, problem.orbits.count
+    if len(kept) == 0:
+        return stacked_blocks([], count)
+    vehicles, landmarks = kept.T
+    places = ca.DM(problem.landmarks[landmarks].T / problem.scale)
+    labels = [
+        f"clearance of {names[k]} from {names[count + landmark]} ({problem.guarded_clearance:g} m)"
+        for k, landmark in kept.tolist()
+    ]
+    side = sides[: len(kept)].T * problem.scale
+    return single_blocks(_passing(), circles, vehicles, [places, side], np.ones(len(kept)), labels)
+
+
+def area_clearances(problem: RefineProblem, circles: ca.MX, sides: ca.MX) -> Blocks:
+    """Return by how much each circle clears each edge of the polygons, scaled; 0 is met.
+
+    `sides` are those of `sides_of`, the last of them.
+    """
+    area, scale, count = problem.area, problem.scale, problem.orbits.count
+    last = sides[sides.numel() - len(area.outside) * count :]
     blocks = []
     for name, corners, outer in area.polygons():
+        parameters: list[ca.MX] = []
         if outer and _is_convex(corners):
             function, edges = _half_plane(), _half_planes(corners / scale)
-        else:
+        elif outer:
             function, edges = _segment(), _segments(corners / scale)
-        blocks += [_clear(problem, function, circles, edge, name) for edge in edges]
-    return stacked_blocks(blocks, problem.orbits.count)
+        else:
+            function, edges = _edge_kept_out(), _segments(corners / scale)
+            parameters, last = [last[:count].T], last[count:]
+        blocks += [_clear(problem, function, circles, edge, parameters, name) for edge in edges]
+    return stacked_blocks(blocks, count)
 
 
 def _apart(
     problem: RefineProblem, function: ca.Function, circles: ca.MX, pairs: Index, parameter: ca.DM
 ) -> Blocks:
     labels = [
-        f"separation of {problem.names[a]} and {problem.names[b]} ({problem.min_separation:g} m)"
+        f"separation of {problem.names[a]} and {problem.names[b]} "
+        f"({problem.guarded_separation:g} m)"
         for a, b in pairs.tolist()
     ]
     return pair_blocks(function, circles, pairs, [parameter], np.ones(len(pairs)), labels)
 
 
 def _clear(
-    problem: RefineProblem, function: ca.Function, circles: ca.MX, edge: Array, name: str
+    problem: RefineProblem,
+    function: ca.Function,
+    circles: ca.MX,
+    edge: Array,
+    sides: list[ca.MX],
+    name: str,
 ) -> Blocks:
     count = problem.orbits.count
     labels = [f"{problem.names[k]} clear of {name}" for k in range(count)]
     edges = ca.repmat(ca.DM(edge), 1, count)
-    return single_blocks(function, circles, np.arange(count), [edges], np.zeros(count), labels)
+    return single_blocks(
+        function, circles, np.arange(count), [edges, *sides], np.zeros(count), labels
+    )
 
 
 def _sides(problem: RefineProblem, pairs: Index) -> Array:
@@ -92,8 +130,7 @@ def _arms(a: ca.SX, b: ca.SX) -> tuple[ca.SX, ca.SX]:
 def _same_sense(floor: float) -> ca.Function:
     a, b, side = ca.SX.sym("a", 4), ca.SX.sym("b", 4), ca.SX.sym("side")
     arm_a, arm_b = _arms(a, b)
-    offset = ca.sqrt(ca.sumsqr(b[:2] - a[:2]) + _TINY)
-    radius = ca.sqrt(ca.sumsqr(arm_b - arm_a) + _TINY)
+    offset, radius = _length(b[:2] - a[:2]), _length(arm_b - arm_a)
     return ca.Function("same_sense", [a, b, side], [side * (offset - radius) / floor])
 
 
@@ -125,10 +162,31 @@ def _half_plane() -> ca.Function:
 
 def _segment() -> ca.Function:
     a, edge = ca.SX.sym("a", 4), ca.SX.sym("edge", 4)
+    return ca.Function("segment", [a, edge], [_from_segment(a, edge) - a[2]])
+
+
+def _edge_kept_out() -> ca.Function:
+    """Of an edge outside the circle; of its start where the circle goes round the polygon."""
+    a, edge, side = ca.SX.sym("a", 4), ca.SX.sym("edge", 4), ca.SX.sym("side")
+    outside, within = _from_segment(a, edge) - a[2], a[2] - _length(a[:2] - edge[:2])
+    clear = ca.if_else(side > 0.0, outside, within)
+    return ca.Function("edge_kept_out", [a, edge, side], [clear])
+
+
+def _passing() -> ca.Function:
+    a, place, side = ca.SX.sym("a", 4), ca.SX.sym("place", 2), ca.SX.sym("side")
+    return ca.Function("passing", [a, place, side], [side * (_length(a[:2] - place) - a[2])])
+
+
+def _from_segment(a: ca.SX, edge: ca.SX) -> ca.SX:
     along = edge[2:] - edge[:2]
     share = ca.dot(a[:2] - edge[:2], along) / ca.sumsqr(along)
     nearest = edge[:2] + ca.fmin(ca.fmax(share, 0.0), 1.0) * along
-    return ca.Function("segment", [a, edge], [ca.sqrt(ca.sumsqr(a[:2] - nearest) + _TINY) - a[2]])
+    return _length(a[:2] - nearest)
+
+
+def _length(vector: ca.SX) -> ca.SX:
+    return ca.sqrt(ca.sumsqr(vector) + _TINY)
 
 
 def _half_planes(corners: Array) -> list[Array]:

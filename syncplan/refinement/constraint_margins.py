@@ -6,7 +6,7 @@ import numpy as np
 
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.paths import relative_motion
-from syncplan.orbits.separation import least_distances
+from syncplan.orbits.separation import landmark_gaps, least_distances
 from syncplan.orbits.sightings import Sightings
 from syncplan.planning.distance_limits import TOLERANCE
 from syncplan.refinement.problem import RefineProblem
@@ -25,17 +25,24 @@ class ConstraintMargin:
     size : m that the room is compared with
     required : whether the user gave it; one that is not required only has to be met if the plan
         to be refined meets it
+    stops : whether a plan that violates it is not to be flown
     """
 
     label: str
     room: float
     size: float
     required: bool
+    stops: bool = False
 
     @property
     def met(self) -> bool:
         """Whether the constraint holds, up to rounding."""
         return self.room >= -TOLERANCE * self.size
+
+    @property
+    def shortfall(self) -> float:
+        """Share of the constraint's size by which it is violated; 0 where it is met."""
+        return 0.0 if self.met else -self.room / self.size
 
     def smaller_than(self, other: "ConstraintMargin") -> bool:
         """Return whether there is less room than in `other`, by more than rounding."""
@@ -45,13 +52,14 @@ class ConstraintMargin:
 def margins_of(
     problem: RefineProblem, orbits: Orbits, contact: list[float]
 ) -> tuple[ConstraintMargin, ...]:
-    """Return the margins of orbits: contacts, as `contact_margins` has them, separation, circles.
+    """Return the margins of orbits: contacts, as `contact_margins` has them, distances, circles.
 
     Their order does not depend on the orbits.
     """
     return (
         *_contacts(problem, contact),
         *_separations(problem, orbits),
+        *_clearances(problem, orbits),
         *_circles(problem, orbits),
     )
 
@@ -106,10 +114,10 @@ def _contacts(problem: RefineProblem, contact: list[float]) -> list[ConstraintMa
 
 def _separations(problem: RefineProblem, orbits: Orbits) -> list[ConstraintMargin]:
     """Of every pair that could come nearer than the separation, however the circles move."""
-    floor, names = problem.min_separation, problem.names
-    pairs = problem.guarded_pairs()
+    pairs, names = problem.guarded_pairs(), problem.names
     if len(pairs) == 0:
         return []
+    floor = max(problem.min_separation, problem.separation_limit.least(orbits.radii))
     motion = relative_motion(orbits, pairs[:, 0], pairs[:, 1])
     least, _ = least_distances(motion)
     return [
@@ -117,9 +125,30 @@ def _separations(problem: RefineProblem, orbits: Orbits) -> list[ConstraintMargi
             f"separation of {names[a]}-{names[b]} ({floor:.3g} m)",
             float(distance) - floor,
             floor,
-            problem.separation_required,
+            bool(problem.separation_limit.stated),
+            stops=True,
         )
         for (a, b), distance in zip(pairs.tolist(), least, strict=True)
+    ]
+
+
+def _clearances(problem: RefineProblem, orbits: Orbits) -> list[ConstraintMargin]:
+    """Of every vehicle and landmark that could come nearer than the clearance.
+
+    None is required: bounds may leave no way to clear a landmark that the plan passes too near.
+    """
+    names, count = problem.names, orbits.count
+    floor = problem.landmark_limit.least(orbits.radii)
+    gaps = landmark_gaps(orbits.centers, orbits.radii, problem.landmarks)
+    return [
+        ConstraintMargin(
+            f"clearance of {names[k]} from {names[count + landmark]} ({floor:.3g} m)",
+            float(gaps[k, landmark]) - floor,
+            floor,
+            required=False,
+            stops=True,
+        )
+        for k, landmark in problem.guarded_landmarks().tolist()
     ]
 
 
@@ -128,10 +157,10 @@ def _circles(problem: RefineProblem, orbits: Orbits) -> list[ConstraintMargin]:
     names, freedom = problem.names, problem.freedom
     margins = []
     if problem.area.limited:
-        clear = problem.area.clearances(orbits.centers, orbits.radii)
+        clear = problem.area.path_clearances(orbits.centers, orbits.radii).min(axis=0)
         margins += [
-            ConstraintMargin(f"area of {names[k]}", float(clear[k]), float(orbits.radii[k]), True)
-            for k in range(orbits.count)
+            ConstraintMargin(f"area of {names[k]}", float(clear[k]), float(radius), True, True)
+            for k, radius in enumerate(orbits.radii)
         ]
     held = np.concatenate([orbits.centers.T, orbits.radii[None]])
     room = np.minimum(held - freedom.lower[:3], freedom.upper[:3] - held)

@@ -5,7 +5,7 @@ falls in or out of contact. Pattern search (Hooke and Jeeves, "Direct Search" So
 and Statistical Problems, J. ACM 8, 1961, pages 212-229) tries each free value a step up and down.
 Where a round of that improves the plan, the same move is repeated; otherwise the step is halved.
 Random moves of all sizes then leave small local minima. Circles that violate a constraint are
-never taken.
+never taken; of others those that are less too near to something come first.
 """
 
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.refinement.measures import Measurement, measure
+from syncplan.refinement.measures import NO_STANDING, Measurement, Standing, measure
 from syncplan.refinement.problem import RefineProblem, orbits_of
 
 __all__ = ["improved_nearby"]
@@ -55,7 +55,7 @@ def improved_nearby(
     looks = _Looks(problem, before, len(values), over)
     base = looks.limited(circles)
     first = looks.cost(base)
-    if not np.isfinite(first):
+    if first == NO_STANDING:
         return None
     best = _random_moves(looks, _patterns(looks, (base, first), values), values, generator)
     if best[1] >= first:
@@ -64,8 +64,8 @@ def improved_nearby(
 
 
 def _patterns(
-    looks: "_Looks", start: tuple[Array, float], values: list[tuple[int, int]]
-) -> tuple[Array, float]:
+    looks: "_Looks", start: tuple[Array, Standing], values: list[tuple[int, int]]
+) -> tuple[Array, Standing]:
     best, step = start, _FIRST_STEP
     while step >= _LEAST_STEP and not looks.spent:
         found = _round(looks, best, values, step)
@@ -81,10 +81,10 @@ def _patterns(
 
 def _random_moves(
     looks: "_Looks",
-    start: tuple[Array, float],
+    start: tuple[Array, Standing],
     values: list[tuple[int, int]],
     generator: np.random.Generator,
-) -> tuple[Array, float]:
+) -> tuple[Array, Standing]:
     """The best circles after moves in random directions, their sizes spread over all scales."""
     best = start
     rows, vehicles = np.array(values).T
@@ -113,8 +113,8 @@ def _searched(problem: RefineProblem) -> list[tuple[int, int]]:
 
 
 def _round(
-    looks: "_Looks", at: tuple[Array, float], values: list[tuple[int, int]], step: float
-) -> tuple[Array, float]:
+    looks: "_Looks", at: tuple[Array, Standing], values: list[tuple[int, int]], step: float
+) -> tuple[Array, Standing]:
     """The best circles found by moving one value after the other, and their cost."""
     best = at
     for row, vehicle in values:
@@ -154,16 +154,16 @@ class _Looks:
         limited[3] = np.where(freedom.free[3], circles[3], limited[3])
         return np.asarray(limited)
 
-    def cost(self, circles: Array) -> float:
-        """Return the exact cost; infinite for a violation, or when no measurement is left."""
+    def cost(self, circles: Array) -> Standing:
+        """Return the exact standing; none for a violation, or when no measurement is left."""
         if self.spent:
-            return float("inf")
+            return NO_STANDING
         self.looks -= 1
         orbits = orbits_of(circles, self.problem.orbits)
         found = measure(self.problem, orbits, predict=False)
         if found.violations(self.before):
-            return float("inf")
+            return NO_STANDING
         if self.predicted:
             self.run_looks -= 1
             found = measure(self.problem, orbits)
-        return found.figures.cost(self.problem.objective.name)
+        return found.standing(self.problem.objective.name)

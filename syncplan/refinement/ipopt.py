@@ -106,8 +106,10 @@ class StagedSolver:
                 break
             nlp, watcher, solver = self._compile(number)
             watcher.begin(watch, iterations)
+            sides = nlp.sides_of(guess)
             found = solver(
                 x0=nlp.variables_of(guess),
+                p=sides,
                 lbx=nlp.lower,
                 ubx=nlp.upper,
                 lbg=nlp.constraint_lower,
@@ -123,7 +125,7 @@ class StagedSolver:
                 break
             guess = nlp.circles_of(variables)
             candidates.append(guess)
-            unmet = _unmet(nlp, variables)
+            unmet = _unmet(nlp, variables, sides)
         residuals = statistics.get("iterations", {})
         return SolverRun(
             candidates=tuple(candidates),
@@ -173,8 +175,8 @@ _NAMED = 4
 """Most constraints that are named as unmet."""
 
 
-def _unmet(nlp: StageNlp, variables: Array) -> tuple[str, ...]:
-    excess = nlp.violations(variables)
+def _unmet(nlp: StageNlp, variables: Array, sides: Array) -> tuple[str, ...]:
+    excess = nlp.violations(variables, sides)
     worst = np.argsort(-excess)[:_NAMED]
     return tuple(nlp.labels[k] for k in worst if excess[k] > 100.0 * _FEASIBLE)
 
@@ -209,7 +211,11 @@ class _Watcher(ca.Callback):
         name = ca.nlpsol_out(index)
         if name == "f":
             return ca.Sparsity.scalar()
-        size = {"x": self.nlp.size, "lam_x": self.nlp.size}.get(name)
+        size = {
+            "x": self.nlp.size,
+            "lam_x": self.nlp.size,
+            "lam_p": self.nlp.sides.numel(),
+        }.get(name)
         if name in ("g", "lam_g"):
             size = len(self.nlp.labels)
         return ca.Sparsity.dense(size) if size else ca.Sparsity(0, 0)

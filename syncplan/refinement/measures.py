@@ -26,8 +26,13 @@ from syncplan.refinement.constraint_margins import (
 )
 from syncplan.refinement.problem import RefineProblem
 
-__all__ = ["WINDOW_BOUND", "Measurement", "measure"]
+__all__ = ["NO_STANDING", "WINDOW_BOUND", "Measurement", "Standing", "measure"]
 
+Standing = tuple[float, float]
+"""Shortfall, cost; the lesser is the better."""
+
+NO_STANDING: Standing = (math.inf, math.inf)
+"""Of what is no plan at all."""
 
 WINDOW_BOUND = "window bound of the worst vehicle"
 
@@ -39,10 +44,21 @@ class Measurement:
     figures: Figures
     margins: tuple[ConstraintMargin, ...]
 
+    @property
+    def shortfall(self) -> float:
+        """What distances fall short of, as shares of what is asked, up to rounding; 0 if met."""
+        short = sum(one.shortfall for one in self.margins if one.stops)
+        return round(short / TOLERANCE) * TOLERANCE
+
+    def standing(self, objective: str) -> Standing:
+        """Return the key by which measurements are ordered: what is too near, then the cost."""
+        return self.shortfall, self.figures.cost(objective)
+
     def violations(self, before: "Measurement") -> list[str]:
         """Return the labels of constraints that this plan violates although it must not.
 
         It must not violate what is required or what `before` met, nor anything more than `before`.
+        The window bound is not compared where this plan clears what `before` came too near to.
         """
         labels = [
             after.label
@@ -50,7 +66,7 @@ class Measurement:
             if not after.met and (after.required or first.met or after.smaller_than(first))
         ]
         limit = before.figures.window_bound * (1.0 + TOLERANCE)
-        if self.figures.window_bound > limit:
+        if self.figures.window_bound > limit and self.shortfall >= before.shortfall:
             labels.append(WINDOW_BOUND)
         if self.figures.rank < before.figures.rank:
             labels.append("rank")

@@ -7,11 +7,12 @@ import casadi as ca
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.refinement.clearances import area_clearances, separations
+from syncplan.refinement.clearances import area_clearances, landmark_clearances, separations
 from syncplan.refinement.constraint_blocks import Blocks, stacked_blocks
 from syncplan.refinement.measures import WINDOW_BOUND
 from syncplan.refinement.objective_forms import FORMS, SmoothInputs, SmoothObjective
 from syncplan.refinement.problem import RefineProblem
+from syncplan.refinement.sides import side_count, sides_of
 from syncplan.refinement.smooth_determinants import window_excess
 from syncplan.refinement.smooth_team import SmoothTeam
 from syncplan.refinement.stages import Stage, samples_in
@@ -27,10 +28,11 @@ class StageNlp:
     ----------
     problem : what it was made of
     variables : expression; the free values of the circles, then what the objective adds
+    sides : expression; of landmarks and keep-outs, as `sides_of` has them
     objective : what is minimised, with the variable that it adds
     constraints : expression
     jacobian : function (x, p) -> (constraints, their sparse Jacobian)
-    values : function x -> (objective, constraints)
+    values : function (x, p) -> (objective, constraints)
     information : function of the circles' variables -> the windowed information (3 n, 3 n), where
         the start of the objective's own variable needs it
     lower, upper, constraint_lower, constraint_upper : bounds
@@ -39,6 +41,7 @@ class StageNlp:
 
     problem: RefineProblem
     variables: ca.MX
+    sides: ca.MX
     objective: SmoothObjective
     constraints: ca.MX
     jacobian: ca.Function
@@ -57,7 +60,12 @@ class StageNlp:
 
     def as_dictionary(self) -> dict[str, Any]:
         """Return what `casadi.nlpsol` takes."""
-        return {"x": self.variables, "f": self.objective.value, "g": self.constraints}
+        return {
+            "x": self.variables,
+            "p": self.sides,
+            "f": self.objective.value,
+            "g": self.constraints,
+        }
 
     def variables_of(self, circles: Array) -> Array:
         """Return the variables at circles (4, n) in m and rad, brought within their bounds."""
@@ -84,9 +92,13 @@ class StageNlp:
         below, above = self.constraint_lower - constraints, constraints - self.constraint_upper
         return np.asarray(np.maximum(np.maximum(below, above), 0.0))
 
-    def violations(self, variables: Array) -> Array:
+    def sides_of(self, circles: Array) -> Array:
+        """Return the sides that circles (4, n) in m and rad are on."""
+        return sides_of(self.problem, circles)
+
+    def violations(self, variables: Array, sides: Array) -> Array:
         """Return how far each constraint is violated."""
-        return self.excess(np.array(self.values(variables)[1]).ravel())
+        return self.excess(np.array(self.values(variables, sides)[1]).ravel())
 
 
 def nlp_of(problem: RefineProblem, stage: Stage) -> StageNlp:
@@ -102,7 +114,8 @@ def nlp_of(problem: RefineProblem, stage: Stage) -> StageNlp:
     objective = smooth(SmoothInputs(problem, stage, team, circles, information))
     variables = chosen if objective.extra is None else ca.vertcat(chosen, objective.extra)
     # constraints
-    limits = _constraints(problem, stage, team, circles)
+    sides = ca.MX.sym("p", side_count(problem))
+    limits = _constraints(problem, stage, team, circles, sides)
     constraints, jacobian, labels = limits.values, limits.jacobian[:, free.tolist()], limits.labels
     if np.isfinite(problem.window_limit):
         excess = window_excess(team.sparsity, information, problem)
@@ -112,16 +125,16 @@ def nlp_of(problem: RefineProblem, stage: Stage) -> StageNlp:
     extra = variables.numel() - chosen.numel()
     jacobian = ca.horzcat(jacobian, ca.MX(constraints.numel(), extra))
     lower, upper = _bounds(problem, free, extra)
-    parameters = ca.MX.sym("p", 0, 1)
     return StageNlp(
         problem=problem,
         variables=variables,
+        sides=sides,
         objective=objective,
         constraints=constraints,
         jacobian=ca.Function(
-            "jac_g", [variables, parameters], [constraints, jacobian], ["x", "p"], ["g", "jac_g_x"]
+            "jac_g", [variables, sides], [constraints, jacobian], ["x", "p"], ["g", "jac_g_x"]
         ),
-        values=ca.Function("values", [variables], [objective.value, constraints]),
+        values=ca.Function("values", [variables, sides], [objective.value, constraints]),
         information=None
         if objective.extra is None
         else ca.Function("information", [chosen], [ca.MX(team.sparsity, information)]),
@@ -169,12 +182,18 @@ CONTACT_SAMPLES = 96
 """Contact needs few samples; near its minimum the distance hardly changes between them."""
 
 
-def _constraints(problem: RefineProblem, stage: Stage, team: SmoothTeam, circles: ca.MX) -> Blocks:
-    """Contacts kept, separation, areas."""
+def _constraints(
+    problem: RefineProblem, stage: Stage, team: SmoothTeam, circles: ca.MX, sides: ca.MX
+) -> Blocks:
+    """Contacts kept, separation, landmarks, areas."""
     width = _CONTACT_WIDTH * stage.width
     safety = _SAFETY_WIDTHS * width * float(problem.sensors.ranges.mean())
     most = min(stage.samples, CONTACT_SAMPLES)
     times = samples_in(problem, problem.contact_span, most)
     contacts = team.contacts(circles, times, width, safety if stage.last else 0.0)
-    limits = [contacts, separations(problem, circles), area_clearances(problem, circles)]
-    return stacked_blocks(limits, problem.orbits.count)
+    distances = [
+        separations(problem, circles),
+        landmark_clearances(problem, circles, sides),
+        area_clearances(problem, circles, sides),
+    ]
+    return stacked_blocks([contacts, *distances], problem.orbits.count)

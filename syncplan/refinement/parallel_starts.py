@@ -21,7 +21,7 @@ from syncplan.arrays import Array
 from syncplan.errors import SyncplanError
 from syncplan.refinement.exact_search import improved_nearby
 from syncplan.refinement.ipopt import SolverProgress, SolverRun, StagedSolver, Steering
-from syncplan.refinement.measures import Measurement, measure
+from syncplan.refinement.measures import NO_STANDING, Measurement, Standing, measure
 from syncplan.refinement.problem import RefineProblem, circles_of, orbits_of
 from syncplan.refinement.starting_points import starting_circles
 from syncplan.runtime.child_processes import ChildProcess, connect_to_parent
@@ -91,11 +91,11 @@ def _better(problem: RefineProblem, one: Attempt, other: Attempt) -> Attempt:
     return min(one, other, key=lambda item: rank_of(problem, item))
 
 
-def rank_of(problem: RefineProblem, item: Attempt) -> tuple[bool, float]:
-    """Return the key by which attempts are ordered: whether they violate something, then cost."""
+def rank_of(problem: RefineProblem, item: Attempt) -> tuple[bool, Standing]:
+    """Return the key by which attempts are ordered: whether they violate something, then others."""
     if item.after is None:
-        return True, float("inf")
-    return bool(item.violations), item.after.figures.cost(problem.objective.name)
+        return True, NO_STANDING
+    return bool(item.violations), item.after.standing(problem.objective.name)
 
 
 def run_starts(
@@ -163,7 +163,7 @@ def searched_nearby(
     problem, before = task.problem, task.before
     number = min(range(len(attempts)), key=lambda k: rank_of(problem, attempts[k]))
     best = attempts[number]
-    circles, own = best.circles, (False, before.figures.cost(problem.objective.name))
+    circles, own = best.circles, (False, before.standing(problem.objective.name))
     if circles is None or rank_of(problem, best) >= own:
         circles = circles_of(problem.orbits)
     generator = np.random.default_rng(task.seed)

@@ -13,6 +13,7 @@ from syncplan.orbits.circles import Orbits
 from syncplan.orbits.separation import least_circle_gaps
 from syncplan.orbits.sighting_kinds import BEARING
 from syncplan.orbits.team import Team, WithTeam
+from syncplan.planning.distance_limits import DistanceLimit
 from syncplan.scenario.areas import Area
 from syncplan.scenario.objectives import Objective
 
@@ -38,11 +39,13 @@ class Freedom:
 
     def distances(self, a: Index, b: Index) -> tuple[Array, Array]:
         """Return the least and largest distance (p,) in m that the centres of a and b can have."""
-        low = self.lower[:2, b] - self.upper[:2, a]
-        high = self.upper[:2, b] - self.lower[:2, a]
-        nearest = np.maximum(np.maximum(low, -high), 0.0)
-        furthest = np.maximum(np.abs(low), np.abs(high))
-        return np.hypot(*nearest), np.hypot(*furthest)
+        return _lengths(
+            self.lower[:2, b] - self.upper[:2, a], self.upper[:2, b] - self.lower[:2, a]
+        )
+
+    def reaches(self, vehicles: Index, places: Array) -> tuple[Array, Array]:
+        """Return the least and largest distance (p,) in m of centres from (p, 2) places."""
+        return _lengths(self.lower[:2, vehicles] - places.T, self.upper[:2, vehicles] - places.T)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +64,8 @@ class RefineProblem(WithTeam):
     pair_samples, anchor_samples : (e,), (k,) fewest samples in contact
     pair_margins, anchor_margins : (e,), (k,) m by which contact stays within range
     margins_required : whether the user gave the margins; if not, they are those of the plan
-    min_separation : m
-    separation_required : whether the user gave the separation
+    min_separation : m, as given or as the plan has it
+    separation_limit, landmark_limit : how near vehicles may come to each other and to landmarks
     area : polygons that limit the circles
     window_limit : m that no vehicle's window bound may exceed; infinite for no limit
     """
@@ -81,7 +84,8 @@ class RefineProblem(WithTeam):
     anchor_margins: Array
     margins_required: bool
     min_separation: float
-    separation_required: bool
+    separation_limit: DistanceLimit
+    landmark_limit: DistanceLimit
     area: Area
     window_limit: float
 
@@ -102,13 +106,44 @@ class RefineProblem(WithTeam):
 
     def guarded_pairs(self) -> Index:
         """Return the (g, 2) pairs of vehicles a < b that could come nearer than the separation."""
-        if self.min_separation <= 0.0:
+        if self.guarded_separation <= 0.0:
             return np.zeros((0, 2), dtype=np.int64)
         a, b = np.triu_indices(self.orbits.count, 1)
         distances = self.freedom.distances(a, b)
         radii = self.freedom.lower[2], self.freedom.upper[2]
         pairs = np.column_stack([a, b])
-        return pairs[least_circle_gaps(distances, radii, pairs) < self.min_separation]
+        return pairs[least_circle_gaps(distances, radii, pairs) < self.guarded_separation]
+
+    @property
+    def guarded_separation(self) -> float:
+        """Least distance in m of two vehicles, whatever radii the bounds allow."""
+        return max(self.min_separation, self.separation_limit.least(self.freedom.upper[2]))
+
+    @property
+    def guarded_clearance(self) -> float:
+        """Least distance in m from a landmark, whatever radii the bounds allow."""
+        return self.landmark_limit.least(self.freedom.upper[2])
+
+    def guarded_landmarks(self) -> Index:
+        """Return the (g, 2) vehicles and landmarks that could come nearer than the clearance."""
+        if self.guarded_clearance <= 0.0:
+            return np.zeros((0, 2), dtype=np.int64)
+        vehicles, landmarks = (
+            axis.ravel() for axis in np.indices((self.orbits.count, len(self.landmarks)))
+        )
+        nearest, furthest = self.freedom.reaches(vehicles, self.landmarks[landmarks])
+        gaps = np.maximum(
+            nearest - self.freedom.upper[2, vehicles], self.freedom.lower[2, vehicles] - furthest
+        )
+        pairs = np.column_stack([vehicles, landmarks])
+        return np.asarray(pairs[gaps < self.guarded_clearance])
+
+
+def _lengths(low: Array, high: Array) -> tuple[Array, Array]:
+    """The least and largest length (p,) of vectors within (2, p) bounds."""
+    nearest = np.maximum(np.maximum(low, -high), 0.0)
+    furthest = np.maximum(np.abs(low), np.abs(high))
+    return np.hypot(*nearest), np.hypot(*furthest)
 
 
 def circles_of(orbits: Orbits) -> Array:

@@ -12,6 +12,7 @@ import numpy as np
 from syncplan.arrays import Array, Index, as_pairs
 from syncplan.errors import NoSolutionError
 from syncplan.orbits.sightings import sightings_over
+from syncplan.planning.distance_limits import landmark_limit, separation_limit
 from syncplan.planning.judged_plan import Plan
 from syncplan.refinement.measures import Measurement, measure
 from syncplan.refinement.problem import Freedom, RefineProblem, circles_of
@@ -62,7 +63,8 @@ def _problem_as_given(given: Plan, options: RefineOptions) -> RefineProblem:
         anchor_margins=DEFAULT_MARGIN * sensors.ranges[anchors[:, 0]],
         margins_required=options.margin_m is not None,
         min_separation=_separation(given),
-        separation_required=scenario.min_separation_m > 0.0,
+        separation_limit=separation_limit(scenario),
+        landmark_limit=landmark_limit(scenario),
         area=area,
         window_limit=math.inf,
     )
@@ -95,7 +97,7 @@ def _separation(given: Plan) -> float:
 
     Bearings say most from nearby: without a floor, refinement would fly vehicles into each other.
     """
-    required = given.scenario.min_separation_m
+    required = given.scenario.separation
     if required > 0.0 or given.approach is None:
         return required
     return min(given.approach.distance, SAFE_SHARE * float(given.orbits.radii.mean()))
@@ -179,7 +181,7 @@ def _link_conflicts(given: Plan, problem: RefineProblem, options: RefineOptions)
                 f"link {names[a]}-{names[b]}: margin {margin:g} m leaves nothing of "
                 f"range {reach:g} m"
             )
-        elif given.scenario.min_separation_m > reach - margin:
+        elif given.scenario.separation > reach - margin:
             conflicts.append(
                 f"link {names[a]}-{names[b]}: separation {problem.min_separation:g} m against "
                 f"range {reach:g} m{less}"
@@ -192,7 +194,7 @@ def _area_conflicts(problem: RefineProblem) -> list[str]:
     conflicts = []
     for k in range(problem.orbits.count):
         low, high = freedom.lower[:, k], freedom.upper[:, k]
-        if not problem.area.has_room(float(low[2]), low[:2], high[:2]):
+        if not problem.area.has_room((float(low[2]), float(high[2])), low[:2], high[:2]):
             where = f"x {low[0]:.4g} to {high[0]:.4g}, y {low[1]:.4g} to {high[1]:.4g} m"
             conflicts.append(
                 f"{names[k]}: no place for a circle of {low[2]:g} m inside area_m and clear of "
@@ -206,13 +208,15 @@ def _with_limits(
 ) -> RefineProblem:
     """The problem with margins that the plan meets, except those of vehicles that were given.
 
-    For objectives that neglect it, the window bound of the worst vehicle becomes a constraint.
+    For objectives that neglect it, the window bound of the worst vehicle becomes a constraint,
+    unless the plan itself comes nearer to something than it may.
     """
     contacts = len(problem.pairs) + len(problem.anchors)
     rooms = np.array([one.room for one in before.margins[:contacts]])
     given = np.concatenate([problem.pair_margins, problem.anchor_margins])
     held = np.clip(given + np.minimum(rooms, 0.0), 0.0, None)
-    limit = before.figures.window_bound if problem.objective.neglects_window_bound else math.inf
+    limited = problem.objective.neglects_window_bound and before.shortfall == 0.0
+    limit = before.figures.window_bound if limited else math.inf
     pairs, anchors = np.split(held, [len(problem.pairs)])
     return replace(
         problem,

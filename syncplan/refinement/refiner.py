@@ -64,6 +64,9 @@ def refine(
 ) -> Plan:
     """Return the best plan found near `subject`: never worse, and violating nothing it met.
 
+    Where `subject` comes nearer to vehicles, landmarks or areas than it may, a plan that clears
+    them is the better one, whatever its figures.
+
     `options` default to the scenario's `refine` section; `changes` replace some of its keys
     (objective="logdet", starts=1, ...; see RefineOptions). `workers` is the number of processes,
     by default one a core; it changes no result. `bound` is that of `plan`. The plan's `refinement`
@@ -186,7 +189,7 @@ def _rule_phases(given: Plan) -> Array:
         given.sensors.ranges,
         pairs,
         float(orbits.phases[0]),
-        scenario.min_separation_m,
+        scenario.separation,
     ).phases
 
 
@@ -200,13 +203,13 @@ def _best(case: _Case, attempts: list["Attempt"], cut_short: bool, bound: BoundC
     """
     from syncplan.refinement.parallel_starts import rank_of
 
-    given, problem, before = case.given, case.problem, case.before.figures
+    given, problem, before = case.given, case.problem, case.before
     objective = problem.objective
     passed = [one for one in attempts if one.after is not None and not one.violations]
     best = min(passed, key=lambda one: rank_of(problem, one), default=None)
-    cost = before.cost(objective.name)
+    short, cost = before.standing(objective.name)
     allowed = cost - _IMPROVED * abs(cost) if math.isfinite(cost) else cost
-    better = best is not None and rank_of(problem, best)[1] < allowed
+    better = best is not None and rank_of(problem, best)[1] < (short, allowed)
     record = RefinementRecord(
         options=case.options,
         objective=objective.name,
@@ -215,15 +218,20 @@ def _best(case: _Case, attempts: list["Attempt"], cut_short: bool, bound: BoundC
         if better
         else _why_not(attempts, objective, given.observability.state_dim, cut_short),
         cut_short=cut_short,
-        before=before,
-        after=before,
+        before=before.figures,
+        after=before.figures,
         active=(),
         starts=tuple(_record(one, objective) for one in attempts),
         start_before=None if given.start_up is None else given.start_up.before,
     )
     if not better or best is None or best.after is None or best.circles is None:
         return replace(given, refinement=record)
-    record = replace(record, after=best.after.figures, active=_active(best.after))
+    record = replace(
+        record,
+        cleared=best.after.shortfall < short,
+        after=best.after.figures,
+        active=_active(best.after),
+    )
     orbits = orbits_of(best.circles, given.orbits)
     steady = given.prediction.steady is not None
     judged = judge(_moved(given, case.options, orbits), orbits, bound=bound, steady=steady)

@@ -72,7 +72,7 @@ def _limited(problem: RefineProblem, circles: Array, phases: Array) -> Array:
     freedom = problem.freedom
     limited = np.clip(circles, freedom.lower, freedom.upper)
     if problem.area.limited and freedom.free[:2].all():
-        moved = problem.area.nearest_clear(limited[:2].T, limited[2])
+        moved = problem.area.nearest_clear(limited[:2].T, limited[2], paths=True)
         if moved is not None:
             limited[:2] = np.clip(moved.T, freedom.lower[:2], freedom.upper[:2])
     middle = 0.5 * (freedom.lower[3] + freedom.upper[3])
@@ -85,9 +85,9 @@ def _limited(problem: RefineProblem, circles: Array, phases: Array) -> Array:
 def _most_promising(nlp: StageNlp, draws: list[Array]) -> Array:
     costs = []
     for circles in draws:
-        variables = nlp.variables_of(circles)
-        objective = float(nlp.values(variables)[0])
-        violated = float(nlp.violations(variables).sum())
+        variables, sides = nlp.variables_of(circles), nlp.sides_of(circles)
+        objective = float(nlp.values(variables, sides)[0])
+        violated = float(nlp.violations(variables, sides).sum())
         cost = objective + _PENALTY * violated
         costs.append(cost if np.isfinite(cost) else np.inf)
     return draws[int(np.argmin(costs))]

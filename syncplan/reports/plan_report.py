@@ -191,7 +191,7 @@ def _synchronisation(plan: Plan, names: list[str]) -> SynchronisationRecord:
 
 def _separation(plan: Plan, names: list[str]) -> Separation:
     """Without a separation that is asked for, the verdict alone says who comes too near."""
-    nearest, required = plan.approach, plan.scenario.min_separation_m
+    nearest, required = plan.approach, plan.scenario.separation
     return Separation(
         min_m=nearest.distance if nearest else None,
         between=(names[nearest.a], names[nearest.b]) if nearest else None,

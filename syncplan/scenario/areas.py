@@ -2,7 +2,8 @@
 
 A circle lies inside an area if its centre does and no edge is nearer than its radius; the same
 with "outside" for a keep-out. One signed number says both: distance to the boundary less radius,
-and minus that distance less radius where the centre is on the wrong side.
+and minus that distance less radius where the centre is on the wrong side. A path, unlike the disc
+within it, also keeps clear of a keep-out that it goes round.
 """
 
 from collections.abc import Sequence
@@ -11,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from syncplan.arrays import Array
+from syncplan.arrays import Array, Flags
 
 __all__ = ["Area", "polygon_fault"]
 
@@ -19,8 +20,8 @@ __all__ = ["Area", "polygon_fault"]
 _ARC_SEGMENTS = 64
 """Segments that stand for a quarter of a circle."""
 
-_ARC_ERROR = 1e-4
-"""Share of a radius by which such arcs may miss the true one."""
+_ARC_ERROR = 2e-4
+"""Share of a radius by which such arcs may miss the true one: a chord spans up to 1.5 segments."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +66,7 @@ class Area:
         return np.concatenate([np.zeros((0, 2, 2)), *edges])
 
     def clearances(self, centers: Array, radii: Array) -> Array:
-        """Return (n,) m: how far each circle lies from what it must not cross; negative if it does.
+        """Return (n,) m: how far each disc lies from what it must not cross; negative if it does.
 
         Infinite where there is no polygon.
         """
@@ -93,19 +94,31 @@ class Area:
             if within:
                 rows.append(depth - radii)
             else:
-                farthest = np.hypot(*(centers[:, None] - corners[None]).T).max(axis=0)
-                nearest = np.maximum(-depth, 0.0)
-                rows.append(np.maximum(nearest - radii, radii - farthest))
+                outside = np.maximum(-depth, 0.0) - radii
+                rows.append(np.maximum(outside, radii - _farthest(corners, centers)))
         return np.array(rows).reshape(len(rows), len(radii))
 
-    def has_room(self, radius: float, lower: Array, upper: Array) -> bool:
-        """Return whether a circle of `radius` m can lie clear, its centre in the box given."""
+    def goes_round(self, keep_out: int, centers: Array, radii: Array) -> Flags:
+        """Return (n,) whether a circle goes round a keep-out, or would rather than pass outside."""
+        import shapely
+
+        corners = self.outside[keep_out]
+        nearest = shapely.distance(shapely.points(centers), shapely.Polygon(corners))
+        return np.asarray(radii - _farthest(corners, centers) > nearest - radii)
+
+    def has_room(self, radii: tuple[float, float], lower: Array, upper: Array) -> bool:
+        """Return whether a path can lie clear: one of these radii in m, its centre in the box.
+
+        Not exact where radii differ: the smallest has to pass outside of keep-outs, the largest
+        round them.
+        """
         import shapely
 
         middle = 0.5 * (lower + upper)
-        if self.clearances(middle[None], np.array([radius]))[0] >= 0.0:
+        if self.path_clearances(middle[None], np.array(radii[:1])).min() >= 0.0:
             return True
-        room = self._room(radius * (1.0 - _ARC_ERROR), middle)
+        least, most = radii[0] * (1.0 - _ARC_ERROR), radii[1] * (1.0 + _ARC_ERROR)
+        room = self._room(least, middle, round_them=most)
         box = (
             shapely.box(*lower, *upper)
             if np.all(lower < upper)
@@ -113,16 +126,22 @@ class Area:
         )
         return bool(shapely.intersects(room, box))
 
-    def nearest_clear(self, centers: Array, radii: Array) -> Array | None:
+    def nearest_clear(self, centers: Array, radii: Array, *, paths: bool = False) -> Array | None:
         """Return (n, 2) m: the centres nearest the given ones whose circles lie clear.
 
-        None where some circle fits nowhere.
+        With `paths`, circles may go round keep-outs. None where some circle fits nowhere.
         """
         import shapely
 
         moved = np.array(centers, dtype=float)
-        for k in np.flatnonzero(self.clearances(centers, radii) < 0.0):
-            room = self._room(float(radii[k]) * (1.0 + _ARC_ERROR), moved[k])
+        clear = (
+            self.path_clearances(centers, radii).min(axis=0)
+            if paths
+            else self.clearances(centers, radii)
+        )
+        for k in np.flatnonzero(clear < 0.0):
+            outside, within = radii[k] * (1.0 + _ARC_ERROR), radii[k] * (1.0 - _ARC_ERROR)
+            room = self._room(outside, moved[k], round_them=within if paths else 0.0)
             if room.is_empty:
                 return None
             moved[k] = shapely.get_coordinates(
@@ -130,8 +149,11 @@ class Area:
             )[0]
         return moved
 
-    def _room(self, radius: float, near: Array) -> Any:
-        """All centres whose circle lies clear; without an outer limit, those around `near`."""
+    def _room(self, radius: float, near: Array, *, round_them: float) -> Any:
+        """All centres whose circle lies clear; without an outer limit, those around `near`.
+
+        Those of circles of radius `round_them` m that go round a keep-out are among them.
+        """
         import shapely
 
         corners = np.concatenate([*([] if self.inside is None else [self.inside]), *self.outside])
@@ -142,7 +164,10 @@ class Area:
             else shapely.Polygon(self.inside).buffer(-radius, quad_segs=_ARC_SEGMENTS)
         )
         for one in self.outside:
-            room = room.difference(shapely.Polygon(one).buffer(radius, quad_segs=_ARC_SEGMENTS))
+            closed = shapely.Polygon(one).buffer(radius, quad_segs=_ARC_SEGMENTS)
+            discs = shapely.buffer(shapely.points(one), round_them, quad_segs=_ARC_SEGMENTS)
+            orbits = shapely.intersection(room, shapely.intersection_all(discs))
+            room = shapely.union(room.difference(closed), orbits)
         return room
 
 
@@ -152,6 +177,11 @@ def _depths(polygon: Any, points: Any) -> Array:
 
     away = shapely.distance(points, polygon.exterior)
     return np.asarray(np.where(shapely.covers(polygon, points), away, -away))
+
+
+def _farthest(corners: Array, centers: Array) -> Array:
+    """(n,) m: the distance of each centre from the corner farthest from it."""
+    return np.asarray(np.hypot(*(centers[:, None] - corners[None]).T).max(axis=0))
 
 
 def polygon_fault(corners: Sequence[tuple[float, float]]) -> str:

@@ -63,13 +63,16 @@ class Scenario(Result, Section):
         description="Time over which observability is judged; one period if not given",
         examples=[60.0],
     )
-    min_separation_m: Annotated[float, Field(ge=0, le=1e7)] = Field(
-        default=0.0, description="Least distance two vehicles may come to", examples=[10.0]
+    min_separation_m: Annotated[float, Field(ge=0, le=1e7)] | None = Field(
+        default=None,
+        description="Least distance two vehicles may come to; a tenth of the mean radius counts as "
+        "too near if not given, nothing if 0",
+        examples=[10.0],
     )
     landmark_clearance_m: Annotated[float, Field(ge=0, le=1e7)] | None = Field(
         default=None,
         description="Least distance a vehicle may come to a landmark; a tenth of the mean radius "
-        "counts as too near if not given",
+        "counts as too near if not given, nothing if 0",
         examples=[2.0],
     )
     area_m: Polygon | None = Field(
@@ -79,7 +82,7 @@ class Scenario(Result, Section):
     )
     keep_out_m: Many[Polygon] | None = Field(
         default=None,
-        description="Polygons that all circles must lie clear of",
+        description="Polygons that no path may pass through; a circle may go round one",
         examples=[[[[100.0, 20.0], [110.0, 20.0], [105.0, 30.0]]]],
     )
     limits: Limits | None = Field(default=None, description="What the vehicles can do")
@@ -193,6 +196,11 @@ class Scenario(Result, Section):
     def window(self) -> float:
         """What observability is judged over, in s."""
         return self.window_s if self.window_s is not None else self.period
+
+    @property
+    def separation(self) -> float:
+        """Least distance in m that is asked of two vehicles; 0 where none is."""
+        return self.min_separation_m or 0.0
 
     @property
     def linked(self) -> list[tuple[int, int]]:

@@ -15,6 +15,7 @@ from syncplan.orbits.circles import position
 from syncplan.planning.findings import Finding
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.judgement import judge
+from syncplan.planning.plan_files import loaded_from, stated
 from syncplan.planning.planner import plan
 from syncplan.planning.verdict_checks import CHECKS
 from syncplan.scenario.areas import Area
@@ -86,17 +87,20 @@ def test_a_change_that_would_turn_the_team_as_a_whole_is_not_offered() -> None:
 @pytest.mark.parametrize(
     ("apart", "separation", "limit"),
     [
-        (25.0, 0.0, None),
+        (25.0, None, None),
         (25.0, 24.0, None),
         (25.0, 26.0, "min_separation_m 26"),
-        (2.1, 0.0, None),
-        (1.9, 0.0, "2 m, a tenth of the mean radius"),
+        (2.1, None, None),
+        (1.9, None, "2 m, a tenth of the mean radius"),
         (1.9, 1.0, None),
         (0.0, 1.0, "min_separation_m 1"),
+        # 0 is stated too: they may touch
+        (1.9, 0.0, None),
+        (0.0, 0.0, None),
     ],
 )
 def test_vehicles_nearer_than_stated_or_than_a_tenth_of_the_radius_stop(
-    apart: float, separation: float, limit: str | None
+    apart: float, separation: float | None, limit: str | None
 ) -> None:
     crossing = together(made(formation=CROSSING), min_separation_m=separation)
     centers = np.array([[0.0, 0.0], [apart, 0.0]])
@@ -109,6 +113,20 @@ def test_vehicles_nearer_than_stated_or_than_a_tenth_of_the_radius_stop(
         assert f"come to {nearest(judged):.4g} m" in one.message
         assert limit is not None
         assert limit in one.message
+
+
+@pytest.mark.parametrize(
+    ("written", "separation"),
+    [({"version": "0.1.0"}, None), ({"version": "0.1.0", "verdict": {}}, 0.0), ({}, 0.0)],
+)
+def test_plans_from_before_verdicts_state_0_where_no_separation_was_given(
+    written: dict[str, Any], separation: float | None
+) -> None:
+    judged = made(min_separation_m=0.0)
+    loaded = loaded_from({**stated(judged.scenario, judged.orbits), **written})
+    assert loaded.scenario.min_separation_m == separation
+    again = loaded_from(stated(loaded.scenario, judged.orbits))
+    assert again.scenario.min_separation_m == separation
 
 
 def test_a_separation_met_to_the_accuracy_of_a_solver_is_met() -> None:

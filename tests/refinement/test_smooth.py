@@ -1,5 +1,6 @@
 """The smooth functions that the solver sees, against the exact code and finite differences."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -121,7 +122,7 @@ def test_samples_counted_together_tell_nearly_as_much_as_one_by_one() -> None:
     assert np.abs(together - each).max() < 3e-4 * np.abs(each).max()
 
 
-def _differences(function: ca.Function, at: Array, step: float = 1e-6) -> Array:
+def _differences(function: Callable[[Array], Any], at: Array, step: float = 1e-6) -> Array:
     """(outputs, variables) by central differences."""
     columns = []
     for k in range(len(at)):
@@ -171,17 +172,24 @@ def test_the_sparse_jacobian_of_the_constraints_is_that_of_finite_differences(
         RADII,
         sensor=VIEWS,
         area_m=area,
-        keep_out_m=[[[50.0, 40.0], [55.0, 40.0], [52.0, 46.0]]],
+        # the first lies outside all circles, v1 goes round the second
+        keep_out_m=[
+            [[50.0, 40.0], [55.0, 40.0], [52.0, 46.0]],
+            [[-5.0, -4.0], [6.0, -3.0], [2.0, 5.0]],
+        ],
+        landmarks_m=[[0.0, -24.0], [70.0, 50.0], [68.0, -9.0], [20.0, 40.0]],
     )
     nlp = nlp_of(problem, STAGE)
     labels = " ".join(nlp.labels)
-    assert all(word in labels for word in ("contact", "separation", "area_m", "keep_out_m"))
+    named = ("contact", "separation", "clearance", "area_m", "keep_out_m[0]", "keep_out_m[1]")
+    assert all(word in labels for word in named)
     assert ("window bound" in labels) == (objective != "predicted_rms")
-    at = _point(nlp, problem)
-    values, jacobian = nlp.jacobian(at, np.zeros((0, 1)))
-    function = ca.Function("g", [nlp.variables], [nlp.constraints])
-    wanted = _differences(function, at)
-    np.testing.assert_allclose(np.array(values), np.array(function(at)))
+    at, sides = _point(nlp, problem), nlp.sides_of(circles_of(problem.orbits))
+    assert set(np.sign(sides)) == {1.0, -1.0}
+    values, jacobian = nlp.jacobian(at, sides)
+    function = ca.Function("g", [nlp.variables, nlp.sides], [nlp.constraints])
+    wanted = _differences(lambda moved: function(moved, sides), at)
+    np.testing.assert_allclose(np.array(values), np.array(function(at, sides)))
     np.testing.assert_allclose(
         np.array(ca.DM(jacobian)), wanted, atol=1e-6 * np.abs(wanted).max(), rtol=1e-5
     )

@@ -23,13 +23,23 @@ from syncplan.refinement.refiner import refine
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario
 
-__all__ = ["Finding", "draw_scenario", "faults_of", "main", "search_one"]
+__all__ = [
+    "NEAR_SHARE",
+    "ROUNDING",
+    "Finding",
+    "draw_scenario",
+    "faults_of",
+    "landmark_passes",
+    "main",
+    "search_one",
+]
 
 
 INSTANTS = 20_000
 BOX_M = 5.0
 ROUNDING = 2e-6
 RANK_TOLERANCE = 1e-8
+NEAR_SHARE = 0.1
 NEAREST = 1e-3
 
 
@@ -160,6 +170,7 @@ def faults_of(before: Plan, after: Plan) -> list[str]:
     faults = [
         *_circle_faults(before, after),
         *_separation_faults(before, after),
+        *_landmark_faults(before, after),
         *_contact_faults(before, after),
     ]
     old, new = _rows(before), _rows(after)
@@ -170,13 +181,15 @@ def faults_of(before: Plan, after: Plan) -> list[str]:
         faults.append(f"rank {rank_before} became {rank_after}")
     if before.certificate.holds and not after.certificate.holds:
         faults.append("certificate lost")
+    record = after.refinement
+    assert record is not None
+    if record.cleared:
+        return faults
     full = 3 * before.orbits.count
     if rank_before == full:
         bound_before, bound_after = _window_bound(old), _window_bound(new)
         if bound_after > bound_before * (1.0 + 1e-5):
             faults.append(f"window bound {bound_before:.6g} became {bound_after:.6g}")
-    record = after.refinement
-    assert record is not None
     cost_before = _cost(before, record.objective, old, scale, rank_before == full)
     cost_after = _cost(after, record.objective, new, scale, rank_after == full)
     if cost_after > cost_before + 1e-7 * abs(cost_before):
@@ -248,12 +261,29 @@ def _least_distances(given: Plan) -> Array:
 
 
 def _separation_faults(before: Plan, after: Plan) -> list[str]:
-    floor = before.scenario.min_separation_m
-    if floor <= 0.0:
-        return []
+    floor = before.scenario.min_separation_m or NEAR_SHARE * float(after.orbits.radii.mean())
     old, new = _least_distances(before), _least_distances(after)
     bad = (new < floor * (1.0 - ROUNDING)) & (old >= floor)
     return [f"separation {new[k]:.6g} m, asked {floor:.6g} m" for k in np.flatnonzero(bad)]
+
+
+def landmark_passes(given: Plan) -> Array:
+    """Return (n, m) m: how near each vehicle passes each landmark, at many instants of a turn."""
+    period = 2.0 * np.pi / given.orbits.rate
+    path = _paths(given, np.arange(INSTANTS, dtype=np.float64) * (period / INSTANTS))
+    passes = [
+        np.hypot(*(path - landmark).transpose(2, 0, 1)).min(axis=0) for landmark in given.landmarks
+    ]
+    return np.array(passes).reshape(len(passes), given.orbits.count).T
+
+
+def _landmark_faults(before: Plan, after: Plan) -> list[str]:
+    """Passes that are nearer than asked and than before."""
+    stated = before.scenario.landmark_clearance_m
+    asked = NEAR_SHARE * float(after.orbits.radii.mean()) if stated is None else stated
+    old, new = landmark_passes(before), landmark_passes(after)
+    bad = (new < asked * (1.0 - ROUNDING)) & (new < old - ROUNDING)
+    return [f"a landmark passed at {one:.6g} m, asked {asked:.6g} m" for one in new[bad]]
 
 
 def _rooms(given: Plan, times: Array) -> Array:

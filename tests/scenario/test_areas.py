@@ -1,0 +1,108 @@
+"""Where circles may lie, against points sampled along their paths."""
+
+from typing import Any
+
+import numpy as np
+import shapely
+from hypothesis import assume, given
+from hypothesis import example as known
+from hypothesis import strategies as st
+
+from syncplan.arrays import Array
+from syncplan.scenario.areas import Area
+
+# lengths to the millimetre: closer corners make shapely divide by zero
+COORDINATES = st.integers(-60_000, 60_000).map(lambda mm: mm / 1000.0)
+CORNERS = st.lists(st.tuples(COORDINATES, COORDINATES), min_size=3, max_size=7)
+RADII = st.integers(2_000, 40_000).map(lambda mm: mm / 1000.0)
+PLACES = st.tuples(COORDINATES, COORDINATES)
+
+INNER = [(-5.0, -5.0), (5.0, -5.0), (5.0, 5.0), (-5.0, 5.0)]
+SAMPLES = 2000
+ALL_ROUND = np.array([[-200.0, -200.0], [200.0, -200.0], [200.0, 200.0], [-200.0, 200.0]])
+ARC_ERROR = 1e-3
+
+
+def hull_of(corners: Any) -> Array:
+    """Corners of the convex hull; assumes that it is no sliver."""
+    hull = shapely.MultiPoint(corners).convex_hull
+    assume(hull.geom_type == "Polygon" and hull.area >= 1.0)
+    return np.array(hull.exterior.coords)[:-1]
+
+
+def sampled(polygon: Array, center: Any, radius: float) -> float:
+    """Least distance in m of points on the path from the polygon, 0 within it."""
+    angle = np.linspace(0.0, 2.0 * np.pi, SAMPLES, endpoint=False)
+    path = shapely.points(center + radius * np.column_stack([np.cos(angle), np.sin(angle)]))
+    return float(shapely.distance(path, shapely.Polygon(polygon)).min())
+
+
+@given(CORNERS, PLACES, RADII)
+@known(INNER, (0.0, 0.0), 20.0)
+@known(INNER, (20.0, 0.0), 20.0)
+def test_a_disc_clears_a_keep_out_where_its_path_does_and_it_does_not_go_round_it(
+    corners: Any, center: Any, radius: float
+) -> None:
+    polygon = hull_of(corners)
+    area = Area(None, (polygon,))
+    centers, radii = np.array([center]), np.array([radius])
+    disc, ((path,),) = area.clearances(centers, radii)[0], area.path_clearances(centers, radii)
+    (round_it,) = area.goes_round(0, centers, radii)
+    if path <= 0.0:
+        assert disc <= 0.0
+    elif round_it:
+        assert disc < 0.0
+        assert np.all(np.hypot(*(polygon - center).T) < radius)
+    else:
+        assert disc == path
+
+
+@given(CORNERS, PLACES, RADII)
+@known(INNER, (0.0, 0.0), 20.0)
+@known(INNER, (14.0, 0.0), 20.0)
+@known(INNER, (18.0, 0.0), 20.0)
+def test_the_nearest_clear_centre_is_clear_and_none_is_nearer(
+    corners: Any, center: Any, radius: float
+) -> None:
+    polygon = hull_of(corners)
+    area = Area(ALL_ROUND, (polygon,))
+    moved = area.nearest_clear(np.array([center]), np.array([radius]), paths=True)
+    assert moved is not None
+    assert sampled(polygon, moved[0], radius) > 0.0
+    assert area.path_clearances(moved, np.array([radius])).min() >= 0.0
+    # no smaller step leads to a centre that is clear by more than what arcs are off
+    away = float(np.hypot(*(moved[0] - center)))
+    angle = np.linspace(0.0, 2.0 * np.pi, 60)
+    for share in (0.0, 0.3, 0.7, 0.97) if away > 0.0 else ():
+        tried = center + share * away * np.column_stack([np.cos(angle), np.sin(angle)])
+        clear = area.path_clearances(tried, np.full(len(tried), radius)).min(axis=0)
+        assert clear.max() < ARC_ERROR * radius
+
+
+@given(CORNERS, PLACES, RADII, st.integers(0, 10_000).map(lambda mm: mm / 1000.0))
+@known(INNER, (0.0, 0.0), 20.0, 1.0)
+def test_room_is_found_wherever_a_clear_centre_is(
+    corners: Any, center: Any, radius: float, box: float
+) -> None:
+    polygon = hull_of(corners)
+    area = Area(ALL_ROUND, (polygon,))
+    steps = np.linspace(-box, box, 9)
+    tried = center + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    clear = area.path_clearances(tried, np.full(len(tried), radius)).min(axis=0)
+    lower, upper = np.array(center) - box, np.array(center) + box
+    has_room = area.has_room((radius, radius), lower, upper)
+    if clear.max() >= 0.0:
+        assert has_room
+    elif clear.max() < -0.18 * box - ARC_ERROR * radius:
+        # each centre is within an eighth of the box, each way, of one that was tried
+        assert not has_room
+
+
+def test_a_disc_that_fits_nowhere_may_have_room_round_a_keep_out() -> None:
+    strip = np.array([[-22.0, -22.0], [22.0, -22.0], [22.0, 22.0], [-22.0, 22.0]])
+    area = Area(strip, (np.array(INNER),))
+    centers, radii = np.array([[1.0, 1.5]]), np.array([20.0])
+    assert area.nearest_clear(centers, radii) is None
+    np.testing.assert_array_equal(area.nearest_clear(centers, radii, paths=True), centers)
+    assert area.has_room((20.0, 20.0), centers[0] - 1.0, centers[0] + 1.0)
+    assert not area.has_room((6.0, 6.0), centers[0] - 1.0, centers[0] + 1.0)
