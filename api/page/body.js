@@ -1,7 +1,9 @@
 // The vehicle or landmark that was chosen: its own part of the form, and how one comes or goes.
 
-import { byId, element } from "./elements.js";
+import { byId, element, notice, shown } from "./elements.js";
 import { Fields } from "./fields.js";
+import { freeCenter, freeSite, gapBetween, inReach } from "./free_space.js";
+import { LinkAdding } from "./link_adding.js";
 import {
   addLandmark,
   landmarksOf,
@@ -9,6 +11,7 @@ import {
   withCenter,
   withDirection,
   withLandmark,
+  withLinks,
   withRadius,
   withSensor,
   withVehicle,
@@ -20,16 +23,24 @@ const TURNS = { ccw: "counter-clockwise", cw: "clockwise" };
 const CHOICE = { kind: "choice" };
 const AT_LEAST_0 = { min: 0 };
 
+/** How one more of a kind comes: where there is room, the change, all of the kind, and what lacks room. */
+const GROWTH = {
+  vehicle: { place: freeCenter, change: withMember, all: vehiclesOf, noRoom: "for another circle of the last one's size" },
+  landmark: { place: freeSite, change: addLandmark, all: landmarksOf, noRoom: "for another landmark" },
+};
+
 /** The part of the form for one vehicle or landmark of a store's scenario. */
 export class Body {
   /** the element to put in the form */
   group = element("fieldset", { class: "group" });
   fields = new Fields();
   #store;
+  #linking;
   #names = "";
 
   constructor(store) {
     this.#store = store;
+    this.#linking = new LinkAdding(store);
     for (const event of ["opened", "selected"]) store.addEventListener(event, () => this.#build());
   }
 
@@ -54,20 +65,22 @@ export class Body {
     );
     const known = selected && selected.k < (selected.kind === "vehicle" ? vehicles : landmarks).length;
     picker.value = known ? `${selected.kind} ${selected.k}` : "";
-    this.group.replaceChildren(
+    const parts = [
       element("legend", {}, "Selected vehicle or landmark"),
       element("div", { class: "field wide" }, element("label", { for: "chosen" }, "Vehicle or landmark"), picker),
       ...(known ? this.#fieldsOf(selected) : []),
+      known && selected.kind === "vehicle" ? this.#linking.element : null,
       element(
         "div",
         { class: "row" },
-        element("button", { type: "button", onclick: () => this.#grow(withVehicle) }, "Add vehicle"),
-        element("button", { type: "button", onclick: () => this.#grow(addLandmark) }, "Add landmark"),
+        element("button", { type: "button", onclick: () => this.#grow("vehicle") }, "Add vehicle"),
+        element("button", { type: "button", onclick: () => this.#grow("landmark") }, "Add landmark"),
         known && (selected.kind === "landmark" || vehicles.length > 1)
           ? element("button", { type: "button", onclick: () => this.#remove(selected) }, "Remove")
           : null,
       ),
-    );
+    ];
+    this.group.replaceChildren(...parts.filter((one) => one !== null));
     this.#put();
   }
 
@@ -115,6 +128,7 @@ export class Body {
     if (!selected) return;
     const body = (selected.kind === "vehicle" ? vehiclesOf(scenario, plan) : landmarksOf(scenario))[selected.k];
     if (!body) return;
+    if (selected.kind === "vehicle") this.#linking.show(selected.k);
     const values = { ...body, ...body.sensor };
     for (const key of this.fields.keys) {
       const value = values[key.slice("chosen.".length)];
@@ -129,8 +143,22 @@ export class Body {
     byId("chosen").focus();
   }
 
-  #grow(change) {
-    this.#store.edit(change(this.#store.scenario));
+  /** Put one more where there is room for it, and select it. */
+  #grow(kind) {
+    const { place, change, all, noRoom } = GROWTH[kind];
+    const { scenario, given } = this.#store;
+    const at = place(scenario);
+    if (!at) {
+      notice(`There is no room ${noRoom}: move something, or enlarge the area.`, { fault: true });
+      return;
+    }
+    this.#store.edit(change(scenario, at));
+    const k = all(scenario).length;
+    this.#store.select({ kind, k });
+    // that phases were lost is said already, and matters more
+    const { scenario: grown } = this.#store;
+    const link = grown.formation.links?.length > scenario.formation.links?.length ? `, with the link ${grown.formation.links.at(-1).join("-")}` : "";
+    if (!given) notice(`${all(grown)[k].name} added at ${shown(at.x)}, ${shown(at.y)} m${link}.`);
     byId("chosen").focus();
   }
 
@@ -139,6 +167,16 @@ export class Body {
     this.#store.edit((kind === "vehicle" ? withoutVehicle : withoutLandmark)(this.#store.scenario, k));
     byId("chosen").focus();
   }
+}
+
+/** Return the scenario with one more vehicle; where links are listed, linked to the nearest one. */
+function withMember(scenario, at) {
+  const changed = withVehicle(scenario, at);
+  const { links } = changed.formation;
+  const all = vehiclesOf(changed);
+  const last = all.pop();
+  const near = all.filter((one) => inReach(one, last)).sort((a, b) => gapBetween(a, last) - gapBetween(b, last));
+  return links && near.length ? withLinks(changed, [...links, [near[0].name, last.name]]) : changed;
 }
 
 function namesIn(scenario) {

@@ -78,6 +78,12 @@ export async function showFrame(frame, { data, traces }) {
   return Plotly.react(frame, now, frame.layout, CONFIG);
 }
 
+/** Show more of a map: from and to in m along each axis. */
+export async function widen(frame, x, y) {
+  const Plotly = await loaded;
+  return Plotly.relayout(frame, { "xaxis.range": x, "yaxis.range": y });
+}
+
 /** Change what lies over a figure. */
 export async function reshape(frame, shapes) {
   const Plotly = await loaded;

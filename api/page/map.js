@@ -1,6 +1,6 @@
 // The formation drawn by Plotly, with handles over it that pointer and keyboard move.
 
-import { draw, isNarrow } from "./drawing.js";
+import { draw, isNarrow, widen } from "./drawing.js";
 import { byId, element, shown } from "./elements.js";
 import { legendOf } from "./legend.js";
 import { landmarksOf, round, vehiclesOf, withCenter, withLandmark } from "./scenario.js";
@@ -9,6 +9,7 @@ import { Sight } from "./sight.js";
 const STEP = 0.01;
 const LONG_STEP = 0.05;
 const TREMOR_PX = 4;
+const SAME_M = 1e-6;
 
 /** The map: draws what the service sends, and turns handles that move into edits. */
 export class FormationMap {
@@ -32,6 +33,7 @@ export class FormationMap {
     for (const name of ["scenario", "opened", "selected"]) {
       store.addEventListener(name, () => this.#placeHandles());
     }
+    store.addEventListener("faults", () => this.#reveal());
     document.addEventListener("keydown", (event) => event.key === "Escape" && this.#takeBack());
   }
 
@@ -99,19 +101,45 @@ export class FormationMap {
       const handle = made[k] || this.#newHandle();
       const { selected } = this.#store;
       handle.body = body;
-      handle.className = `handle ${body.kind}`;
+      const there = this.#isDrawn(body);
+      handle.className = `handle ${body.kind}${there ? "" : " moved"}`;
       handle.setAttribute("aria-pressed", selected?.kind === body.kind && selected.k === body.k);
       handle.setAttribute("aria-label", labelOf(body));
       handle.title = body.name;
-      handle.style.left = `${axes.xaxis._offset + axes.xaxis.d2p(body.x)}px`;
-      handle.style.top = `${axes.yaxis._offset + axes.yaxis.d2p(body.y)}px`;
+      handle.style.left = `${pixelOf(axes.xaxis, body.x)}px`;
+      handle.style.top = `${pixelOf(axes.yaxis, body.y)}px`;
       const ring = handle.firstChild;
-      ring.hidden = !(this.#dragged === handle && body.kind === "vehicle");
+      ring.hidden = body.kind !== "vehicle" || (there && this.#dragged !== handle) || !isInView(axes, body);
       if (!ring.hidden) {
         const size = 2 * Math.abs(axes.xaxis.d2p(body.radius) - axes.xaxis.d2p(0));
         ring.style.width = ring.style.height = `${size}px`;
       }
     });
+  }
+
+  /** Whether the map shows a body where the scenario has it: not while an edit waits or is at fault. */
+  #isDrawn(body) {
+    const { plan } = this.#store;
+    if (!plan) return false;
+    const drawn = body.kind === "vehicle" ? plan.vehicles[body.k] : landmarksOf(plan.scenario)[body.k];
+    if (!drawn) return false;
+    const [x, y] = drawn.center_m || [drawn.x, drawn.y];
+    const grown = (body.radius ?? 0) - (drawn.radius_m ?? 0);
+    return Math.hypot(x - body.x, y - body.y, grown) <= SAME_M;
+  }
+
+  /** Widen the view to all that the scenario has: what is at fault is drawn by no plan. */
+  #reveal() {
+    const axes = this.#plot._fullLayout;
+    if (this.#held || !axes?.xaxis || !this.#store.scenario) return;
+    const bodies = this.#bodies();
+    const spans = ["x", "y"].map((name) => {
+      const ends = bodies.flatMap((one) => [one[name] - (one.radius ?? 0), one[name] + (one.radius ?? 0)]);
+      const seen = axes[`${name}axis`].range;
+      return { seen, all: [Math.min(...seen, ...ends), Math.max(...seen, ...ends)] };
+    });
+    if (spans.every(({ seen, all }) => all[0] === seen[0] && all[1] === seen[1])) return;
+    widen(this.#plot, ...spans.map(({ all }) => all));
   }
 
   #newHandle() {
@@ -186,8 +214,19 @@ export class FormationMap {
 
   #move(body, x, y, how) {
     const change = body.kind === "vehicle" ? withCenter : withLandmark;
-    this.#store.edit(change(this.#store.scenario, body.k, tidied(x, this.#plot), tidied(y, this.#plot)), how);
+    const { xaxis, yaxis } = this.#plot._fullLayout;
+    this.#store.edit(change(this.#store.scenario, body.k, tidied(x, xaxis), tidied(y, yaxis)), how);
   }
+}
+
+/** Where a coordinate lies over the map, in px; at the edge what lies beyond it. */
+function pixelOf(axis, value) {
+  return axis._offset + Math.min(Math.max(axis.d2p(value), 0), axis._length);
+}
+
+function isInView(axes, { x, y }) {
+  const within = ({ range }, value) => value >= range[0] && value <= range[1];
+  return within(axes.xaxis, x) && within(axes.yaxis, y);
 }
 
 function labelOf(body) {
@@ -195,10 +234,10 @@ function labelOf(body) {
   return body.kind === "vehicle" ? `Circle of ${body.name}, centre at ${where}` : `Landmark ${body.name} at ${where}`;
 }
 
-/** A coordinate rounded to the size of a pixel. */
-function tidied(value, plot) {
-  const { range, _length: length } = plot._fullLayout.xaxis;
-  const pixel = Math.abs(range[1] - range[0]) / length;
-  const tidy = 10 ** Math.floor(Math.log10(pixel));
-  return round(Math.round(value / tidy) * tidy);
+/** A coordinate within the view, rounded to the size of a pixel. */
+function tidied(value, { range, _length: length }) {
+  const [low, high] = range;
+  const tidy = 10 ** Math.floor(Math.log10((high - low) / length));
+  const kept = Math.min(Math.max(Math.round(value / tidy), Math.ceil(low / tidy)), Math.floor(high / tidy));
+  return round(kept * tidy);
 }

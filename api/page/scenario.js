@@ -145,14 +145,11 @@ export function withDirection(scenario, plan, k, direction) {
   return withValue(scenario, "orbit.direction", directions);
 }
 
-/** Return the scenario with one more vehicle, beside the last one. */
-export function withVehicle(scenario) {
+/** Return the scenario with one more vehicle, like the last one, about a centre. */
+export function withVehicle(scenario, { x, y }) {
   const changed = structuredClone(scenario);
-  const all = vehiclesOf(scenario);
-  const last = all.at(-1);
-  const spacing = all.length > 1 ? Math.hypot(last.x - all.at(-2).x, last.y - all.at(-2).y) : 3 * last.radius;
   const { formation, orbit } = changed;
-  formation.centers_m.push([round(last.x + spacing), last.y]);
+  formation.centers_m.push([x, y]);
   if (formation.names) formation.names.push(free("v", formation.names));
   for (const part of ["radius_m", "direction", "desync_rad", "speed_mps"]) {
     if (Array.isArray(orbit[part])) orbit[part].push(orbit[part].at(-1));
@@ -191,14 +188,12 @@ export function withoutLink(scenario, k) {
   return withLinks(scenario, scenario.formation.links.filter((_, i) => i !== k));
 }
 
-export function addLandmark(scenario) {
+/** Return the scenario with one more landmark. */
+export function addLandmark(scenario, { x, y }) {
   const changed = structuredClone(scenario);
-  const { x, y, radius } = vehiclesOf(scenario)[0];
-  const all = landmarksOf(scenario);
-  const beside = all.length ? [all.at(-1).x, all.at(-1).y + 2 * radius] : [x, y + 2 * radius];
   const { landmarks_m: landmarks } = changed;
-  if (Array.isArray(landmarks)) landmarks.push(beside.map(round));
-  else landmarks[free("L", Object.keys(landmarks))] = beside.map(round);
+  if (Array.isArray(landmarks)) landmarks.push([x, y]);
+  else landmarks[free("L", Object.keys(landmarks))] = [x, y];
   return changed;
 }
 

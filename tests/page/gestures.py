@@ -16,7 +16,8 @@ def handle(page: Page, name: str) -> Locator:
 
 
 def drag(page: Page, name: str, by: tuple[float, float]) -> None:
-    """Drag a circle or a landmark by so many pixels."""
+    """Drag a circle or a landmark by so many pixels, from the middle of the window."""
+    handle(page, name).evaluate("one => one.scrollIntoView({ block: 'center' })")
     box = handle(page, name).bounding_box()
     assert box is not None
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2

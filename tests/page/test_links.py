@@ -2,7 +2,7 @@
 
 from playwright.sync_api import Page, expect
 
-from tests.page.gestures import downloaded, drag
+from tests.page.gestures import downloaded, drag, handle
 from tests.tools.browsing import Visit, accessibility_faults
 
 ALTERNATE = "paper-grid-alternate"
@@ -18,7 +18,7 @@ def test_a_link_dragged_out_of_reach_is_told_in_its_group_and_cured_there(visit:
     visit.choose(ALTERNATE)
     group = page.locator("details.links")
     expect(group).not_to_have_attribute("open", "")
-    drag(page, "v3", (30.0, 200.0))
+    drag(page, "v3", (120.0, 200.0))
     expect(group).to_have_attribute("open", "")
     told = group.locator("li.bad")
     expect(told).to_have_count(1)
@@ -59,7 +59,7 @@ def test_links_follow_reach_or_are_fixed_by_keyboard(visit: Visit) -> None:
     visit.settle()
     group = page.locator("details.links")
     expect(group).to_contain_text("linked, 7 links just now")
-    drag(page, "v3", (30.0, 200.0))
+    drag(page, "v3", (120.0, 200.0))
     visit.settle()
     expect(page.locator("#notice.bad")).to_have_count(0)
     expect(group).to_contain_text("linked, 5 links just now")
@@ -72,3 +72,45 @@ def test_links_follow_reach_or_are_fixed_by_keyboard(visit: Visit) -> None:
     assert len(downloaded(page)["formation"]["links"]) == 5
     page.get_by_role("button", name="Undo").click()
     expect(fix).to_be_visible()
+
+
+def test_a_link_is_added_to_the_selected_vehicle_by_keyboard(visit: Visit) -> None:
+    page = visit.page
+    # of the diagonals only those within reach are offered, and no link twice
+    page.get_by_label("Range (m)", exact=True).fill("60")
+    visit.settle()
+    handle(page, "v1").press("Enter")
+    to = page.get_by_label("Link to")
+    expect(to.locator("option")).to_have_text(["v5, 58.99 m"])
+    assert accessibility_faults(page) == []
+    add = page.get_by_role("button", name="Add link")
+    add.press("Enter")
+    expect(page.locator("#notice")).to_contain_text("Link v1-v5 added")
+    expect(page.locator("#chosen")).to_be_focused()
+    expect(add).to_be_hidden()
+    expect(page.locator("#link-hint")).to_have_text(
+        "v1 is linked to every vehicle within its reach."
+    )
+    visit.settle()
+    assert downloaded(page)["formation"]["links"][-1] == ["v1", "v5"]
+    page.locator("summary", has_text="Links").press("Enter")
+    assert "v1-v5" in " ".join(_links(page))
+    page.get_by_role("button", name="Remove v1-v5").click()
+    expect(add).to_be_visible()
+    visit.settle()
+    assert len(downloaded(page)["formation"]["links"]) == 7
+
+
+def test_links_that_follow_reach_are_named_and_none_can_be_added(visit: Visit) -> None:
+    page = visit.page
+    page.locator("summary", has_text="Links").press("Enter")
+    page.get_by_role("button", name="Let links follow reach").press("Enter")
+    visit.settle()
+    handle(page, "v2").click()
+    expect(page.locator("#link-hint")).to_have_text(
+        "Links follow reach: v2 is linked to v1, v3, v5."
+    )
+    expect(page.get_by_role("button", name="Add link")).to_be_hidden()
+    assert "links" not in downloaded(page)["formation"]
+    page.get_by_label("Range (m)", exact=True).fill("20")
+    expect(page.locator("#link-hint")).to_contain_text("No other circle comes within reach of v2")

@@ -167,7 +167,7 @@ def test_while_a_scenario_is_at_fault_no_findings_are_said_to_go_with_its_files(
     visit.choose("paper-grid-alternate")
     found = page.locator("#export-findings")
     expect(found.locator(".remark")).to_have_count(2)
-    drag(page, "v3", (30.0, 150.0))
+    drag(page, "v3", (120.0, 150.0))
     visit.doubt("Before the fault: ✗ NO-GO")
     expect(found).to_be_empty()
     page.get_by_role("button", name="Undo").click()

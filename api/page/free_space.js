@@ -1,0 +1,194 @@
+// Where another circle or landmark finds room: clear of all that is there, and within reach of the team.
+
+import { landmarksOf, round, vehiclesOf } from "./scenario.js";
+
+/** Share of the mean radius that is kept where the scenario states no distance; the verdict has the same. */
+const TOO_NEAR = 0.1;
+
+/** Share by which more is kept than is asked for: coordinates are rounded. */
+const SPARE = 0.02;
+
+/** Directions that are tried round each vehicle. */
+const DIRECTIONS = 24;
+
+/** Where, between touching and out of reach, places are tried. */
+const SHARES = [0.6, 0.3, 0.9];
+
+/** Places of the team's own pattern that are tried from each vehicle. */
+const MOST_STEPS = 24;
+
+/** How many times the distance grows by half where nothing near is free. */
+const FARTHER = 12;
+
+/** Points along each side of an area's box that are tried last. */
+const GRID = 40;
+
+/** Return `{ x, y }`, a centre for another vehicle like the last one, or null where no room is found. */
+export function freeCenter(scenario) {
+  const vehicles = vehiclesOf(scenario);
+  const like = vehicles.at(-1);
+  const { clearance, separation } = distances(scenario, vehicles, like.radius);
+  const landmarks = landmarksOf(scenario);
+  const free = (at) =>
+    vehicles.every((one) => away(at, one) >= one.radius + like.radius + separation) &&
+    landmarks.every((one) => away(at, one) >= like.radius + clearance) &&
+    clearOfPolygons(scenario, at, like.radius * (1 + SPARE));
+  const meets = (at) => vehicles.filter((one) => inReach(one, { ...like, ...at }));
+  const span = (one) => [one.radius + like.radius + separation, one.radius + like.radius + reachOf(one, like)];
+  const pattern = steps(vehicles).flatMap(([x, y]) => vehicles.map((one) => ({ x: one.x + x, y: one.y + y, pattern: true })));
+  return chosen([...pattern, ...around(vehicles, span)], { scenario, vehicles, free, meets, span });
+}
+
+/** Return `{ x, y }`, a place for another landmark, or null where no room is found. */
+export function freeSite(scenario) {
+  const vehicles = vehiclesOf(scenario);
+  const { clearance, meanRadius } = distances(scenario, vehicles, 0);
+  const landmarks = landmarksOf(scenario);
+  const free = (at) =>
+    vehicles.every((one) => away(at, one) >= one.radius + clearance) && landmarks.every((one) => away(at, one) >= meanRadius);
+  const meets = (at) => vehicles.filter((one) => away(at, one) <= one.radius + one.sensor.range_m);
+  const span = (one) => [one.radius + clearance, one.radius + one.sensor.range_m];
+  return chosen(around(vehicles, span), { scenario, vehicles, free, meets, span });
+}
+
+/** Whether the circles of two vehicles come near enough for one to see the other. */
+export function inReach(one, other) {
+  return gapBetween(one, other) <= reachOf(one, other);
+}
+
+/** The least distance, in m, at which two vehicles on their circles can meet. */
+export function gapBetween(one, other) {
+  const apart = away(one, other);
+  return Math.max(apart - one.radius - other.radius, Math.abs(one.radius - other.radius) - apart, 0);
+}
+
+/** The best of the places that are free: the first ones tried, else farther and farther ones. */
+function chosen(tried, { scenario, vehicles, free, meets, span }) {
+  const middle = { x: mean(vehicles.map((one) => one.x)), y: mean(vehicles.map((one) => one.y)) };
+  const odd = vehicles.some((one) => closesTriangle(vehicles.filter((other) => other !== one && inReach(one, other))));
+  const rankOf = (at) => rank(at, meets(at), middle, odd);
+  const unit = 10 ** Math.floor(Math.log10(mean(vehicles.map((one) => one.radius)) / 50));
+  const best = (places) => {
+    const rated = places.map((at) => tidy(at, unit)).filter(free).map((at) => ({ at, rank: rankOf(at) }));
+    return rated.length ? rated.reduce((a, b) => (before(a.rank, b.rank) ? a : b)).at : null;
+  };
+  const found = best(tried);
+  if (found && meets(found).length) return found;
+  for (let k = 1; k <= FARTHER; k += 1) {
+    const place = best(around(vehicles, (one) => span(one).map((distance) => distance * 1.5 ** k)));
+    if (found || place) return found || place;
+  }
+  return best(grid(scenario.area_m || []));
+}
+
+/** What makes a place better, first things first.
+ *
+ * Vehicles to meet; no odd cycle, which has no phases in closed form, unless the team has some; the
+ * team's own pattern; more vehicles to meet; nearer to the middle.
+ */
+function rank(at, met, middle, odd) {
+  return [met.length ? 0 : 1, !odd && closesTriangle(met) ? 1 : 0, at.pattern ? 0 : 1, -met.length, away(at, middle)];
+}
+
+/** Whether two of the vehicles that one meets meet each other. */
+function closesTriangle(met) {
+  return met.some((one, i) => met.slice(i + 1).some((other) => inReach(one, other)));
+}
+
+function before(one, other) {
+  const k = one.findIndex((value, i) => value !== other[i]);
+  return k < 0 || one[k] < other[k];
+}
+
+/** The steps from a vehicle to one within its reach: a grid goes on as a grid. */
+function steps(vehicles) {
+  const found = new Map();
+  for (const one of vehicles) {
+    for (const other of vehicles) {
+      if (found.size >= MOST_STEPS) break;
+      const step = [round(other.x - one.x), round(other.y - one.y)];
+      if (one !== other && inReach(one, other)) found.set(step.join(), step);
+    }
+  }
+  return [...found.values()];
+}
+
+/** Places round each vehicle, between two distances from it. */
+function around(vehicles, span) {
+  return vehicles.flatMap((one) => {
+    const [least, most] = span(one);
+    return SHARES.flatMap((share) =>
+      Array.from({ length: DIRECTIONS }, (_, k) => {
+        const distance = least + share * Math.max(most - least, 0);
+        const angle = (2 * Math.PI * k) / DIRECTIONS;
+        return { x: one.x + distance * Math.cos(angle), y: one.y + distance * Math.sin(angle) };
+      }),
+    );
+  });
+}
+
+/** Places all over an area. */
+function grid(corners) {
+  if (!corners.length) return [];
+  const [xs, ys] = [0, 1].map((axis) => corners.map((one) => one[axis]));
+  const at = (values, k) => Math.min(...values) + ((Math.max(...values) - Math.min(...values)) * (k + 0.5)) / GRID;
+  return Array.from({ length: GRID * GRID }, (_, k) => ({ x: at(xs, k % GRID), y: at(ys, Math.floor(k / GRID)) }));
+}
+
+/** What is kept from other circles and from landmarks, in m, with another circle of that radius; 0 for none. */
+function distances({ min_separation_m: stated, landmark_clearance_m: clearance }, vehicles, radius) {
+  const radii = vehicles.map((one) => one.radius);
+  const meanRadius = mean(radius ? [...radii, radius] : radii);
+  const least = TOO_NEAR * meanRadius;
+  return {
+    meanRadius,
+    separation: (stated || least) * (1 + SPARE),
+    clearance: (clearance ?? least) * (1 + SPARE) + SPARE * meanRadius,
+  };
+}
+
+/** Whether a circle lies within the area and clear of every keep-out. */
+function clearOfPolygons({ area_m: area, keep_out_m: kept }, at, radius) {
+  if (area && !(within(area, at) && toEdges(area, at) >= radius)) return false;
+  return (kept || []).every((one) => !within(one, at) && toEdges(one, at) >= radius);
+}
+
+/** Whether a point lies in a polygon: a ray from it crosses an odd number of edges. */
+function within(corners, { x, y }) {
+  const crossed = edges(corners).filter(([[ax, ay], [bx, by]]) => ay > y !== by > y && x < ax + ((y - ay) * (bx - ax)) / (by - ay));
+  return crossed.length % 2 === 1;
+}
+
+/** The distance in m from a point to the nearest edge of a polygon. */
+function toEdges(corners, { x, y }) {
+  return Math.min(
+    ...edges(corners).map(([[ax, ay], [bx, by]]) => {
+      const [dx, dy] = [bx - ax, by - ay];
+      const along = ((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy || 1);
+      const share = Math.min(Math.max(along, 0), 1);
+      return Math.hypot(x - ax - share * dx, y - ay - share * dy);
+    }),
+  );
+}
+
+function edges(corners) {
+  return corners.map((one, k) => [one, corners[(k + 1) % corners.length]]);
+}
+
+function reachOf(one, other) {
+  return Math.max(one.sensor.range_m, other.sensor.range_m);
+}
+
+function away(one, other) {
+  return Math.hypot(one.x - other.x, one.y - other.y);
+}
+
+function mean(values) {
+  return values.reduce((sum, one) => sum + one, 0) / values.length;
+}
+
+/** A place as people would type it; one of the team's pattern stays in it. */
+function tidy(at, unit) {
+  if (at.pattern) return { ...at, x: round(at.x), y: round(at.y) };
+  return { ...at, x: round(Math.round(at.x / unit) * unit), y: round(Math.round(at.y / unit) * unit) };
+}

@@ -1,0 +1,152 @@
+"""Vehicles and landmarks added on the page: where there is room, within reach, selected."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from playwright.sync_api import Page, expect
+
+from syncplan.planning.planner import plan
+from syncplan.scenario.loading import scenario_from
+from tests.page.gestures import downloaded, handle, opened
+from tests.tools.browsing import Visit, accessibility_faults
+from tests.tools.scenarios import document
+
+BLOCKING = {"vehicles-too-close", "landmark-too-close", "outside-area", "in-keep-out"}
+AREA = [[-60.0, -60.0], [200.0, -60.0], [200.0, 130.0], [-60.0, 130.0]]
+KEPT = [[[-20.0, 45.0], [90.0, 45.0], [90.0, 100.0], [-20.0, 100.0]]]
+
+Tree = dict[str, Any]
+
+
+def _blocked(scenario: Tree) -> list[str]:
+    """What the library finds in the way of the circles of a scenario."""
+    findings = plan(scenario_from(scenario)).verdict.findings
+    return [one.message for one in findings if one.code in BLOCKING]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"landmarks_m": [[190.0, 0.0], [35.0, 60.0]]},
+        {"area_m": AREA, "keep_out_m": KEPT, "min_separation_m": 6.0},
+        {"formation": {"centers_m": [[0.0, 0.0]]}},
+    ],
+    ids=["landmarks", "areas", "one vehicle"],
+)
+def test_vehicles_that_are_added_lie_in_free_space_and_are_selected(
+    visit: Visit, changes: Tree
+) -> None:
+    page = visit.page
+    opened(page, document(name="some", **changes))
+    before = len(downloaded(page)["formation"]["centers_m"])
+    for k in range(before, before + 3):
+        page.get_by_role("button", name="Add vehicle").press("Enter")
+        expect(page.locator("#chosen")).to_have_value(f"vehicle {k}")
+        expect(page.locator("#chosen")).to_be_focused()
+        expect(handle(page, f"v{k + 1}")).to_have_attribute("aria-pressed", "true")
+        expect(page.locator("#notice")).to_contain_text(f"v{k + 1} added at")
+        visit.settle()
+    scenario = downloaded(page)
+    assert len(scenario["formation"]["centers_m"]) == before + 3
+    assert _blocked(scenario) == []
+    # nobody is out of everybody's reach, and the links follow
+    links = plan(scenario_from(scenario)).links
+    assert {k for one in links for k in (one.a, one.b)} == set(range(before + 3))
+    assert accessibility_faults(page) == []
+
+
+def test_a_vehicle_that_is_added_to_listed_links_is_linked_and_the_team_stays_a_go(
+    visit: Visit,
+) -> None:
+    page = visit.page
+    page.get_by_role("button", name="Add vehicle").click()
+    visit.verdict("✓ GO · Observable: rank 21 of 21")
+    expect(page.locator("#notice")).to_contain_text("with the link v5-v7")
+    assert downloaded(page)["formation"]["links"][-1] == ["v5", "v7"]
+    page.get_by_role("button", name="Undo").click()
+    visit.verdict("Observable: rank 18 of 18")
+    assert ["v5", "v7"] not in downloaded(page)["formation"]["links"]
+
+
+def test_where_there_is_no_room_none_is_added_and_the_page_says_so(visit: Visit) -> None:
+    page = visit.page
+    tight = [[-25.0, -25.0], [95.0, -25.0], [95.0, 25.0], [-25.0, 25.0]]
+    opened(page, document(name="tight", area_m=tight))
+    page.get_by_role("button", name="Add vehicle").click()
+    expect(page.locator("#notice.bad")).to_contain_text("There is no room for another circle")
+    assert len(downloaded(page)["formation"]["centers_m"]) == 2
+
+
+def test_landmarks_that_are_added_keep_clear_of_the_circles_and_are_selected(visit: Visit) -> None:
+    page = visit.page
+    for k in range(2, 5):
+        page.get_by_role("button", name="Add landmark").click()
+        expect(page.locator("#chosen")).to_have_value(f"landmark {k}")
+        visit.settle()
+    scenario = downloaded(page)
+    assert len(scenario["landmarks_m"]) == 5
+    assert _blocked(scenario) == []
+    # each is seen
+    vehicles = len(scenario["formation"]["centers_m"])
+    seen = {one.b - vehicles for one in plan(scenario_from(scenario)).landmark_links}
+    assert seen >= {2, 3, 4}
+
+
+def _drawn(generator: np.random.Generator) -> Tree:
+    """A team of mixed circles that do not touch, with landmarks, an area and keep-outs."""
+    count = int(generator.integers(1, 9))
+    centers: list[list[float]] = []
+    radii: list[float] = []
+    while len(centers) < count:
+        at, radius = generator.uniform(0.0, 400.0, 2), float(generator.uniform(5.0, 30.0))
+        if all(math.dist(at, c) > radius + r + 5.0 for c, r in zip(centers, radii, strict=True)):
+            centers.append(at.tolist())
+            radii.append(radius)
+    sides = generator.uniform(10.0, 60.0, (3, 2))
+    corners = generator.uniform(-100.0, 500.0, (3, 2))
+    boxes = [shapely.box(*at, *(at + side)) for at, side in zip(corners, sides, strict=True)]
+    return {
+        "orbit": {"radius_m": radii, "direction": "ccw"},
+        "formation": {"centers_m": centers},
+        "sensor": {"range_m": float(generator.uniform(20.0, 120.0)), "fov_deg": 360},
+        "landmarks_m": generator.uniform(0.0, 400.0, (int(generator.integers(0, 4)), 2)).tolist(),
+        "min_separation_m": float(generator.choice([0.0, 12.0])),
+        "area_m": [[-150.0, -150.0], [550.0, -150.0], [550.0, 550.0], [-150.0, 550.0]],
+        "keep_out_m": [list(map(list, one.exterior.coords))[:-1] for one in boxes],
+    }
+
+
+def _free_centers(page: Page, scenarios: list[Tree]) -> list[dict[str, float] | None]:
+    found: list[dict[str, float] | None] = page.evaluate(
+        """async scenarios => {
+            const { freeCenter } = await import(new URL('assets/free_space.js', location.href));
+            return scenarios.map(freeCenter);
+        }""",
+        scenarios,
+    )
+    return found
+
+
+def test_free_centres_of_drawn_teams_are_clear_of_everything_and_within_reach(
+    visit: Visit,
+) -> None:
+    generator = np.random.default_rng(13)
+    drawn = [_drawn(generator) for _ in range(60)]
+    reached = 0
+    for scenario, place in zip(drawn, _free_centers(visit.page, drawn), strict=True):
+        assert place is not None
+        at = (place["x"], place["y"])
+        radii, centers = scenario["orbit"]["radius_m"], scenario["formation"]["centers_m"]
+        radius = radii[-1]
+        mean = float(np.mean([*radii, radius]))
+        gaps = [math.dist(at, c) - r - radius for c, r in zip(centers, radii, strict=True)]
+        assert min(gaps) >= (scenario["min_separation_m"] or 0.1 * mean)
+        assert all(math.dist(at, one) >= radius + 0.1 * mean for one in scenario["landmarks_m"])
+        disc = shapely.Point(at).buffer(radius)
+        assert shapely.Polygon(scenario["area_m"]).covers(disc)
+        assert not any(shapely.Polygon(one).intersects(disc) for one in scenario["keep_out_m"])
+        reached += min(gaps) <= scenario["sensor"]["range_m"]
+    assert reached == len(drawn)
