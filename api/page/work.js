@@ -192,8 +192,9 @@ function separationOf(before, after) {
 
 function validated(report, lost) {
   const { overall, anees, trials } = report;
-  // what a filter believes of a motion that nothing detects is no proof
-  const looks = { consistent: lost.length ? "" : "good", unknown: "" };
+  // what a filter believes of a motion that nothing detects is no proof; what is not to be flown is no success
+  const doubtful = lost.length > 0 || report.verdict?.go === false;
+  const looks = { consistent: doubtful ? "" : "good", unknown: "" };
   const look = looks[anees.verdict] ?? "bad";
   return [
     element(

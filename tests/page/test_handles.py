@@ -9,8 +9,6 @@ from tests.page.gestures import drag, handle
 from tests.tools.browsing import DESKTOP, PHONE, Tabs, Visit, visiting
 from tests.tools.serving import Server
 
-Box = dict[str, float]
-
 _VIEW = """() => {
     const plot = document.getElementById('map-plot');
     const { left, top, width, height } = plot.querySelector('.bglayer .bg').getBoundingClientRect();
@@ -46,16 +44,16 @@ def _is_within(page: Page, name: str) -> bool:
     view = _view(page)
     x, y = _middle(page, name)
     inside = -1.0 <= x - view["left"] <= view["width"] + 1.0
-    return inside and -1.0 <= y - view["top"] <= view["height"] + 1.0
+    return bool(inside and -1.0 <= y - view["top"] <= view["height"] + 1.0)
 
 
-def _ring(page: Page, name: str) -> Box:
-    """The ring that a handle draws of its own."""
+def _ring(page: Page, name: str) -> tuple[float, float, float]:
+    """The ring that a handle draws of its own: its middle and its width."""
     ring = handle(page, name).locator(".ring")
     expect(ring).to_be_visible()
     box = ring.bounding_box()
     assert box is not None
-    return {**box, "x": box["x"] + box["width"] / 2, "y": box["y"] + box["height"] / 2}
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2, box["width"]
 
 
 def _center(page: Page) -> tuple[float, float]:
@@ -76,21 +74,19 @@ def test_a_circle_that_is_dragged_beyond_the_map_stops_at_its_edge_with_its_ring
     page.mouse.move(x + 0.5 * by[0], y + 0.5 * by[1])
     page.mouse.move(x + by[0], y + by[1])
     assert _is_within(page, "v3")
-    assert (_ring(page, "v3")["x"], _ring(page, "v3")["y"]) == pytest.approx(
-        _middle(page, "v3"), abs=1.0
-    )
+    assert _ring(page, "v3")[:2] == pytest.approx(_middle(page, "v3"), abs=1.0)
     page.mouse.up()
     visit.doubt("Before the fault")
     visit.settle()
     # no plan draws it there: the handle's own ring does, to scale, and all of it is in view
-    ring = _ring(page, "v3")
+    x, y, wide = _ring(page, "v3")
     view = _view(page)
-    assert (ring["x"], ring["y"]) == pytest.approx(_middle(page, "v3"), abs=1.0)
-    assert (ring["x"], ring["y"]) == pytest.approx(_on_screen(page, *_center(page)), abs=1.5)
+    assert (x, y) == pytest.approx(_middle(page, "v3"), abs=1.0)
+    assert (x, y) == pytest.approx(_on_screen(page, *_center(page)), abs=1.5)
     scale = view["width"] / (view["x"][1] - view["x"][0])
-    assert ring["width"] == pytest.approx(40.0 * scale, abs=1.5)
-    assert view["left"] - 2.0 <= ring["x"] - ring["width"] / 2
-    assert ring["x"] + ring["width"] / 2 <= view["left"] + view["width"] + 2.0
+    assert wide == pytest.approx(40.0 * scale, abs=1.5)
+    assert view["left"] - 2.0 <= x - wide / 2
+    assert x + wide / 2 <= view["left"] + view["width"] + 2.0
     page.get_by_role("button", name="Undo").click()
     visit.verdict("Observable: rank 18 of 18")
     expect(handle(page, "v3").locator(".ring")).to_be_hidden()

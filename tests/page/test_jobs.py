@@ -1,16 +1,24 @@
 """Refinement and validation from the page, whatever happens meanwhile."""
 
 import re
+from typing import Any
 
 import httpx2
 from playwright.sync_api import expect
 
+from syncplan.scenario.loading import load_scenario
 from tests.page.gestures import opened, plan_id_of, refine
 from tests.tools.browsing import Tabs, Visit, accessibility_faults, visiting
-from tests.tools.scenarios import document
+from tests.tools.scenarios import FILES, document
 from tests.tools.serving import Server
 
 ALTERNATE = "paper-grid-alternate"
+
+
+def _past_a_mast(name: str) -> dict[str, Any]:
+    """A scenario of the grid in which v1 passes a third landmark at a metre, whatever its phase."""
+    scenario = load_scenario(FILES / f"{name}.yaml").model_dump(mode="json", exclude_none=True)
+    return {**scenario, "name": "mast", "landmarks_m": [[190.0, 0.0], [190.0, 70.0], [-21.0, 0.0]]}
 
 
 def test_refine_compare_validate_and_open_the_link_again(
@@ -86,6 +94,19 @@ def test_refining_tells_what_it_costs_in_separation(visit: Visit) -> None:
     refine(page)
     expect(page.locator(".outcome")).to_contain_text("Least separation 30 → 29")
     expect(told).to_have_count(0)
+    expect(page.locator(".outcome .badge")).to_have_class("badge good")
+
+
+def test_a_refined_plan_that_is_not_to_be_flown_is_no_success(visit: Visit) -> None:
+    page = visit.page
+    opened(page, _past_a_mast(ALTERNATE))
+    visit.verdict("✗ NO-GO · Not observable")
+    page.get_by_label("centres, by up to").uncheck()
+    refine(page)
+    visit.verdict("✗ NO-GO · Observable: rank 18 of 18")
+    badge = page.locator(".outcome .badge")
+    expect(badge).to_contain_text("Predicted error")
+    expect(badge).not_to_have_class("badge good")
 
 
 def test_a_validation_is_no_proof_where_the_plan_is_unobservable_or_trials_are_few(
@@ -107,6 +128,12 @@ def test_a_validation_is_no_proof_where_the_plan_is_unobservable_or_trials_are_f
     validate("1")
     expect(outcome).to_contain_text("of 1 trial. Too few trials to tell")
     expect(outcome).not_to_contain_text("The filter is")
+    expect(badge).not_to_have_class("badge good")
+    # nor is what is not to be flown, however well its filter knows where it is
+    opened(page, _past_a_mast("paper-grid-same"))
+    visit.verdict("✗ NO-GO · Observable")
+    validate("30")
+    expect(outcome).to_contain_text("The filter is consistent")
     expect(badge).not_to_have_class("badge good")
     visit.choose(ALTERNATE)
     validate("40")
