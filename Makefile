@@ -52,6 +52,7 @@ check-all: postgresql check
 	$(TESTS) -m long
 	$(TESTS) -m hypothesis --hypothesis-profile=fresh-cases
 	$(BIN)/python -m tests.searches.search_counterexamples 20000 $(SEED)
+	$(BIN)/python -m tests.searches.search_losses 40 $(SEED)
 	$(BIN)/python -m tests.searches.search_refinements 8 $(SEED)
 	$(BIN)/python -m tests.searches.search_consistency 40 $(SEED)
 	$(BIN)/python -m tests.searches.search_start_up 40 $(SEED) --trials 100 --missed 0.4 --wrong 0.2

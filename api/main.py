@@ -18,6 +18,7 @@ from api.routes import (
     figure_routes,
     health_routes,
     job_routes,
+    loss_routes,
     page_routes,
     plan_routes,
     schema_routes,
@@ -62,7 +63,14 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.state.ending = Ending()
     install_handlers(app)
     document_operations(app)
-    for routes in (plan_routes, job_routes, figure_routes, export_routes, schema_routes):
+    for routes in (
+        plan_routes,
+        job_routes,
+        figure_routes,
+        loss_routes,
+        export_routes,
+        schema_routes,
+    ):
         app.include_router(routes.router, prefix="/v1")
     app.include_router(health_routes.router)
     app.include_router(page_routes.router)

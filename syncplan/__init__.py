@@ -70,6 +70,7 @@ __all__ = [
     "Scenario",
     "SyncplanError",
     "Validation",
+    "WhatIf",
     "choose_landmarks",
     "export",
     "figures",
@@ -82,6 +83,7 @@ __all__ = [
     "replay",
     "sweep",
     "validate",
+    "what_if",
 ]
 
 __version__ = "0.1.0"
@@ -98,6 +100,7 @@ _HOME = {
     "Scenario": "scenario.specification",
     "SyncplanError": "errors",
     "Validation": "planning.validation",
+    "WhatIf": "planning.loss_study",
     "export": "exporting.formats",
     "load_log": "estimation.mrclam",
     "load_scenario": "scenario.loading",
@@ -107,6 +110,7 @@ _HOME = {
     "replay": "estimation.replays",
     "sweep": "planning.sweeps",
     "validate": "planning.validation",
+    "what_if": "planning.loss_study",
 }
 _MODULES = {"figures": "plotting.plotly_figures"}
 
@@ -119,6 +123,7 @@ if TYPE_CHECKING:
     from syncplan.landmarks.site_choice import choose_landmarks
     from syncplan.placement.centers import place
     from syncplan.planning.judged_plan import Plan
+    from syncplan.planning.loss_study import WhatIf, what_if
     from syncplan.planning.planner import plan
     from syncplan.planning.subjects import load_plan
     from syncplan.planning.sweeps import sweep

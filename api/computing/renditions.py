@@ -1,9 +1,9 @@
-"""Tasks that show plans and reports: previews, figures, exports."""
+"""Tasks that show plans and reports: previews, figures, losses, exports."""
 
 import json
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from api.job_kinds.job_table import JOB_KINDS
 from api.limits import RequestLimits
@@ -12,9 +12,10 @@ from syncplan.reports.job_contract import JobKindName
 
 if TYPE_CHECKING:
     from syncplan.planning.judged_plan import Plan
+    from syncplan.planning.judgement import BoundChoice
     from syncplan.plotting.palette import Theme
 
-__all__ = ["exported", "plan_figure", "previewed", "ready", "report_figure"]
+__all__ = ["exported", "judged_losses", "plan_figure", "previewed", "ready", "report_figure"]
 
 
 def ready() -> None:
@@ -68,6 +69,18 @@ def report_figure(text: str, kind: JobKindName, name: str, theme: "Theme") -> st
     assert model is not None
     report: Any = model.model_validate_json(text)
     return _compact(specs_of(report, [name], style=FigureStyle(theme=theme))[name])
+
+
+def judged_losses(
+    text: str, lose: Sequence[str], losses: Literal[1, 2], bound: "BoundChoice"
+) -> str:
+    """Return what losses do to a plan as JSON; raises InputError for a name it does not have."""
+    from syncplan.planning.loss_study import what_if
+    from syncplan.reports.loss_report import what_if_document
+    from syncplan.runtime.files import as_text
+
+    found = what_if(_judged(text), lose, losses=losses, bound=bound, threads=1)
+    return as_text(what_if_document(found).as_json())
 
 
 def exported(text: str, name: str, options: Mapping[str, Any]) -> tuple[bytes, tuple[str, ...]]:

@@ -6,6 +6,7 @@ import { offerDownloads } from "./downloads.js";
 import { Editor } from "./editor.js";
 import { byId, notice, noticeIsFault } from "./elements.js";
 import { askForKeys } from "./keys.js";
+import { offerLosses } from "./losses.js";
 import { FormationMap } from "./map.js";
 import { Opening } from "./opening.js";
 import { Planner } from "./planner.js";
@@ -38,6 +39,7 @@ const showDeadLink = offerWaysOn(store, {
   fresh: () => attempt(() => opening.fresh()),
 });
 offerDownloads(store, storePlan);
+offerLosses(store, storePlan);
 offerLink(store, storePlan, attempt);
 keepOverReloads(store);
 

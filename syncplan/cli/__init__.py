@@ -9,7 +9,9 @@ document_table      kinds of documents, their schemas and how reports are known
 arguments           arguments that commands share
 required_verdicts   --require-go, --require-observable
 plan_commands       plan, refine, place, landmarks
+loss_tables         tables of losses
 run_commands        validate, sweep
+loss_commands       what-if
 replay_commands     replay
 plot_commands       plot
 export_commands     export

@@ -12,6 +12,7 @@ from syncplan.cli.arguments import Output
 from syncplan.cli.console import Format, deliver, open_closed_streams, reader_may_leave, say
 from syncplan.cli.document_table import DOCUMENTS
 from syncplan.cli.export_commands import exporters
+from syncplan.cli.loss_commands import losses
 from syncplan.cli.plan_commands import plans
 from syncplan.cli.plot_commands import plots
 from syncplan.cli.replay_commands import replays
@@ -25,6 +26,8 @@ INTERNAL_FAULT = 1
 INTERRUPTED = 130
 
 OPTIONS = {
+    "lose": "--lose",
+    "losses": "--losses",
     "trials": "--trials",
     "seed": "--seed",
     "duration": "--duration",
@@ -98,6 +101,7 @@ def _schema(
 
 app.add_typer(plans)
 app.add_typer(runs)
+app.add_typer(losses)
 app.add_typer(replays)
 app.add_typer(plots)
 app.add_typer(exporters)

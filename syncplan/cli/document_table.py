@@ -12,9 +12,10 @@ if TYPE_CHECKING:
     from pydantic import BaseModel
     from rich.console import Console
 
+    from syncplan.reports.loss_schemas import WhatIfDocument
     from syncplan.reports.run_schemas import ReplayDocument, SweepReport, ValidationDocument
 
-    Report = ReplayDocument | SweepReport | ValidationDocument
+    Report = ReplayDocument | SweepReport | ValidationDocument | WhatIfDocument
 
 __all__ = ["DOCUMENTS", "DocumentKind", "checked", "read_report"]
 
@@ -65,6 +66,13 @@ DOCUMENTS: Mapping[str, DocumentKind] = MappingProxyType(
         ),
         "sites": DocumentKind(
             "syncplan.reports.site_schemas", "SitesDocument", shown_by="site_tables.show_sites"
+        ),
+        "what-if": DocumentKind(
+            "syncplan.reports.loss_schemas",
+            "WhatIfDocument",
+            known_by=frozenset({"baseline", "losses"}),
+            title="What if",
+            shown_by="loss_tables.show_losses",
         ),
         "validation": DocumentKind(
             _RUNS,

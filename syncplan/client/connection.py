@@ -71,7 +71,7 @@ class Remote:
         method: str,
         path: str,
         body: Mapping[str, Any] | None = None,
-        parameters: dict[str, str] | None = None,
+        parameters: dict[str, str | list[str]] | None = None,
         accept: str | None = None,
     ) -> "Response":
         """Return the answer to a request, repeated while the service is away or busy.

@@ -10,10 +10,10 @@ doing anything twice.
 """
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from types import TracebackType
-from typing import Any, Self, Unpack
+from typing import Any, Literal, Self, Unpack
 from urllib.parse import quote
 
 from syncplan.client.connection import Remote, RemoteError, error_of, values_of
@@ -21,9 +21,11 @@ from syncplan.errors import InputError
 from syncplan.estimation.filter_options import FilterChanges, FilterOptions, options_with
 from syncplan.estimation.trial_archive import unpack
 from syncplan.planning.judged_plan import Plan
+from syncplan.planning.judgement import BoundChoice
 from syncplan.planning.plan_files import loaded_from, plan_of, stated
 from syncplan.planning.validation import Validation, conclude, trial_run
 from syncplan.reports.job_contract import JobKindName, JobState, has_ended
+from syncplan.reports.loss_schemas import WhatIfDocument
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario
 
@@ -121,7 +123,7 @@ class Client:
         Raises InputError.
         """
         body = _as_planned(subject)
-        parameters = {"steady": "true"} if steady else None
+        parameters: dict[str, str | list[str]] | None = {"steady": "true"} if steady else None
         return _remote_plan(values_of(self._remote.send("POST", "/v1/plans", body, parameters)))
 
     def stored(self, plan_id: str) -> RemotePlan:
@@ -131,6 +133,23 @@ class Client:
     def delete(self, plan: RemotePlan | str) -> None:
         """Delete a plan that the service stores."""
         self._remote.send("DELETE", f"/v1/plans/{_id(plan)}")
+
+    def what_if(
+        self,
+        plan: RemotePlan | str,
+        lose: Sequence[str] = (),
+        *,
+        losses: Literal[1, 2] = 1,
+        bound: BoundChoice = "auto",
+    ) -> WhatIfDocument:
+        """Return what losses do to a plan that the service stores; see syncplan.what_if."""
+        parameters: dict[str, str | list[str]] = {
+            "lose": list(lose),
+            "losses": str(losses),
+            "bound": bound,
+        }
+        answer = self._remote.send("GET", f"/v1/plans/{_id(plan)}/what-if", None, parameters)
+        return WhatIfDocument.model_validate(values_of(answer, "losses"))
 
     # --- jobs ---
 

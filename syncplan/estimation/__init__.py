@@ -3,6 +3,8 @@
 covariances        covariance along a run, referred to time 0
 start_up_index     how far bearings are from linear at the start
 bounds             Cramer-Rao bounds
+covariance_kernel  covariance along a run, compiled
+loss_bounds        the posterior bound after many losses
 filters            the table of filters to choose from
 filter_options     which filter, its gate, how many trials of what length
 mean_interval      confidence interval of a mean over trials

@@ -19,6 +19,7 @@ its periodic limit : doubling of the Riccati map, Anderson, "Second-order conver
     algebraic Riccati equations", International Journal of Control 77(8), 2004
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -40,6 +41,7 @@ from syncplan.orbits.team import Team
 
 __all__ = [
     "PosteriorBound",
+    "ReferredSystem",
     "arc_noise_gain",
     "posterior_bound",
     "steady_bound",
@@ -124,18 +126,8 @@ def posterior_bound(
     covariance stops being positive definite in floating point: sigmas that span too many orders
     of magnitude.
     """
-    noise = team.noise
-    system = _ReferredSystem.along(team, windows, steps_within(duration, team.sensors.sample_time))
-    sigma = np.array([noise.position_sigma, noise.position_sigma, noise.heading_sigma])
-    sigma[:2] /= system.scale
-    covariance = np.diag(np.tile(sigma**2, team.count))
-    try:
-        bound = system.with_index(covariance) if start_up else system.bound(covariance)
-    except np.linalg.LinAlgError:
-        raise NoSolutionError(_INDEFINITE) from None
-    if np.any(bound.position_variance < 0.0):
-        raise NoSolutionError(_INDEFINITE)
-    return bound
+    system = ReferredSystem.along(team, windows, steps_within(duration, team.sensors.sample_time))
+    return system.from_start(system.with_index if start_up else system.bound)
 
 
 def steady_bound(team: Team, windows: Windows) -> Array:
@@ -148,7 +140,7 @@ def steady_bound(team: Team, windows: Windows) -> Array:
     period = team.orbits.period
     samples = max(round(period / team.sensors.sample_time), 1)
     even = replace(team, sensors=replace(team.sensors, sample_time=period / samples))
-    system = _ReferredSystem.along(even, windows, samples)
+    system = ReferredSystem.along(even, windows, samples)
     try:
         covariance = _periodic_covariance(system)
         if covariance is None:
@@ -162,11 +154,19 @@ def steady_bound(team: Team, windows: Windows) -> Array:
 
 
 @dataclass(frozen=True, slots=True)
-class _ReferredSystem:
-    """A run with all errors referred to time 0: noise added per step, whitened rows."""
+class ReferredSystem:
+    """A run with all errors referred to time 0: noise added per step, whitened rows.
+
+    Attributes
+    ----------
+    run : noise and rows, positions in `scale` m
+    moved : (2, n, steps + 1) displacement since time 0, in `scale` m
+    scale : m, the mean radius
+    team, sightings : in the order of the rows
+    """
 
     run: Run
-    moved: Array  # (2, n, steps + 1) displacement since time 0, in mean radii
+    moved: Array
     scale: float
     team: Team
     sightings: Sightings
@@ -177,7 +177,8 @@ class _ReferredSystem:
         team: Team,
         windows: Windows,
         steps: int,
-    ) -> "_ReferredSystem":
+    ) -> "ReferredSystem":
+        """Return the run of a team over so many steps."""
         orbits, sample_time = team.orbits, team.sensors.sample_time
         sightings = sample_sightings(windows, orbits.period, team.sensors, 1, steps)
         targets = sightings.targets
@@ -194,9 +195,25 @@ class _ReferredSystem:
         )
         return cls(run, moved, scale, team, sightings)
 
+    def from_start(self, bound: Callable[[Array], PosteriorBound]) -> PosteriorBound:
+        """Return what `bound` makes of the covariance of the start.
+
+        Raises NoSolutionError where the covariance does not stay positive definite.
+        """
+        noise = self.team.noise
+        sigma = np.array([noise.position_sigma, noise.position_sigma, noise.heading_sigma])
+        sigma[:2] /= self.scale
+        try:
+            found = bound(np.diag(np.tile(sigma**2, self.run.count)))
+        except np.linalg.LinAlgError:
+            raise NoSolutionError(_INDEFINITE) from None
+        if np.any(found.position_variance < 0.0):
+            raise NoSolutionError(_INDEFINITE)
+        return found
+
     def bound(self, covariance: Array) -> PosteriorBound:
         """Return the bound along the run."""
-        return self._carried(variances_along(self.run, covariance))
+        return self.carried(variances_along(self.run, covariance))
 
     def with_index(self, covariance: Array) -> PosteriorBound:
         """Return the bound along the run with its start-up index."""
@@ -204,10 +221,10 @@ class _ReferredSystem:
         lines = lines_of_sight(self.team, seen, self.scale)
         variances, foreseen = foreseen_along(self.run, covariance, lines)
         index = index_of_run(self.team, seen, foreseen)
-        return replace(self._carried(variances), start_up=index)
+        return replace(self.carried(variances), start_up=index)
 
-    def _carried(self, variances: Array) -> PosteriorBound:
-        """Each vehicle's block carried from time 0 to its own time."""
+    def carried(self, variances: Array) -> PosteriorBound:
+        """Return the bound that variances of errors referred to time 0, (4, n, steps + 1), mean."""
         position_, x_turn, y_turn, turn = variances
         east, north = self.moved
         spread = position_ + 2.0 * (east * y_turn - north * x_turn) + (east**2 + north**2) * turn
@@ -239,7 +256,7 @@ def _referred_noise(team: Team, arm: Array, moved: Array, scale: float) -> Array
     return total
 
 
-def _periodic_covariance(system: _ReferredSystem) -> Array | None:
+def _periodic_covariance(system: ReferredSystem) -> Array | None:
     """Fixed point of one period's map P -> A P (I + C P)^-1 A^T + B, by structured doubling.
 
     After k doublings B is the covariance 2^k periods after an exact start.
@@ -260,7 +277,7 @@ def _periodic_covariance(system: _ReferredSystem) -> Array | None:
     return None
 
 
-def _period_map(system: _ReferredSystem, size: int) -> tuple[Array, Array, Array]:
+def _period_map(system: ReferredSystem, size: int) -> tuple[Array, Array, Array]:
     run = system.run
     vehicles = np.arange(run.count)
     noise, columns = run.noise_blocks, run.columns

@@ -3,6 +3,7 @@
 rank                 singular values of the windowed matrix
 certificate          the corrected theorem, with its witness
 window_assessment    windows, sightings, rank and certificate of one window
+loss_ranks           losses that end observability
 unobservable_modes   null vectors named, with a cure
 connectivity         the shortest window that certifies the team
 link_verdicts        each link: when it meets, its rank, why it falls short

@@ -10,10 +10,11 @@ from dataclasses import dataclass
 from syncplan.observability.certificate import Certificate, certify
 from syncplan.observability.rank import LinkInformation, Observability, assess, link_information
 from syncplan.orbits.contacts import Windows, find_windows
+from syncplan.orbits.losses import Remainder
 from syncplan.orbits.sightings import Sightings, sightings_over
 from syncplan.orbits.team import Team
 
-__all__ = ["Assessment", "assess_team"]
+__all__ = ["Assessment", "assess_remainder", "assess_team"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +51,15 @@ class Assessment:
 def assess_team(team: Team, window: float) -> Assessment:
     """Return what the sightings of a team over `window` s determine."""
     windows = find_windows(team)
-    sightings = sightings_over(team, windows, window)
+    return _assessed(team, windows, sightings_over(team, windows, window))
+
+
+def assess_remainder(before: Assessment, left: Remainder) -> Assessment:
+    """Return what the sightings that a loss leaves determine, over the same window."""
+    return _assessed(left.team, left.windows(before.windows), left.sightings(before.sightings)[0])
+
+
+def _assessed(team: Team, windows: Windows, sightings: Sightings) -> Assessment:
     information = link_information(team, sightings)
     verdict = assess(team, information)
     certificate = certify(team, verdict, information)

@@ -10,6 +10,7 @@ trigonometric_polynomials   their real roots, many at once
 contacts                    when who sees whom
 separation                  how near circles and vehicles come
 sightings                   contact sampled at k Ts
+losses                      what is left when vehicles, sensors or landmarks are lost
 sighting_kinds              what a sighting measures, and its slopes
 graphs                      components, trees and cycles of a team
 """

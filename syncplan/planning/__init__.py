@@ -9,6 +9,8 @@ findings            what speaks against flying a plan, and the verdict
 observability_checks  findings on rank and certificate
 path_checks         findings on distances, areas and limits
 link_checks         findings on links lost or easily lost
+lost_parts          what can be lost, by name, and the scenario of what is left
+loss_checks         findings on single points of failure
 search_checks       findings on how the plan was found
 start_up_checks     findings on the start
 verdict_checks      the table of checks
@@ -22,4 +24,5 @@ subjects            what a function takes as a plan
 validation          Monte Carlo of a plan beside its bound
 swept_keys          the table of keys that a sweep may vary
 sweeps              one key varied
+loss_study          every loss judged afresh
 """

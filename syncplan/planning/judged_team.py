@@ -8,6 +8,7 @@ from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.observability.rank import Observability
 from syncplan.observability.unobservable_modes import UnobservableMode
 from syncplan.orbits.contacts import Windows
+from syncplan.orbits.losses import Loss
 from syncplan.orbits.separation import Approach
 from syncplan.orbits.team import Team, WithTeam
 from syncplan.placement.centers import Placement
@@ -66,6 +67,7 @@ class JudgedTeam(WithTeam):
     observability, certificate : over the scenario's window
     unobservable : a named mode for each dimension that the rank lacks
     prediction : errors that the bounds predict
+    single_points : what ends observability when it alone is lost; None where not looked for
     refinement : how the plan was refined, or why it could not be; None if that was not tried
     placement : how the centres were found; None where they were given or the plan is a file's
     centres_placed : whether the plan's file says that placement found the centres
@@ -89,6 +91,7 @@ class JudgedTeam(WithTeam):
     certificate: Certificate
     unobservable: tuple[UnobservableMode, ...]
     prediction: Prediction
+    single_points: tuple[Loss, ...] | None = ()
     refinement: RefinementRecord | None = None
     placement: Placement | None = None
     centres_placed: bool = False

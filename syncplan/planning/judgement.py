@@ -14,10 +14,12 @@ from syncplan.estimation.bounds import (
 )
 from syncplan.observability.connectivity import connectivity_period
 from syncplan.observability.link_verdicts import landmark_verdicts, vehicle_verdicts
+from syncplan.observability.loss_ranks import decisive_losses
 from syncplan.observability.unobservable_modes import name_modes
 from syncplan.observability.window_assessment import Assessment, assess_team
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import Windows, reachable_pairs
+from syncplan.orbits.losses import Loss, single_losses
 from syncplan.orbits.scenario_arrays import team_of
 from syncplan.orbits.separation import Approach, closest_approach, pairs_nearer_than
 from syncplan.orbits.team import Team
@@ -29,13 +31,17 @@ from syncplan.runtime.blas import single_threaded_blas
 from syncplan.scenario.specification import Scenario
 from syncplan.synchronisation.phases import Synchronisation
 
-__all__ = ["BoundChoice", "bound_is_affordable", "judge", "listed_pairs"]
+__all__ = ["BoundChoice", "bound_is_affordable", "judge", "judged", "listed_pairs", "why_no_bound"]
 
 
 BoundChoice = Literal["auto", "always", "never"]
 
 BOUND_WORK_LIMIT = 4e10
 """Steps times state dimension squared times vehicles up to which `auto` computes the bound."""
+
+
+LARGEST_SEARCHED = 200
+"""Vehicles up to which every plan says what its single points of failure are."""
 
 
 @single_threaded_blas
@@ -59,28 +65,56 @@ def judge(
     team = team_of(resolved, orbits)
     assessed = assess_team(team, resolved.window)
     pairs = listed_pairs(resolved, team) if given is None else given
+    along, note = _bound_along(assessed, resolved.duration_s, bound)
+    return judged(
+        assessed,
+        resolved,
+        pairs,
+        _predict(assessed, resolved, steady, along, note),
+        start_up=_start_up(assessed, resolved.duration_s, along, pilot),
+        found=found,
+    )
+
+
+def judged(
+    assessed: Assessment,
+    scenario: Scenario,
+    pairs: Index,
+    prediction: Prediction,
+    *,
+    start_up: StartUp | None = None,
+    found: Synchronisation | None = None,
+    remainder: bool = False,
+) -> Plan:
+    """Return the plan of a team assessed, from its resolved scenario, its links and its prediction.
+
+    With `remainder`, of a team that has lost something, what is not asked of one is left out: the
+    connectivity period, links that are not listed, and what a further loss would do.
+    """
+    team, orbits = assessed.team, assessed.team.orbits
     listed = [(a, b) for a, b in pairs.tolist()]
     met = _met_pairs(team, assessed.windows)
     kept = [pair for pair in listed if pair in met]
-    along, note = _bound_along(assessed, resolved.duration_s, bound)
+    unlisted = [] if remainder else sorted(met - set(listed))
     return Plan(
-        scenario=resolved,
+        scenario=scenario,
         team=team,
         windows=assessed.windows,
         synchronisation=None,
         alternating_proven=None,
         links=tuple(vehicle_verdicts(assessed, as_pairs(kept))),
-        incidental_links=tuple(vehicle_verdicts(assessed, as_pairs(sorted(met - set(listed))))),
+        incidental_links=tuple(vehicle_verdicts(assessed, as_pairs(unlisted))),
         landmark_links=tuple(landmark_verdicts(assessed)),
         dropped_links=tuple(_unmet(team, listed, met, found)),
-        connectivity_period=connectivity_period(assessed),
+        connectivity_period=None if remainder else connectivity_period(assessed),
         approach=closest_approach(orbits),
-        too_close=_too_close(orbits, separation_limit(resolved)),
+        too_close=_too_close(orbits, separation_limit(scenario)),
         observability=assessed.observability,
         certificate=assessed.certificate,
-        unobservable=tuple(name_modes(assessed, resolved.vehicle_names, resolved.landmark_names)),
-        prediction=_predict(assessed, resolved, steady, along, note),
-        start_up=_start_up(assessed, resolved.duration_s, along, pilot),
+        unobservable=tuple(name_modes(assessed, scenario.vehicle_names, scenario.landmark_names)),
+        prediction=prediction,
+        start_up=start_up,
+        single_points=() if remainder else _single_points(assessed),
     )
 
 
@@ -128,6 +162,14 @@ def _why_never_in_contact(team: Team, a: int, b: int) -> str:
     return "comes within range, but never inside a field of view"
 
 
+def _single_points(assessed: Assessment) -> tuple[Loss, ...] | None:
+    if not assessed.observability.observable:
+        return ()
+    if assessed.team.count > LARGEST_SEARCHED:
+        return None
+    return tuple(decisive_losses(assessed, single_losses(assessed.team)))
+
+
 def _too_close(orbits: Orbits, limit: DistanceLimit) -> tuple[Approach, ...]:
     least = limit.least(orbits.radii)
     near = pairs_nearer_than(orbits, least)
@@ -143,18 +185,25 @@ def bound_is_affordable(team: Team, duration: float) -> bool:
     return steps * (3.0 * team.count) ** 2 * team.count <= BOUND_WORK_LIMIT
 
 
+def why_no_bound(team: Team, duration: float, bound: BoundChoice) -> str:
+    """Return why the posterior bound is not computed, empty where it is."""
+    if bound == "never":
+        return "the posterior bound was not asked for"
+    if bound == "auto" and not bound_is_affordable(team, duration):
+        return (
+            f"the posterior bound of {team.count} vehicles over {duration:g} s is "
+            "computed on request (--bound always)"
+        )
+    return ""
+
+
 def _bound_along(
     assessed: Assessment, duration: float, bound: BoundChoice
 ) -> tuple[PosteriorBound | None, str]:
     """The posterior bound with its start-up index, or why it is missing."""
     team = assessed.team
-    if bound == "never":
-        return None, "the posterior bound was not asked for"
-    if bound == "auto" and not bound_is_affordable(team, duration):
-        return None, (
-            f"the posterior bound of {team.count} vehicles over {duration:g} s is "
-            "computed on request (--bound always)"
-        )
+    if why := why_no_bound(team, duration, bound):
+        return None, why
     observable = assessed.observability.observable
     try:
         return posterior_bound(team, assessed.windows, duration, start_up=observable), ""

@@ -5,10 +5,13 @@ from collections.abc import Sequence
 from syncplan.errors import InputError
 from syncplan.estimation.replays import Replay
 from syncplan.planning.judged_plan import Plan
+from syncplan.planning.loss_study import WhatIf
 from syncplan.planning.validation import Validation
 from syncplan.plotting.canvas import Spec
 from syncplan.plotting.figure_style import PLAIN, FigureStyle
 from syncplan.plotting.figure_table import FIGURES, FigureInput, SubjectKind
+from syncplan.reports.loss_report import what_if_document
+from syncplan.reports.loss_schemas import WhatIfDocument
 from syncplan.reports.refinement_report import refinement_result
 from syncplan.reports.refinement_schemas import RefinementResult
 from syncplan.reports.replay_report import replay_document
@@ -18,7 +21,7 @@ from syncplan.reports.validation_report import validation_document
 __all__ = ["Run", "Subject", "first_figure", "report_of", "specs_of"]
 
 Run = Validation | ValidationDocument | Replay | ReplayDocument
-Subject = Plan | SweepReport | Run
+Subject = Plan | SweepReport | WhatIf | WhatIfDocument | Run
 
 
 def specs_of(
@@ -69,6 +72,9 @@ def _given(
         raise InputError("only a plan can be compared with a plan", key="compare")
     if isinstance(subject, SweepReport):
         return "sweep", FigureInput(subject, style)
+    if isinstance(subject, WhatIf | WhatIfDocument):
+        report = what_if_document(subject) if isinstance(subject, WhatIf) else subject
+        return "losses", FigureInput(report, style)
     return "run", FigureInput(report_of(subject), style)
 
 

@@ -115,7 +115,7 @@ def _spread_traces(name: str, figure: Spread, suffix: str) -> list[Spec]:
         "hoverinfo": "skip",
     }
     tolerated = {
-        **trace("tolerated", f"within {100.0 * TOLERANCE:g} % of 1: consistent", "lines"),
+        **trace("tolerated", f"within {TOLERANCE:.0%} of 1: consistent", "lines"),
         "x": [*_TOLERATED, *_TOLERATED[::-1], _TOLERATED[0]],
         "y": [-0.8, -0.8, 0.8, 0.8, -0.8],
         "fill": "toself",

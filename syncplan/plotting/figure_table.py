@@ -28,10 +28,10 @@ __all__ = [
 IMAGE_FORMATS = ("png", "svg", "pdf")
 """What a figure may be drawn as, beside a page."""
 
-SubjectKind = Literal["plan", "run", "sweep"]
+SubjectKind = Literal["plan", "run", "sweep", "losses"]
 
 SUBJECTS: Mapping[SubjectKind, str] = MappingProxyType(
-    {"plan": "a plan", "run": "a validation or replay", "sweep": "a sweep"}
+    {"plan": "a plan", "run": "a validation or replay", "sweep": "a sweep", "losses": "a what-if"}
 )
 """What figures are drawn of, in words."""
 
@@ -42,7 +42,7 @@ class FigureInput:
 
     Attributes
     ----------
-    subject : the plan, or the document of a run or sweep
+    subject : the plan, or the document of a run, a sweep or a what-if
     refined : how the plan was refined, where it was
     after : a second plan to compare with
     style : size, scale of text, theme
@@ -185,6 +185,13 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "Errors over the value that was varied.",
             "sweep",
             "sweep_figure.sweep_spec",
+        ),
+        "losses": Figure(
+            "Losses",
+            "The worst predicted error after each loss of a vehicle, sensor or landmark, and which "
+            "losses end observability.",
+            "losses",
+            "losses_figure.losses_spec",
         ),
     }
 )

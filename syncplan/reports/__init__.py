@@ -6,11 +6,13 @@ verdict_schemas     verdicts and their JSON contract
 refinement_schemas  the JSON contract of refinements
 plan_schemas        of plans
 site_schemas        of choices of landmark sites
+loss_schemas        of what losses do to a plan
 run_schemas         of validations, replays and sweeps
 consistency_words   ANEES and NIS in words
 job_contract        kinds and states of the service's jobs
 refinement_report   refinements
 plan_report         plans
+loss_report         what losses do to a plan
 sites_report        choices of landmark sites
 validation_report   validations and sweeps
 replay_report       replays

@@ -8,6 +8,7 @@ import numpy as np
 from syncplan import __version__
 from syncplan.arrays import Array
 from syncplan.observability.link_verdicts import LinkVerdict
+from syncplan.observability.unobservable_modes import UnobservableMode
 from syncplan.orbits.circles import heading, position
 from syncplan.planning.judged_plan import Plan
 from syncplan.reports.document_base import Window, finite_or_none
@@ -32,7 +33,7 @@ from syncplan.reports.refinement_report import refinement_result
 from syncplan.reports.start_up_schemas import start_up_record
 from syncplan.reports.verdict_schemas import plan_verdict
 
-__all__ = ["certificate_reason", "plan_document"]
+__all__ = ["certificate_reason", "error_prediction", "plan_document", "unobservable_motions"]
 
 GIVEN = "the phases were given and judged as they are"
 
@@ -70,11 +71,13 @@ def plan_document(plan: Plan) -> PlanDocument:
             )
             for tree in plan.certificate.witness
         ],
-        predicted_rms_m=_errors(plan.prediction.rms, names, plan.prediction.note),
+        predicted_rms_m=error_prediction(plan.prediction.rms, names, plan.prediction.note),
         steady_rms_m=(
-            None if plan.prediction.steady is None else _errors(plan.prediction.steady, names)
+            None
+            if plan.prediction.steady is None
+            else error_prediction(plan.prediction.steady, names)
         ),
-        window_bound_m=_errors(plan.prediction.window, names),
+        window_bound_m=error_prediction(plan.prediction.window, names),
         start_up=(
             None if plan.start_up is None else start_up_record(plan.start_up, names, landmarks)
         ),
@@ -220,26 +223,34 @@ def _observability(plan: Plan, names: list[str]) -> ObservabilityVerdict:
         condition_number=finite_or_none(verdict.condition_number),
         min_eigenvalue=verdict.min_eigenvalue,
         singular_values=[float(value) for value in verdict.singular_values],
-        unobservable=[
-            Unobservable(
-                description=item.description,
-                vehicles=[names[k] for k in item.vehicles],
-                motion=[
-                    VehicleMotion(
-                        vehicle=names[k],
-                        shift_m=_point(item.motion[k]),
-                        turn_rad=float(item.motion[k, 2]),
-                    )
-                    for k in item.vehicles
-                ],
-                cure=item.cure,
-            )
-            for item in plan.unobservable
-        ],
+        unobservable=unobservable_motions(plan.unobservable, names),
     )
 
 
-def _errors(values: Array | None, names: list[str], note: str = "") -> ErrorPrediction:
+def unobservable_motions(
+    modes: Sequence[UnobservableMode], names: Sequence[str]
+) -> list[Unobservable]:
+    """Return unobservable modes of the vehicles named as documents hold them."""
+    return [
+        Unobservable(
+            description=item.description,
+            vehicles=[names[k] for k in item.vehicles],
+            motion=[
+                VehicleMotion(
+                    vehicle=names[k],
+                    shift_m=_point(item.motion[k]),
+                    turn_rad=float(item.motion[k, 2]),
+                )
+                for k in item.vehicles
+            ],
+            cure=item.cure,
+        )
+        for item in modes
+    ]
+
+
+def error_prediction(values: Array | None, names: Sequence[str], note: str = "") -> ErrorPrediction:
+    """Return predicted errors (n,) m of the vehicles named as documents hold them."""
     if values is None:
         return ErrorPrediction(overall=None, vehicles=dict.fromkeys(names), note=note)
     return ErrorPrediction(

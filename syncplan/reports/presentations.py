@@ -9,9 +9,12 @@ from syncplan.errors import InputError
 from syncplan.estimation.replays import Replay
 from syncplan.landmarks.site_choice import SiteChoice
 from syncplan.planning.judged_plan import Plan
+from syncplan.planning.loss_study import WhatIf
 from syncplan.planning.sweeps import Sweep
 from syncplan.planning.validation import Validation
 from syncplan.reports.document_base import Document
+from syncplan.reports.loss_report import what_if_document
+from syncplan.reports.loss_schemas import WhatIfDocument
 from syncplan.reports.plan_report import plan_document
 from syncplan.reports.plan_schemas import PlanDocument
 from syncplan.reports.replay_report import replay_document
@@ -136,6 +139,17 @@ def _plan_rows(document: PlanDocument) -> list[Row]:
     ]
 
 
+def _loss_rows(document: WhatIfDocument) -> list[Row]:
+    return [
+        {
+            "name": ", ".join(one.lost),
+            **_flat(one.model_dump(exclude={"predicted_rms_m"})),
+            "go": one.verdict.go,
+        }
+        for one in document.losses
+    ]
+
+
 def _sweep_rows(document: Any) -> list[Row]:
     return [
         {
@@ -170,6 +184,7 @@ PRESENTATIONS: Mapping[type, Presentation] = {
     SiteChoice: Presentation(
         sites_document, lambda document: [_flat(one.model_dump()) for one in document.candidates]
     ),
+    WhatIf: Presentation(what_if_document, _loss_rows),
     Sweep: Presentation(
         lambda swept: sweep_document(
             swept.name, swept, [validation_document(row.validation) for row in swept]

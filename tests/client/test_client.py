@@ -17,7 +17,9 @@ import pytest
 import syncplan
 from syncplan.client.connection import RemoteError
 from syncplan.client.service_client import Client, RemoteJob, RemotePlan
+from syncplan.errors import InputError
 from syncplan.planning.sweeps import sweep
+from syncplan.reports.loss_report import what_if_document
 from syncplan.reports.plan_report import plan_document
 from syncplan.reports.validation_report import sweep_document, validation_document
 from syncplan.runtime.files import as_text
@@ -150,6 +152,15 @@ def test_a_sweep_is_the_librarys(client: Client) -> None:
 
 
 # --- jobs ---------------------------------------------------------------------------------------
+
+
+def test_losses_are_the_librarys(client: Client, stored: RemotePlan, made: syncplan.Plan) -> None:
+    found = client.what_if(stored)
+    assert found.as_json() == what_if_document(syncplan.what_if(made, threads=1)).as_json()
+    (one,) = client.what_if(stored, ["v1", "sensor:v2"], bound="never").losses
+    assert one.lost == ["v1", "sensor:v2"]
+    with pytest.raises(InputError, match="is neither a vehicle"):
+        client.what_if(stored, ["v9"])
 
 
 def test_progress_is_told_whenever_it_changes(client: Client, stored: RemotePlan) -> None:

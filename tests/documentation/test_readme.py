@@ -62,7 +62,7 @@ def test_every_route_is_listed_and_no_other() -> None:
     listed: set[str] = {"/openapi.json"}
     for cell in (row.split("|")[1] for row in table.splitlines() if row.startswith("|")):
         first = ""
-        for path in re.findall(r"(?:\.\.\.)?/[\w/.]+", cell):
+        for path in re.findall(r"(?:\.\.\.)?/[\w/.-]+", cell):
             # "..." stands for the path before it, up to its identifier
             whole = first + path.removeprefix("...") if path.startswith("...") else path
             first = whole[: whole.index("/ID") + 3] if "/ID" in whole else first

@@ -44,7 +44,7 @@ def test_a_lost_motion_is_drawn_and_its_cure_told_and_cures_it(
     visit.verdict("Not observable: rank 17 of 18")
     page.get_by_label("Desynchronise by").fill("0.2")
     visit.verdict("Observable: rank 18 of 18")
-    expect(page.locator(".finding")).to_have_count(0)
+    expect(page.locator(".finding.stop")).to_have_count(0)
 
 
 def test_a_cure_is_told_in_words_and_has_a_button(visit: Visit) -> None:

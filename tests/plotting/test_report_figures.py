@@ -11,11 +11,13 @@ from plotly.graph_objects import Figure
 from syncplan import figures
 from syncplan.errors import InputError
 from syncplan.estimation.trials import series
+from syncplan.planning.loss_study import what_if
 from syncplan.planning.planner import plan
 from syncplan.planning.sweeps import sweep
 from syncplan.planning.validation import Validation, validate
 from syncplan.plotting.catalogue import specs_of
 from syncplan.plotting.errors_figure import MOST_POINTS, MOST_VEHICLES
+from syncplan.reports.loss_report import what_if_document
 from syncplan.reports.run_schemas import SweepReport, ValidationDocument
 from syncplan.reports.validation_report import sweep_document, validation_document
 from tests.tools.scenarios import example, small
@@ -244,3 +246,31 @@ def test_texts_break_lines_and_hold_no_other_markup(
 def test_a_report_is_not_compared_with_a_plan(flown: Validation) -> None:
     with pytest.raises(InputError, match="only a plan"):
         specs_of(flown, after=flown.plan)
+
+
+def test_losses_are_bars_and_those_that_end_observability_are_hatched() -> None:
+    document = what_if_document(what_if(example("paper-grid-same")))
+    spec = specs_of(document)["losses"]
+    ends, stays = _trace(spec, "ends"), _trace(spec, "stays")
+    assert set(ends["y"]) == {"v3", "v4", "sensor of v3", "sensor of v4", "L1", "L2"}
+    assert ends["marker"]["pattern"]["shape"]
+    assert spec["layout"]["yaxis"]["categoryarray"] == ends["y"] + stays["y"]
+    worst = [one.worst_predicted_rms_m for one in document.losses]
+    np.testing.assert_allclose(ends["x"] + stays["x"], np.array(worst, dtype=float), atol=1e-6)
+    assert set(_trace(spec, "baseline")["x"]) == {document.baseline.worst_predicted_rms_m}
+    assert Figure(spec).to_json()
+    assert figures.losses(document).layout.xaxis.title.text.endswith("error, m")
+
+
+def test_without_predicted_errors_the_figure_of_losses_says_why() -> None:
+    spec = specs_of(what_if(small(), bound="never"))["losses"]
+    assert spec["data"] == []
+    assert "not asked for" in spec["layout"]["annotations"][0]["text"]
+
+
+def test_of_many_losses_the_most_harmful_are_drawn() -> None:
+    found = what_if(example("paper-grid-same"), losses=2)
+    spec = specs_of(found)["losses"]
+    assert len(spec["layout"]["yaxis"]["categoryarray"]) == 30
+    assert len(_trace(spec, "baseline")["y"]) == 30
+    assert "the 30 most harmful are shown" in spec["layout"]["title"]["subtitle"]["text"]

@@ -53,6 +53,7 @@ NAMES = {
     "previewScenario",
     "readPlanFigure",
     "readJobFigure",
+    "judgeLosses",
     "exportPlan",
     "readScenarioSchema",
     "readPlanSchema",

@@ -146,6 +146,9 @@ def _plans(recorder: _Recorder) -> str:
     path = f"/v1/plans/{plan['id']}"
     recorder.ask("readPlanFigure", "prediction", "A figure", "GET", f"{path}/figures/prediction")
     recorder.ask("readPlanFigure", "parent", "Not refined", "GET", f"{path}/figures/comparison")
+    losses = f"{path}/what-if"
+    recorder.ask("judgeLosses", "landmark", "A lost landmark", "GET", f"{losses}?lose=L1")
+    recorder.ask("judgeLosses", "unknown", "No such name", "GET", f"{losses}?lose=v9")
     recorder.ask("exportPlan", "origin", "No geo_origin", "GET", f"{path}/exports/qgc")
     # the same bytes as when it was made
     recorder.kept["readPlan"]["responses"]["200"] = {"survey": {"same": ["createPlan", "201"]}}

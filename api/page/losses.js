@@ -1,0 +1,90 @@
+// What if: the plan without each vehicle, sensor and landmark, as the service judges it.
+
+import { byId, element, notice, shown } from "./elements.js";
+import { askJson } from "./service.js";
+
+/** Losses that stand open; the others are folded. */
+const MOST_OPEN = 12;
+
+const SENSOR = "sensor:";
+
+/** The panel of losses. `storePlan()` resolves with the identifier of the plan on show. */
+export function offerLosses(store, storePlan) {
+  const fault = element("p", { class: "fault", role: "alert", id: "losses-fault" });
+  const found = element("div", { role: "status", id: "losses-found" });
+  const button = element("button", { type: "button", id: "judge-losses", onclick: judge }, "Judge every loss");
+  byId("losses").append(
+    element("p", { class: "hint" }, "The plan without each vehicle, sensor or landmark, orbits unchanged."),
+    button,
+    fault,
+    found,
+  );
+  const clear = () => {
+    button.disabled = store.scenario === null;
+    fault.textContent = "";
+    found.replaceChildren();
+  };
+  for (const name of ["opened", "scenario"]) store.addEventListener(name, clear);
+  clear();
+
+  async function judge() {
+    const { scenario } = store;
+    fault.textContent = "";
+    button.disabled = true;
+    try {
+      const report = await askJson("GET", `v1/plans/${await storePlan()}/what-if`);
+      if (store.scenario === scenario) {
+        found.replaceChildren(...outcomes(report));
+        notice(headline(report));
+      }
+    } catch (error) {
+      if (store.scenario === scenario) fault.textContent = store.deleted(error) || error.message;
+    } finally {
+      button.disabled = store.scenario === null;
+      if (document.activeElement === document.body) button.focus();
+    }
+  }
+}
+
+/** Return what is lost as a sentence has it. */
+export function lostOf(names) {
+  const words = names.map((name) => (name.startsWith(SENSOR) ? `sensor of ${name.slice(SENSOR.length)}` : name));
+  return words.join(" and ") || "nothing";
+}
+
+/** Return how many losses end observability. */
+export function headline({ baseline, losses, critical }) {
+  if (!baseline.observable) return `${losses.length} losses judged; the plan itself is not observable.`;
+  return `${critical.length} of ${losses.length} losses end observability.`;
+}
+
+function outcomes(report) {
+  const rest = report.losses.slice(MOST_OPEN);
+  return [
+    element("p", {}, headline(report)),
+    table([report.baseline, ...report.losses.slice(0, MOST_OPEN)]),
+    rest.length ? element("details", {}, element("summary", {}, `${rest.length} less harmful losses`), table(rest)) : "",
+  ];
+}
+
+function table(losses) {
+  const heads = ["Lost", "Rank", "Worst error", "Verdict"];
+  return element(
+    "table",
+    { class: "losses" },
+    element("thead", {}, element("tr", {}, ...heads.map((head) => element("th", { scope: "col" }, head)))),
+    element("tbody", {}, ...losses.map(row)),
+  );
+}
+
+function row({ lost, rank, state_dim: size, worst_predicted_rms_m: worst, unobservable, verdict: { go } }) {
+  const lostModes = unobservable.map((mode) => mode.description).join("; ");
+  return element(
+    "tr",
+    {},
+    element("th", { scope: "row" }, lostOf(lost), lostModes ? element("span", { class: "hint block" }, lostModes) : null),
+    element("td", {}, `${rank} of ${size}`),
+    element("td", {}, shown(worst, "m")),
+    element("td", {}, go ? "GO" : "NO-GO"),
+  );
+}

@@ -1,0 +1,55 @@
+"""What losses of vehicles, sensors and landmarks do to a plan."""
+
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Depends, Query, Response
+from starlette.concurrency import run_in_threadpool
+
+from api.idempotency import computed
+from api.negotiation import accepts
+from api.problems import problem_responses
+from api.routes.plan_routes import Identifier, find_or_refuse
+from api.security import CurrentOwner
+from api.service import CurrentService
+from syncplan.planning.judgement import BoundChoice
+from syncplan.reports.loss_schemas import WhatIfDocument
+
+__all__ = ["router"]
+
+router = APIRouter(tags=["plans"], dependencies=[Depends(accepts("application/json"))])
+
+
+@router.get(
+    "/plans/{plan_id}/what-if",
+    response_model=WhatIfDocument,
+    operation_id="judgeLosses",
+    summary="Judge losses",
+    responses=problem_responses(401, 404, 406, 422, 503),
+)
+async def read_losses(
+    plan_id: Identifier,
+    service: CurrentService,
+    owner: CurrentOwner,
+    lose: Annotated[
+        list[Annotated[str, Query(max_length=80)]] | None,
+        Query(
+            description="Names of what is lost together: vehicles, landmarks, and sensors as "
+            "sensor:v3; every loss is judged if not given",
+            max_length=64,
+        ),
+    ] = None,
+    losses: Annotated[
+        Literal["1", "2"], Query(description="Judge every loss of one, or of up to two")
+    ] = "1",
+    bound: Annotated[
+        BoundChoice, Query(description="Predict errors: auto leaves very large teams out")
+    ] = "auto",
+) -> Response:
+    """The plan without each vehicle, sensor or landmark, orbits unchanged, judged afresh.
+
+    The most harmful loss comes first. A vehicle whose sensor is lost flies on and is seen by
+    others.
+    """
+    row = await run_in_threadpool(find_or_refuse, service, owner, plan_id)
+    found = await computed(service, "judged_losses", row.text, lose or [], int(losses), bound)
+    return Response(found, media_type="application/json")

@@ -1,0 +1,55 @@
+"""Whether the team survives losses: findings on single points of failure."""
+
+from collections.abc import Iterator, Sequence
+
+from syncplan.orbits.losses import Loss
+from syncplan.planning.findings import Cure, Finding
+from syncplan.planning.judged_team import JudgedTeam
+
+__all__ = ["single_points_of_failure"]
+
+MOST_NAMED = 8
+
+
+def single_points_of_failure(judged: JudgedTeam) -> Iterator[Finding]:
+    """Yield what, lost alone, ends observability."""
+    if judged.single_points is None:
+        yield Finding(
+            "single-point-of-failure",
+            "note",
+            f"not checked for {judged.team.count} vehicles which losses end observability; "
+            "syncplan what-if finds them",
+        )
+        return
+    if judged.single_points:
+        names, landmarks = judged.scenario.vehicle_names, judged.scenario.landmark_names
+        lost = [(one.vehicles + one.sensors, one.landmarks) for one in judged.single_points]
+        yield Finding(
+            "single-point-of-failure",
+            "note",
+            _sentence(_phrases(judged, judged.single_points)),
+            tuple(
+                dict.fromkeys(
+                    [names[k] for vehicles, _ in lost for k in vehicles]
+                    + [landmarks[k] for _, places in lost for k in places]
+                )
+            ),
+            Cure("another landmark in view, or further links; syncplan what-if says what is lost"),
+        )
+
+
+def _phrases(judged: JudgedTeam, losses: Sequence[Loss]) -> list[str]:
+    """Losses in words, a vehicle and its sensor named once: vehicles, sensors, landmarks."""
+    names, gone = judged.scenario.vehicle_names, {k for one in losses for k in one.vehicles}
+    blind = {k for one in losses for k in one.sensors}
+    return [
+        *(f"{names[k]}{' or its sensor' if k in blind else ''}" for k in sorted(gone)),
+        *(f"the sensor of {names[k]}" for k in sorted(blind - gone)),
+        *(judged.scenario.landmark_names[k] for one in losses for k in one.landmarks),
+    ]
+
+
+def _sentence(phrases: list[str]) -> str:
+    more = len(phrases) - MOST_NAMED
+    listed = ", ".join(phrases[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
+    return f"losing {'any one of ' if len(phrases) > 1 else ''}{listed} ends observability"

@@ -1,0 +1,239 @@
+"""What if a vehicle, a sensor or a landmark is lost: every loss judged afresh, orbits unchanged."""
+
+from collections.abc import Callable, Generator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal
+
+from syncplan.arrays import Array
+from syncplan.errors import InputError, NoSolutionError
+from syncplan.estimation.bounds import window_bound
+from syncplan.observability.unobservable_modes import UnobservableMode
+from syncplan.observability.window_assessment import Assessment, assess_remainder, assess_team
+from syncplan.orbits.losses import Loss, Remainder, remainder_of
+from syncplan.planning.findings import Verdict
+from syncplan.planning.judged_plan import Plan
+from syncplan.planning.judged_team import JudgedTeam, Prediction
+from syncplan.planning.judgement import BoundChoice, judged, listed_pairs, why_no_bound
+from syncplan.planning.lost_parts import (
+    lost_together,
+    names_of,
+    possible_losses,
+    scenario_after,
+)
+from syncplan.planning.subjects import PlanSubject, planned
+from syncplan.planning.verdict_checks import verdict_of
+from syncplan.results import Result
+from syncplan.runtime.blas import single_threaded_blas
+from syncplan.runtime.cores import usable_cores
+
+if TYPE_CHECKING:
+    from syncplan.estimation.loss_bounds import LossBounds
+
+__all__ = ["LossOutcome", "WhatIf", "what_if"]
+
+
+@dataclass(frozen=True, slots=True)
+class LossOutcome:
+    """A team after a loss, judged afresh.
+
+    Attributes
+    ----------
+    lost : names of what is lost, a sensor as sensor:v3; empty for the whole team
+    vehicles : names of those left
+    rank, state_dim : of the windowed matrix
+    unobservable : a named mode for each dimension that the rank lacks
+    predicted_rms : (k,) m, of each vehicle left; None where not computed
+    note : why there are no predicted errors
+    verdict : on flying on without what is lost
+    """
+
+    lost: tuple[str, ...]
+    vehicles: tuple[str, ...]
+    rank: int
+    state_dim: int
+    unobservable: tuple[UnobservableMode, ...]
+    predicted_rms: Array | None
+    note: str
+    verdict: Verdict
+
+    @property
+    def observable(self) -> bool:
+        """Whether every position and heading is determined over the window."""
+        return self.rank == self.state_dim
+
+    @property
+    def worst_predicted_rms(self) -> float | None:
+        """Largest predicted RMS position error of a vehicle left, in m."""
+        return None if self.predicted_rms is None else float(self.predicted_rms.max())
+
+    @property
+    def harm(self) -> tuple[int, float]:
+        """What losses are sorted by: dimensions lost, then the worst predicted error in m."""
+        return self.state_dim - self.rank, self.worst_predicted_rms or 0.0
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class WhatIf(Result):
+    """A plan and what losses do to it.
+
+    Attributes
+    ----------
+    baseline : the plan itself, with nothing lost
+    losses : every loss that was judged, the most harmful first
+    critical : names of what ends observability when lost, the smallest sets; empty where the plan
+        is not observable itself
+    """
+
+    plan: Plan
+    baseline: LossOutcome
+    losses: tuple[LossOutcome, ...]
+    critical: tuple[tuple[str, ...], ...]
+
+    def __repr__(self) -> str:
+        """Return one line: name, losses, how many are critical."""
+        name = f"{self.plan.scenario.name!r}: " if self.plan.scenario.name else ""
+        many = "es" if len(self.losses) != 1 else ""
+        return (
+            f"<{type(self).__name__} {name}{len(self.losses)} loss{many} judged, "
+            f"{len(self.critical)} critical>"
+        )
+
+
+@single_threaded_blas
+def what_if(
+    subject: PlanSubject,
+    lose: Sequence[str] = (),
+    *,
+    losses: Literal[1, 2] = 1,
+    bound: BoundChoice = "auto",
+    threads: int | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> WhatIf:
+    """Return what losses do to a plan: each remainder judged afresh, on the orbits it has.
+
+    `subject` is the plan or whatever one can be made of: a scenario, a file or a mapping. `lose`
+    names what is lost together: vehicles, landmarks, and sensors as sensor:v3, whose vehicles fly
+    on and are seen by others. Without it every loss of one vehicle, sensor or landmark is judged;
+    with losses=2, of every two as well. Everything is lost from time 0 on: predicted errors are
+    those of a run without it. Verdicts leave out the start and what a further loss would do.
+    `bound` says whether errors are predicted, as for syncplan.plan. `progress` is called with the
+    number of losses judged.
+
+    Raises InputError for names that the plan does not have and for options out of range.
+    """
+    _check(lose, losses, bound, threads)
+    plan = planned(subject, bound=bound)
+    chosen = [lost_together(lose, plan.scenario)] if lose else possible_losses(plan.team, losses)
+    study = _Study(plan, assess_team(plan.team, plan.scenario.window), bound)
+    found = []
+    with closing(_in_order(study, chosen, threads or usable_cores())) as outcomes:
+        for outcome in outcomes:
+            found.append(outcome)
+            if progress is not None:
+                progress(len(found))
+    return WhatIf(
+        plan,
+        _baseline(plan),
+        tuple(sorted(found, key=lambda one: one.harm, reverse=True)),
+        _critical(found) if plan.observable else (),
+    )
+
+
+def _check(lose: Sequence[str], losses: int, bound: str, threads: int | None) -> None:
+    if isinstance(lose, str):
+        raise InputError(f"{lose!r}: must be a list of names, such as ['v3', 'L1']", key="lose")
+    if losses not in (1, 2):
+        raise InputError(f"{losses}: must be 1 or 2", key="losses")
+    if bound not in ("auto", "always", "never"):
+        raise InputError(f"{bound!r}: must be auto, always or never", key="bound")
+    if threads is not None and threads < 1:
+        raise InputError(f"{threads} given, at least 1 is needed", key="threads")
+
+
+@dataclass(frozen=True)
+class _Study:
+    """A plan as the judgement of its losses needs it."""
+
+    plan: Plan
+    assessed: Assessment
+    bound: BoundChoice
+
+    @cached_property
+    def bounds(self) -> "LossBounds":
+        """The run that predicted errors are found from."""
+        from syncplan.estimation.loss_bounds import LossBounds
+
+        plan = self.plan
+        return LossBounds.along(plan.team, self.assessed.windows, plan.scenario.duration_s)
+
+    def judged_after(self, loss: Loss) -> JudgedTeam:
+        """Return what a loss leaves, with all that the verdict on it rests on."""
+        left = remainder_of(self.plan.team, loss)
+        assessed = assess_remainder(self.assessed, left)
+        scenario = scenario_after(self.plan.scenario, loss)
+        pairs = listed_pairs(scenario, left.team)
+        prediction = self._predicted(left, assessed)
+        return judged(assessed, scenario, pairs, prediction, remainder=True)
+
+    def _predicted(self, left: Remainder, assessed: Assessment) -> Prediction:
+        rms, note = None, why_no_bound(left.team, self.plan.scenario.duration_s, self.bound)
+        if not note:
+            try:
+                rms = self.bounds.after(left).rms_second_half()
+            except NoSolutionError as error:
+                note = str(error)
+        window = window_bound(assessed.observability)
+        return Prediction(rms=rms, steady=None, window=window, note=note)
+
+
+def _in_order(study: _Study, losses: Sequence[Loss], threads: int) -> Generator[LossOutcome]:
+    """Outcomes in the order of the losses, a few computed ahead."""
+    if not why_no_bound(study.plan.team, study.plan.scenario.duration_s, study.bound):
+        study.bounds  # noqa: B018 - prepared once, before threads ask for it
+    with ThreadPoolExecutor(threads) as pool:
+        pending: list[Future[LossOutcome]] = []
+        try:
+            for loss in losses:
+                pending.append(pool.submit(_outcome, study, loss))
+                if len(pending) > 2 * threads:
+                    yield pending.pop(0).result()
+            while pending:
+                yield pending.pop(0).result()
+        finally:
+            for one in pending:
+                one.cancel()
+
+
+def _outcome(study: _Study, loss: Loss) -> LossOutcome:
+    return _judged_as(study.judged_after(loss), names_of(loss, study.plan.scenario))
+
+
+def _baseline(plan: Plan) -> LossOutcome:
+    return _judged_as(plan, ())
+
+
+def _judged_as(found: JudgedTeam, lost: tuple[str, ...]) -> LossOutcome:
+    return LossOutcome(
+        lost=lost,
+        vehicles=tuple(found.scenario.vehicle_names),
+        rank=found.observability.rank,
+        state_dim=found.observability.state_dim,
+        unobservable=found.unobservable,
+        predicted_rms=found.prediction.rms,
+        note=found.prediction.note,
+        verdict=verdict_of(found),
+    )
+
+
+def _critical(outcomes: Sequence[LossOutcome]) -> tuple[tuple[str, ...], ...]:
+    """The smallest sets whose loss ends observability, in the order they were judged."""
+    smallest: list[tuple[str, ...]] = []
+    for one in sorted(
+        (one for one in outcomes if not one.observable), key=lambda one: len(one.lost)
+    ):
+        if not any(set(names) <= set(one.lost) for names in smallest):
+            smallest.append(one.lost)
+    return tuple(smallest)

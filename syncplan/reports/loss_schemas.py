@@ -1,0 +1,43 @@
+"""The JSON contract of what losses do to a plan."""
+
+from pydantic import Field
+
+from syncplan.reports.document_base import Document, VersionedDocument
+from syncplan.reports.plan_schemas import ErrorPrediction, Unobservable
+from syncplan.reports.verdict_schemas import PlanVerdict
+
+__all__ = ["RemainingTeam", "WhatIfDocument"]
+
+
+class RemainingTeam(Document):
+    """What a loss leaves of a team, judged afresh on the orbits it has."""
+
+    lost: list[str] = Field(
+        description="Names of what is lost: vehicles, landmarks, and sensors as sensor:v3, whose "
+        "vehicles fly on; empty for the whole team",
+        examples=[["sensor:v3"]],
+    )
+    rank: int
+    state_dim: int
+    observable: bool
+    unobservable: list[Unobservable]
+    predicted_rms_m: ErrorPrediction = Field(
+        description="Of a run without what is lost, from its start"
+    )
+    worst_predicted_rms_m: float | None = Field(
+        description="Of the vehicle worst off; null where not computed"
+    )
+    verdict: PlanVerdict = Field(description="On flying without what is lost")
+
+
+class WhatIfDocument(VersionedDocument):
+    """What losses of vehicles, sensors and landmarks do to a plan."""
+
+    name: str = Field(description="Of the scenario")
+    baseline: RemainingTeam = Field(description="The plan with nothing lost")
+    losses: list[RemainingTeam] = Field(description="Each loss judged, the most harmful first")
+    critical: list[list[str]] = Field(
+        description="What ends observability when lost, the smallest sets; empty where the plan is "
+        "not observable itself",
+        examples=[[["v3"], ["sensor:v3"], ["L1"]]],
+    )

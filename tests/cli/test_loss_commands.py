@@ -1,0 +1,92 @@
+"""syncplan what-if: losses at the command line."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from syncplan.cli.document_table import DOCUMENTS
+from tests.tools.scenarios import FILES
+
+GRID = str(FILES / "paper-grid-same.yaml")
+QUICK = ("--bound", "never")
+
+
+def test_every_single_loss_is_judged_and_the_most_harmful_come_first(run: Any) -> None:
+    status, out, err = run("what-if", GRID, *QUICK)
+    assert (status, err) == (0, "")
+    document = json.loads(out)
+    assert len(document["losses"]) == 14
+    assert sorted(document["critical"]) == [
+        ["L1"],
+        ["L2"],
+        ["sensor:v3"],
+        ["sensor:v4"],
+        ["v3"],
+        ["v4"],
+    ]
+    first, last = document["losses"][0], document["losses"][-1]
+    assert (first["observable"], last["observable"]) == (False, True)
+    assert first["verdict"]["go"] is False
+    assert first["unobservable"]
+    assert document["baseline"]["lost"] == []
+
+
+def test_a_plan_file_keeps_its_orbits(run: Any, tmp_path: Path) -> None:
+    plan, losses = tmp_path / "plan.json", tmp_path / "losses.json"
+    assert run("plan", GRID, "-o", str(plan))[0] == 0
+    document = json.loads(plan.read_text())
+    for vehicle in document["vehicles"]:
+        vehicle.pop("position_m"), vehicle.pop("heading_rad")
+        vehicle["phase_rad"] = 0.0
+    plan.write_text(json.dumps(document))
+    assert run("what-if", str(plan), "-o", str(losses), *QUICK)[0] == 0
+    found = json.loads(losses.read_text())
+    assert found["baseline"]["observable"] is False
+    assert found["critical"] == []
+    status, _, err = run("what-if", str(losses))
+    assert status == 2
+    assert "losses.json" in err
+
+
+def test_what_is_named_is_lost_together(run: Any) -> None:
+    status, out, _ = run("what-if", GRID, "--lose", "v1, v5", *QUICK)
+    assert status == 0
+    assert [one["lost"] for one in json.loads(out)["losses"]] == [["v1", "v5"]]
+    status, out, _ = run("what-if", GRID, "--lose", "sensor:v3", "--format", "table", *QUICK)
+    assert status == 0
+    assert "1 critical of 1: the sensor of v3" in out
+    assert "turn of everything" in out
+    assert "was not asked for" in out
+
+
+def test_losses_of_two_are_judged_on_request(run: Any) -> None:
+    document = json.loads(run("what-if", GRID, "--losses", "2", *QUICK)[1])
+    assert ["v1", "v5"] in document["critical"]
+    assert run("what-if", GRID, "--losses", "3")[0] == 2
+
+
+@pytest.mark.parametrize(
+    ("lose", "said"),
+    [
+        ("v9", "--lose: 'v9': is neither a vehicle (v1, v2, v3, v4, v5, v6) nor a landmark"),
+        ("v1,v1", "--lose: v1: stands twice"),
+        ("v1,,v2", "--lose: '': is neither"),
+    ],
+)
+def test_a_name_that_nothing_has_is_one_line(run: Any, lose: str, said: str) -> None:
+    status, out, err = run("what-if", GRID, "--lose", lose)
+    assert (status, out) == (2, "")
+    assert err.startswith(f"syncplan: {said}")
+    assert err.count("\n") == 1
+
+
+def test_losses_are_drawn_and_have_a_schema(run: Any, tmp_path: Path) -> None:
+    losses, page = tmp_path / "losses.json", tmp_path / "losses.html"
+    assert run("what-if", GRID, "-o", str(losses))[0] == 0
+    assert run("plot", str(losses), "-o", str(page))[0] == 0
+    assert "predicted error after each loss" in page.read_text()
+    schema = json.loads(run("schema", "what-if")[1])
+    assert set(schema["properties"]) == set(json.loads(losses.read_text()))
+    assert DOCUMENTS["what-if"].model.model_validate_json(losses.read_text())

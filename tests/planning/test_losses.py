@@ -1,0 +1,273 @@
+"""Losses: what is left is judged as if it had been planned that way from the start."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import syncplan
+from syncplan.errors import InputError
+from syncplan.estimation.bounds import posterior_bound
+from syncplan.estimation.loss_bounds import LossBounds
+from syncplan.observability.loss_ranks import decisive_losses
+from syncplan.observability.window_assessment import assess_remainder, assess_team
+from syncplan.orbits.losses import BLIND_RANGE_M, Loss, remainder_of, single_losses
+from syncplan.planning import judgement
+from syncplan.planning.findings import Finding
+from syncplan.planning.judged_plan import Plan
+from syncplan.planning.loss_study import what_if
+from syncplan.planning.lost_parts import lost_together, names_of, possible_losses, scenario_after
+from syncplan.planning.planner import plan
+from syncplan.reports.loss_report import what_if_document
+from syncplan.reports.loss_schemas import WhatIfDocument
+from tests.tools.draws import draw_team
+from tests.tools.lost import differences, drawn_plan, from_scratch, independent_rank
+from tests.tools.scenarios import example, small
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def single_points(judged: Plan) -> list[Finding]:
+    return [one for one in judged.verdict.findings if one.code == "single-point-of-failure"]
+
+
+# --- judged afresh --------------------------------------------------------------------------------
+
+
+@settings(max_examples=12)
+@given(SEEDS)
+def test_a_loss_is_judged_as_the_reduced_scenario_planned_from_scratch(seed: int) -> None:
+    whole = drawn_plan(np.random.default_rng(seed), most_vehicles=4)
+    for outcome in what_if(whole, threads=1).losses:
+        assert differences(outcome, from_scratch(whole, outcome.lost)) == []
+
+
+@pytest.mark.parametrize("name", ["paper-grid-same", "five-ring", "mixed-radii-camera"])
+def test_the_rank_without_a_sensor_is_that_of_sampled_sights_and_finite_differences(
+    name: str,
+) -> None:
+    whole = plan(example(name), bound="never", margin_bound=False)
+    ranks = {one.lost: one.rank for one in what_if(whole, bound="never").losses}
+    for k, vehicle in enumerate(whole.scenario.vehicle_names):
+        assert ranks[f"sensor:{vehicle}",] == independent_rank(whole, whole.orbits, {k})
+
+
+@settings(max_examples=60)
+@given(SEEDS)
+def test_the_losses_that_end_observability_are_those_whose_remainder_is_not_observable(
+    seed: int,
+) -> None:
+    team = draw_team(np.random.default_rng(seed))
+    assessed = assess_team(team, team.orbits.period)
+    losses = single_losses(team)
+    left = [assess_remainder(assessed, remainder_of(team, loss)) for loss in losses]
+    expected = [
+        loss
+        for loss, one in zip(losses, left, strict=True)
+        if assessed.observability.observable and not one.observability.observable
+    ]
+    assert decisive_losses(assessed, losses) == expected
+
+
+def test_the_bound_after_a_loss_is_the_bound_of_what_is_left() -> None:
+    whole = plan(example("mixed-radii-camera"), bound="never")
+    # two pass so near that the weight of their sightings rests on the mean radius
+    centers = whole.orbits.centers.copy()
+    centers[1] = centers[0] + 1e-3 * whole.orbits.radii[0]
+    team = whole.team.on(replace(whole.orbits, centers=centers, phases=whole.orbits.phases * 0.0))
+    for made in (whole.team, team):
+        windows = assess_team(made, whole.scenario.window).windows
+        bounds = LossBounds.along(made, windows, 60.0)
+        for loss in (Loss(), *possible_losses(made, 1), Loss((0,), (1,), (0,))):
+            left = remainder_of(made, loss)
+            expected = posterior_bound(left.team, left.windows(windows), 60.0)
+            found = bounds.after(left)
+            assert np.allclose(found.position_variance, expected.position_variance, rtol=1e-7)
+            assert np.allclose(found.heading_variance, expected.heading_variance, rtol=1e-7)
+
+
+def test_outcomes_are_the_same_on_any_number_of_threads() -> None:
+    whole = plan(example("paper-grid-same"))
+    one, three = (what_if_document(what_if(whole, threads=k)) for k in (1, 3))
+    assert one == three
+
+
+# --- what is judged -------------------------------------------------------------------------------
+
+
+def test_losing_either_eye_of_the_team_ends_observability() -> None:
+    # of paper-grid-same, v3 alone sees L1 and v4 alone L2: each is needed, and so is its sensor
+    found = what_if(example("paper-grid-same"))
+    assert len(found.losses) == 6 + 6 + 2
+    assert set(found.critical) == {
+        ("v3",),
+        ("v4",),
+        ("sensor:v3",),
+        ("sensor:v4",),
+        ("L1",),
+        ("L2",),
+    }
+    assert found.baseline.observable
+    assert found.baseline.lost == ()
+    for one in found.losses:
+        assert one.observable == ((*one.lost,) not in found.critical)
+        assert one.verdict.go == one.observable
+        assert len(one.unobservable) == one.state_dim - one.rank
+
+
+def test_the_most_harmful_losses_come_first() -> None:
+    found = what_if(example("paper-grid-same")).losses
+    harms = [(one.state_dim - one.rank, one.worst_predicted_rms) for one in found]
+    assert harms == sorted(harms, reverse=True)
+
+
+def test_pairs_that_are_critical_hold_nothing_that_is_critical_alone() -> None:
+    whole = plan(example("paper-grid-same"), bound="never")
+    found = what_if(whole, losses=2, bound="never")
+    alone = {names for names in found.critical if len(names) == 1}
+    pairs = {names for names in found.critical if len(names) == 2}
+    assert ("v1", "v5") in pairs
+    assert not any({(name,) for name in names} & alone for names in pairs)
+    lost = [one.lost for one in found.losses]
+    assert len(set(lost)) == len(lost) == 14 + 14 * 13 // 2 - 6
+    assert ("v1", "sensor:v1") not in lost
+
+
+def test_a_vehicle_that_cannot_see_is_still_seen() -> None:
+    whole = plan(example("paper-grid-same"), bound="never")
+    (blind,) = what_if(whole, ["sensor:v1"], bound="never").losses
+    assert blind.vehicles == tuple(whole.scenario.vehicle_names)
+    assert blind.observable
+    (gone,) = what_if(whole, ["v1"], bound="never").losses
+    assert gone.vehicles == tuple(whole.scenario.vehicle_names[1:])
+    assert gone.state_dim == 15
+
+
+def test_what_is_named_is_lost_together() -> None:
+    whole = plan(example("paper-grid-same"), bound="never")
+    found = what_if(whole, ["v1", "v5"], bound="never")
+    assert [one.lost for one in found.losses] == [("v1", "v5")]
+    assert found.critical == (("v1", "v5"),)
+
+
+def test_nothing_is_critical_to_a_plan_that_is_not_observable() -> None:
+    found = what_if(example("paper-grid-alternate"), bound="never")
+    assert not found.baseline.observable
+    assert found.critical == ()
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        (["v9"], "'v9': is neither a vehicle (v1, v2) nor a landmark (none)"),
+        (["sensor:v9"], "a vehicle's sensor is named sensor:v1"),
+        (["v1", "v1"], "stands twice"),
+        (["v1", "sensor:v1"], "is lost with v1"),
+        (["v1", "v2"], "leaves no vehicle"),
+    ],
+)
+def test_a_loss_that_cannot_be_is_refused_with_the_remedy(names: list[str], said: str) -> None:
+    with pytest.raises(InputError) as refused:
+        lost_together(names, small())
+    assert refused.value.key == "lose"
+    assert said in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "key"),
+    [
+        ({"lose": "v1"}, "lose"),
+        ({"losses": 3}, "losses"),
+        ({"bound": "maybe"}, "bound"),
+        ({"threads": 0}, "threads"),
+    ],
+)
+def test_options_out_of_range_are_refused(changes: dict[str, object], key: str) -> None:
+    with pytest.raises(InputError) as refused:
+        what_if(small(), **changes)  # type: ignore[arg-type]
+    assert refused.value.key == key
+
+
+def test_names_are_read_back_as_they_are_given() -> None:
+    whole = plan(example("paper-grid-same"), bound="never")
+    for loss in possible_losses(whole.team, 2):
+        assert lost_together(names_of(loss, whole.scenario), whole.scenario) == loss
+
+
+def test_the_scenario_of_what_is_left_can_be_planned() -> None:
+    whole = plan(example("paper-grid-same"), bound="never").scenario
+    left = scenario_after(whole, Loss(vehicles=(1,), sensors=(3,), landmarks=(0,)))
+    assert left.vehicle_names == ["v1", "v3", "v4", "v5", "v6"]
+    assert left.landmark_names == ["L2"]
+    assert [one.range_m for one in left.sensors][2] == BLIND_RANGE_M
+    assert all("v2" not in pair for pair in left.formation.links or [])
+    assert plan(left, bound="never").team.count == 5
+
+
+def test_a_link_that_only_the_lost_sensor_could_keep_is_left_out() -> None:
+    sensors = [{"range_m": 50.0}, {"range_m": 10.0}]
+    linked = small(
+        formation={"centers_m": [[0.0, 0.0], [70.0, 0.0]], "links": [["v1", "v2"]]},
+        sensor=sensors,
+    )
+    left = scenario_after(plan(linked, bound="never").scenario, Loss(sensors=(0,)))
+    assert left.formation.links == []
+
+
+# --- the verdict ----------------------------------------------------------------------------------
+
+
+def test_a_plan_names_its_single_points_of_failure() -> None:
+    (found,) = single_points(plan(example("paper-grid-same"), bound="never"))
+    assert found.level == "note"
+    assert found.subjects == ("v3", "v4", "L1", "L2")
+    assert found.message == (
+        "losing any one of v3 or its sensor, v4 or its sensor, L1, L2 ends observability"
+    )
+
+
+def test_a_plan_that_survives_every_loss_says_nothing_of_it() -> None:
+    # each of two vehicles sees all three landmarks
+    places = [[30.0, 45.0], [40.0, -45.0], [35.0, 60.0]]
+    safe = plan(small(landmarks_m=places, sensor={"range_m": 120.0}), bound="never")
+    assert what_if(safe, bound="never").critical == ()
+    assert single_points(safe) == []
+
+
+def test_a_team_too_large_to_be_searched_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(judgement, "LARGEST_SEARCHED", 1)
+    (said,) = single_points(plan(example("paper-grid-same"), bound="never"))
+    assert said.level == "note"
+    assert "not checked for 6 vehicles" in said.message
+    assert single_points(plan(example("paper-grid-alternate"), bound="never")) == []
+
+
+def test_the_finding_names_what_the_study_finds_critical() -> None:
+    for name in ("five-ring", "four-ground-robots", "triangle-lattice"):
+        judged = plan(example(name), bound="never", margin_bound=False)
+        critical = what_if(judged, bound="never").critical
+        named = {one.removeprefix("sensor:") for names in critical for one in names}
+        assert named == {name for one in single_points(judged) for name in one.subjects}
+
+
+# --- documents ------------------------------------------------------------------------------------
+
+
+def test_the_document_holds_what_the_study_found_and_reads_back() -> None:
+    found = syncplan.what_if(example("paper-grid-same"))
+    document = what_if_document(found)
+    assert WhatIfDocument.model_validate_json(document.model_dump_json()) == document
+    assert document.losses[0].lost == list(found.losses[0].lost)
+    assert document.losses[0].predicted_rms_m.vehicles.keys() == set(found.losses[0].vehicles)
+    assert document.losses[0].worst_predicted_rms_m == found.losses[0].worst_predicted_rms
+    assert document.critical == [list(names) for names in found.critical]
+
+
+def test_the_study_shows_itself_in_one_line_and_as_rows() -> None:
+    found = what_if(plan(example("paper-grid-same"), bound="never"), bound="never")
+    assert repr(found) == "<WhatIf 'paper-grid-same': 14 losses judged, 6 critical>"
+    assert found.losses[0].worst_predicted_rms is None
+    assert "was not asked for" in found.losses[0].note
+    assert found._repr_html_().count("<tr>") == 1 + 14

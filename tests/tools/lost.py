@@ -1,0 +1,209 @@
+"""Drawn scenarios for losses, and each reduced scenario planned from scratch on the same orbits."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from syncplan.orbits.circles import Orbits
+from syncplan.planning.judged_plan import Plan
+from syncplan.planning.judgement import judge
+from syncplan.planning.loss_study import LossOutcome
+from syncplan.planning.planner import plan
+from syncplan.scenario.loading import scenario_from
+from syncplan.scenario.specification import Scenario
+
+SMALLEST_RANGE_M = 1e-6
+
+LEFT_OUT = ("single-point-of-failure", "start-up")
+"""Findings that the verdict on a loss leaves out."""
+
+
+def drawn_plan(generator: np.random.Generator, most_vehicles: int = 6) -> Plan:
+    """Return the plan of a team of 1 to `most_vehicles` with 0 to 4 landmarks.
+
+    Some radii, ranges and fields of view differ, some links are listed, some phases are arbitrary.
+    """
+    scenario = scenario_from(_document(generator, most_vehicles))
+    made = plan(scenario, margin_bound=False, pilot=False)
+    if generator.random() < 0.5:
+        phases = generator.uniform(0.0, 2.0 * np.pi, made.team.count)
+        return judge(scenario, replace(made.orbits, phases=phases), pilot=False)
+    return made
+
+
+def from_scratch(whole: Plan, lost: tuple[str, ...]) -> Plan:
+    """Return the plan of the reduced scenario, written out by hand, on the orbits that are left."""
+    values = whole.scenario.model_dump(mode="json", exclude_none=True)
+    names, gone = whole.scenario.vehicle_names, set(lost)
+    left = [k for k, name in enumerate(names) if name not in gone]
+    sensors = _each(values["sensor"], len(names))
+    for k, name in enumerate(names):
+        if f"sensor:{name}" in gone:
+            sensors[k] = {**sensors[k], "range_m": SMALLEST_RANGE_M}
+    blind = {name for name in names if f"sensor:{name}" in gone}
+    links = [
+        pair
+        for pair in values["formation"].get("links", [])
+        if not gone.intersection(pair) and not blind.issuperset(pair)
+    ]
+    values["formation"] = {
+        "centers_m": {names[k]: values["formation"]["centers_m"][k] for k in left},
+        **({"links": links} if "links" in values["formation"] else {}),
+    }
+    values["orbit"]["radius_m"] = [_each(values["orbit"]["radius_m"], len(names))[k] for k in left]
+    values["sensor"] = [sensors[k] for k in left]
+    values["landmarks_m"] = {
+        name: place
+        for name, place in zip(whole.scenario.landmark_names, whole.scenario.landmarks, strict=True)
+        if name not in gone
+    }
+    return judge(scenario_from(values), whole.orbits.only(np.array(left)), pilot=False)
+
+
+def differences(found: LossOutcome, expected: Plan, tolerance: float = 1e-6) -> list[str]:
+    """Return in what an outcome differs from a plan; predicted errors by a share of themselves."""
+    wrong = []
+    pairs: dict[str, tuple[Any, Any]] = {
+        "vehicles": (list(found.vehicles), expected.scenario.vehicle_names),
+        "rank": (found.rank, expected.observability.rank),
+        "state_dim": (found.state_dim, expected.observability.state_dim),
+        "observable": (found.observable, expected.observable),
+        "go": (found.verdict.go, expected.verdict.go),
+        "modes": (
+            [one.description for one in found.unobservable],
+            [one.description for one in expected.unobservable],
+        ),
+        "findings": (
+            found.verdict.findings,
+            tuple(one for one in expected.verdict.findings if one.code not in LEFT_OUT),
+        ),
+        "note": (found.note, expected.prediction.note),
+    }
+    wrong += [f"{key}: {a} != {b}" for key, (a, b) in pairs.items() if a != b]
+    a, b = found.predicted_rms, expected.prediction.rms
+    if (a is None) != (b is None):
+        wrong.append("predicted errors: one is missing")
+    elif a is not None and b is not None and not np.allclose(a, b, rtol=tolerance, atol=0.0):
+        wrong.append(f"predicted errors: {a} != {b}")
+    return wrong
+
+
+def independent_rank(plan: Plan, orbits: Orbits, blind: set[int]) -> int:
+    """Return the rank of a team's bearings over a period by finite differences, sight by sampling.
+
+    `blind` vehicles see nothing. Shares no code with the library but the orbits' fields.
+    """
+    scenario, count = plan.scenario, orbits.count
+    step, ranges = scenario.sample_time, [one.range_m for one in scenario.sensors]
+    times = np.arange(int(np.ceil(scenario.window / step - 1e-9))) * step
+    scale = float(np.mean(orbits.radii))
+    start = np.concatenate([_poses(orbits, np.zeros(1))[0].ravel()])
+    paths = _poses(orbits, times)
+
+    def bearings(state: np.ndarray) -> np.ndarray:
+        # the whole path turns and shifts with the start
+        poses = state.reshape(count, 3)
+        first = paths[0]
+        angle = poses[:, 2] - first[:, 2]
+        moved = paths[:, :, :2] - first[:, :2]
+        c, s = np.cos(angle), np.sin(angle)
+        east = poses[:, 0] + c * moved[..., 0] - s * moved[..., 1]
+        north = poses[:, 1] + s * moved[..., 0] + c * moved[..., 1]
+        found = []
+        for a, b in sights:
+            rows = sights[a, b]
+            if b < count:
+                dx, dy = east[rows, b] - east[rows, a], north[rows, b] - north[rows, a]
+            else:
+                place = scenario.landmarks[b - count]
+                dx, dy = place[0] - east[rows, a], place[1] - north[rows, a]
+            found.append(np.unwrap(np.arctan2(dy, dx)) - angle[a])
+        return np.concatenate(found) if found else np.zeros(0)
+
+    sights = _sights(scenario, paths, ranges, blind)
+    columns = []
+    for k in range(3 * count):
+        unit = np.zeros(3 * count)
+        unit[k] = 1e-6 * (scale if k % 3 < 2 else 1.0)
+        change = bearings(start + unit) - bearings(start - unit)
+        columns.append(((change + np.pi) % (2.0 * np.pi) - np.pi) / 2e-6)
+    matrix = np.column_stack(columns)
+    values = np.linalg.svd(matrix, compute_uv=False)
+    return int(np.sum(values > 1e-6 * values[0])) if len(values) and values[0] > 0.0 else 0
+
+
+def _poses(orbits: Orbits, times: np.ndarray) -> np.ndarray:
+    """(t, n, 3) x, y, heading."""
+    phase = orbits.phases + orbits.senses * orbits.rate * times[:, None]
+    x = orbits.centers[:, 0] + orbits.radii * np.cos(phase)
+    y = orbits.centers[:, 1] + orbits.radii * np.sin(phase)
+    return np.stack([x, y, phase + orbits.senses * np.pi / 2.0], axis=-1)
+
+
+def _sights(
+    scenario: Scenario, paths: np.ndarray, ranges: list[float], blind: set[int]
+) -> dict[tuple[int, int], np.ndarray]:
+    """For each directed pair, the samples at which it is in range and view."""
+    count = paths.shape[1]
+    still = np.array(scenario.landmarks).reshape(-1, 2)
+    found = {}
+    for a in set(range(count)) - blind:
+        sensor = scenario.sensors[a]
+        for b in [k for k in range(count + len(still)) if k != a]:
+            target = paths[:, b, :2] if b < count else still[b - count]
+            q = target - paths[:, a, :2]
+            off = np.arctan2(q[:, 1], q[:, 0]) - paths[:, a, 2] - np.radians(sensor.boresight_deg)
+            off = np.abs((off + np.pi) % (2.0 * np.pi) - np.pi)
+            seen = np.hypot(q[:, 0], q[:, 1]) <= ranges[a]
+            seen &= off <= np.radians(sensor.fov_deg) / 2.0 + 1e-12
+            if seen.any():
+                found[a, b] = np.flatnonzero(seen)
+    return found
+
+
+def _document(generator: np.random.Generator, most_vehicles: int) -> dict[str, Any]:
+    count = int(generator.integers(1, most_vehicles + 1))
+    radius, spacing = 20.0, float(generator.uniform(50.0, 75.0))
+    grid = [(float(k % 3) * spacing, float(k // 3) * spacing) for k in range(count)]
+    centers = [[x + generator.normal(0.0, 3.0), y + generator.normal(0.0, 3.0)] for x, y in grid]
+    reach = generator.uniform(35.0, 60.0, count)
+    narrow = generator.random() < 0.3
+    document: dict[str, Any] = {
+        "orbit": {
+            "radius_m": radius
+            if generator.random() < 0.5
+            else [float(value) for value in generator.uniform(14.0, 24.0, count)],
+            "angular_rate_rad_s": 0.2,
+            "direction": str(generator.choice(["ccw", "alternate"])),
+        },
+        "formation": {"centers_m": centers},
+        "landmarks_m": [
+            [float(value) for value in generator.uniform(-60.0, 190.0, 2)]
+            for _ in range(int(generator.integers(0, 5)))
+        ],
+        "sensor": [
+            {
+                "range_m": float(one if generator.random() < 0.3 else reach[0]),
+                "fov_deg": 200.0 if narrow else 360.0,
+                "sample_time_s": 0.5,
+            }
+            for one in reach
+        ],
+        "duration_s": 60.0,
+    }
+    if count > 1 and generator.random() < 0.3:
+        names = [f"v{k + 1}" for k in range(count)]
+        near = [
+            [names[a], names[b]]
+            for a in range(count)
+            for b in range(a)
+            if np.hypot(*(np.array(centers[a]) - centers[b])) < spacing * 1.2
+        ]
+        document["formation"]["links"] = near
+        document["sensor"] = {"range_m": 90.0, "sample_time_s": 0.5}
+    return document
+
+
+def _each(value: Any, count: int) -> list[Any]:
+    return list(value) if isinstance(value, list) else [value] * count
