@@ -18,14 +18,12 @@ from typing import TYPE_CHECKING, Any
 
 from syncplan.errors import InputError
 from syncplan.planning.judged_plan import Plan
-from syncplan.planning.loss_study import WhatIf
 from syncplan.plotting.canvas import Spec
 from syncplan.plotting.catalogue import Run, Subject, report_of, specs_of
 from syncplan.plotting.errors_figure import errors_spec
 from syncplan.plotting.figure_style import PLAIN, FigureStyle
 from syncplan.plotting.layout_fitting import fitted
 from syncplan.plotting.palette import Theme, themed
-from syncplan.reports.loss_schemas import WhatIfDocument
 from syncplan.reports.run_schemas import SweepReport
 
 if TYPE_CHECKING:
@@ -42,7 +40,6 @@ __all__ = [
     "error_bands",
     "figures_of",
     "formation",
-    "losses",
     "prediction",
     "refinement",
     "spectrum",
@@ -121,13 +118,6 @@ def sweep_curves(
 ) -> Figure:
     """Return the errors over the value that was swept, in m."""
     return _one(report, "sweep", _styled(theme, style))
-
-
-def losses(
-    report: WhatIf | WhatIfDocument, *, theme: Theme | None = None, style: FigureStyle = PLAIN
-) -> Figure:
-    """Return the worst predicted error after each loss, in m; see syncplan.what_if."""
-    return _one(report, "losses", _styled(theme, style))
 
 
 def figures_of(

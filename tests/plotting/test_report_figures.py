@@ -259,7 +259,7 @@ def test_losses_are_bars_and_those_that_end_observability_are_hatched() -> None:
     np.testing.assert_allclose(ends["x"] + stays["x"], np.array(worst, dtype=float), atol=1e-6)
     assert set(_trace(spec, "baseline")["x"]) == {document.baseline.worst_predicted_rms_m}
     assert Figure(spec).to_json()
-    assert figures.losses(document).layout.xaxis.title.text.endswith("error, m")
+    assert figures.figures_of(document)["losses"].layout.xaxis.title.text.endswith("error, m")
 
 
 def test_without_predicted_errors_the_figure_of_losses_says_why() -> None:
