@@ -9,6 +9,7 @@ import pytest
 from syncplan.planning import start_up
 from syncplan.planning.findings import Finding
 from syncplan.planning.judged_plan import Plan
+from syncplan.planning.plan_files import loaded_from, plan_of
 from syncplan.planning.planner import plan
 from syncplan.planning.start_up import (
     CLEARING_INDEX,
@@ -199,3 +200,20 @@ def test_a_refinement_that_starts_worse_says_so(
     )
     assert len(told) == (after > 1.1 * 1.0)
     assert all("the index cleared it, at 0.2, before" in one.message for one in told)
+
+
+def test_a_plan_read_back_says_the_same_of_its_start_word_for_word(
+    uncertain: Plan, refined: Plan
+) -> None:
+    values = plan_document(uncertain).as_json()
+    again = plan_of(loaded_from(values))
+    assert again.verdict == uncertain.verdict
+    assert plan_document(again).as_json()["start_up"] == values["start_up"]
+    assert refined.refinement is not None
+    record = replace(refined.refinement, improved=True, start_before=StartBefore(0.3, 1.0))
+    worse = replace(refined, refinement=record, start_up=ratios(refined, 3.0))
+    (told,) = found(worse, "start-up-worse")
+    kept = plan_of(loaded_from(plan_document(worse).as_json()))
+    assert kept.refinement is not None
+    assert kept.refinement.start_before == record.start_before
+    assert found(replace(kept, start_up=worse.start_up), "start-up-worse") == [told]
