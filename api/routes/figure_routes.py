@@ -47,7 +47,7 @@ async def create_preview(
         bool,
         Query(
             description="Leave out the bound on the links' smallest margin, which takes most of "
-            "the time where phases have no closed form"
+            "the time where phases have no closed form, and the pilot of the start"
         ),
     ] = False,
     figure: Annotated[

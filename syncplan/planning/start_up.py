@@ -157,7 +157,7 @@ def start_up_of(
         return replace(found, untried="trials were left out, as in quick previews")
     length = min(duration, PILOT_TURNS * team.orbits.period)
     if pilot_work(team, windows, length) > PILOT_WORK_LIMIT:
-        return replace(found, untried=f"a pilot of {team.count} vehicles takes long")
+        return replace(found, untried=f"a pilot of {team.count} vehicles takes over a second")
     trials = _piloted(team, windows, length, bound)
     if trials is None:
         return replace(found, untried="the run is too short for a pilot")
