@@ -21,6 +21,7 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.estimation.covariances import Foreseen
+from syncplan.observability.rank import NEAREST
 from syncplan.orbits.paths import body_paths
 from syncplan.orbits.sighting_kinds import sigmas_by_kind
 from syncplan.orbits.sightings import Sightings, steps_within
@@ -57,7 +58,8 @@ def lines_of_sight(team: Team, sightings: Sightings, scale: float) -> Array:
     """Return (2, s, 6): the target's way along and across the line of sight, over its distance.
 
     As linear functions of errors at time 0, the observer's three and the target's three, positions
-    in `scale` m; a landmark's three are zero, and all are where the two are at one place.
+    in `scale` m; a landmark's three are zero. All are where the two are nearer than NEAREST
+    mean radii: the bound hardly counts such a sighting.
     """
     center, cosine, sine = body_paths(team.orbits, team.landmarks)
     tau = (sightings.steps * (team.orbits.rate * team.sensors.sample_time))[:, None]
@@ -67,7 +69,8 @@ def lines_of_sight(team: Team, sightings: Sightings, scale: float) -> Array:
     own, other = (cosine[end] * turned + sine[end] * swung for end in ends)
     q = starts[1] + other - starts[0] - own
     squared = np.sum(q * q, axis=1, keepdims=True)
-    along = np.divide(q, squared, out=np.zeros_like(q), where=squared > 0.0)
+    nearest = NEAREST * float(team.orbits.radii.mean())
+    along = np.divide(q, squared, out=np.zeros_like(q), where=squared >= nearest**2)
     across = np.column_stack([-along[:, 1], along[:, 0]])
     found = np.zeros((2, len(q), 6))
     for place, way in enumerate((along, across)):

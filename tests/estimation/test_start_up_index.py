@@ -158,3 +158,13 @@ def test_a_team_that_sees_nothing_has_index_zero() -> None:
     found = posterior_bound(blind.team, blind.windows, 20.0, start_up=True).start_up
     assert found is not None
     assert found.value == 0.0
+
+
+def test_a_landmark_on_the_path_leaves_the_index_finite() -> None:
+    made = plan(small(landmarks_m=[[20.005, 0.0], [0.0, 45.0]]), bound="never")
+    start = replace(made.orbits, phases=np.zeros(2))
+    found = posterior_bound(made.team.on(start), made.windows, 40.0, start_up=True).start_up
+    assert found is not None
+    assert 0.0 < found.value < 1e9
+    through = _seen(made.team.on(start), [0], [2], step=0)
+    np.testing.assert_array_equal(lines_of_sight(made.team.on(start), through, 20.0), 0.0)
