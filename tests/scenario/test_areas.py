@@ -61,6 +61,8 @@ def test_a_disc_clears_a_keep_out_where_its_path_does_and_it_does_not_go_round_i
 @known(INNER, (0.0, 0.0), 20.0)
 @known(INNER, (14.0, 0.0), 20.0)
 @known(INNER, (18.0, 0.0), 20.0)
+# arcs at corners that hardly turn have chords of up to 1.5 segments
+@known([(-0.314, -0.359), (-6.736, -1.819), (-19.261, -5.154)], (-6.736, -1.819), 2.0)
 def test_the_nearest_clear_centre_is_clear_and_none_is_nearer(
     corners: Any, center: Any, radius: float
 ) -> None:
