@@ -46,7 +46,7 @@ def link_ends(orbits: Orbits, landmarks: Array, pairs: Index) -> tuple[Array, Ar
     side = np.where(reach[a] >= reach[b], 1.0, -1.0)[:, None] * ahead
     start = np.where(within[:, None], bodies[a] + reach[a, None] * side, start)
     end = np.where(within[:, None], bodies[b] + reach[b, None] * side, end)
-    crossing = ~within & (apart < _LENS * larger) & (reach[b] > 0.0)
+    crossing = ~within & (apart < np.minimum(_LENS * larger, reach[a] + reach[b]))
     meeting = bodies[a] + _rims_meet(apart, reach[a], reach[b], ahead)
     start = np.where(crossing[:, None], meeting, start)
     end = np.where(crossing[:, None], meeting, end)
