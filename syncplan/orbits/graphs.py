@@ -10,6 +10,7 @@ from syncplan.arrays import Array
 from syncplan.orbits.contacts import Windows
 
 __all__ = [
+    "blocks",
     "bottleneck",
     "components",
     "contraction",
@@ -87,6 +88,16 @@ def odd_cycle(count: int, edges: Iterable[Edge]) -> list[int]:
 def components(count: int, edges: Iterable[Edge]) -> list[list[int]]:
     """Return the connected components as sorted lists, ordered by their first vertex."""
     return sorted(sorted(part) for part in nx.connected_components(_graph(count, edges)))
+
+
+def blocks(count: int, edges: Sequence[Edge]) -> list[list[int]]:
+    """Return the positions in `edges` of each biconnected block; a bridge is one by itself.
+
+    What is chosen within a block binds no other: they share single vertices.
+    """
+    position = {(min(a, b), max(a, b)): k for k, (a, b) in enumerate(edges)}
+    parts = nx.biconnected_component_edges(_graph(count, edges))
+    return sorted(sorted(position[min(a, b), max(a, b)] for a, b in part) for part in parts)
 
 
 def spanning_forest(count: int, edges: Sequence[Edge], weights: Sequence[float]) -> list[int]:

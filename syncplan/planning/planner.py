@@ -63,6 +63,7 @@ def plan(
         resolved.orbit.first_phase_rad,
         resolved.separation,
         margin_bound=margin_bound,
+        sensors=team.sensors,
     )
     off = np.array(per_vehicle(resolved.orbit.desync_rad, resolved.size), dtype=float)
     phases = (found.phases + off) % (2.0 * np.pi) if off.any() else found.phases

@@ -190,6 +190,7 @@ def _rule_phases(given: Plan) -> Array:
         pairs,
         float(orbits.phases[0]),
         scenario.separation,
+        sensors=given.sensors,
     ).phases
 
 

@@ -2,10 +2,8 @@
 
 A link's least distance, tabulated over the size of its residual, turns "within reach by a margin
 and no nearer than the separation" into an interval of residuals around the current one. Intervals
-on differences theta_a - theta_b are a system of difference constraints: feasible exactly if the
-graph of their bounds has no negative cycle, and then solved by shortest paths (Bellman-Ford; Cormen
-et al., Introduction to Algorithms, section 24.4). The midpoint of the two extreme solutions is a
-central feasible point.
+on differences theta_a - theta_b are a system of difference constraints; its central solution is as
+far from losing a link as those turns allow.
 """
 
 from dataclasses import dataclass, replace
@@ -14,6 +12,8 @@ import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import wrap
+from syncplan.synchronisation.difference_constraints import central_solution
+from syncplan.synchronisation.difference_tables import DifferenceTables
 from syncplan.synchronisation.phase_rules import Rules, closest_distance, residuals
 
 __all__ = ["PhaseConstraints", "ServedLinks", "largest_margin", "serve_greedily"]
@@ -31,18 +31,19 @@ class PhaseConstraints:
     ----------
     rules : of the links, then of the guarded pairs
     links : number of links; the rest are guarded pairs, which only keep their separation
-    separation : m, that all pairs keep at least
+    separation : (e,) m, that each pair keeps at least
     residual : (k,) rad from 0 to pi
     least_distance : (e, k) m
     cost : (links, k) m, to be kept small: the least distance where the circles are apart. Where
         they cross, nearest is not best: there the cost grows with the residual, from half the
         reach to all of it, so that phases stay near the rule, and steeply near the end of
-        contact, so that they stay clear of it
+        contact, so that they stay clear of it. With a separation, which prevents collisions, that
+        is left to vehicles that share a circle and are to spread out on it
     """
 
     rules: Rules
     links: int
-    separation: float
+    separation: Array
     residual: Array
     least_distance: Array
     cost: Array
@@ -51,7 +52,7 @@ class PhaseConstraints:
     def of(cls, rules: Rules, guards: Rules, separation: float) -> "PhaseConstraints":
         """Return the constraints of `rules` (to serve) and `guards` (to keep apart).
 
-        Guarded pairs that no phases keep apart are left out: with them nothing is feasible.
+        Pairs that no phases keep apart need not be: with them nothing is feasible.
         """
         samples = _SAMPLES if separation == 0.0 else _SAMPLES_SEPARATED
         residual = np.linspace(0.0, np.pi, samples)
@@ -59,7 +60,24 @@ class PhaseConstraints:
         guards = guards.only(np.max(furthest, axis=1, initial=0.0) >= separation)
         both, links = rules.joined(guards), len(rules)
         least = closest_distance(both, np.broadcast_to(residual, (len(both), samples)))
-        return cls(both, links, separation, residual, least, _cost(rules, residual, least[:links]))
+        kept = np.where(np.max(least, axis=1, initial=0.0) >= separation, separation, 0.0)
+        cost = _cost(rules, residual, least[:links], separation)
+        return cls(both, links, kept, residual, least, cost)
+
+    def over_differences(self) -> DifferenceTables:
+        """Return the margins and clearances over a whole turn of theta_a - theta_b."""
+        samples = 2 * (len(self.residual) - 1)
+        difference = np.arange(samples) * (2.0 * np.pi / samples)
+        away = np.abs(wrap(difference - self.rules.offset[:, None]))
+        margin, clearance = np.full(away.shape, np.inf), np.full(away.shape, np.inf)
+        for row, one in enumerate(away):
+            if row < self.links:
+                cost = np.interp(one, self.residual, self.cost[row])
+                margin[row] = self.rules.reach[row] - cost
+            if self.separation[row] > 0.0:
+                least = np.interp(one, self.residual, self.least_distance[row])
+                clearance[row] = least - self.separation[row]
+        return DifferenceTables(self.rules.a, self.rules.b, margin, clearance)
 
     def only(self, links: list[int]) -> "PhaseConstraints":
         """Return the constraints of the chosen links and all guarded pairs."""
@@ -70,6 +88,7 @@ class PhaseConstraints:
             self,
             rules=self.rules.only(rows),
             links=len(links),
+            separation=self.separation[rows],
             least_distance=self.least_distance[rows],
             cost=self.cost[links],
         )
@@ -80,7 +99,7 @@ class PhaseConstraints:
         A residual is allowed if its least distance keeps the separation and, for a link, its cost
         is `margin` below the reach. Rows without an allowed residual are not possible.
         """
-        lack = self.separation - self.least_distance
+        lack = self.separation[:, None] - self.least_distance
         reach = self.rules.reach[: self.links, None]
         lack[: self.links] = np.maximum(lack[: self.links], self.cost - (reach - margin))
         allowed = lack <= 0.0
@@ -115,10 +134,15 @@ class PhaseConstraints:
 
 
 _LIMIT_SHARE = 0.5
+_ONE_CIRCLE = 1e-3
+"""Of a radius: circles nearer than this in centre and radius are one."""
 
 
-def _cost(rules: Rules, residual: Array, table: Array) -> Array:
+def _cost(rules: Rules, residual: Array, table: Array, separation: float) -> Array:
     crossing = rules.distance < rules.radius_a + rules.radius_b
+    if separation > 0.0:
+        alike = np.maximum(rules.distance, np.abs(rules.radius_a - rules.radius_b))
+        crossing &= alike < _ONE_CIRCLE * rules.radius_a
     ra, rb = rules.radius_a[:, None], rules.radius_b[:, None]
     spread = np.sqrt(np.maximum(ra**2 + rb**2 + 2.0 * ra * rb * np.cos(residual), 0.0))
     share = (ra + rb - spread) / (ra + rb - np.abs(ra - rb))
@@ -129,18 +153,17 @@ def _cost(rules: Rules, residual: Array, table: Array) -> Array:
 
 
 _BISECTIONS = 40
-_ROUNDING_RAD = 1e-12
 
 
 def largest_margin(
-    constraints: PhaseConstraints, start: Array, count: int, above: float = -np.inf
+    constraints: PhaseConstraints, start: Array, above: float = -np.inf
 ) -> tuple[Array, float]:
     """Return (theta, margin in m): the largest smallest reach less cost with the turns of `start`.
 
     Below zero not every link is in contact. The margin is -inf if those turns allow no separation
     or no margin as large as `above`; otherwise it is 0 for a team without links.
     """
-    if above > -np.inf and _feasible(constraints, above, start, count) is None:
+    if above > -np.inf and _feasible(constraints, above, start) is None:
         return start, -np.inf
     reach = constraints.rules.reach[: constraints.links]
     high = (
@@ -149,15 +172,15 @@ def largest_margin(
         else 0.0
     )
     low = min(float(np.min(reach - constraints.cost.max(axis=1), initial=0.0)), high)
-    theta = _feasible(constraints, low, start, count)
+    theta = _feasible(constraints, low, start)
     if theta is None:
         return start, -np.inf
-    top = _feasible(constraints, high, start, count)
+    top = _feasible(constraints, high, start)
     if top is not None:
         return top, high
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
-        trial = _feasible(constraints, middle, start, count)
+        trial = _feasible(constraints, middle, start)
         if trial is None:
             high = middle
         else:
@@ -173,7 +196,7 @@ class ServedLinks:
     theta: Array
 
 
-def serve_greedily(constraints: PhaseConstraints, start: Array, count: int) -> ServedLinks:
+def serve_greedily(constraints: PhaseConstraints, start: Array) -> ServedLinks:
     """Return a largest-first greedy choice of links that can be served at once.
 
     Links in contact over the widest range of residuals come first. Each is kept if some phases
@@ -184,16 +207,14 @@ def serve_greedily(constraints: PhaseConstraints, start: Array, count: int) -> S
     kept: list[int] = []
     theta = start
     for link in np.argsort(-room, kind="stable"):
-        trial = _feasible(constraints.only([*kept, int(link)]), 0.0, theta, count)
+        trial = _feasible(constraints.only([*kept, int(link)]), 0.0, theta)
         if trial is not None:
             theta = trial
             kept.append(int(link))
     return ServedLinks(np.sort(np.array(kept, dtype=np.int64)), theta)
 
 
-def _feasible(
-    constraints: PhaseConstraints, margin: float, start: Array, count: int
-) -> Array | None:
+def _feasible(constraints: PhaseConstraints, margin: float, start: Array) -> Array | None:
     """Central time-phases with every margin at least `margin`, or None."""
     rules = constraints.rules
     current = residuals(rules, start)
@@ -203,31 +224,4 @@ def _feasible(
     # theta_a - theta_b = base + residual, with the turns of the start
     base = start[rules.a] - start[rules.b] - current
     low, high = low + base, high + base
-    return _midpoint(rules, low, high, start, count)
-
-
-def _midpoint(rules: Rules, low: Array, high: Array, start: Array, count: int) -> Array | None:
-    """Midpoint of the extreme solutions of low <= theta_a - theta_b <= high, or None."""
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import NegativeCycleError, bellman_ford, connected_components
-
-    if np.any(low > high + _ROUNDING_RAD):
-        return None
-    tail = np.concatenate([rules.b, rules.a])
-    head = np.concatenate([rules.a, rules.b])
-    length = np.concatenate([high, -low]) + _ROUNDING_RAD
-    # one edge for each ordered pair, the tightest
-    order = np.lexsort((length, head, tail))
-    tail, head, length = tail[order], head[order], length[order]
-    first = np.r_[True, (np.diff(tail) != 0) | (np.diff(head) != 0)][: len(tail)]
-    graph = csr_array((length[first], (tail[first], head[first])), shape=(count, count))
-    _, label = connected_components(graph, directed=False)
-    roots = np.array([int(np.argmax(label == k)) for k in range(label.max() + 1)])
-    try:
-        above = bellman_ford(graph, indices=roots)
-        below = bellman_ford(graph.T.tocsr(), indices=roots)
-    except NegativeCycleError:
-        return None
-    row = label
-    upper, lower = above[row, np.arange(count)], -below[row, np.arange(count)]
-    return wrap(start[roots][label] + 0.5 * (upper + lower))
+    return central_solution((rules.a, rules.b), low, high, start)

@@ -5,15 +5,13 @@ two shifts here: where both do, they share the tolerance.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import Orbits
-from syncplan.orbits.contacts import find_windows
-from syncplan.orbits.paths import NO_LANDMARKS
 from syncplan.orbits.team import Team
+from syncplan.synchronisation.contact_tables import windows_when_shifted
 from syncplan.synchronisation.phase_rules import Rules, closest_distance, phase_residuals, rules_of
 
 __all__ = ["contact_tolerances", "rule_residuals", "separation_tolerances"]
@@ -72,17 +70,8 @@ def _contact_when_shifted(team: Team, pairs: Index) -> Callable[[Array], Flags]:
 
 def _seen_when_shifted(team: Team, pairs: Index, shift: Array) -> Flags:
     """(e, k) whether a pair has a contact window either way."""
-    number = shift.shape[1]
-    first, second = np.repeat(pairs[:, 0], number), np.repeat(pairs[:, 1], number)
-    index = np.concatenate([first, second])
-    late = np.concatenate([np.zeros(len(first)), shift.ravel()])
-    copies = team.only(index)
-    shifted = replace(copies.orbits, phases=copies.orbits.phases + late)
-    one, other = np.arange(len(first)), len(first) + np.arange(len(first))
-    ways = (np.concatenate([one, other]), np.concatenate([other, one]))
-    found = find_windows(replace(copies, orbits=shifted, landmarks=NO_LANDMARKS), ways)
-    met = np.diff(found.first) > 0
-    return (met[: len(first)] | met[len(first) :]).reshape(shift.shape)
+    met = np.diff(windows_when_shifted(team, pairs, shift).first) > 0
+    return (met[: shift.size] | met[shift.size :]).reshape(shift.shape)
 
 
 def separation_tolerances(orbits: Orbits, pairs: Index, distance: float) -> Array:

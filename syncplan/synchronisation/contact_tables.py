@@ -1,0 +1,162 @@
+"""Contact tables: how long a link is in contact over a turn, at every phase difference.
+
+How two vehicles move relative to each other, and where they look, depends on the difference of
+their time-phases alone. So each link has one curve: contact time against the residual of its rule,
+found from exact contact windows. It does not depend on where the pair lies or which way it points,
+so pairs of equal geometry share it.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from syncplan.arrays import Array, Index
+from syncplan.orbits.circles import Orbits
+from syncplan.orbits.contacts import Windows, find_windows
+from syncplan.orbits.noise import Noise
+from syncplan.orbits.paths import NO_LANDMARKS
+from syncplan.orbits.sensors import Sensors
+from syncplan.orbits.team import Team
+from syncplan.synchronisation.phase_rules import Rules
+
+__all__ = ["ContactTables", "contact_of_pairs", "tabulated_contact", "windows_when_shifted"]
+
+SAMPLES = 360
+"""Residuals at which windows are found exactly."""
+
+_FINE = 4
+"""Times as many near the longest contact, and everywhere if none of them brings any."""
+
+_AROUND = 16
+"""Such residuals to either side of the best."""
+
+_DIGITS = 12
+_CACHED = 2048
+_TURN = 2.0 * np.pi
+_NO_NOISE = Noise(0.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class ContactTables:
+    """Contact of e links, in either direction, over the residual of their rules.
+
+    Attributes
+    ----------
+    share : (e, k) contact time over `attainable`, at residuals 2 pi j / k; 0 where there is none
+    attainable : (e,) of a period: the longest contact over all residuals
+    """
+
+    share: Array
+    attainable: Array
+
+    def at(self, residual: Array) -> Array:
+        """Return the shares (e, j) at residuals (e, j) rad, interpolated."""
+        samples = self.share.shape[1]
+        place = np.mod(residual, _TURN) * (samples / _TURN)
+        below = np.floor(place).astype(np.int64)
+        part, rows = place - below, np.arange(len(residual))[:, None]
+        left = self.share[rows, below % samples]
+        return np.asarray(left + part * (self.share[rows, (below + 1) % samples] - left))
+
+
+def tabulated_contact(rules: Rules, senses: Array, sensors: Sensors) -> ContactTables:
+    """Return the tables of the links of `rules`; `senses` are (n,), `sensors` of all vehicles."""
+    number = SAMPLES * _FINE
+    share, attainable = np.zeros((len(rules), number)), np.zeros(len(rules))
+    for link, (a, b) in enumerate(rules.edges):
+        pair = (
+            rules.distance[link],
+            rules.radius_a[link],
+            rules.radius_b[link],
+            senses[a],
+            senses[b],
+            *(float(values[k]) for values in _seeing(sensors) for k in (a, b)),
+        )
+        # the values themselves are rounded, so that a pair's table depends on nothing else
+        share[link], attainable[link] = _table(tuple(float(f"{x:.{_DIGITS}g}") for x in pair))
+    return ContactTables(share, attainable)
+
+
+def _seeing(sensors: Sensors) -> tuple[Array, Array, Array]:
+    return sensors.ranges, sensors.fields_of_view, sensors.boresights
+
+
+@lru_cache(maxsize=_CACHED)
+def _table(pair: tuple[float, ...]) -> tuple[Array, float]:
+    """The share (k,) over the residual, and the attainable part of a period, of one pair."""
+    contact = _contact_of(pair)
+    fine: Array = np.arange(SAMPLES * _FINE) * (_TURN / (SAMPLES * _FINE))
+    coarse = fine[::_FINE]
+    found = contact(coarse)
+    if found.max() > 0.0:
+        table = np.interp(fine, np.append(coarse, _TURN), np.append(found, found[0]))
+        near = (_FINE * np.argmax(found) + np.arange(-_AROUND, _AROUND + 1)) % len(fine)
+        table[near] = contact(fine[near])
+    else:
+        table = contact(fine)
+    attainable = float(table.max())
+    share = table / attainable if attainable > 0.0 else table
+    share.flags.writeable = False
+    return share, attainable
+
+
+def _contact_of(pair: tuple[float, ...]) -> Callable[[Array], Array]:
+    """Contact of a pair as parts of a period (k,), for residuals (k,) rad."""
+    distance, *rest = pair
+    radii, senses, ranges, views, boresights = np.array(rest).reshape(5, 2)
+    # the centre of b lies along +x: at phases (0, pi), or (0, pi) mirrored, the rule holds
+    orbits = Orbits(
+        np.array([[0.0, 0.0], [distance, 0.0]]), radii, senses, np.array([0.0, np.pi]), 1.0
+    )
+    sensors = Sensors(ranges, views, boresights, np.ones(2), 1.0)
+    team = Team(orbits, NO_LANDMARKS, sensors, _NO_NOISE)
+    both = np.array([[0, 1]])
+
+    def contact(residual: Array) -> Array:
+        # theta_b falls by what theta_a - theta_b is to grow
+        shift = -senses[1] * residual[None]
+        return _time_in_either(windows_when_shifted(team, both, shift), len(residual)) / _TURN
+
+    return contact
+
+
+def windows_when_shifted(team: Team, pairs: Index, shift: Array) -> Windows:
+    """Return the windows of pairs (e, 2) whose second vehicle's phase shifts by (e, k) rad.
+
+    First come all (e k) in which the first vehicle sees, then as many in which the second does.
+    """
+    number = shift.shape[1]
+    first, second = np.repeat(pairs[:, 0], number), np.repeat(pairs[:, 1], number)
+    index = np.concatenate([first, second])
+    late = np.concatenate([np.zeros(len(first)), shift.ravel()])
+    copies = team.only(index)
+    shifted = replace(copies.orbits, phases=copies.orbits.phases + late)
+    one, other = np.arange(len(first)), len(first) + np.arange(len(first))
+    ways = (np.concatenate([one, other]), np.concatenate([other, one]))
+    return find_windows(replace(copies, orbits=shifted, landmarks=NO_LANDMARKS), ways)
+
+
+def _time_in_either(windows: Windows, count: int) -> Array:
+    """(count,) rad, at rate 1, in which either vehicle of a pair sees the other."""
+    row = np.repeat(np.arange(2 * count), np.diff(windows.first)) % count
+    late = windows.ends > _TURN
+    row = np.concatenate([row, row[late]])
+    begins = np.concatenate([windows.starts, np.zeros(int(late.sum()))])
+    ends = np.concatenate([np.minimum(windows.ends, _TURN), windows.ends[late] - _TURN])
+    who, when = np.concatenate([row, row]), np.concatenate([begins, ends])
+    step = np.repeat([1, -1], len(row))
+    order = np.lexsort((-step, when, who))
+    who, when = who[order], when[order]
+    seen = np.cumsum(step[order])[:-1] > 0  # each row's steps sum to zero
+    return np.asarray(np.bincount(who[:-1], np.diff(when) * seen, minlength=count), dtype=float)
+
+
+def contact_of_pairs(orbits: Orbits, sensors: Sensors, pairs: Index) -> Array:
+    """Return (e,) parts of a period in which either vehicle of the pairs (e, 2) sees the other."""
+    team = Team(replace(orbits, rate=1.0), NO_LANDMARKS, sensors, _NO_NOISE)
+    if len(pairs) == 0:
+        return np.zeros(0)
+    windows = windows_when_shifted(team, pairs, np.zeros((len(pairs), 1)))
+    return _time_in_either(windows, len(pairs)) / _TURN

@@ -1,0 +1,95 @@
+"""Sighted phases: for vehicles with limited fields of view, phases at which they see each other.
+
+With a limited view the nearest meeting may be one at which nobody looks. So phases maximise the
+contact time of each link, in either direction and within range and view, as a share of the most
+that any phases give it, smallest share first.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from syncplan.arrays import Array
+from syncplan.orbits.sensors import Sensors
+from syncplan.synchronisation.contact_search import ContactPhases, phases_of_most_contact
+from syncplan.synchronisation.contact_tables import tabulated_contact
+from syncplan.synchronisation.difference_tables import DifferenceTables
+from syncplan.synchronisation.phase_rules import Rules, closest_distance
+
+__all__ = ["SightedPhases", "sighted_phases", "why_unseen"]
+
+_SAMPLES, _SAMPLES_APART = 1024, 4096
+"""Differences in a table, without and with distances to keep."""
+
+_TABLE_ERROR = 2e-5
+"""Of a radius: what linear interpolation of a least distance may miss."""
+
+TOO_NEAR = 0.1
+"""Of the mean radius: without a stated separation, linked vehicles whose circles cross stay this
+far apart."""
+
+_STARTS, _STARTS_QUICK = 32, 12
+
+
+@dataclass(frozen=True, slots=True)
+class SightedPhases:
+    """Time-phases that maximise what is seen, and each link's attainable part of a period (e,)."""
+
+    phases: ContactPhases
+    attainable: Array
+
+
+def sighted_phases(
+    rules: Rules,
+    guards: Rules,
+    senses: Array,
+    sensors: Sensors,
+    separation: float,
+    *,
+    quick: bool = False,
+) -> SightedPhases:
+    """Return the phases of largest smallest contact for the links of `rules`.
+
+    `guards` are pairs to be kept `separation` m apart, as linked pairs are; `senses` (n,) and
+    `sensors` are of all vehicles. `quick` tries fewer starts.
+    """
+    both, links = rules.joined(guards), len(rules)
+    contact = tabulated_contact(rules, senses, sensors)
+    clearing = _distances_to_keep(both, links, separation)
+    samples = _SAMPLES_APART if np.any(clearing > 0.0) else _SAMPLES
+    difference = np.arange(samples) * (2.0 * np.pi / samples)
+    residual = difference - both.offset[:, None]
+    value = np.full(residual.shape, np.inf)
+    value[:links] = contact.at(residual[:links])
+    blind = contact.attainable <= 0.0
+    value[:links][blind] = np.inf
+    clearance = np.full(residual.shape, np.inf)
+    rows = np.flatnonzero(clearing > 0.0)
+    clearance[rows] = closest_distance(both.only(rows), residual[rows]) - clearing[rows, None]
+    never = clearance.max(axis=1) < 0.0
+    clearance[never] = np.inf
+    tables = DifferenceTables(both.a, both.b, value, clearance)
+    starts = _STARTS_QUICK if quick else _STARTS
+    found = phases_of_most_contact(tables, both.offset, len(senses), starts)
+    unserved = np.union1d(found.unserved, np.flatnonzero(blind))
+    phases = ContactPhases(found.theta, found.by_rule and len(unserved) == 0, unserved)
+    return SightedPhases(phases, contact.attainable)
+
+
+def why_unseen(attainable: float) -> str:
+    """Return why no phases serve a link that could see for `attainable` of a period by itself."""
+    if attainable <= 0.0:
+        return "at no phases does either vehicle come into the other's range and field of view"
+    return (
+        "the phases can't serve all links at once within the fields of view; by itself this link "
+        f"could be in contact for {100.0 * attainable:.3g} % of a period"
+    )
+
+
+def _distances_to_keep(rules: Rules, links: int, separation: float) -> Array:
+    """(e,) m that each pair is to keep; 0 where none is."""
+    if separation > 0.0:
+        return separation + _TABLE_ERROR * np.maximum(rules.radius_a, rules.radius_b)
+    crossing = rules.distance < rules.radius_a + rules.radius_b
+    crossing[links:] = False
+    return np.where(crossing, TOO_NEAR * 0.5 * (rules.radius_a + rules.radius_b), 0.0)
