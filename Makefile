@@ -57,6 +57,7 @@ check-all: postgresql check
 	$(BIN)/python -m tests.searches.search_consistency 40 $(SEED)
 	$(BIN)/python -m tests.searches.search_start_up 40 $(SEED) --trials 100 --missed 0.4 --wrong 0.2
 	$(BIN)/python -m tests.searches.search_clearances 6 $(SEED)
+	$(BIN)/python -m tests.searches.search_phases 200 $(SEED)
 	$(BIN)/python -m tests.searches.search_contract 500 $(SEED)
 	$(BIN)/python -m tests.searches.search_requests 400 $(SEED)
 	$(BIN)/python -m tests.searches.search_survival 2 $(SEED)

@@ -176,7 +176,9 @@ def _synchronisation(document: PlanDocument) -> str:
     if record.smallest_margin_m is None:
         return f"phases: {record.method}"
     bound = "" if record.bound_m is None else f", bound {record.bound_m:.4g} m"
-    return f"phases: {record.method}; smallest margin {record.smallest_margin_m:.4g} m{bound}"
+    shares = [one.contact_share for one in document.links if one.contact_share is not None]
+    seen = f"; {100.0 * min(shares):.3g} % or more of attainable contact" if shares else ""
+    return f"phases: {record.method}{seen}; smallest margin {record.smallest_margin_m:.4g} m{bound}"
 
 
 def _vehicle_table(document: PlanDocument) -> FittedTable:

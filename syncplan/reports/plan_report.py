@@ -137,6 +137,7 @@ def _link(plan: Plan, item: LinkVerdict, names: list[str]) -> Link:
         phase_residual_rad=item.residual,
         min_distance_m=item.min_distance,
         contact_s=item.contact,
+        contact_share=_contact_share(plan, item),
         windows_s=_windows(item.windows),
         directed=[
             DirectedContact(
@@ -153,6 +154,13 @@ def _link(plan: Plan, item: LinkVerdict, names: list[str]) -> Link:
         certified=item.certified,
         reason=item.reason,
     )
+
+
+def _contact_share(plan: Plan, item: LinkVerdict) -> float | None:
+    found = plan.synchronisation
+    attainable = found.attainable if found is not None else None
+    most = 0.0 if attainable is None else attainable.get((item.a, item.b), 0.0)
+    return min(item.contact / (most * plan.orbits.period), 1.0) if most > 0.0 else None
 
 
 def _landmark_link(

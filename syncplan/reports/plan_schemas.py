@@ -4,7 +4,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from syncplan.reports.document_base import DocumentPart, Point, VersionedDocument, Window
+from syncplan.reports.document_base import Document, DocumentPart, Point, VersionedDocument, Window
 from syncplan.reports.refinement_schemas import RefinementResult
 from syncplan.reports.start_up_schemas import StartUpRecord
 from syncplan.reports.verdict_schemas import PlanVerdict
@@ -35,8 +35,10 @@ class DirectedContact(DocumentPart):
     contact_s: float
 
 
-class Link(DocumentPart):
+class Link(Document):
     """A meeting of two vehicles, once a period."""
+
+    left_out_if_none: ClassVar[frozenset[str]] = frozenset({"contact_share"})
 
     a: str
     b: str
@@ -44,6 +46,11 @@ class Link(DocumentPart):
     phase_residual_rad: float
     min_distance_m: float
     contact_s: float
+    contact_share: float | None = Field(
+        default=None,
+        description="contact_s over the longest that any phases give this link; only where phases "
+        "were chosen for limited fields of view",
+    )
     windows_s: list[Window] = Field(description="Union of both ways; an end may pass the period")
     directed: list[DirectedContact]
     phase_tolerance_rad: float = Field(

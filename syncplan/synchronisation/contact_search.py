@@ -36,7 +36,7 @@ LATE_SHARE = 0.01
 
 _ROUNDS = 4
 _TIGHT, _ROOM = 1.02, 0.99
-_POLISHED = 3
+_STARTS_TO_POLISHED = 8
 _TURN = 2.0 * np.pi
 
 
@@ -175,7 +175,7 @@ def _of_many(part: DifferenceTables, offset: Array, count: int, starts: int) -> 
     candidates = descended(part, offset, count, starts)
     reached = part.at(candidates)
     smallest = reached.min(axis=1)
-    order = np.argsort(-smallest, kind="stable")[:_POLISHED]
+    order = np.argsort(-smallest, kind="stable")[: max(starts // _STARTS_TO_POLISHED, 1)]
     polished = [_polished(part, candidates[k]) for k in order if smallest[k] > FLOOR]
     if polished:
         theta, levels = max(polished, key=lambda one: float(np.min(one[1])))

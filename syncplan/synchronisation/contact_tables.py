@@ -87,7 +87,7 @@ def _seeing(sensors: Sensors) -> tuple[Array, Array, Array]:
 def _table(pair: tuple[float, ...]) -> tuple[Array, float]:
     """The share (k,) over the residual, and the attainable part of a period, of one pair."""
     contact = _contact_of(pair)
-    fine: Array = np.arange(SAMPLES * _FINE) * (_TURN / (SAMPLES * _FINE))
+    fine = np.linspace(0.0, _TURN, SAMPLES * _FINE, endpoint=False)
     coarse = fine[::_FINE]
     found = contact(coarse)
     if found.max() > 0.0:

@@ -16,7 +16,7 @@ from syncplan.synchronisation.difference_constraints import central_solution
 __all__ = ["DifferenceTables"]
 
 _TURN = 2.0 * np.pi
-_BISECTIONS = 20
+_BISECTIONS = 14
 
 
 @dataclass(frozen=True, slots=True)

@@ -90,43 +90,40 @@ def search_margins(
         radii = np.concatenate([rules.radius_a, rules.radius_b, guards.radius_a, guards.radius_b])
         kept_apart = separation + _TABLE_ERROR * float(radii.max())
     constraints = PhaseConstraints.of(rules, guards, kept_apart)
-    best = _search(rules, constraints, first, margin_bound)
+    thorough = separation > 0.0 and count <= MOST_VEHICLES
+    best = _search(rules, constraints, first, margin_bound, thorough)
     if best.margin >= 0.0:
         return best
-    served = _serve(constraints, best.theta, count)
+    served = _serve(constraints, best.theta, thorough)
     unserved = np.setdiff1d(np.arange(len(rules)), served.links)
     if separation > 0.0:
         guards = guards.joined(rules.only(unserved))
     rules = rules.only(served.links)
     constraints = PhaseConstraints.of(rules, guards, kept_apart)
-    return replace(_search(rules, constraints, served.theta, margin_bound), unserved=unserved)
+    best = _search(rules, constraints, served.theta, margin_bound, thorough)
+    return replace(best, unserved=unserved)
 
 
-def _serve(constraints: PhaseConstraints, theta: Array, count: int) -> ServedLinks:
-    """As many links as can be served at once: globally in a small team that keeps apart."""
-    if _is_small(constraints, count):
+def _serve(constraints: PhaseConstraints, theta: Array, thorough: bool) -> ServedLinks:
+    """As many links as can be served at once: by cell search, or else greedily."""
+    if thorough:
         tables = constraints.over_differences()
-        found, number = best_phases(tables, count, most_served(0.0, _RAMP_M))
+        found, number = best_phases(tables, len(theta), most_served(0.0, _RAMP_M))
         links = np.flatnonzero(tables.at(found)[: constraints.links] >= 0.0)
         if number > -np.inf and len(links):
             return ServedLinks(links, found)
     return serve_greedily(constraints, theta)
 
 
-def _is_small(constraints: PhaseConstraints, count: int) -> bool:
-    apart = np.any(constraints.separation > 0.0)
-    return bool(apart) and len(constraints.rules) > 0 and count <= MOST_VEHICLES
-
-
 def _search(
-    rules: Rules, constraints: PhaseConstraints, first: Array, margin_bound: bool
+    rules: Rules, constraints: PhaseConstraints, first: Array, margin_bound: bool, thorough: bool
 ) -> LargestMargin:
-    """The best of several polished starts."""
+    """The best of several polished starts, or of the cell search's where it is `thorough`."""
     generator, count = np.random.default_rng(_SEED), len(first)
     starts, bound, method, note = _relaxed(rules, count, generator, margin_bound)
     starts = [first, *starts]
     whole = -np.inf
-    if _is_small(constraints, count):
+    if thorough and len(constraints.rules):
         found, whole = best_phases(constraints.over_differences(), count)
         starts, method = [found, first], "cell search and polish"
     if whole == -np.inf:

@@ -20,7 +20,7 @@ from syncplan.orbits.separation import circle_gaps
 from syncplan.synchronisation.contact_tables import contact_of_pairs
 from syncplan.synchronisation.margin_search import along_tree, search_margins
 from syncplan.synchronisation.phase_rules import Rules, closest_distance, residuals, rules_of
-from syncplan.synchronisation.sighted_phases import sighted_phases, why_unseen
+from syncplan.synchronisation.sighted_phases import phases_in_sight, why_unseen
 
 __all__ = ["Dropped", "Synchronisation", "synchronise"]
 
@@ -151,7 +151,7 @@ def _by_contact(
     case: _PhaseProblem, sensors: Sensors, first_phase: float, *, quick: bool
 ) -> Synchronisation:
     rules, guards, senses = case.rules, case.guards, case.circles.senses
-    sighted = sighted_phases(rules, guards, senses, sensors, case.separation, quick=quick)
+    sighted = phases_in_sight(rules, guards, senses, sensors, case.separation, quick=quick)
     found, most = sighted.phases, sighted.attainable
     kept = case.kept(found.unserved)
     phases = _anchored(found.theta, senses, kept.edges + guards.edges, first_phase)

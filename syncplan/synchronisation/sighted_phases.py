@@ -16,7 +16,7 @@ from syncplan.synchronisation.contact_tables import tabulated_contact
 from syncplan.synchronisation.difference_tables import DifferenceTables
 from syncplan.synchronisation.phase_rules import Rules, closest_distance
 
-__all__ = ["SightedPhases", "sighted_phases", "why_unseen"]
+__all__ = ["SightedPhases", "phases_in_sight", "why_unseen"]
 
 _SAMPLES, _SAMPLES_APART = 1024, 4096
 """Differences in a table, without and with distances to keep."""
@@ -39,7 +39,7 @@ class SightedPhases:
     attainable: Array
 
 
-def sighted_phases(
+def phases_in_sight(
     rules: Rules,
     guards: Rules,
     senses: Array,

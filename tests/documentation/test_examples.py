@@ -55,8 +55,8 @@ PINS: dict[str, Callable[[Any], bool]] = {
         and lines[1].accuracy.late_position[5] <= lines[0].accuracy.late_position[5]
     ),
     "camera_team_refined": lambda plan: (
-        abs(plan.refinement.before.predicted_rms - 1.526) < 0.01
-        and plan.refinement.after.predicted_rms < 0.5
+        abs(plan.refinement.before.predicted_rms - 0.511) < 0.01
+        and plan.refinement.after.predicted_rms < 0.4
         and bool(np.all(plan.orbits.speeds <= 6.5 * (1.0 + 1e-9)))
         and len(plan.links) == 3
     ),
