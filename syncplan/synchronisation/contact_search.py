@@ -30,9 +30,10 @@ FLOOR = 1e-3
 KEPT = 0.97
 """Of the share found, that the central phases keep."""
 
-_EXACT_RAD = 1e-9
 LATE_SHARE = 0.01
 """Of a period: that late, either way, a link whose rule is met must keep its share as well."""
+
+_EXACT_RAD = 1e-9
 
 _ROUNDS = 4
 _TIGHT, _ROOM = 1.02, 0.99
@@ -69,7 +70,7 @@ def phases_of_most_contact(
         if len(lost) == 0:
             vehicles = np.unique([tables.a[rows], tables.b[rows]])
             placed.append((vehicles, found.theta))
-            by_rule &= found.by_rule
+            by_rule &= found.by_rule or not part.links.any()
             continue
         unserved += lost.tolist()
         # what is not served need only be kept apart, and the block falls apart without it

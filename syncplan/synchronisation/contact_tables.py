@@ -23,14 +23,16 @@ from syncplan.synchronisation.phase_rules import Rules
 
 __all__ = ["ContactTables", "contact_of_pairs", "tabulated_contact", "windows_when_shifted"]
 
-SAMPLES = 360
-"""Residuals at which windows are found exactly."""
+SAMPLES = 1440
+"""Residuals in a table."""
 
-_FINE = 4
-"""Times as many near the longest contact, and everywhere if none of them brings any."""
+_STEP, _STEP_MANY = 4, 12
+"""Every how many of these windows are found; all are near the longest contact, and everywhere if
+none of the others brings any. The second is for more than a hundred links."""
 
+_MANY = 100
 _AROUND = 16
-"""Such residuals to either side of the best."""
+"""Residuals found to either side of the best."""
 
 _DIGITS = 12
 _CACHED = 2048
@@ -63,8 +65,8 @@ class ContactTables:
 
 def tabulated_contact(rules: Rules, senses: Array, sensors: Sensors) -> ContactTables:
     """Return the tables of the links of `rules`; `senses` are (n,), `sensors` of all vehicles."""
-    number = SAMPLES * _FINE
-    share, attainable = np.zeros((len(rules), number)), np.zeros(len(rules))
+    share, attainable = np.zeros((len(rules), SAMPLES)), np.zeros(len(rules))
+    step = _STEP if len(rules) <= _MANY else _STEP_MANY
     for link, (a, b) in enumerate(rules.edges):
         pair = (
             rules.distance[link],
@@ -75,7 +77,7 @@ def tabulated_contact(rules: Rules, senses: Array, sensors: Sensors) -> ContactT
             *(float(values[k]) for values in _seeing(sensors) for k in (a, b)),
         )
         # the values themselves are rounded, so that a pair's table depends on nothing else
-        share[link], attainable[link] = _table(tuple(float(f"{x:.{_DIGITS}g}") for x in pair))
+        share[link], attainable[link] = _table(tuple(float(f"{x:.{_DIGITS}g}") for x in pair), step)
     return ContactTables(share, attainable)
 
 
@@ -84,15 +86,15 @@ def _seeing(sensors: Sensors) -> tuple[Array, Array, Array]:
 
 
 @lru_cache(maxsize=_CACHED)
-def _table(pair: tuple[float, ...]) -> tuple[Array, float]:
+def _table(pair: tuple[float, ...], step: int) -> tuple[Array, float]:
     """The share (k,) over the residual, and the attainable part of a period, of one pair."""
     contact = _contact_of(pair)
-    fine = np.linspace(0.0, _TURN, SAMPLES * _FINE, endpoint=False)
-    coarse = fine[::_FINE]
+    fine = np.linspace(0.0, _TURN, SAMPLES, endpoint=False)
+    coarse = fine[::step]
     found = contact(coarse)
     if found.max() > 0.0:
         table = np.interp(fine, np.append(coarse, _TURN), np.append(found, found[0]))
-        near = (_FINE * np.argmax(found) + np.arange(-_AROUND, _AROUND + 1)) % len(fine)
+        near = (step * np.argmax(found) + np.arange(-_AROUND, _AROUND + 1)) % SAMPLES
         table[near] = contact(fine[near])
     else:
         table = contact(fine)
