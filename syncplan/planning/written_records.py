@@ -7,7 +7,8 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from syncplan.orbits.circles import Orbits
+from syncplan.arrays import as_pairs
+from syncplan.orbits.team import Team
 from syncplan.planning.figures_of_merit import FIGURES, Figures
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.refinement_record import RefinementRecord, StartRecord
@@ -16,6 +17,7 @@ from syncplan.planning.start_up import StartBefore
 from syncplan.scenario.chunked_validation import Many
 from syncplan.scenario.objectives import OBJECTIVES
 from syncplan.synchronisation.phases import Synchronisation
+from syncplan.synchronisation.sighted_phases import attainable_contact
 
 __all__ = ["WrittenRecord", "with_record", "written_record"]
 
@@ -34,6 +36,7 @@ class _WrittenLink(_Read):
     a: str
     b: str
     min_distance_m: float
+    contact_share: float | None = None
 
 
 class _WrittenLoss(_Read):
@@ -119,7 +122,7 @@ def with_record(judged: Plan, record: WrittenRecord | None) -> Plan:
     codes = [] if record.verdict is None else [one.code for one in record.verdict.findings]
     return replace(
         judged,
-        synchronisation=_synchronisation(record, judged.orbits, names),
+        synchronisation=_synchronisation(record, judged.team, names),
         alternating_proven=record.synchronisation.alternating_proven_largest,
         dropped_links=tuple(
             replace(one, reason=reasons[names[one.a], names[one.b]]) for one in judged.dropped_links
@@ -140,21 +143,25 @@ def _same_links(judged: Plan, record: WrittenRecord) -> bool:
     return all(abs(found[pair] - distance) <= allowed for pair, distance in stated.items())
 
 
-def _synchronisation(
-    record: WrittenRecord, orbits: Orbits, names: list[str]
-) -> Synchronisation | None:
+def _synchronisation(record: WrittenRecord, team: Team, names: list[str]) -> Synchronisation | None:
     """How the phases were found, None where they were given or refined."""
     given, index = record.synchronisation, {name: k for k, name in enumerate(names)}
     if given.method in ("given", "refined") or not set(given.odd_cycle) <= index.keys():
         return None
+    attainable = None
+    if any(one.contact_share is not None for one in record.links):
+        pairs = [(index[one.a], index[one.b]) for one in record.links]
+        pairs += [(index[one.a], index[one.b]) for one in record.dropped_links]
+        attainable = attainable_contact(team.orbits, team.sensors, as_pairs(pairs))
     return Synchronisation(
-        phases=orbits.phases,
+        phases=team.orbits.phases,
         method=given.method,
         margin=given.smallest_margin_m,
         bound=given.bound_m,
         bound_note=given.bound_note,
         dropped=(),
         odd_cycle=tuple(index[name] for name in given.odd_cycle),
+        attainable=attainable,
     )
 
 

@@ -9,14 +9,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from syncplan.arrays import Array
+from syncplan.arrays import Array, Index
+from syncplan.orbits.circles import Orbits
 from syncplan.orbits.sensors import Sensors
 from syncplan.synchronisation.contact_search import ContactPhases, phases_of_most_contact
 from syncplan.synchronisation.contact_tables import tabulated_contact
 from syncplan.synchronisation.difference_tables import DifferenceTables
-from syncplan.synchronisation.phase_rules import Rules, closest_distance
+from syncplan.synchronisation.phase_rules import Rules, closest_distance, rules_of
 
-__all__ = ["SightedPhases", "phases_in_sight", "why_unseen"]
+__all__ = ["SightedPhases", "attainable_contact", "phases_in_sight", "why_unseen"]
 
 _SAMPLES, _SAMPLES_APART = 1024, 4096
 """Differences in a table, without and with distances to keep."""
@@ -74,6 +75,15 @@ def phases_in_sight(
     unserved = np.union1d(found.unserved, np.flatnonzero(blind))
     phases = ContactPhases(found.theta, found.by_rule and len(unserved) == 0, unserved)
     return SightedPhases(phases, contact.attainable)
+
+
+def attainable_contact(
+    orbits: Orbits, sensors: Sensors, pairs: Index
+) -> dict[tuple[int, int], float]:
+    """Return for each pair of (e, 2) the longest contact of any phases, as a part of a period."""
+    rules = rules_of(orbits.centers, orbits.radii, orbits.senses, sensors.ranges, pairs)
+    most = tabulated_contact(rules, orbits.senses, sensors).attainable
+    return dict(zip(rules.edges, most.tolist(), strict=True))
 
 
 def why_unseen(attainable: float) -> str:
