@@ -120,7 +120,7 @@ def test_a_missing_library_names_the_extra(name: str) -> None:
 def test_the_other_commands_need_nothing_of_the_service() -> None:
     extra = ("dbos", "fastapi", "httpx2", "psycopg", "sqlalchemy", "starlette", "uvicorn")
     hide = f"sys.modules.update(dict.fromkeys({extra!r}))"
-    done = command("plan", str(GRID), before=hide)
+    done = command("plan", str(GRID), "--format", "table", before=hide)
     assert (done.returncode, done.stderr) == (0, "")
 
 
