@@ -51,17 +51,28 @@ check: chromium $(VENV)/.dev
 check-all: postgresql check
 	$(TESTS) -m long
 	$(TESTS) -m hypothesis --hypothesis-profile=fresh-cases
-	$(BIN)/python -m tests.searches.search_counterexamples 20000 $(SEED)
-	$(BIN)/python -m tests.searches.search_losses 40 $(SEED)
-	$(BIN)/python -m tests.searches.search_refinements 8 $(SEED)
-	$(BIN)/python -m tests.searches.search_consistency 40 $(SEED)
-	$(BIN)/python -m tests.searches.search_start_up 40 $(SEED) --trials 100 --missed 0.4 --wrong 0.2
-	$(BIN)/python -m tests.searches.search_clearances 6 $(SEED)
-	$(BIN)/python -m tests.searches.search_phases 200 $(SEED)
-	$(BIN)/python -m tests.searches.search_contract 500 $(SEED)
-	$(BIN)/python -m tests.searches.search_requests 400 $(SEED)
+	@# each search is one process: as many at once as there are cores, what each prints together
+	OPENBLAS_NUM_THREADS=1 $(MAKE) --no-print-directory --output-sync --jobs $(CORES) $(SEARCHES:%=search-%)
 	$(BIN)/python -m tests.searches.search_survival 2 $(SEED)
 	docker/steps.sh
+
+CORES := $(shell nproc)
+# the longest first
+SEARCHES := start-up consistency requests clearances refinements phases contract losses counterexamples
+
+search-start-up:        ARGUMENTS = 40 $(SEED) --trials 100 --missed 0.4 --wrong 0.2
+search-consistency:     ARGUMENTS = 40 $(SEED)
+search-requests:        ARGUMENTS = 400 $(SEED)
+search-clearances:      ARGUMENTS = 6 $(SEED)
+search-refinements:     ARGUMENTS = 8 $(SEED)
+search-phases:          ARGUMENTS = 200 $(SEED)
+search-contract:        ARGUMENTS = 500 $(SEED)
+search-losses:          ARGUMENTS = 40 $(SEED)
+search-counterexamples: ARGUMENTS = 20000 $(SEED)
+
+.PHONY: $(SEARCHES:%=search-%)
+$(SEARCHES:%=search-%): search-%:
+	$(BIN)/python -m tests.searches.search_$(subst -,_,$*) $(ARGUMENTS)
 
 # only the long tests start a PostgreSQL of their own
 postgresql:
