@@ -14,7 +14,7 @@ export function offerLosses(store, storePlan) {
   const found = element("div", { role: "status", id: "losses-found" });
   const button = element("button", { type: "button", id: "judge-losses", onclick: judge }, "Judge every loss");
   byId("losses").append(
-    element("p", { class: "hint" }, "The plan without each vehicle, sensor or landmark, orbits unchanged."),
+    element("p", { class: "hint" }, "The plan without each vehicle, sensor or landmark, orbits unchanged. Errors are predicted from the initial sigmas on; where something is not observable they keep growing."),
     button,
     fault,
     found,

@@ -20,7 +20,7 @@ def show_losses(document: WhatIfDocument, console: Console) -> None:
         f"[bold]{escape(document.name or 'plan')}[/]: {_state(document.baseline)}; "
         f"{_critical(document)}"
     )
-    title = "each loss, the most harmful first; orbits unchanged"
+    title = "each loss, the most harmful first; orbits unchanged, errors from initial_sigma on"
     table = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False)
     table.add_column("lost")
     table.add_column("rank", justify="right", no_wrap=True)

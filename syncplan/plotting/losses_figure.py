@@ -76,7 +76,7 @@ def _note(report: WhatIfDocument, shown: int) -> str:
     if not report.baseline.observable:
         found = f"{judged} losses of a plan that is NOT observable itself"
     rest = f"; the {shown} most harmful are shown" if judged > shown else ""
-    return f"{found}{rest}; orbits unchanged"
+    return f"{found}{rest}; orbits unchanged, errors from initial_sigma on"
 
 
 def _baseline(report: WhatIfDocument, shown: list[RemainingTeam]) -> Spec:
