@@ -1,15 +1,17 @@
 """The covariance along a run, compiled: for when the bounds of many runs are wanted.
 
-The recursion of syncplan.estimation.covariances, sample by sample, rows in blocks of eight:
+The recursion of syncplan.estimation.covariances, sample by sample, rows in blocks:
 
     H <- P h of each row of the block, S = h P h + 1
     H <- L^-1 H with S = L L^T
     P <- P - H^T H
 
-Several times as fast as there, at the cost of loading numba.
+Several times as fast as there, at the cost of loading numba. The products are BLAS's: blocks are as
+long as they pay for themselves, since S grows with them.
 """
 
 import numpy as np
+import scipy.linalg.cython_blas  # noqa: F401 - what np.dot calls in a kernel
 from numpy.typing import NDArray
 
 from syncplan.arrays import Array, Index
@@ -18,7 +20,7 @@ from syncplan.estimation.lane_filter import compiled
 
 __all__ = ["compiled_variances_along"]
 
-BLOCK = 8
+BLOCK = 24
 
 
 def compiled_variances_along(run: Run, covariance: Array) -> Array:
@@ -106,24 +108,12 @@ def _factor(inner: Array, halves: Array, size: int) -> bool:
 
 
 @compiled
-def _reduce(covariance: Array, h: Array) -> None:
-    """Take the block's halves, (8, 3 n), from the covariance: a vehicle's three rows at a time."""
-    for i in range(0, len(covariance), 3):
-        a0, a1, a2, a3, a4, a5, a6, a7 = h[:, i]
-        b0, b1, b2, b3, b4, b5, b6, b7 = h[:, i + 1]
-        c0, c1, c2, c3, c4, c5, c6, c7 = h[:, i + 2]
+def _reduce(covariance: Array, halves: Array, taken: Array) -> None:
+    """Take what the halves (m, 3 n) of a block explain from the covariance, by way of `taken`."""
+    np.dot(halves.T, halves, taken)
+    for i in range(len(covariance)):
         for j in range(len(covariance)):
-            h0, h1, h2, h3 = h[0, j], h[1, j], h[2, j], h[3, j]
-            h4, h5, h6, h7 = h[4, j], h[5, j], h[6, j], h[7, j]
-            covariance[i, j] -= (
-                a0 * h0 + a1 * h1 + a2 * h2 + a3 * h3 + a4 * h4 + a5 * h5 + a6 * h6 + a7 * h7
-            )
-            covariance[i + 1, j] -= (
-                b0 * h0 + b1 * h1 + b2 * h2 + b3 * h3 + b4 * h4 + b5 * h5 + b6 * h6 + b7 * h7
-            )
-            covariance[i + 2, j] -= (
-                c0 * h0 + c1 * h1 + c2 * h2 + c3 * h3 + c4 * h4 + c5 * h5 + c6 * h6 + c7 * h7
-            )
+            covariance[i, j] -= taken[i, j]
 
 
 @compiled
@@ -138,6 +128,7 @@ def _along(
 ) -> bool:
     halves = np.zeros((BLOCK, len(covariance)))
     inner = np.zeros((BLOCK, BLOCK))
+    taken = np.empty_like(covariance)
     for k in range(len(noise)):
         _grow(covariance, noise[k])
         for begin in range(first[k], first[k + 1], BLOCK):
@@ -152,8 +143,7 @@ def _along(
             )
             if not _factor(inner, halves[: end - begin], end - begin):
                 return False
-            halves[end - begin :] = 0.0
-            _reduce(covariance, halves)
+            _reduce(covariance, halves[: end - begin], taken)
         for v in range(noise.shape[1]):
             x = 3 * v
             found[0, v, k] = covariance[x, x] + covariance[x + 1, x + 1]

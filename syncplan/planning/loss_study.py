@@ -102,7 +102,6 @@ class WhatIf(Result):
         )
 
 
-@single_threaded_blas
 def what_if(
     subject: PlanSubject,
     lose: Sequence[str] = (),
@@ -127,9 +126,23 @@ def what_if(
     _check(lose, losses, bound, threads)
     plan = planned(subject, bound=bound)
     chosen = [lost_together(lose, plan.scenario)] if lose else possible_losses(plan.team, losses)
+    if not why_no_bound(plan.team, plan.scenario.duration_s, bound):
+        # its BLAS is limited to one thread only once it is loaded
+        from syncplan.estimation import covariance_kernel  # noqa: F401
+    return _studied(plan, chosen, bound, threads or usable_cores(), progress)
+
+
+@single_threaded_blas
+def _studied(
+    plan: Plan,
+    chosen: Sequence[Loss],
+    bound: BoundChoice,
+    threads: int,
+    progress: Callable[[int], None] | None,
+) -> WhatIf:
     study = _Study(plan, assess_team(plan.team, plan.scenario.window), bound)
     found = []
-    with closing(_in_order(study, chosen, threads or usable_cores())) as outcomes:
+    with closing(_in_order(study, chosen, threads)) as outcomes:
         for outcome in outcomes:
             found.append(outcome)
             if progress is not None:
