@@ -34,7 +34,7 @@ Packages, each using only those before it; each lists its modules
     arrays            types of arrays
     errors            the errors raised on purpose
     runtime           cores and threads, child processes, files written whole
-    results           what each result offers a session: files, data frames, HTML
+    results           what each result can be turned into: a file, a data frame, HTML
     scenario          what the user says, read and checked
     orbits            circles, contact windows, least distances, sightings
     synchronisation   senses and phases

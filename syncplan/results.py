@@ -1,4 +1,4 @@
-"""What each result offers a session: itself as a file, as a data frame, as a table in a notebook.
+"""What each result can be turned into: a file, a data frame, a table in a notebook.
 
 A result's report lies in a package above it. syncplan.reports.presentations knows it, and is loaded
 when it is asked for.
