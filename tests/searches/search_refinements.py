@@ -22,6 +22,7 @@ from syncplan.planning.planner import plan
 from syncplan.refinement.refiner import refine
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario
+from tests.tools.draws import draw_tree
 
 __all__ = [
     "NEAR_SHARE",
@@ -81,7 +82,7 @@ def _document(generator: np.random.Generator) -> dict[str, Any]:
     if generator.random() < 0.6:
         radii = generator.uniform(14.0, 26.0, count)
     reach = generator.uniform(30.0, 50.0)
-    centers = _tree(generator, radii, reach) if generator.random() < 0.5 else None
+    centers = draw_tree(generator, radii, reach, 0.25) if generator.random() < 0.5 else None
     if centers is None:
         columns = 2 if count < 7 else 3
         place = np.array([(k % columns, k // columns) for k in range(count)], dtype=float)
@@ -138,23 +139,6 @@ def _document(generator: np.random.Generator) -> dict[str, Any]:
     if generator.random() < 0.4:
         document["refine"]["objective"] = str(generator.choice(objectives))
     return document
-
-
-def _tree(generator: np.random.Generator, radii: Array, reach: float) -> Array | None:
-    """Centres along a random tree, neighbours within reach, all circles clear of each other."""
-    centers = np.zeros((len(radii), 2))
-    for k in range(1, len(radii)):
-        for _ in range(200):
-            parent = int(generator.integers(0, k))
-            turn = generator.uniform(0.0, 2.0 * np.pi)
-            away = radii[k] + radii[parent] + reach * generator.uniform(0.3, 0.85)
-            centers[k] = centers[parent] + away * np.array([np.cos(turn), np.sin(turn)])
-            apart = np.hypot(*(centers[:k] - centers[k]).T) - radii[:k] - radii[k]
-            if np.all(apart > 0.25 * reach):
-                break
-        else:
-            return None
-    return centers
 
 
 def _within(given: Plan) -> bool:

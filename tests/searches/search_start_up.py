@@ -20,13 +20,13 @@ from typing import Any
 
 import numpy as np
 
-from syncplan.arrays import Array
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.planner import plan
 from syncplan.planning.start_up import CLEARING_INDEX
 from syncplan.planning.validation import validate
 from syncplan.scenario.loading import scenario_from
+from tests.tools.draws import draw_tree
 
 __all__ = ["Start", "draw_plan", "main", "search_one"]
 
@@ -71,7 +71,7 @@ def _document(generator: np.random.Generator, sigma: float) -> dict[str, Any]:
     count = int(generator.integers(2, 9))
     radii = generator.uniform(14.0, 26.0, count) if generator.random() < 0.6 else np.full(count, 20)
     reach = generator.uniform(30.0, 60.0)
-    centers = _tree(generator, radii, reach) if generator.random() < 0.6 else None
+    centers = draw_tree(generator, radii, reach, 0.1) if generator.random() < 0.6 else None
     if centers is None:
         columns = 2 if count < 7 else 3
         place = np.array([(k % columns, k // columns) for k in range(count)], dtype=float)
@@ -101,23 +101,6 @@ def _document(generator: np.random.Generator, sigma: float) -> dict[str, Any]:
         "initial_sigma": {"position_m": sigma, "heading_rad": HEADING_RAD_A_METRE * sigma},
         "duration_s": float(generator.choice([120.0, 200.0])),
     }
-
-
-def _tree(generator: np.random.Generator, radii: Array, reach: float) -> Array | None:
-    """Centres along a random tree, neighbours within reach, all circles clear of each other."""
-    centers = np.zeros((len(radii), 2))
-    for k in range(1, len(radii)):
-        for _ in range(200):
-            parent = int(generator.integers(0, k))
-            turn = generator.uniform(0.0, 2.0 * np.pi)
-            away = radii[k] + radii[parent] + reach * generator.uniform(0.3, 0.85)
-            centers[k] = centers[parent] + away * np.array([np.cos(turn), np.sin(turn)])
-            apart = np.hypot(*(centers[:k] - centers[k]).T) - radii[:k] - radii[k]
-            if np.all(apart > 0.1 * reach):
-                break
-        else:
-            return None
-    return centers
 
 
 def search_one(number: int, *, seed: int, trials: int) -> Start:

@@ -15,6 +15,28 @@ from syncplan.orbits.team import Team
 NOISE = Noise(speed_sigma=0.1, turn_rate_sigma=0.01, position_sigma=5.0, heading_sigma=0.1)
 
 
+def draw_tree(
+    generator: np.random.Generator, radii: Array, reach: float, clear: float
+) -> Array | None:
+    """Return centres (n, 2) along a random tree, neighbours within reach; None if none was found.
+
+    All circles are more than `clear` times the reach apart.
+    """
+    centers = np.zeros((len(radii), 2))
+    for k in range(1, len(radii)):
+        for _ in range(200):
+            parent = int(generator.integers(0, k))
+            turn = generator.uniform(0.0, 2.0 * np.pi)
+            away = radii[k] + radii[parent] + reach * generator.uniform(0.3, 0.85)
+            centers[k] = centers[parent] + away * np.array([np.cos(turn), np.sin(turn)])
+            apart = np.hypot(*(centers[:k] - centers[k]).T) - radii[:k] - radii[k]
+            if np.all(apart > clear * reach):
+                break
+        else:
+            return None
+    return centers
+
+
 def draw_team(generator: np.random.Generator) -> Team:
     """Return a team of 1 to 5 vehicles along a random tree, with 1 to 4 landmarks.
 
