@@ -1,30 +1,77 @@
 """The schema's versions: each migration takes a database from one version to the next."""
 
 from collections.abc import Callable
+from typing import Any
 
-from sqlalchemy import Connection, delete, insert, inspect, select
+from sqlalchemy import (
+    Column,
+    Connection,
+    Float,
+    ForeignKey,
+    Integer,
+    LargeBinary,
+    MetaData,
+    String,
+    Table,
+    delete,
+    insert,
+    inspect,
+    select,
+)
+from sqlalchemy.schema import CreateColumn
 
-from api.storage.tables import METADATA, schema_version
+from api.storage.first_schema import FIRST_METADATA
+from api.storage.tables import schema_version
 from syncplan.errors import InputError
 
 __all__ = ["MIGRATIONS", "upgrade"]
 
 
 def _first(connection: Connection) -> None:
-    METADATA.create_all(connection)
+    FIRST_METADATA.create_all(connection)
 
 
-MIGRATIONS: tuple[Callable[[Connection], None], ...] = (_first,)
-"""Migration k takes version k to k + 1. Once released, one is not changed: add another, and let
-`_first` create the tables as they were in version 1."""
+def _second(connection: Connection) -> None:
+    _add(connection, "syncplan_schema", Column("usable_from", Integer))
+    _add(connection, "executors", Column("version", String(40)))
+    _add(connection, "executors", Column("seen_at", String(27)))
+    _add(connection, "jobs", Column("version", String(40)))
+    _add(connection, "jobs", Column("computed_s", Float, nullable=False, server_default="0"))
+    _add(connection, "job_parts", Column("attempts", Integer, nullable=False, server_default="0"))
+    _add(connection, "job_parts", Column("kind", String(16)))
+    tables = MetaData()
+    Table("jobs", tables, Column("id", String(36), primary_key=True))
+    job = Column("job_id", String(36), ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True)
+    Table(
+        "job_starts",
+        tables,
+        job,
+        Column("number", Integer, primary_key=True),
+        Column("data", LargeBinary, nullable=False),
+        Column("seconds", Float, nullable=False),
+    ).create(connection)
+
+
+MIGRATIONS: tuple[Callable[[Connection], None], ...] = (_first, _second)
+"""Migration k takes version k to k + 1, and only adds: processes of the version before go on.
+
+Once released, one is not changed; none refers to `api.storage.tables`, which change.
+"""
+
+USABLE_FROM = 1
+"""The oldest version whose processes can work on the newest one."""
 
 
 def upgrade(connection: Connection) -> None:
     """Bring a database to the newest version, inside the caller's transaction.
 
-    Raises InputError for a database that a newer syncplan has written.
+    A newer one stays as it is where it says that this syncplan can work on it, so that an older
+    process can be started anew while others are upgraded. Raises InputError for any other that a
+    newer syncplan has written.
     """
-    version = _version(connection)
+    version, usable_from = _version(connection)
+    if version > len(MIGRATIONS) >= usable_from:
+        return
     if version > len(MIGRATIONS):
         raise InputError(
             f"holds schema version {version}, this syncplan knows up to {len(MIGRATIONS)}; "
@@ -36,10 +83,26 @@ def upgrade(connection: Connection) -> None:
     for migration in MIGRATIONS[version:]:
         migration(connection)
     connection.execute(delete(schema_version))
-    connection.execute(insert(schema_version).values(version=len(MIGRATIONS)))
+    newest = {"version": len(MIGRATIONS), "usable_from": USABLE_FROM}
+    connection.execute(insert(schema_version).values(newest))
 
 
-def _version(connection: Connection) -> int:
+def _version(connection: Connection) -> tuple[int, int]:
+    """The version of a database, 0 for an empty one, and the oldest that can work on it."""
     if not inspect(connection).has_table(schema_version.name):
-        return 0
-    return connection.execute(select(schema_version.c.version)).scalar() or 0
+        return 0, 0
+    if not any(
+        column["name"] == "usable_from"
+        for column in inspect(connection).get_columns(schema_version.name)
+    ):
+        version = connection.execute(select(schema_version.c.version)).scalar() or 0
+        return version, version
+    row = connection.execute(select(schema_version)).first()
+    return (0, 0) if row is None else (row.version, row.usable_from)
+
+
+def _add(connection: Connection, table: str, column: "Column[Any]") -> None:
+    """Add a column, which is null or has a default in rows that are there."""
+    Table(table, MetaData(), column)
+    specified = CreateColumn(column).compile(dialect=connection.dialect)
+    connection.exec_driver_sql(f"ALTER TABLE {table} ADD COLUMN {specified}")

@@ -36,7 +36,11 @@ __all__ = [
 METADATA = MetaData()
 
 schema_version = Table(
-    "syncplan_schema", METADATA, Column("version", Integer, primary_key=True, autoincrement=False)
+    "syncplan_schema",
+    METADATA,
+    Column("version", Integer, primary_key=True, autoincrement=False),
+    # the oldest version whose processes can work on this one
+    Column("usable_from", Integer),
 )
 
 plans = Table(
@@ -74,6 +78,10 @@ jobs = Table(
     Column("result_plan_id", String(36)),
     Column("error", Text),
     Column("events", Integer, nullable=False),
+    # of the syncplan that works on it
+    Column("version", String(40)),
+    # by the children that worked on it, over all attempts
+    Column("computed_s", Float, nullable=False, server_default="0"),
     Index("jobs_of_owner", "owner", "id"),
     Index("jobs_by_state", "state", "ended_at"),
 )
@@ -104,6 +112,21 @@ job_parts = Table(
     Column("trials", Integer, nullable=False),
     Column("done", Integer, nullable=False),
     Column("data", LargeBinary),
+    # how often it was begun and its child was killed
+    Column("attempts", Integer, nullable=False, server_default="0"),
+    # a kind of part in api.jobs; a batch if None
+    Column("kind", String(16)),
+)
+
+# finished starts of a refinement, of which a killed one goes on
+job_starts = Table(
+    "job_starts",
+    METADATA,
+    _job_id(),
+    Column("number", Integer, primary_key=True),
+    Column("data", LargeBinary, nullable=False),
+    # its computing time
+    Column("seconds", Float, nullable=False),
 )
 
 job_events = Table(
@@ -132,6 +155,10 @@ executors = Table(
     METADATA,
     Column("id", String(64), primary_key=True),
     Column("beats", Integer, nullable=False),
+    # of its syncplan; None for one from before schema version 2
+    Column("version", String(40)),
+    # its last heartbeat, by the database's clock
+    Column("seen_at", String(27)),
 )
 
 

@@ -240,14 +240,28 @@ def test_a_database_opens_again_with_what_it_held(tmp_path: Path) -> None:
     second.close()
 
 
-def test_a_database_of_a_newer_version_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize("usable_from", [99, len(MIGRATIONS) + 1])
+def test_a_database_of_a_newer_version_is_refused(tmp_path: Path, usable_from: int) -> None:
     url = f"sqlite:///{tmp_path / 'syncplan.db'}"
     database = open_database(url)
     with database.writing() as connection:
-        connection.execute(update(schema_version).values(version=99))
+        connection.execute(update(schema_version).values(version=99, usable_from=usable_from))
     database.close()
     with pytest.raises(InputError, match=r"holds schema version 99.*update syncplan"):
         open_database(url)
+
+
+def test_a_newer_database_is_opened_as_it_is_where_it_says_so(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'syncplan.db'}"
+    database = open_database(url)
+    newer = {"version": 99, "usable_from": len(MIGRATIONS)}
+    with database.writing() as connection:
+        connection.execute(update(schema_version).values(newer))
+    database.close()
+    database = open_database(url)
+    with database.reading() as connection:
+        assert dict(connection.execute(select(schema_version)).mappings().one()) == newer
+    database.close()
 
 
 def test_an_older_database_is_brought_up_to_date(
@@ -256,15 +270,16 @@ def test_an_older_database_is_brought_up_to_date(
     url = f"sqlite:///{tmp_path / 'syncplan.db'}"
     open_database(url).close()
 
-    def second(connection: Connection) -> None:
+    def another(connection: Connection) -> None:
         connection.exec_driver_sql("ALTER TABLE plans ADD COLUMN note TEXT")
 
-    monkeypatch.setattr("api.storage.migrations.MIGRATIONS", (*MIGRATIONS, second))
+    monkeypatch.setattr("api.storage.migrations.MIGRATIONS", (*MIGRATIONS, another))
     for _ in range(2):
         database = open_database(url)
         with database.reading() as connection:
             connection.exec_driver_sql("SELECT note FROM plans")
-            assert connection.execute(select(schema_version.c.version)).scalars().all() == [2]
+            found = connection.execute(select(schema_version.c.version)).scalars().all()
+            assert found == [len(MIGRATIONS) + 1]
         database.close()
 
 
