@@ -36,9 +36,11 @@ def _second(connection: Connection) -> None:
     _add(connection, "executors", Column("version", String(40)))
     _add(connection, "executors", Column("seen_at", String(27)))
     _add(connection, "jobs", Column("version", String(40)))
+    _add(connection, "jobs", Column("begun", Integer, nullable=False, server_default="0"))
     _add(connection, "jobs", Column("computed_s", Float, nullable=False, server_default="0"))
     _add(connection, "job_parts", Column("attempts", Integer, nullable=False, server_default="0"))
-    _add(connection, "job_parts", Column("kind", String(16)))
+    _add(connection, "job_parts", Column("deaths", Integer, nullable=False, server_default="0"))
+    _add(connection, "job_parts", Column("computed_s", Float, nullable=False, server_default="0"))
     tables = MetaData()
     Table("jobs", tables, Column("id", String(36), primary_key=True))
     job = Column("job_id", String(36), ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True)
@@ -48,7 +50,12 @@ def _second(connection: Connection) -> None:
         job,
         Column("number", Integer, primary_key=True),
         Column("data", LargeBinary, nullable=False),
-        Column("seconds", Float, nullable=False),
+    ).create(connection)
+    Table(
+        "versions",
+        tables,
+        Column("version", String(40), primary_key=True),
+        Column("seen_at", String(27), nullable=False),
     ).create(connection)
 
 

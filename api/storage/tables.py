@@ -26,11 +26,13 @@ __all__ = [
     "job_events",
     "job_parts",
     "job_results",
+    "job_starts",
     "jobs",
     "moment",
     "new_id",
     "plans",
     "schema_version",
+    "versions",
 ]
 
 METADATA = MetaData()
@@ -78,8 +80,10 @@ jobs = Table(
     Column("result_plan_id", String(36)),
     Column("error", Text),
     Column("events", Integer, nullable=False),
-    # of the syncplan that works on it
+    # of the syncplan that works on it: empty until one does, None of one from before version 2
     Column("version", String(40)),
+    # how often it was begun anew
+    Column("begun", Integer, nullable=False, server_default="0"),
     # by the children that worked on it, over all attempts
     Column("computed_s", Float, nullable=False, server_default="0"),
     Index("jobs_of_owner", "owner", "id"),
@@ -112,10 +116,11 @@ job_parts = Table(
     Column("trials", Integer, nullable=False),
     Column("done", Integer, nullable=False),
     Column("data", LargeBinary),
-    # how often it was begun and its child was killed
+    # how often it was begun, and how often its child was killed
     Column("attempts", Integer, nullable=False, server_default="0"),
-    # a kind of part in api.jobs; a batch if None
-    Column("kind", String(16)),
+    Column("deaths", Integer, nullable=False, server_default="0"),
+    # over all attempts
+    Column("computed_s", Float, nullable=False, server_default="0"),
 )
 
 # finished starts of a refinement, of which a killed one goes on
@@ -125,8 +130,6 @@ job_starts = Table(
     _job_id(),
     Column("number", Integer, primary_key=True),
     Column("data", LargeBinary, nullable=False),
-    # its computing time
-    Column("seconds", Float, nullable=False),
 )
 
 job_events = Table(
@@ -159,6 +162,14 @@ executors = Table(
     Column("version", String(40)),
     # its last heartbeat, by the database's clock
     Column("seen_at", String(27)),
+)
+
+# when a worker of a version was last alive, by the database's clock
+versions = Table(
+    "versions",
+    METADATA,
+    Column("version", String(40), primary_key=True),
+    Column("seen_at", String(27), nullable=False),
 )
 
 
