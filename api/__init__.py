@@ -3,13 +3,14 @@
 Thin over syncplan, which does all the numbers. Modules, each using only those before it:
 
     keys, settings                     what an operator can set
-    logs, problems.*, metrics          JSON lines, RFC 9457 documents, Prometheus
+    logs, problems.*, metrics.*        JSON lines, RFC 9457 documents, Prometheus
     negotiation, security, telemetry   media types, who asks, OpenTelemetry
     limits, plan_texts                 the most a request may ask for; scenarios and plans as sent
     job_kinds.*                        one table of job kinds: requests, tasks, results
     computing.*                        the numbers, in child processes
     storage.*                          plans, jobs, answers given: SQLite or PostgreSQL
     jobs.*                             durable workflows, heartbeats, what dead processes left
+    watching.*                         what a scrape of the metrics reads of all these
     responses, service, idempotency    what responses hold, what routes work with
     page_tables, assets, routes.*      the page's tables and files, the routes
     operations, openapi                what the OpenAPI document adds to the routes

@@ -10,7 +10,7 @@ from api.computing.pool import Pool
 from api.jobs.queue import JobQueue
 from api.jobs.worker import Worker, guard_of
 from api.logs import RequestLog
-from api.metrics import Metrics, RequestMetrics
+from api.metrics import Metrics, RequestMetrics, Source
 from api.openapi import document_operations
 from api.problems import install_handlers
 from api.routes import (
@@ -27,8 +27,10 @@ from api.security import Keyring
 from api.service import Ending, Service, limits_of
 from api.settings import Settings, load_settings
 from api.storage.database import open_database
-from api.storage.job_queries import count_by_state
 from api.telemetry import telemetry_options
+from api.watching.job_readings import JobReadings
+from api.watching.pool_readings import PoolReadings
+from api.watching.readings_cache import Cached
 from syncplan import __version__
 
 __all__ = ["create_app"]
@@ -84,8 +86,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     settings: Settings = app.state.settings
     running = await run_in_threadpool(_Running, settings)
     app.state.service = running.service
-    app.state.metrics.watch_jobs(running.jobs_by_state)
-    app.state.metrics.watch_processes(running.processes_at_work)
+    app.state.metrics.watch(*running.readings())
     try:
         yield
     finally:
@@ -108,14 +109,12 @@ class _Running:
         )
         self.service = Service(settings, self.database, self.pool, self.queue, limits_of(settings))
 
-    def jobs_by_state(self) -> dict[str, int]:
-        """Return how many jobs there are in each state."""
-        with self.database.reading() as connection:
-            return count_by_state(connection)
-
-    def processes_at_work(self) -> int:
-        """Return how many child processes of this process are busy."""
-        return self.pool.busy + (0 if self.worker is None else self.worker.pool.busy)
+    def readings(self) -> tuple[Source, ...]:
+        """Return what each scrape reads of this process and its database."""
+        pools = {"requests": self.pool}
+        if self.worker is not None:
+            pools["jobs"] = self.worker.pool
+        return PoolReadings(pools), Cached(JobReadings(self.database))
 
     def close(self) -> None:
         """End everything, the processes first, each whatever happens to the others."""

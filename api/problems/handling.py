@@ -119,6 +119,9 @@ async def _unlogged(request: Request, error: Exception) -> Response:
 
 def _response(request: Request, failure: FailedRequest) -> Response:
     headers = failure.headers
+    if failure.status >= 400:
+        # for the metrics, which stand around the application
+        request.scope.setdefault("state", {})["reason"] = failure.reason
     if failure.status in (204, 304):
         return Response(status_code=failure.status, headers=headers)
     if failure.status == 405:

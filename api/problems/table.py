@@ -1,6 +1,7 @@
 """One table from the exceptions that reach the service to the statuses it answers with."""
 
 import errno
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from enum import Enum
@@ -12,7 +13,7 @@ from sqlalchemy.exc import TimeoutError as PoolTimeout
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
-from api.problems.problem_document import FaultEntry, printable, shown
+from api.problems.problem_document import FaultEntry, printable, shown, title_of
 from api.problems.service_errors import ServiceError, StorageFull, Unavailable
 from syncplan.errors import InputError, NoGoError, NoSolutionError, SyncplanError
 
@@ -51,10 +52,16 @@ class Logged(Enum):
 
 @dataclass(frozen=True, slots=True)
 class FailedRequest:
-    """What to answer with, and what to log; without a title the problem is its status alone."""
+    """What to answer with, and what to log; without a title the problem is its status alone.
+
+    Attributes
+    ----------
+    reason : the class of the failure, as metrics count it; one of few
+    """
 
     status: int
     detail: str
+    reason: str
     headers: dict[str, str] = field(default_factory=dict)
     errors: tuple[FaultEntry, ...] = ()
     logged: Logged = Logged.NOTHING
@@ -63,7 +70,7 @@ class FailedRequest:
 
 
 def _deliberate(error: ServiceError) -> FailedRequest:
-    return FailedRequest(error.status, error.detail, error.headers, error.errors)
+    return FailedRequest(error.status, error.detail, _named(error), error.headers, error.errors)
 
 
 def _input(error: InputError) -> FailedRequest:
@@ -75,19 +82,19 @@ def _input(error: InputError) -> FailedRequest:
         )
         for fault in error.faults[:MOST_ERRORS]
     ]
-    return FailedRequest(422, str(error), errors=tuple(entries))
+    return FailedRequest(422, str(error), "invalid-input", errors=tuple(entries))
 
 
 def _no_solution(error: NoSolutionError) -> FailedRequest:
-    return FailedRequest(422, str(error), type=NO_SOLUTION, title="No solution")
+    return FailedRequest(422, str(error), "no-solution", type=NO_SOLUTION, title="No solution")
 
 
 def _no_go(error: NoGoError) -> FailedRequest:
-    return FailedRequest(409, str(error), type=NO_GO, title="No go")
+    return FailedRequest(409, str(error), "no-go", type=NO_GO, title="No go")
 
 
 def _on_purpose(error: SyncplanError) -> FailedRequest:
-    return FailedRequest(500, str(error), logged=Logged.TRACE)
+    return FailedRequest(500, str(error), "internal", logged=Logged.TRACE)
 
 
 def _invalid(error: RequestValidationError) -> FailedRequest:
@@ -97,7 +104,7 @@ def _invalid(error: RequestValidationError) -> FailedRequest:
     detail = f"{first.path}: {first.message}" if first.path else first.message
     if len(faults) > 1:
         detail += f" (and {len(faults) - 1} more)"
-    return FailedRequest(422, detail, errors=entries)
+    return FailedRequest(422, detail, "invalid-request", errors=entries)
 
 
 def _entry(fault: dict[str, Any]) -> FaultEntry:
@@ -125,13 +132,14 @@ def _dotted(location: Iterable[int | str]) -> str:
 
 def _http(error: HTTPException) -> FailedRequest:
     detail = str(error.detail)
+    reason = title_of(error.status_code).lower().replace(" ", "-")
     return FailedRequest(
-        error.status_code, SENTENCES.get(detail, detail), headers=dict(error.headers or {})
+        error.status_code, SENTENCES.get(detail, detail), reason, dict(error.headers or {})
     )
 
 
 def _gone(error: ClientDisconnect) -> FailedRequest:
-    return FailedRequest(400, "the client went away before its request was complete")
+    return FailedRequest(400, "the client went away before its request was complete", "client-gone")
 
 
 def _database(error: DBAPIError) -> FailedRequest:
@@ -158,11 +166,18 @@ def _system(error: OSError) -> FailedRequest:
 
 
 def _unforeseen(error: Exception) -> FailedRequest:
-    return FailedRequest(500, INTERNAL, logged=Logged.TRACE)
+    return FailedRequest(500, INTERNAL, "internal", logged=Logged.TRACE)
 
 
 def _with_line(error: ServiceError) -> FailedRequest:
-    return FailedRequest(error.status, error.detail, error.headers, logged=Logged.LINE)
+    return FailedRequest(
+        error.status, error.detail, _named(error), error.headers, logged=Logged.LINE
+    )
+
+
+def _named(error: ServiceError) -> str:
+    """The class of an error that is raised on purpose, as in too-many-requests."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", "-", type(error).__name__).lower()
 
 
 TABLE: dict[type[Exception], Callable[[Any], FailedRequest]] = {

@@ -57,6 +57,6 @@ def readyz(service: CurrentService) -> Health:
     },
 )
 def metrics(request: Request, owner: CurrentOwner) -> Response:
-    """Requests, latencies, jobs by state, processes at work."""
+    """Requests and refusals, jobs and how long they wait, child processes and their tasks."""
     body, content_type = request.app.state.metrics.render()
     return Response(body, media_type=content_type)

@@ -1,6 +1,6 @@
 """What workers ask about a job: whether to begin, what to compute, for whom, and its result."""
 
-from sqlalchemy import Connection, func, select
+from sqlalchemy import Connection, select
 
 from api.job_kinds.job_kind import JobSpec
 from api.storage.job_records import change, state_of
@@ -8,7 +8,6 @@ from api.storage.tables import job_results, jobs, moment
 from syncplan.reports.job_contract import UNFINISHED
 
 __all__ = [
-    "count_by_state",
     "owner_and_plan",
     "report_of",
     "spec_of",
@@ -51,9 +50,3 @@ def trials_of(connection: Connection, job_id: str) -> bytes | None:
     """Return the figures of each trial of a validation that has succeeded."""
     query = select(job_results.c.trials).where(job_results.c.job_id == job_id)
     return connection.execute(query).scalar()
-
-
-def count_by_state(connection: Connection) -> dict[str, int]:
-    """Return how many jobs there are in each state that any is in."""
-    query = select(jobs.c.state, func.count()).group_by(jobs.c.state)
-    return {row[0]: row[1] for row in connection.execute(query)}

@@ -2,14 +2,15 @@
 
 import threading
 import time
-from collections.abc import Mapping
 
 import pytest
 from fastapi import APIRouter, FastAPI
 from fastapi.testclient import TestClient
 from prometheus_client.parser import text_string_to_metric_families
 
-from api.metrics import Metrics, RequestMetrics
+from api.metrics import Metrics, Readings, RequestMetrics
+from api.problems import TooManyRequests
+from api.watching.readings_cache import Cached
 from tests.tools.api_apps import bare_app
 
 Samples = dict[tuple[str, tuple[tuple[str, str], ...]], float]
@@ -114,43 +115,99 @@ def test_two_apps_share_nothing() -> None:
     assert not _requests(other)
 
 
-def test_gauges_are_asked_for_at_each_reading() -> None:
+def test_sources_are_read_at_each_scrape() -> None:
     metrics = Metrics()
-    jobs: dict[str, int] = {"queued": 2}
-    metrics.watch_jobs(lambda: jobs)
-    metrics.watch_processes(lambda: 3)
+    jobs: dict[tuple[str, ...], float] = {("queued",): 2}
+    metrics.watch(lambda: {"syncplan_jobs": jobs})
+    metrics.watch(lambda: {"syncplan_processes_busy": {(): 3}})
     samples = _samples(metrics)
     assert samples["syncplan_jobs", (("state", "queued"),)] == 2
     assert samples["syncplan_processes_busy", ()] == 3
-    jobs.update(queued=0, running=1)
+    jobs.update({("queued",): 0, ("running",): 1})
     samples = _samples(metrics)
     assert samples["syncplan_jobs", (("state", "queued"),)] == 0
     assert samples["syncplan_jobs", (("state", "running"),)] == 1
 
 
-def test_nobody_is_asked_before_the_first_reading() -> None:
+def test_nobody_is_asked_before_the_first_scrape() -> None:
     metrics = Metrics()
     asked = threading.Event()
 
-    def count() -> Mapping[str, int]:
+    def source() -> Readings:
         asked.set()
         return {}
 
-    metrics.watch_jobs(count)
+    metrics.watch(source)
     assert not asked.is_set()
     metrics.render()
     assert asked.is_set()
 
 
-def test_a_gauge_that_fails_leaves_the_others(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_source_that_fails_leaves_the_others(caplog: pytest.LogCaptureFixture) -> None:
     metrics = Metrics()
 
-    def gone() -> Mapping[str, int]:
+    def gone() -> Readings:
         raise ConnectionError("the database is gone")
 
-    metrics.watch_jobs(gone)
-    metrics.watch_processes(lambda: 1)
+    metrics.watch(gone, lambda: {"syncplan_processes_busy": {(): 1}})
     names = {name for name, _ in _samples(metrics)}
     assert "syncplan_processes_busy" in names
     assert "syncplan_jobs" not in names
     assert "the database is gone" in caplog.text
+
+
+def test_scrapes_read_a_source_once_a_second() -> None:
+    now, read = [0.0], 0
+
+    def source() -> Readings:
+        nonlocal read
+        read += 1
+        if read == 2:
+            raise ConnectionError("away")
+        return {"syncplan_processes_busy": {(): read}}
+
+    metrics = Metrics()
+    metrics.watch(Cached(source, kept_s=1.0, clock=lambda: now[0]))
+    seen = []
+    for now[0] in (100.0, 100.9, 101.0, 101.9, 102.0):
+        seen.append(_samples(metrics).get(("syncplan_processes_busy", ())))
+    assert seen == [1, 1, None, None, 3]
+
+
+def test_refusals_count_by_status_and_reason() -> None:
+    metrics = Metrics()
+    app = _app(metrics)
+
+    @app.get("/busy")
+    def busy() -> None:
+        raise TooManyRequests("wait", retry_after_s=1)
+
+    client = TestClient(app)
+    for path in ("/v1/plans/1", "/v1/plans/x", "/v1/crash", "/nothing", "/busy", "/busy"):
+        client.get(path)
+    client.post("/busy")
+    found = {
+        (labels[1][1], labels[0][1]): number
+        for (name, labels), number in _samples(metrics).items()
+        if name == "syncplan_http_refusals_total"
+    }
+    assert found == {
+        ("422", "invalid-request"): 1,
+        ("500", "internal"): 1,
+        ("404", "not-found"): 1,
+        ("429", "too-many-requests"): 2,
+        ("405", "method-not-allowed"): 1,
+    }
+
+
+def test_jobs_count_by_kind_and_outcome() -> None:
+    metrics = Metrics()
+    metrics.jobs.started("sweep", 3.0)
+    metrics.jobs.ended("sweep", "succeeded", 20.0)
+    metrics.jobs.ended("sweep", "failed", 0.2, "no-solution")
+    samples = _samples(metrics)
+    kind, outcome = ("kind", "sweep"), ("outcome", "succeeded")
+    assert samples["syncplan_job_wait_seconds_sum", (kind,)] == 3.0
+    assert samples["syncplan_job_duration_seconds_sum", (kind, outcome)] == 20.0
+    assert samples["syncplan_job_failures_total", (kind, ("reason", "no-solution"))] == 1
+    assert ("syncplan_job_failures_total", (kind, ("reason", "unknown"))) not in samples

@@ -1,0 +1,22 @@
+"""What Prometheus reads of a process: one table of metrics, and what counts and renders them.
+
+metric_table      every metric: type, labels, meaning, whose figure it is
+registry          the metrics of one application, and the sources that each scrape reads
+request_metrics   requests by route and status, refusals by reason
+job_metrics       jobs and parts as they start and end
+"""
+
+from api.metrics.job_metrics import JobTally
+from api.metrics.metric_table import METRICS, MetricEntry
+from api.metrics.registry import Metrics, Readings, Source
+from api.metrics.request_metrics import RequestMetrics
+
+__all__ = [
+    "METRICS",
+    "JobTally",
+    "MetricEntry",
+    "Metrics",
+    "Readings",
+    "RequestMetrics",
+    "Source",
+]

@@ -1,0 +1,98 @@
+"""The metrics of one application: what it counts, and sources that each scrape reads."""
+
+import logging
+from collections.abc import Callable, Iterator, Mapping
+
+from prometheus_client import CollectorRegistry, Gauge, ProcessCollector
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4, generate_latest
+from prometheus_client.registry import Collector
+
+from api.metrics.job_metrics import JobTally
+from api.metrics.metric_table import METRICS, as_counter, as_histogram
+
+__all__ = ["Metrics", "Readings", "Source"]
+
+Readings = Mapping[str, Mapping[tuple[str, ...], float]]
+"""Values of counters and gauges by name, and by the values of their labels in order."""
+
+Source = Callable[[], Readings]
+"""What a scrape asks for readings."""
+
+NO_ROUTE = "none"
+"""Label of all paths that belong to no route: clients can invent any path."""
+
+_METHODS = frozenset({"DELETE", "GET", "HEAD", "OPTIONS", "PATCH", "POST", "PUT"})
+
+_log = logging.getLogger("api.metrics")
+
+
+class Metrics:
+    """The metrics of one application, in a registry of its own."""
+
+    def __init__(self) -> None:
+        registry = CollectorRegistry()
+        self._registry = registry
+        self._requests = as_counter("syncplan_http_requests")
+        self._latency = as_histogram("syncplan_http_request_duration_seconds")
+        self._refusals = as_counter("syncplan_http_refusals")
+        in_flight = METRICS["syncplan_http_requests_in_flight"]
+        self.in_flight = Gauge(in_flight.name, in_flight.meaning, registry=None)
+        self.jobs = JobTally()
+        self._watched = _Watched()
+        for one in (
+            self._requests,
+            self._latency,
+            self._refusals,
+            self.in_flight,
+            *self.jobs.collectors,
+            self._watched,
+        ):
+            registry.register(one)
+        ProcessCollector(registry=registry)
+
+    def observe(self, method: str, route: str, status: str, duration_s: float) -> None:
+        """Count one answered request."""
+        labels = (method if method in _METHODS else "other", route or NO_ROUTE, status)
+        self._requests.labels(*labels).inc()
+        self._latency.labels(*labels).observe(duration_s)
+
+    def refused(self, status: str, reason: str) -> None:
+        """Count one request that was answered with a problem."""
+        self._refusals.labels(status, reason).inc()
+
+    def watch(self, *sources: Source) -> None:
+        """Let each scrape read these sources as well."""
+        self._watched.sources += sources
+
+    def render(self) -> tuple[bytes, str]:
+        """Return (text in Prometheus' format, its media type)."""
+        return generate_latest(self._registry), CONTENT_TYPE_PLAIN_0_0_4
+
+
+class _Watched(Collector):
+    """Figures read from elsewhere at each scrape; a source that fails is left out."""
+
+    def __init__(self) -> None:
+        self.sources: tuple[Source, ...] = ()
+
+    def collect(self) -> Iterator[Metric]:
+        """Return the figures that can be read now."""
+        for source in self.sources:
+            try:
+                readings = source()
+            except Exception as error:
+                # the database may be away, and Prometheus needs the rest
+                _log.warning("metrics left out: %s: %s", type(error).__name__, error)
+                continue
+            for name, values in readings.items():
+                yield _family(name, values)
+
+
+def _family(name: str, values: Mapping[tuple[str, ...], float]) -> Metric:
+    entry = METRICS[name]
+    kind = CounterMetricFamily if entry.type == "counter" else GaugeMetricFamily
+    family = kind(entry.name, entry.meaning, labels=entry.labels)
+    for labels, value in values.items():
+        family.add_metric(labels, value)
+    return family

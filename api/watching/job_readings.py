@@ -1,0 +1,43 @@
+"""Jobs that wait and run, as the database has them."""
+
+from datetime import UTC, datetime
+
+from sqlalchemy import text
+
+from api.job_kinds.job_table import JOB_KINDS
+from api.metrics import Readings
+from api.storage.backlog import backlog_of
+from api.storage.database import Database
+from syncplan.reports.job_contract import UNFINISHED
+
+__all__ = ["JobReadings"]
+
+_LONGEST_READ_MS = 2000
+
+
+class JobReadings:
+    """A source of the figures of all jobs, each the same in every process."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    def __call__(self) -> Readings:
+        """Return how many jobs there are, and how long the oldest has been queued."""
+        with self._database.reading() as connection:
+            if not self._database.is_sqlite:
+                connection.execute(text(f"SET LOCAL statement_timeout = {_LONGEST_READ_MS}"))
+            found = backlog_of(connection)
+        none: dict[tuple[str, ...], int] = {
+            (kind, state): 0 for kind in JOB_KINDS for state in UNFINISHED
+        }
+        return {
+            "syncplan_jobs": {(state,): number for state, number in found.by_state.items()},
+            "syncplan_jobs_unfinished": {**none, **found.unfinished},
+            "syncplan_jobs_oldest_queued_seconds": {(): _age_s(found.oldest_queued)},
+        }
+
+
+def _age_s(moment: str | None) -> float:
+    if moment is None:
+        return 0.0
+    return max((datetime.now(UTC) - datetime.fromisoformat(moment)).total_seconds(), 0.0)
