@@ -2,12 +2,14 @@
 
 A child imports from its parent's path, not from its working directory. On Linux the kernel ends it
 with the thread that started it, even before it has imported what it runs; elsewhere it ends when it
-next reads the pipe.
+next reads the pipe. It inherits no secrets: of its parent's environment all but keys, passwords and
+settings, and of its files the pipe alone.
 """
 
 import contextlib
 import ctypes
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -23,6 +25,12 @@ _CODE = (
 )
 _PR_SET_PDEATHSIG = 1
 _GRACE_S = 10.0
+
+_WITHHELD = re.compile(
+    r"(SYNCPLAN|OTEL)_|PG[A-Z]+$|.*(KEY|PASSW(OR)?D|SECRET|TOKEN|CREDENTIAL|DATABASE_URL)",
+    re.IGNORECASE,
+)
+"""Variables that children don't get: settings, PostgreSQL's, and what is named like a secret."""
 
 
 class ChildProcess:
@@ -51,7 +59,7 @@ class ChildProcess:
                 stdout=self._errors,
                 stderr=self._errors,
                 pass_fds=[theirs.fileno()],
-                env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+                env={**_environment(), "OPENBLAS_NUM_THREADS": "1"},
             )
 
     def complaint(self) -> str:
@@ -79,6 +87,10 @@ class ChildProcess:
         with contextlib.suppress(ProcessLookupError):
             self.process.kill()
         self.process.wait()
+
+
+def _environment() -> dict[str, str]:
+    return {name: value for name, value in os.environ.items() if not _WITHHELD.match(name)}
 
 
 def connect_to_parent(descriptor: int) -> Connection:

@@ -1,0 +1,1 @@
+"""Attacks on a running service: each once stopped it, starved somebody or leaked something."""

@@ -1,0 +1,99 @@
+"""How many cores a process may use, in control groups laid out as the kernel does."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from syncplan.runtime.cores import usable_cores
+
+SYSTEMD = "1:name=systemd:/service"
+MANY = 64
+
+
+@pytest.fixture(autouse=True)
+def _many_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: range(MANY), raising=False)
+
+
+def process(folder: Path, cgroup: str, *mounts: str) -> Path:
+    """Return a folder as /proc/PID would be, for a process in these groups."""
+    place = folder / "proc"
+    place.mkdir()
+    (place / "cgroup").write_text(f"{SYSTEMD}\n{cgroup}\n")
+    lines = [f"3{k} 23 0:2{k} {mount}\n" for k, mount in enumerate(mounts)]
+    (place / "mountinfo").write_text(
+        "22 1 8:1 / / rw,relatime - ext4 /dev/sda rw\n" + "".join(lines)
+    )
+    return place
+
+
+def group(folder: Path, **files: str) -> Path:
+    """Make a control group with these files."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in files.items():
+        (folder / name.replace("_", ".", 1)).write_text(f"{text}\n")
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("quota", "cores"),
+    [("200000 100000", 2), ("150000 100000", 2), ("5000 100000", 1), ("max 100000", MANY)],
+)
+def test_a_quota_counts_rounded_up_and_none_leaves_all(
+    tmp_path: Path, quota: str, cores: int
+) -> None:
+    top = tmp_path / "cgroup"
+    group(top / "service", cpu_max=quota)
+    place = process(tmp_path, "0::/service", f"/ {top} rw - cgroup2 cgroup2 rw")
+    assert usable_cores(place) == cores
+
+
+def test_the_tightest_group_above_decides(tmp_path: Path) -> None:
+    top = tmp_path / "cgroup"
+    group(top / "slice", cpu_max="300000 100000")
+    group(top / "slice/service", cpu_max="max 100000")
+    group(tmp_path, cpu_max="100000 100000")  # above the mount: no group
+    place = process(tmp_path, "0::/slice/service", f"/ {top} rw - cgroup2 cgroup2 rw,nsdelegate")
+    assert usable_cores(place) == 3
+
+
+def test_a_container_sees_its_own_group_as_the_topmost(tmp_path: Path) -> None:
+    top = group(tmp_path / "cgroup", cpu_max="400000 100000")
+    group(top / "inner", cpu_max="200000 100000")
+    mount = f"/docker/4f {top} ro - cgroup2 cgroup2 rw"
+    assert usable_cores(process(tmp_path, "0::/docker/4f/inner", mount)) == 2
+    (tmp_path / "proc/cgroup").write_text("0::/docker/4f\n")
+    assert usable_cores(tmp_path / "proc") == 4
+    # without a name space for groups, the path may lie outside what is mounted
+    (tmp_path / "proc/cgroup").write_text("0::/docker/other\n")
+    assert usable_cores(tmp_path / "proc") == 4
+
+
+def test_version_1_has_a_tree_for_each_controller(tmp_path: Path) -> None:
+    cpu = tmp_path / "cpu,cpuacct"
+    group(cpu / "service", cpu_cfs_quota_us="250000", cpu_cfs_period_us="100000")
+    group(cpu, cpu_cfs_quota_us="-1", cpu_cfs_period_us="100000")
+    memory = group(tmp_path / "memory/service", cpu_max="100000 100000").parent
+    place = process(
+        tmp_path,
+        "5:cpu,cpuacct:/service\n4:memory:/service\n0::/service",
+        f"/ {memory} rw - cgroup cgroup rw,memory",
+        f"/ {cpu} rw - cgroup cgroup rw,cpu,cpuacct",
+    )
+    assert usable_cores(place) == 3
+
+
+def test_no_quota_allows_more_than_the_scheduler(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: range(2), raising=False)
+    top = group(tmp_path / "cgroup", cpu_max="800000 100000")
+    assert usable_cores(process(tmp_path, "0::/", f"/ {top} rw - cgroup2 cgroup2 rw")) == 2
+
+
+@pytest.mark.parametrize("text", ["", "soon", "200000", "a b"])
+def test_what_cannot_be_read_limits_nothing(tmp_path: Path, text: str) -> None:
+    top = group(tmp_path / "cgroup", cpu_max=text)
+    assert usable_cores(process(tmp_path, "0::/", f"/ {top} rw - cgroup2 cgroup2 rw")) == MANY
+    assert usable_cores(tmp_path / "nowhere") == MANY
