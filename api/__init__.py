@@ -14,7 +14,8 @@ Thin over syncplan, which does all the numbers. Modules, each using only those b
     responses, service, idempotency    what responses hold, what routes work with
     page_tables, assets, routes.*      the page's tables and files, the routes
     operations, openapi                what the OpenAPI document adds to the routes
-    main, protocol, server             the application, HTTP below it, serving both
+    application, main                  an application without routes, and the service's
+    protocol, server                   HTTP below it, serving both
 
 A request is read, checked and computed in a child process, so that nothing ever holds up the
 event loop; a job is a row in the database and a durable workflow, entered in one transaction.

@@ -6,13 +6,12 @@ from contextlib import ExitStack, asynccontextmanager
 from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
 
+from api.application import without_routes
 from api.computing.pool import Pool
 from api.jobs.queue import JobQueue
 from api.jobs.worker import Worker, guard_of
-from api.logs import RequestLog
-from api.metrics import Metrics, RequestMetrics, Source
+from api.metrics import Source
 from api.openapi import document_operations
-from api.problems import install_handlers
 from api.routes import (
     export_routes,
     figure_routes,
@@ -23,15 +22,13 @@ from api.routes import (
     plan_routes,
     schema_routes,
 )
-from api.security import Keyring
-from api.service import Ending, Service, limits_of
+from api.service import Service, limits_of
 from api.settings import Settings, load_settings
 from api.storage.database import open_database
 from api.telemetry import telemetry_options
 from api.watching.job_readings import JobReadings
 from api.watching.pool_readings import PoolReadings
 from api.watching.readings_cache import Cached
-from syncplan import __version__
 
 __all__ = ["create_app"]
 
@@ -48,22 +45,13 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     Settings come from the environment where none are given. Raises InputError.
     """
     chosen = load_settings() if settings is None else settings
-    app = FastAPI(
-        title="syncplan",
-        version=__version__,
+    app = without_routes(
+        chosen,
         description=_DESCRIPTION,
-        docs_url=None,
-        redoc_url=None,
         separate_input_output_schemas=False,
-        max_body_size=chosen.body_limit_bytes,
         telemetry=telemetry_options(chosen),
         lifespan=_lifespan,
     )
-    app.state.settings = chosen
-    app.state.keyring = Keyring(chosen)
-    app.state.metrics = Metrics()
-    app.state.ending = Ending()
-    install_handlers(app)
     document_operations(app)
     for routes in (
         plan_routes,
@@ -76,8 +64,6 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         app.include_router(routes.router, prefix="/v1")
     app.include_router(health_routes.router)
     app.include_router(page_routes.router)
-    app.add_middleware(RequestMetrics, metrics=app.state.metrics)
-    app.add_middleware(RequestLog)
     return app
 
 

@@ -38,6 +38,7 @@ def _second(connection: Connection) -> None:
     _add(connection, "jobs", Column("version", String(40)))
     _add(connection, "jobs", Column("begun", Integer, nullable=False, server_default="0"))
     _add(connection, "jobs", Column("computed_s", Float, nullable=False, server_default="0"))
+    _add(connection, "jobs", Column("traceparent", String(55)))
     _add(connection, "job_parts", Column("attempts", Integer, nullable=False, server_default="0"))
     _add(connection, "job_parts", Column("deaths", Integer, nullable=False, server_default="0"))
     _add(connection, "job_parts", Column("computed_s", Float, nullable=False, server_default="0"))

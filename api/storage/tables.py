@@ -86,6 +86,8 @@ jobs = Table(
     Column("begun", Integer, nullable=False, server_default="0"),
     # by the children that worked on it, over all attempts
     Column("computed_s", Float, nullable=False, server_default="0"),
+    # the trace of the request, as W3C Trace Context writes it
+    Column("traceparent", String(55)),
     Index("jobs_of_owner", "owner", "id"),
     Index("jobs_by_state", "state", "ended_at"),
 )

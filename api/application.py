@@ -1,0 +1,35 @@
+"""An application without routes that answers, logs, counts and checks keys as the service does."""
+
+from typing import Any
+
+from fastapi import FastAPI
+
+from api.logs import RequestLog
+from api.metrics import Metrics, RequestMetrics
+from api.problems import install_handlers
+from api.security import Keyring
+from api.service import Ending
+from api.settings import Settings
+from syncplan import __version__
+
+__all__ = ["without_routes"]
+
+
+def without_routes(settings: Settings, **options: Any) -> FastAPI:
+    """Return an application for routes to be added to; `options` are FastAPI's."""
+    app = FastAPI(
+        title="syncplan",
+        version=__version__,
+        docs_url=None,
+        redoc_url=None,
+        max_body_size=settings.body_limit_bytes,
+        **options,
+    )
+    app.state.settings = settings
+    app.state.keyring = Keyring(settings)
+    app.state.metrics = Metrics()
+    app.state.ending = Ending()
+    install_handlers(app)
+    app.add_middleware(RequestMetrics, metrics=app.state.metrics)
+    app.add_middleware(RequestLog)
+    return app
