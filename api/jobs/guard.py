@@ -19,10 +19,10 @@ from dbos import DBOSClient, WorkflowStatus
 
 from api.jobs.queue import APPLICATION, WORKFLOWS_VERSION
 from api.storage import executors, job_records
+from api.storage.clock import earlier
 from api.storage.database import Database
 from api.storage.ended_jobs import delete_jobs, ended_before
 from api.storage.kept_answers import forget_answers
-from api.storage.tables import moment
 
 __all__ = ["Guard"]
 
@@ -178,14 +178,15 @@ class Guard:
     def _sweep(self) -> None:
         """Delete what was kept long enough; jobs last, so that none is forgotten half deleted."""
         with self._database.reading() as connection:
-            old = ended_before(connection, moment(self._keep_jobs_s), _SWEPT_AT_ONCE)
+            time = executors.agreed_moment(connection)
+            old = ended_before(connection, earlier(time, self._keep_jobs_s), _SWEPT_AT_ONCE)
         for job_id in old:
             parts = self._client.list_workflows(
                 workflow_id_prefix=job_id, load_input=False, load_output=False
             )
             self._client.delete_workflows([one.workflow_id for one in parts])
         with self._database.writing() as connection:
-            forget_answers(connection, moment(self._keep_answers_s))
+            forget_answers(connection, earlier(time, self._keep_answers_s))
             delete_jobs(connection, old)
 
 

@@ -27,9 +27,9 @@ from api.jobs.dbos_runtime import current
 from api.jobs.queue import JOB_WORKFLOW
 from api.plan_texts import PlanText
 from api.storage import batch_records, job_queries, job_records
+from api.storage.clock import moment, new_id
 from api.storage.database import patiently, unavailable
 from api.storage.plan_records import add_plan
-from api.storage.tables import new_id
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.reports.job_contract import JobKindName
 
@@ -183,7 +183,7 @@ async def _succeed(job_id: str, result: PlanText | JobReport | None) -> None:
         if isinstance(result, JobReport):
             job_records.end_job(connection, job_id, "succeeded", report=result)
             return
-        plan_id = new_id()
+        plan_id = new_id(moment(connection))
         if job_records.end_job(connection, job_id, "succeeded", plan_id=plan_id):
             owner, parent_id = job_queries.owner_and_plan(connection, job_id)
             add_plan(connection, owner, result, plan_id=plan_id, parent_id=parent_id)

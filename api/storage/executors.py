@@ -1,24 +1,38 @@
 """Which processes are alive: a count for each, raised with every heartbeat."""
 
-from sqlalchemy import Connection, delete, insert, select, update
+from sqlalchemy import Connection, delete, func, insert, select, update
 
+from api.storage.clock import NOW, moment
 from api.storage.tables import executors
 
-__all__ = ["beat", "forget", "living"]
+__all__ = ["agreed_moment", "beat", "forget", "living"]
 
 
 def beat(connection: Connection, executor_id: str) -> None:
     """Raise an executor's count, or enter it."""
     raised = connection.execute(
-        update(executors).where(executors.c.id == executor_id).values(beats=executors.c.beats + 1)
+        update(executors)
+        .where(executors.c.id == executor_id)
+        .values(beats=executors.c.beats + 1, seen_at=NOW)
     )
     if not raised.rowcount:
-        connection.execute(insert(executors).values(id=executor_id, beats=0))
+        connection.execute(insert(executors).values(id=executor_id, beats=0, seen_at=NOW))
 
 
 def living(connection: Connection) -> dict[str, int]:
     """Return the counts of all executors entered."""
     return {row[0]: row[1] for row in connection.execute(select(executors.c.id, executors.c.beats))}
+
+
+def agreed_moment(connection: Connection) -> str:
+    """Return the time that every living executor agrees has come.
+
+    By the database's clock, this lags behind by a heartbeat at most. SQLite's clock is that of each
+    process, and one may be made to see a wrong one: where it is ahead, that of the others counts.
+    """
+    last = connection.execute(select(func.min(executors.c.seen_at))).scalar()
+    now = moment(connection)
+    return now if last is None else min(last, now)
 
 
 def forget(connection: Connection, executor_id: str, beats: int | None = None) -> None:

@@ -3,8 +3,9 @@
 from sqlalchemy import Connection, select
 
 from api.job_kinds.job_kind import JobSpec
+from api.storage.clock import NOW
 from api.storage.job_records import change, state_of
-from api.storage.tables import job_results, jobs, moment
+from api.storage.tables import job_results, jobs
 from syncplan.reports.job_contract import UNFINISHED
 
 __all__ = [
@@ -18,7 +19,7 @@ __all__ = [
 
 def start_job(connection: Connection, job_id: str) -> bool:
     """Mark a job as running; return whether there is anything left to do for it."""
-    if change(connection, job_id, only=("queued",), state="running", started_at=moment()):
+    if change(connection, job_id, only=("queued",), state="running", started_at=NOW):
         return True
     return state_of(connection, job_id) == "running"
 

@@ -13,7 +13,8 @@ from typing import Any
 from sqlalchemy import Connection, delete, func, insert, null, select, update
 
 from api.job_kinds.job_kind import JobReport
-from api.storage.tables import job_events, job_parts, job_results, jobs, moment, new_id
+from api.storage.clock import NOW, moment, new_id
+from api.storage.tables import job_events, job_parts, job_results, jobs
 from syncplan.reports.job_contract import UNFINISHED, EndState, JobKindName, JobState
 
 __all__ = [
@@ -69,7 +70,8 @@ _LISTED = tuple(null() if column.name == "request" else column for column in _SH
 
 def add_job(connection: Connection, owner: str, new: NewJob) -> JobRow:
     """Enter a job as queued and return it."""
-    job_id = new_id()
+    created_at = moment(connection)
+    job_id = new_id(created_at)
     connection.execute(
         insert(jobs).values(
             id=job_id,
@@ -81,7 +83,7 @@ def add_job(connection: Connection, owner: str, new: NewJob) -> JobRow:
             plan_text=new.plan_text,
             done=0,
             total=new.work,
-            created_at=moment(),
+            created_at=created_at,
             events=0,
         )
     )
@@ -147,7 +149,7 @@ def end_job(
     plan_id: str | None = None,
 ) -> bool:
     """End a job, once; return whether this was the one that ended it."""
-    values: dict[str, Any] = {"state": state, "ended_at": moment(), "result_plan_id": plan_id}
+    values: dict[str, Any] = {"state": state, "ended_at": NOW, "result_plan_id": plan_id}
     if error is not None:
         values["error"] = json.dumps(error)
     if state == "succeeded":
@@ -172,12 +174,12 @@ def change(
         update(jobs)
         .where(jobs.c.id == job_id, jobs.c.state.in_(only))
         .values(events=jobs.c.events + 1, **values)
-        .returning(jobs.c.events, jobs.c.state, jobs.c.done, jobs.c.total)
+        .returning(jobs.c.events, jobs.c.state, jobs.c.done, jobs.c.total, NOW)
     ).first()
     if changed is None:
         return False
-    number, state, done, total = changed
-    shown = {"state": state, "progress": {"done": done, "total": total}, "at": moment()}
+    number, state, done, total, at = changed
+    shown = {"state": state, "progress": {"done": done, "total": total}, "at": at}
     connection.execute(
         insert(job_events).values(job_id=job_id, number=number, data=json.dumps(shown))
     )

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from sqlalchemy import Connection, delete, insert, select
 from sqlalchemy.exc import IntegrityError
 
-from api.storage.tables import answers, moment
+from api.storage.clock import NOW
+from api.storage.tables import answers
 
 __all__ = ["Answer", "AnswerTakenError", "find_answer", "forget_answers", "keep_answer"]
 
@@ -46,7 +47,7 @@ def keep_answer(connection: Connection, owner: str, key: str, answer: Answer) ->
                 status=answer.status,
                 headers=json.dumps(answer.headers),
                 body=answer.body,
-                created_at=moment(),
+                created_at=NOW,
             )
         )
     except IntegrityError:

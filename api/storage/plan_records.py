@@ -8,7 +8,8 @@ from typing import Any
 from sqlalchemy import Connection, delete, insert, select
 
 from api.plan_texts import PlanText
-from api.storage.tables import moment, new_id, plans
+from api.storage.clock import moment, new_id
+from api.storage.tables import plans
 
 __all__ = ["PlanRow", "add_plan", "body_of", "delete_plan", "find_plan", "list_plans"]
 
@@ -45,10 +46,11 @@ def add_plan(
     parent_id: str | None = None,
 ) -> PlanRow:
     """Store a plan, under a new identifier if none is given, and return it."""
+    created_at = moment(connection)
     row = PlanRow(
-        id=plan_id or new_id(),
+        id=plan_id or new_id(created_at),
         parent_id=parent_id,
-        created_at=moment(),
+        created_at=created_at,
         etag=hashlib.sha256(made.text.encode()).hexdigest(),
         text=made.text,
     )

@@ -1,10 +1,5 @@
 """The tables, as of the newest schema version; times are RFC 3339 in UTC, identifiers ordered."""
 
-import secrets
-import time
-from datetime import UTC, datetime, timedelta
-from uuid import UUID
-
 from sqlalchemy import (
     Boolean,
     Column,
@@ -28,8 +23,6 @@ __all__ = [
     "job_results",
     "job_starts",
     "jobs",
-    "moment",
-    "new_id",
     "plans",
     "schema_version",
     "versions",
@@ -173,17 +166,3 @@ versions = Table(
     Column("version", String(40), primary_key=True),
     Column("seen_at", String(27), nullable=False),
 )
-
-
-def moment(seconds_ago: float = 0.0) -> str:
-    """Return a time as tables hold it: 2026-05-01T09:00:00.000000Z."""
-    when = datetime.now(UTC) - timedelta(seconds=seconds_ago)
-    return when.strftime("%Y-%m-%dT%H:%M:%S.%fZ")
-
-
-def new_id() -> str:
-    """Return an identifier that sorts by time: a UUID of version 7 (RFC 9562, section 5.7)."""
-    value = (time.time_ns() // 1_000_000) << 80 | secrets.randbits(80)
-    value = value & ~(0xF << 76) | 0x7 << 76
-    value = value & ~(0x3 << 62) | 0x2 << 62
-    return str(UUID(int=value))

@@ -1,8 +1,12 @@
 """What the service keeps: plans as their bytes, jobs that end once, events without gaps."""
 
 import json
+import re
+import time
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import pytest
 from sqlalchemy import Connection, create_engine, insert, select, update
@@ -11,6 +15,7 @@ from sqlalchemy.exc import IntegrityError, OperationalError
 from api.job_kinds.job_kind import Batch, JobReport
 from api.plan_texts import PlanText
 from api.storage import batch_records, executors, job_queries, job_records
+from api.storage.clock import earlier, moment, new_id
 from api.storage.database import Database, open_database, patiently, unavailable
 from api.storage.ended_jobs import delete_jobs, ended_before
 from api.storage.events import MOST_EVENTS, events_after
@@ -23,8 +28,8 @@ from api.storage.kept_answers import (
 )
 from api.storage.migrations import MIGRATIONS
 from api.storage.plan_records import add_plan, body_of, delete_plan, find_plan, list_plans
+from api.storage.tables import answers, job_parts, schema_version
 from api.storage.tables import executors as executor_rows
-from api.storage.tables import job_parts, moment, new_id, schema_version
 from syncplan.errors import InputError
 
 MADE = PlanText('{\n "version": "1"\n}\n', "survey", 6, True, 1.5)
@@ -44,6 +49,23 @@ def connection(database: Database) -> Iterator[Connection]:
         yield opened
 
 
+@pytest.fixture
+def wrong_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    """This process's clock, eight days ahead."""
+    ahead = 8 * 86400
+    real, real_ns = time.time, time.time_ns
+
+    class Ahead(datetime):
+        @classmethod
+        def now(cls, tz: Any = None) -> Any:
+            return datetime.fromtimestamp(real() + ahead, tz)
+
+    monkeypatch.setattr(time, "time", lambda: real() + ahead)
+    monkeypatch.setattr(time, "time_ns", lambda: real_ns() + ahead * 10**9)
+    for module in ("api.storage.clock", "api.storage.tables"):
+        monkeypatch.setattr(f"{module}.datetime", Ahead, raising=False)
+
+
 def job(connection: Connection, owner: str = "ann", work: int = 40) -> str:
     """A queued validation."""
     new = job_records.NewJob("validation", "{}", work, "plan", "text")
@@ -57,12 +79,54 @@ def states(connection: Connection, job_id: str) -> list[tuple[int, str, int]]:
 
 
 def test_identifiers_sort_by_time_and_are_uuids_of_version_7() -> None:
-    made = [new_id() for _ in range(3)]
+    time = "2026-05-01T09:00:00.123999Z"
+    made = [new_id(time) for _ in range(3)]
     assert all(one[14] == "7" and one[19] in "89ab" for one in made)
     assert len(set(made)) == 3
-    assert (
-        abs(int(made[0].replace("-", "")[:12], 16) - int(made[2].replace("-", "")[:12], 16)) < 5000
+    began = datetime(2026, 5, 1, 9, 0, 0, 123000, UTC)
+    assert all(int(one.replace("-", "")[:12], 16) == began.timestamp() * 1000 for one in made)
+    assert max(made) < new_id("2026-05-01T09:00:00.124000Z")
+
+
+@pytest.mark.usefixtures("wrong_clock")
+def test_the_database_dates_rows_whatever_the_clock_of_a_process(connection: Connection) -> None:
+    before = moment(connection)
+    plan = add_plan(connection, "ann", MADE)
+    job_id = job(connection)
+    job_queries.start_job(connection, job_id)
+    job_records.end_job(connection, job_id, "cancelled")
+    keep_answer(connection, "ann", "key", Answer("digest", 201, {}, ""))
+    executors.beat(connection, "one")
+    ended = job_records.find_job(connection, "ann", job_id)
+    assert ended is not None
+    told = [json.loads(data)["at"] for _, data in events_after(connection, job_id, 0)]
+    written = [plan.created_at, ended.created_at, ended.started_at, ended.ended_at, *told]
+    written += connection.execute(select(answers.c.created_at)).scalars()
+    written += connection.execute(select(executor_rows.c.seen_at)).scalars()
+    assert len(written) == 9
+    after = moment(connection)
+    assert all(re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{6}Z", str(one)) for one in written)
+    assert all(before <= str(one) <= after for one in written)
+    assert new_id(before)[:13] <= plan.id[:13] <= job_id[:13] <= new_id(after)[:13]
+    assert earlier(after, 3600.0) < before
+
+
+def test_what_by_anyone_alive_is_not_old_yet_is_kept(connection: Connection) -> None:
+    executors.beat(connection, "one")
+    executors.beat(connection, "ahead")
+    ahead = earlier(moment(connection), -8 * 86400.0)
+    connection.execute(
+        update(executor_rows).where(executor_rows.c.id == "ahead").values(seen_at=ahead)
     )
+    assert executors.agreed_moment(connection) <= moment(connection)
+    connection.execute(
+        update(executor_rows).where(executor_rows.c.id == "one").values(seen_at="2020-01-01")
+    )
+    assert executors.agreed_moment(connection) == "2020-01-01"
+    executors.forget(connection, "one")
+    assert executors.agreed_moment(connection) <= moment(connection)
+    executors.forget(connection, "ahead")
+    assert executors.agreed_moment(connection) <= moment(connection)
 
 
 def test_a_stored_plan_is_the_plan_with_three_keys_at_its_top(connection: Connection) -> None:
@@ -174,9 +238,9 @@ def test_jobs_that_ended_long_ago_are_deleted_with_all_that_hangs_on_them(
 ) -> None:
     old, running = job(connection), job(connection)
     job_records.end_job(connection, old, "succeeded", report=JobReport("report"))
-    assert ended_before(connection, moment(60.0), 10) == []
-    assert ended_before(connection, moment(-60.0), 10) == [old]
-    assert ended_before(connection, moment(-60.0), 0) == []
+    assert ended_before(connection, earlier(moment(connection), 60.0), 10) == []
+    assert ended_before(connection, earlier(moment(connection), -60.0), 10) == [old]
+    assert ended_before(connection, earlier(moment(connection), -60.0), 0) == []
     delete_jobs(connection, [old])
     assert job_records.find_job(connection, "ann", old) is None
     assert events_after(connection, old, 0) == []
@@ -196,9 +260,9 @@ def test_an_answer_is_given_once_for_a_key_and_owner(connection: Connection) -> 
 
 def test_answers_are_forgotten_after_their_time(connection: Connection) -> None:
     keep_answer(connection, "ann", "key", Answer("digest", 201, {}, ""))
-    forget_answers(connection, moment(60.0))
+    forget_answers(connection, earlier(moment(connection), 60.0))
     assert find_answer(connection, "ann", "key") is not None
-    forget_answers(connection, moment(-60.0))
+    forget_answers(connection, earlier(moment(connection), -60.0))
     assert find_answer(connection, "ann", "key") is None
 
 

@@ -140,11 +140,12 @@ class Site:
         """Start a worker."""
         return self.begin("worker")
 
-    def begin(self, command: str, *arguments: str) -> Process:
-        """Start a process without waiting for it."""
+    def begin(self, command: str, *arguments: str, **environment: str) -> Process:
+        """Start a process without waiting for it, with more in its environment if given."""
         mark = uuid4().hex
         log = self.folder / f"{command}.log"
-        process = Process(command, *arguments, log=log, **self._settings, SURVIVAL_MARK=mark)
+        given = {**self._settings, **environment, "SURVIVAL_MARK": mark}
+        process = Process(command, *arguments, log=log, **given)
         self._keep(process, mark)
         return process
 
