@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypedDict
 
 from api.job_kinds.job_table import JOB_KINDS
 from api.limits import RequestLimits
@@ -16,6 +16,22 @@ if TYPE_CHECKING:
     from syncplan.plotting.palette import Theme
 
 __all__ = ["exported", "judged_losses", "plan_figure", "previewed", "ready", "report_figure"]
+
+
+class _LeftOut(TypedDict):
+    bound: "BoundChoice"
+    margin_bound: bool
+    pilot: bool
+    single_points: bool
+
+
+_QUICK: _LeftOut = {
+    "bound": "never",
+    "margin_bound": False,
+    "pilot": False,
+    "single_points": False,
+}
+"""What a plan is not asked for while somebody drags."""
 
 
 def ready() -> None:
@@ -31,13 +47,17 @@ def previewed(
     names: Sequence[str],
     theme: "Theme",
 ) -> str:
-    """Return a plan as made_plan makes it with figures of it, as JSON; raises as that does."""
+    """Return a plan as made_plan makes it with figures of it, as JSON; raises as that does.
+
+    A `quick` one is the plan without what takes most of the time, which its findings name.
+    """
     from syncplan.planning.plan_files import plan_of
     from syncplan.plotting.catalogue import specs_of
     from syncplan.plotting.figure_style import FigureStyle
     from syncplan.reports.plan_report import plan_document
 
-    made = plan_of(loaded_body(body, syntax, limits), margin_bound=not quick, pilot=not quick)
+    loaded = loaded_body(body, syntax, limits)
+    made = plan_of(loaded, **_QUICK) if quick else plan_of(loaded)
     specs = specs_of(made, names, style=FigureStyle(theme=theme)) if names else {}
     return _compact({"plan": plan_document(made).as_json(), "figures": specs})
 

@@ -16,7 +16,7 @@ const ASKED = PLAN_FIGURES.filter((name) => name !== PLAYED);
 
 /** Keeps a store's plan up with its scenario.
  *
- * While people drag, quick plans are asked for (no bound on the margin, the map alone); once they
+ * While people drag, quick plans are asked for (the map alone, and no errors predicted); once they
  * pause, the whole plan. `busy(flag)` hears when there is something to wait for.
  */
 export class Planner {

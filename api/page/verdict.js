@@ -26,6 +26,12 @@ const ORIGINS = {
   given: "as given",
 };
 
+/** The predicted errors of a quick plan. */
+const FOLLOWING = { overall: null, vehicles: {}, note: "follows when you pause" };
+
+/** Findings that only say what a quick plan leaves out: the last line says it once. */
+const LEFT_OUT = ["bound-missing", "single-point-of-failure"];
+
 /** Shows the verdict on a store's plan, and says when the fields hold something else. */
 export function showVerdicts(store) {
   const place = byId("verdict");
@@ -90,13 +96,13 @@ function halfTyped() {
 
 function verdictOf(store, quick) {
   const { plan, given, lost } = store;
-  const { findings } = plan.verdict;
+  const findings = plan.verdict.findings.filter((one) => !(quick && LEFT_OUT.includes(one.code)));
   const stops = findings.filter((one) => one.level === "stop");
   return [
     ...firstOpen(stops.map((one) => findingOf(store, one)), "reason"),
-    table(plan, plan.predicted_rms_m, phases(plan, given, lost)),
+    table(plan, quick ? FOLLOWING : plan.predicted_rms_m, phases(plan, given, lost)),
     ...findings.filter((one) => one.level !== "stop").map((one) => findingOf(store, one)),
-    element("p", { class: "hint" }, quick ? "Quick preview while you edit …" : ""),
+    element("p", { class: "hint" }, quick ? "Quick preview while you edit: predicted errors, the check of the start and single points of failure follow." : ""),
   ];
 }
 

@@ -46,8 +46,9 @@ async def create_preview(
     quick: Annotated[
         bool,
         Query(
-            description="Leave out the bound on the links' smallest margin, which takes most of "
-            "the time where phases have no closed form, and the pilot of the start"
+            description="Leave out what takes most of the time: the predicted error with the check "
+            "of the start, the search for single points of failure, and the bound on the links' "
+            "smallest margin; the plan's notes say so"
         ),
     ] = False,
     figure: Annotated[

@@ -52,14 +52,16 @@ def judge(
     bound: BoundChoice = "auto",
     steady: bool = False,
     pilot: bool = True,
+    single_points: bool = True,
     given: Index | None = None,
     found: Synchronisation | None = None,
 ) -> Plan:
     """Return the plan of given orbits; nothing is taken over from whoever made them.
 
-    `bound`, `steady` and `pilot` are those of syncplan.plan. `given` are the (e, 2) links that the
-    phases were found for, by default those that the scenario lists or its circles allow; `found`,
-    how the phases were found, has the reasons of links that they could not keep.
+    `bound`, `steady`, `pilot` and `single_points` are those of syncplan.plan. `given` are the
+    (e, 2) links that the phases were found for, by default those that the scenario lists or its
+    circles allow; `found`, how the phases were found, has the reasons of links that they could not
+    keep.
     """
     resolved = scenario.resolved()
     team = team_of(resolved, orbits)
@@ -73,6 +75,7 @@ def judge(
         _predict(assessed, resolved, steady, along, note),
         start_up=_start_up(assessed, resolved.duration_s, along, pilot),
         found=found,
+        single_points=single_points,
     )
 
 
@@ -85,11 +88,13 @@ def judged(
     start_up: StartUp | None = None,
     found: Synchronisation | None = None,
     remainder: bool = False,
+    single_points: bool = True,
 ) -> Plan:
     """Return the plan of a team assessed, from its resolved scenario, its links and its prediction.
 
     With `remainder`, of a team that has lost something, what is not asked of one is left out: the
-    connectivity period, links that are not listed, and what a further loss would do.
+    connectivity period, links that are not listed, and what a further loss would do. Without
+    `single_points` it is not looked for which losses end observability, as in teams too large.
     """
     team, orbits = assessed.team, assessed.team.orbits
     listed = [(a, b) for a, b in pairs.tolist()]
@@ -114,7 +119,7 @@ def judged(
         unobservable=tuple(name_modes(assessed, scenario.vehicle_names, scenario.landmark_names)),
         prediction=prediction,
         start_up=start_up,
-        single_points=() if remainder else _single_points(assessed),
+        single_points=() if remainder else _single_points(assessed, sought=single_points),
     )
 
 
@@ -162,10 +167,10 @@ def _why_never_in_contact(team: Team, a: int, b: int) -> str:
     return "comes within range, but never inside a field of view"
 
 
-def _single_points(assessed: Assessment) -> tuple[Loss, ...] | None:
+def _single_points(assessed: Assessment, *, sought: bool) -> tuple[Loss, ...] | None:
     if not assessed.observability.observable:
         return ()
-    if assessed.team.count > LARGEST_SEARCHED:
+    if not sought or assessed.team.count > LARGEST_SEARCHED:
         return None
     return tuple(decisive_losses(assessed, single_losses(assessed.team)))
 

@@ -115,6 +115,7 @@ def plan_of(
     steady: bool = False,
     margin_bound: bool = True,
     pilot: bool = True,
+    single_points: bool = True,
 ) -> Plan:
     """Return the plan of a scenario, or of the orbits a plan file states, judged afresh.
 
@@ -123,9 +124,21 @@ def plan_of(
     """
     if loaded.orbits is None:
         return plan(
-            loaded.scenario, bound=bound, steady=steady, margin_bound=margin_bound, pilot=pilot
+            loaded.scenario,
+            bound=bound,
+            steady=steady,
+            margin_bound=margin_bound,
+            pilot=pilot,
+            single_points=single_points,
         )
-    judged = judge(loaded.scenario, loaded.orbits, bound=bound, steady=steady, pilot=pilot)
+    judged = judge(
+        loaded.scenario,
+        loaded.orbits,
+        bound=bound,
+        steady=steady,
+        pilot=pilot,
+        single_points=single_points,
+    )
     return with_record(judged, loaded.record)
 
 

@@ -33,6 +33,7 @@ def plan(
     steady: bool = False,
     margin_bound: bool = True,
     pilot: bool = True,
+    single_points: bool = True,
 ) -> Plan:
     """Return the plan of a scenario: senses, phases, links and the verdict on observability.
 
@@ -43,7 +44,7 @@ def plan(
     (auto), always or never. `steady` adds its periodic limit. `margin_bound` says whether the
     bound on the links' smallest margin is computed, which takes most of the time where phases have
     no closed form. `pilot` says whether a few trials are run where the start-up index does not
-    clear the plan.
+    clear the plan, `single_points` whether it is found which single losses end observability.
     """
     if bound not in ("auto", "always", "never"):
         raise InputError(f"{bound!r}: must be auto, always or never", key="bound")
@@ -69,7 +70,14 @@ def plan(
     phases = (found.phases + off) % (2.0 * np.pi) if off.any() else found.phases
     orbits = replace(circles, senses=senses, phases=phases)
     judged = judge(
-        resolved, orbits, bound=bound, steady=steady, pilot=pilot, given=pairs, found=found
+        resolved,
+        orbits,
+        bound=bound,
+        steady=steady,
+        pilot=pilot,
+        single_points=single_points,
+        given=pairs,
+        found=found,
     )
     return replace(judged, synchronisation=found, alternating_proven=proven, placement=placed)
 

@@ -7,7 +7,7 @@ from typing import Any
 import httpx2
 import numpy as np
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from syncplan.planning.planner import plan
 from syncplan.plotting.figure_style import PLAIN
@@ -99,6 +99,25 @@ def test_a_landmark_moves_by_mouse_and_the_view_stays_while_it_does(visit: Visit
     visit.settle()
     assert float(page.get_by_label("East (m)", exact=True).input_value()) > 190.0
     assert float(page.get_by_label("North (m)", exact=True).input_value()) > 0.0
+
+
+def test_a_quick_plan_says_what_follows_until_the_whole_one_is_there(visit: Visit) -> None:
+    page = visit.page
+    predicted = page.get_by_role("row", name="Predicted RMS error").get_by_role("cell")
+    left_out = page.locator('[data-code="bound-missing"]')
+    whole, held = re.compile(r"/previews\?quick=false"), list[Route]()
+    page.route(whole, lambda route: held.append(route))
+    with page.expect_request(whole):
+        drag(page, "v2", (14.0, 22.0))
+    expect(predicted).to_contain_text("follows when you pause")
+    expect(page.locator("#verdict")).to_contain_text("single points of failure follow")
+    expect(left_out).to_have_count(0)
+    for route in held:
+        route.continue_()
+    page.unroute(whole)
+    visit.settle()
+    expect(predicted).to_contain_text(" m")
+    expect(predicted).not_to_contain_text("follows")
 
 
 def test_the_map_shows_all_of_what_was_opened_and_no_more_than_that(visit: Visit) -> None:

@@ -2,6 +2,7 @@
 
 import io
 import json
+import time
 import zipfile
 from typing import Any, get_args
 
@@ -9,6 +10,8 @@ import httpx2
 import pytest
 
 import syncplan
+from api.computing.renditions import previewed
+from api.limits import RequestLimits
 from api.routes.export_routes import ExportName
 from api.routes.figure_routes import PlanFigure, ReportFigure, StoredFigure
 from syncplan.exporting.formats import ALL, FORMATS, as_archive, export
@@ -56,14 +59,39 @@ def test_a_preview_is_the_plan_and_its_figures_and_is_kept_nowhere(ann: httpx2.C
     assert "location" not in answer.headers
 
 
-def test_a_quick_preview_leaves_out_the_bound_on_the_margin(ann: httpx2.Client) -> None:
+def test_a_quick_preview_leaves_out_what_takes_long_and_says_so(ann: httpx2.Client) -> None:
     body = example("five-ring").model_dump(mode="json", exclude_none=True)
-    found = {
-        quick: ann.post(f"/v1/previews?quick={quick}", json=body).json()["plan"]["synchronisation"]
+    quick, whole = (
+        ann.post(f"/v1/previews?quick={quick}", json=body).json()["plan"]
         for quick in ("true", "false")
-    }
-    assert found["true"]["bound_m"] is None
-    assert found["false"]["bound_m"] is not None
+    )
+    assert quick["synchronisation"]["bound_m"] is None
+    assert whole["synchronisation"]["bound_m"] is not None
+    assert quick["predicted_rms_m"]["overall"] is None
+    assert quick["predicted_rms_m"]["note"] in quick["notes"]
+    assert any("which losses end observability" in note for note in quick["notes"])
+    assert "start_up" in whole
+    assert "start_up" not in quick
+    alike = {"observability", "separation", "witness", "connectivity_period_s", "window_bound_m"}
+    assert {key: quick[key] for key in alike} == {key: whole[key] for key in alike}
+
+
+def test_a_quick_preview_takes_less_than_half_of_the_time_of_a_whole_one() -> None:
+    body = json.dumps(
+        {
+            **document(formation={"shape": "grid", "count": 12, "columns": 4, "spacing_m": 70.0}),
+            "landmarks_m": [[-40.0, 0.0], [-40.0, 70.0]],
+            "duration_s": 200.0,
+        }
+    ).encode()
+    limits = RequestLimits(100, 10**9, 10**5, 1e6, 60.0, 100)
+    seconds: dict[bool, list[float]] = {True: [], False: []}
+    for _ in range(5):
+        for quick, found in seconds.items():
+            began = time.process_time()
+            previewed(body, "json", limits, quick, ["formation"], "light")
+            found.append(time.process_time() - began)
+    assert min(seconds[True]) < 0.5 * min(seconds[False])
 
 
 def test_faults_of_a_preview_are_told_as_those_of_a_plan(ann: httpx2.Client) -> None:

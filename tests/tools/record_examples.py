@@ -139,7 +139,7 @@ def _plans(recorder: _Recorder) -> str:
     given = {"scenario": SCENARIO, "vehicles": [_stated(one) for one in plan["vehicles"]]}
     recorder.request("createPlan", "given", "A plan: its own orbits are judged", given)
     recorder.request("previewScenario", "survey", "The same two vehicles", SCENARIO)
-    previews = "/v1/previews?quick=true&figure=prediction"
+    previews = "/v1/previews?figure=prediction"
     recorder.ask(
         "previewScenario", "survey", "The plan and a figure", "POST", previews, json=SCENARIO
     )
