@@ -1,16 +1,18 @@
-"""Kill servers and workers at random moments, and look for a job that does not survive.
+"""Kill servers, workers and children at random moments, and look for a job that does not survive.
 
     python -m tests.searches.search_survival [ROUNDS [SEED]]
 
-ROUNDS kills on SQLite and as many on PostgreSQL, the server's and a worker's in turn, at moments
-from the last acceptance of a job to well after the end of an undisturbed run. Part of
-`make check-all`; the suite does the same at a few moments.
+ROUNDS rounds on SQLite and as many on PostgreSQL. In one the server is killed, in the next a
+worker, at moments from the last acceptance of a job to well after the end of an undisturbed run;
+in the third six children of two workers, one after the other. The clock of the second worker is
+eight days ahead, or behind. Part of `make check-all`; the suite does the same at a few moments.
 """
 
 import random
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -19,15 +21,20 @@ from tests.tools.survival import (
     Order,
     Site,
     kill_at,
+    kill_children_at,
     new_database,
     quick,
     refinement,
     sweep_of_ranges,
     validation,
 )
+from tests.tools.wrong_clock import AHEAD_S
 
 AT_FIRST, AT_LAST = 0.1, 0.1
 """Shares of the kills right after acceptance, and around the undisturbed end."""
+VICTIMS: tuple[Literal["server", "worker", "children"], ...] = ("server", "worker", "children")
+CHILDREN = 6
+"""Children killed in a round, evenly over an undisturbed run's time on average."""
 
 
 def orders_of(number: int) -> list[Order]:
@@ -56,6 +63,21 @@ def moment(generator: random.Random, whole_s: float) -> float:
     return generator.uniform(0.0, whole_s)
 
 
+def survived(site: Site, number: int, waits_s: Sequence[float]) -> str:
+    """Kill in a round as its number says, see that nothing is lost, and return what happened."""
+    orders, victim = orders_of(number), victim_of(number)
+    ahead_s = (AHEAD_S, -AHEAD_S)[number // 2 % 2]
+    if victim == "children":
+        return f"{kill_children_at(site, orders, waits_s, ahead_s)} children killed"
+    recovered = kill_at(site, orders, waits_s, victim, ahead_s)
+    return f"all done {recovered:.1f} s later"
+
+
+def victim_of(number: int) -> Literal["server", "worker", "children"]:
+    """Return who is killed in a round: each in turn, on one database and then on the other."""
+    return VICTIMS[number // 2 % len(VICTIMS)]
+
+
 def main(rounds: int = 20, seed: int = 0) -> list[str]:
     """Return and print the rounds in which something was lost; print each as it ends."""
     generator = random.Random(seed)
@@ -71,21 +93,25 @@ def main(rounds: int = 20, seed: int = 0) -> list[str]:
             print("undisturbed:", ", ".join(f"{one:.1f} s" for one in wholes), flush=True)
             for number in range(2 * rounds):
                 kind = ("SQLite", "PostgreSQL")[number % 2]
-                victim: Literal["server", "worker"] = ("server", "worker")[number // 2 % 2]
-                wait_s = moment(generator, wholes[number % 3])
-                told = f"{number}: {kind}, {victim} killed after {wait_s:.2f} s"
+                whole_s = wholes[number % 3]
+                waits_s = [moment(generator, whole_s)]
+                if victim_of(number) == "children":
+                    longest_s = 2.0 * whole_s / CHILDREN
+                    waits_s = [generator.uniform(0.0, longest_s) for _ in range(CHILDREN)]
+                shown = ", ".join(f"{wait_s:.2f}" for wait_s in waits_s)
+                told = f"{number}: {kind}, {victim_of(number)} killed after {shown} s"
                 address = new_database(postgres) if kind == "PostgreSQL" else None
                 try:
                     with quick(folder / str(number), address) as site:
-                        recovered = kill_at(site, orders_of(number), [wait_s], victim)
+                        outcome = survived(site, number, waits_s)
                 except Exception as error:
                     failures.append(told)
                     print(f"{told}: {type(error).__name__}: {error}", flush=True)
                 else:
-                    print(f"{told}: all done {recovered:.1f} s later", flush=True)
+                    print(f"{told}: {outcome}", flush=True)
         finally:
             postgres.stop()
-    print(f"{2 * rounds} kills, {len(failures)} with a loss {failures}")
+    print(f"{2 * rounds} rounds, {len(failures)} with a loss {failures}")
     return failures
 
 

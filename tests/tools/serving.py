@@ -21,15 +21,17 @@ _WAITING = ("-w", "-t", f"{PATIENCE_S:.0f}")
 
 
 class Process:
-    """A `syncplan` command that goes on until it is stopped."""
+    """A `syncplan` command that goes on until it is stopped, of the checkout in a folder."""
 
-    def __init__(self, command: str, *arguments: str, log: Path, **settings: str) -> None:
+    def __init__(
+        self, command: str, *arguments: str, log: Path, checkout: Path | str = ROOT, **settings: str
+    ) -> None:
         environment = {k: v for k, v in os.environ.items() if not k.startswith("SYNCPLAN_")}
         self.log = log
         with log.open("ab") as errors:
             self.popen = subprocess.Popen(
                 [sys.executable, "-m", "syncplan", command, *arguments],
-                cwd=ROOT,
+                cwd=checkout,
                 env={**environment, **settings},
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
@@ -51,11 +53,17 @@ class Server(Process):
     """A running `syncplan serve`, ready for requests at `url`."""
 
     def __init__(
-        self, log: Path, *arguments: str, port: int | None = None, **settings: str
+        self,
+        log: Path,
+        *arguments: str,
+        port: int | None = None,
+        checkout: Path | str = ROOT,
+        **settings: str,
     ) -> None:
         self.port = free_port() if port is None else port
         self.url = f"http://127.0.0.1:{self.port}"
-        super().__init__("serve", "--port", str(self.port), *arguments, log=log, **settings)
+        command = ("serve", "--port", str(self.port), *arguments)
+        super().__init__(*command, log=log, checkout=checkout, **settings)
         try:
             wait_until(self._ready, otherwise=lambda: f"no service: {log.read_text()[-3000:]}")
         except BaseException:

@@ -6,6 +6,8 @@ What must come of a job is what the library makes of the same scenario and seed,
 import contextlib
 import json
 import os
+import shutil
+import signal
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,8 +20,9 @@ import httpx2
 import psycopg
 from dbos import DBOSClient
 
-from api.jobs.queue import APPLICATION
+from api.jobs.queue import APPLICATION, WORKFLOWS_VERSION
 from api.settings import load_settings
+from syncplan import __version__
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.planner import plan
 from syncplan.planning.sweeps import sweep
@@ -30,7 +33,8 @@ from syncplan.reports.validation_report import sweep_document, validation_docume
 from syncplan.runtime.files import as_text
 from tests.tools.processes import PATIENCE_S, wait_until
 from tests.tools.scenarios import FILES, document, example, small
-from tests.tools.serving import QUICK, Postgres, Process, Server, settings_of
+from tests.tools.serving import QUICK, ROOT, Postgres, Process, Server, settings_of
+from tests.tools.wrong_clock import clock_ahead
 
 _GRID = (FILES / "paper-grid-same.yaml").read_text()
 _PAIR = {"landmarks_m": [[0.0, 40.0], [70.0, 40.0]]}
@@ -43,6 +47,10 @@ class Order:
     kind: Literal["validation", "sweep", "refinement"]
     body: Mapping[str, Any]
     expected: str
+
+    def as_of(self, version: str) -> str:
+        """Return the bytes that it comes to where a version of syncplan does all of it."""
+        return self.expected.replace(_names(__version__), _names(version))
 
 
 @lru_cache(maxsize=1)
@@ -96,6 +104,11 @@ class Site:
     ----------
     folder : of the data and the logs
     database_url : of PostgreSQL; SQLite in the folder if None
+
+    Attributes
+    ----------
+    checkout : of the program that is started next
+    versions : of syncplan that may have done a job
     """
 
     def __init__(self, folder: Path, database_url: str | None = None, **settings: str) -> None:
@@ -104,6 +117,8 @@ class Site:
         given = {**settings_of(folder / "data", database_url), "SYNCPLAN_PROCESSES": "2"}
         self._settings = {**given, **settings}
         self._port: int | None = None
+        self.checkout = ROOT
+        self.versions = {__version__}
         self._processes: list[Process] = []
         self._marks: dict[Process, str] = {}
         self.url = ""
@@ -127,25 +142,35 @@ class Site:
 
     # --- processes ---
 
-    def serve(self, *arguments: str) -> Server:
-        """Start the server, always at the same port, and wait until it is ready."""
+    def serve(self, *arguments: str, beside: bool = False) -> Server:
+        """Start the server, at the same port as before unless beside it; wait until it is ready."""
+        if beside:
+            self._port = None
         mark = uuid4().hex
         log = self.folder / "server.log"
-        server = Server(log, *arguments, port=self._port, **self._settings, SURVIVAL_MARK=mark)
+        server = Server(
+            log,
+            *arguments,
+            port=self._port,
+            checkout=self.checkout,
+            **self._settings,
+            SURVIVAL_MARK=mark,
+        )
         self._port, self.url = server.port, server.url
         self._keep(server, mark)
         return server
 
-    def work(self) -> Process:
-        """Start a worker."""
-        return self.begin("worker")
+    def work(self, ahead_s: float = 0.0) -> Process:
+        """Start a worker, whose clock may be wrong."""
+        wrong = clock_ahead(self.folder / f"clock{ahead_s:+g}", ahead_s) if ahead_s else {}
+        return self.begin("worker", **wrong)
 
     def begin(self, command: str, *arguments: str, **environment: str) -> Process:
         """Start a process without waiting for it, with more in its environment if given."""
         mark = uuid4().hex
         log = self.folder / f"{command}.log"
         given = {**self._settings, **environment, "SURVIVAL_MARK": mark}
-        process = Process(command, *arguments, log=log, **given)
+        process = Process(command, *arguments, log=log, checkout=self.checkout, **given)
         self._keep(process, mark)
         return process
 
@@ -252,7 +277,8 @@ class Site:
             assert shown["progress"]["done"] == shown["progress"]["total"]
             result = self.ask("GET", shown["result"]).text
             made = _without_storage(result) if order.kind == "refinement" else result
-            assert made == order.expected, f"{order.kind} {job_id} came to something else"
+            accepted = {order.as_of(one) for one in self.versions}
+            assert made in accepted, f"{order.kind} {job_id} came to something else"
             self.see_ended_once(job_id, "succeeded")
         for plan_id, text in self.plans.items():
             assert self.ask("GET", f"/v1/plans/{plan_id}").text == text
@@ -334,16 +360,17 @@ def kill_at(
     orders: Sequence[Order],
     waits_s: Sequence[float],
     victim: Literal["server", "worker"],
+    ahead_s: float = 0.0,
 ) -> float:
     """Hand in jobs, kill the server or one of two workers after each wait, see that all is well.
 
-    What was killed is started anew at once. Returns the seconds from the last kill to the end of
+    The clock of the second worker is ahead. What was killed is started anew at once. Returns the seconds from the last kill to the end of
     the last job.
     """
     site.serve(*(["--no-worker"] if victim == "worker" else []))
     if victim == "worker":
         site.work()
-        site.work()
+        site.work(ahead_s)
     for order in orders:
         site.hand_in(order)
     for wait_s in waits_s:
@@ -361,6 +388,54 @@ def kill_at(
 def quick(folder: Path, database_url: str | None = None, **settings: str) -> Site:
     """Return a site where the dead are found out soon and jobs are cut into many parts."""
     return Site(folder, database_url, **{**QUICK, "SYNCPLAN_BATCH_S": "0.4", **settings})
+
+
+def kill_children_at(
+    site: Site, orders: Sequence[Order], waits_s: Sequence[float], ahead_s: float = 0.0
+) -> int:
+    """Hand in jobs, kill a child of a worker after each wait, see that all is well.
+
+    The clock of the second worker is ahead. The children are those that compute and those that they have started. Returns how many were
+    killed: none where none lives at the moment.
+    """
+    site.serve("--no-worker")
+    workers = [site.work(), site.work(ahead_s)]
+    for order in orders:
+        site.hand_in(order)
+    killed = 0
+    for number, wait_s in enumerate(waits_s):
+        time.sleep(wait_s)
+        children = sorted(site.family(workers[number % 2]))
+        if children:
+            # the newest, the oldest, the newest ...
+            chosen = children[-1 if number % 4 < 2 else 0]
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(chosen, signal.SIGKILL)
+                killed += 1
+    for job_id in site.jobs:
+        site.wait_for(job_id, "succeeded", "failed", "cancelled")
+    site.see_all_done()
+    return killed
+
+
+def another_version(folder: Path, version: str) -> Path:
+    """Return a folder with a copy of this checkout's program that calls itself another version."""
+    for package in ("syncplan", "api"):
+        # compiled kernels come along: their times stay
+        shutil.copytree(ROOT / package, folder / package)
+    for module, given in (
+        ("syncplan/__init__.py", f'__version__ = "{__version__}"'),
+        ("api/jobs/queue.py", f'WORKFLOWS_VERSION = "{WORKFLOWS_VERSION}"'),
+    ):
+        file = folder / module
+        text = file.read_text()
+        assert text.count(given) == 1, module
+        file.write_text(text.replace(given, given.partition(" = ")[0] + f' = "{version}"'))
+    return folder
+
+
+def _names(version: str) -> str:
+    return f'"version": "{version}"'
 
 
 def _without_storage(text: str) -> str:

@@ -1,0 +1,105 @@
+"""Run two versions of the service side by side, kill both, and look for a job that suffers.
+
+    python -m tests.searches.search_upgrade [ROUNDS [SEED]]
+
+ROUNDS rounds on SQLite and as many on PostgreSQL. A server and a worker of this checkout take jobs;
+then a server and a worker of a copy that calls itself another version start beside them and take
+jobs as well. Each of the four is killed in turn, at a random moment, and started anew in its own
+version. At last the older two are killed for good, as at the end of an upgrade. Every job must
+succeed with the bytes that one of the versions makes undisturbed. Part of `make check-all`.
+"""
+
+import random
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from syncplan import __version__
+from tests.tools.serving import ROOT, Postgres, Process
+from tests.tools.survival import (
+    Order,
+    Site,
+    another_version,
+    new_database,
+    quick,
+    refinement,
+    sweep_of_ranges,
+    validation,
+)
+
+NEWER = "99.0.0"
+LONGEST_WAIT_S = 4.0
+GRACE_S = 3.0
+"""After so long without a worker of its version, a job moves to the other."""
+
+
+def orders_of(number: int) -> list[Order]:
+    """Return the jobs that each version is given in a round."""
+    refined = [refinement(0)] if number % 2 == 0 else []
+    return [validation(1200, 1), *refined, sweep_of_ranges(200, 3)]
+
+
+def upgraded(site: Site, newer: Path, number: int, generator: random.Random) -> float:
+    """Upgrade a site, see that nothing is lost; return seconds from the last kill to the end."""
+    site.versions = {__version__, NEWER}
+    living: list[tuple[Path, Process, Callable[[], Process]]] = []
+
+    def start(checkout: Path, begin: Callable[[], Process]) -> None:
+        site.checkout = checkout
+        living.append((checkout, begin(), begin))
+
+    for checkout in (ROOT, newer):
+        start(checkout, lambda: site.serve("--no-worker", beside=True))
+        start(checkout, site.work)
+        for order in orders_of(number):
+            site.hand_in(order)
+    for checkout, victim, begin in generator.sample(living, len(living)):
+        time.sleep(generator.uniform(0.0, LONGEST_WAIT_S))
+        living.remove((checkout, victim, begin))
+        site.kill(victim)
+        start(checkout, begin)
+    time.sleep(generator.uniform(0.0, LONGEST_WAIT_S))
+    for checkout, process, _ in living:
+        if checkout == ROOT:
+            site.kill(process)
+    killed = time.monotonic()
+    # whoever serves now is of the newer version
+    site.checkout = newer
+    site.serve("--no-worker", beside=True)
+    for job_id in site.jobs:
+        site.wait_for(job_id, "succeeded", "failed", "cancelled")
+    site.see_all_done()
+    return time.monotonic() - killed
+
+
+def main(rounds: int = 5, seed: int = 0) -> list[str]:
+    """Return and print the rounds in which something was lost; print each as it ends."""
+    generator = random.Random(seed)
+    failures: list[str] = []
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        newer = another_version(folder / "newer", NEWER)
+        postgres = Postgres(folder / "postgres")
+        try:
+            for number in range(2 * rounds):
+                kind = ("SQLite", "PostgreSQL")[number % 2]
+                address = new_database(postgres) if kind == "PostgreSQL" else None
+                grace = {"SYNCPLAN_VERSION_GRACE_S": f"{GRACE_S:g}"}
+                try:
+                    with quick(folder / str(number), address, **grace) as site:
+                        ended = upgraded(site, newer, number // 2, generator)
+                except Exception as error:
+                    failures.append(f"{number}: {kind}")
+                    print(f"{number}: {kind}: {type(error).__name__}: {error}", flush=True)
+                else:
+                    print(f"{number}: {kind}: all done {ended:.1f} s after the last", flush=True)
+        finally:
+            postgres.stop()
+    print(f"{2 * rounds} upgrades, {len(failures)} with a loss {failures}")
+    return failures
+
+
+if __name__ == "__main__":
+    sys.exit(bool(main(*(int(argument) for argument in sys.argv[1:]))))
