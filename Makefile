@@ -55,7 +55,8 @@ check-all: postgresql check
 	OPENBLAS_NUM_THREADS=1 $(MAKE) --no-print-directory --output-sync --jobs $(CORES) $(SEARCHES:%=search-%)
 	@# alone: a process's share of memory grows as others that use the same libraries end
 	$(BIN)/python -m tests.searches.search_requests 400 $(SEED)
-	$(BIN)/python -m tests.searches.search_survival 2 $(SEED)
+	$(BIN)/python -m tests.searches.search_survival 3 $(SEED)
+	$(BIN)/python -m tests.searches.search_upgrade 1 $(SEED)
 	docker/steps.sh
 
 CORES := $(shell nproc)

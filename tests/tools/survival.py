@@ -364,8 +364,8 @@ def kill_at(
 ) -> float:
     """Hand in jobs, kill the server or one of two workers after each wait, see that all is well.
 
-    The clock of the second worker is ahead. What was killed is started anew at once. Returns the seconds from the last kill to the end of
-    the last job.
+    The clock of the second worker is ahead. What was killed is started anew at once. Returns the
+    seconds from the last kill to the end of the last job.
     """
     site.serve(*(["--no-worker"] if victim == "worker" else []))
     if victim == "worker":
@@ -395,8 +395,8 @@ def kill_children_at(
 ) -> int:
     """Hand in jobs, kill a child of a worker after each wait, see that all is well.
 
-    The clock of the second worker is ahead. The children are those that compute and those that they have started. Returns how many were
-    killed: none where none lives at the moment.
+    The clock of the second worker is ahead. The children are those that compute and those that they
+    have started. Returns how many were killed: none where none lives at the moment.
     """
     site.serve("--no-worker")
     workers = [site.work(), site.work(ahead_s)]
