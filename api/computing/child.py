@@ -44,6 +44,14 @@ class Child:
         self._process.connection.send((background, niceness))
         self.first_memory = 0
         self.memory = 0
+        self.killed = False
+
+    def wait_until_ready(self) -> None:
+        """Wait until the process has loaded what tasks need; raises ChildGoneError."""
+        try:
+            self._process.connection.recv()
+        except (EOFError, OSError):
+            raise ChildGoneError(self._process.complaint()) from None
 
     def call(
         self,
@@ -77,8 +85,9 @@ class Child:
             raise ChildGoneError(self._process.complaint()) from None
 
     def kill(self) -> None:
-        """End the process at once; a call under way raises ChildGoneError."""
-        self._process.kill()
+        """Kill the process without waiting for its end; a call under way raises ChildGoneError."""
+        self.killed = True
+        self._process.kill(wait=False)
 
     def end(self) -> None:
         """End the process, which must be idle, and free what it holds."""
@@ -110,6 +119,7 @@ def serve(descriptor: int) -> None:
         renditions.ready()
     # what is loaded by now stays: the collector need not scan it again and again
     gc.freeze()
+    connection.send(("ready", None))
 
     def progress_every() -> Callable[[int], None]:
         last = time.monotonic()

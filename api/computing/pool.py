@@ -1,81 +1,44 @@
-"""A pool of child processes: tasks wait in order and can be given up; memory stays bounded.
+"""A pool of child processes: owners take turns, tasks can be given up, memory stays bounded.
 
-    submit --> waiting --> a thread for each child --> the child process
-                 |                                          |
-              cancel: left out                    cancel: killed, and started anew
+    submit --> turns of owners --> a thread for each child --> the child process
+                 |                                                |
+              cancel: left out                        cancel: killed, and started anew
+              deadline: left out                      time limit: killed, and started anew
 
-The thread that started a child outlives it, because the kernel ends a child with that thread.
+The thread that started a child outlives it, because the kernel ends a child with that thread. One
+more thread watches deadlines. It also starts an extra child for an owner that has waited for
+PATIENCE_S with nothing running while every child is busy, so long tasks of one owner never block
+another; such a child serves owners with nothing running and ends once it has been idle.
 """
 
-import contextlib
 import logging
+import math
 import threading
 import time
-from collections import deque
 from collections.abc import Callable
-from concurrent.futures import Future, InvalidStateError
-from dataclasses import dataclass, field
 from typing import Any
 
 from api.computing.child import Child, ChildGoneError, TooSlowError
+from api.computing.tickets import LEAST_RUN_S, GivenUpError, OwnerBusyError, PoolFullError, Ticket
+from api.computing.turns import Turns
 
-__all__ = ["GivenUpError", "Pool", "PoolFullError", "Ticket"]
+__all__ = ["GivenUpError", "OwnerBusyError", "Pool", "PoolFullError", "Ticket"]
 
 LARGEST_GROWTH_BYTES = 48 * 2**20
 """A child that has grown by more than this since its first task is replaced."""
+PATIENCE_S = 1.0
+"""How long an owner with nothing running waits for its turn before an extra child starts (s)."""
 
-_RETRIES = 1
+_IDLE_S = 5.0
+_LOOK_EVERY_S = 0.1
 _PAUSE_S = 0.2
+_ENDING = (ChildGoneError, TooSlowError)
 
 _logger = logging.getLogger("syncplan.pool")
 
 
-class GivenUpError(Exception):
-    """The task was cancelled, or the pool closed, before there was a result."""
-
-
-class PoolFullError(Exception):
-    """Too many tasks are waiting already, or have been for too long."""
-
-
-@dataclass(slots=True)
-class Ticket:
-    """A task handed in: `future` holds its result; `cancel` gives it up wherever it is.
-
-    Attributes
-    ----------
-    timeout_s, deadline : how long it may run, and until when it may wait for its turn
-    """
-
-    task: str
-    arguments: tuple[Any, ...]
-    timeout_s: float | None
-    progress: Callable[[int], None] | None
-    deadline: float | None
-    future: "Future[Any]" = field(default_factory=Future)
-    cancelled: threading.Event = field(default_factory=threading.Event)
-    child: Child | None = None
-
-    def settle(self, error: Exception | None, value: Any = None) -> None:
-        """Hand the outcome to the caller, unless it no longer waits."""
-        if not self.future.cancelled():
-            # the caller may give up at this very moment
-            with contextlib.suppress(InvalidStateError):
-                if error is None:
-                    self.future.set_result(value)
-                else:
-                    self.future.set_exception(error)
-
-    def cancel(self) -> None:
-        """Give the task up: its process is killed, or it is left out when its turn comes."""
-        self.cancelled.set()
-        child = self.child
-        if child is not None:
-            child.kill()
-
-
 class Pool:
-    """Child processes, started at once and kept.
+    """Child processes, started at once and kept; as many again while owners would block others.
 
     Parameters
     ----------
@@ -83,6 +46,7 @@ class Pool:
     background : whether they prepare to run trials, or to answer requests
     niceness : how far they yield to other processes, from 0 to 19
     most_waiting : tasks that may wait before PoolFullError; no limit if None
+    most_of_owner : tasks of one owner that may wait or run before OwnerBusyError; no limit if None
     """
 
     def __init__(
@@ -92,19 +56,26 @@ class Pool:
         background: bool,
         niceness: int = 0,
         most_waiting: int | None = None,
+        most_of_owner: int | None = None,
     ) -> None:
         self.size = size
         self._background = background
         self._niceness = niceness
-        self._most_waiting = most_waiting
-        self._waiting: deque[Ticket] = deque()
-        self._changed = threading.Condition()
+        self._most_waiting = math.inf if most_waiting is None else most_waiting
+        self._most_of_owner = math.inf if most_of_owner is None else most_of_owner
+        self._turns: Turns[Ticket] = Turns()
+        self._running: set[Ticket] = set()
+        self._starting: set[Child] = set()
+        self._extra = 0
         self._closed = False
-        self._running: dict[int, Ticket] = {}
+        lock = threading.RLock()
+        self._work = threading.Condition(lock)
+        self._clock = threading.Condition(lock)
         self._threads = [
-            threading.Thread(target=self._serve, args=(k,), daemon=True, name=f"child-{k}")
+            threading.Thread(target=self._serve, daemon=True, name=f"child-{k}")
             for k in range(size)
         ]
+        self._threads.append(threading.Thread(target=self._watch, daemon=True, name="deadlines"))
         for thread in self._threads:
             thread.start()
 
@@ -113,24 +84,44 @@ class Pool:
         """Number of processes that compute something."""
         return len(self._running)
 
+    @property
+    def waiting(self) -> int:
+        """Number of tasks that wait for their turn."""
+        with self._work:
+            return len(self._turns)
+
     def submit(
         self,
         task: str,
         *arguments: Any,
+        owner: str = "",
         timeout_s: float | None = None,
+        deadline_s: float | None = None,
+        retries: int = 1,
         progress: Callable[[int], None] | None = None,
     ) -> Ticket:
-        """Hand in a task; raises PoolFullError. `progress` is called from another thread.
+        """Hand in a task; raises PoolFullError, OwnerBusyError.
 
-        With `timeout_s`, a task that waits longer than that for its turn ends in PoolFullError.
+        `timeout_s` limits how long it runs: TooSlowError. `deadline_s` limits how long it waits
+        and runs: PoolFullError if it mostly waited, else TooSlowError. A task whose process is
+        killed is tried again `retries` times. `progress` is called from another thread.
         """
-        deadline = None if timeout_s is None else time.monotonic() + timeout_s
-        ticket = Ticket(task, arguments, timeout_s, progress, deadline)
-        with self._changed:
-            if self._most_waiting is not None and len(self._waiting) >= self._most_waiting:
-                raise PoolFullError
-            self._waiting.append(ticket)
-            self._changed.notify()
+        now = time.monotonic()
+        deadline = math.inf if deadline_s is None else now + deadline_s
+        ticket = Ticket(
+            task, arguments, owner, timeout_s, deadline, retries, progress, now, self._give_up
+        )
+        with self._work:
+            displaced = self._room_for(owner)
+            self._turns.add(owner, ticket)
+            self._work.notify_all()
+            self._clock.notify_all()
+        if displaced is not None:
+            displaced.settle(PoolFullError())
+        # a caller that cancels the future waits no longer
+        ticket.future.add_done_callback(
+            lambda future: ticket.cancel(spare=True) if future.cancelled() else None
+        )
         return ticket
 
     def call(self, task: str, *arguments: Any, timeout_s: float | None = None) -> Any:
@@ -139,33 +130,113 @@ class Pool:
 
     def close(self) -> None:
         """Kill all processes; tasks that wait or run are given up."""
-        with self._changed:
+        with self._work:
             self._closed = True
-            waiting = list(self._waiting)
-            self._waiting.clear()
-            running = list(self._running.values())
-            self._changed.notify_all()
+            waiting = self._turns.clear()
+            running = list(self._running)
+            starting = list(self._starting)
+            threads = list(self._threads)
+            self._work.notify_all()
+            self._clock.notify_all()
         for ticket in waiting:
             ticket.settle(GivenUpError())
         for ticket in running:
             ticket.cancel()
-        for thread in self._threads:
+        for child in starting:
+            child.kill()
+        for thread in threads:
             thread.join(timeout=5.0)
 
-    def _serve(self, number: int) -> None:
+    def _room_for(self, owner: str) -> Ticket | None:
+        """Return the task that leaves the queue for one of an owner; raises PoolFullError."""
+        if self._closed:
+            raise PoolFullError
+        if self._turns.held(owner) >= self._most_of_owner:
+            raise OwnerBusyError
+        if len(self._turns) < self._most_waiting:
+            return None
+        displaced = self._turns.displaced_by(owner)
+        if displaced is None:
+            raise PoolFullError
+        return displaced
+
+    def _give_up(self, ticket: Ticket, spare: bool) -> None:
+        now = time.monotonic()
+        with self._work:
+            ticket.cancelled.set()
+            self._turns.remove(ticket.owner, ticket)
+            if not spare:
+                ticket.killed_at = now
+            elif ticket.began is not None:
+                ticket.killed_at = ticket.began + LEAST_RUN_S
+            self._kill_if_due(ticket, now)
+            self._clock.notify_all()
+        ticket.settle(GivenUpError())
+
+    def _kill_if_due(self, ticket: Ticket, now: float) -> None:
+        """Kill the process of a task; under the lock, so that it is still at this task."""
+        if ticket in self._running and ticket.child is not None and ticket.killed_at <= now:
+            ticket.child.kill()
+
+    # --- deadlines ------------------------------------------------------------------------------
+
+    def _watch(self) -> None:
+        """Give up what is past its deadline, and help owners that are blocked."""
+        while True:
+            with self._clock:
+                idle = not len(self._turns) and not self._running
+                self._clock.wait(None if idle else _LOOK_EVERY_S)
+                if self._closed:
+                    return
+                now = time.monotonic()
+                late = [one for one in self._turns if one.deadline <= now]
+                for ticket in late:
+                    self._turns.remove(ticket.owner, ticket)
+                for ticket in self._running:
+                    self._kill_if_due(ticket, now)
+                    if ticket.deadline <= now:
+                        late.append(ticket)
+                if self._blocks(now):
+                    self._start_extra()
+            for ticket in late:
+                ticket.settle(ticket.late())
+
+    def _blocks(self, now: float) -> bool:
+        """Whether an owner with nothing running has waited too long, and a child may be added."""
+        return (
+            len(self._running) >= self.size + self._extra
+            and self._extra < self.size
+            and any(
+                now - self._turns.first_of(owner).submitted > PATIENCE_S
+                for owner in self._turns.idle_owners()
+            )
+        )
+
+    def _start_extra(self) -> None:
+        self._extra += 1
+        thread = threading.Thread(target=self._serve_extra, daemon=True, name="child-extra")
+        self._threads.append(thread)
+        thread.start()
+
+    def _serve_extra(self) -> None:
+        self._serve(extra=True)
+        with self._work:
+            self._extra -= 1
+            self._threads.remove(threading.current_thread())
+
+    # --- children -------------------------------------------------------------------------------
+
+    def _serve(self, extra: bool = False) -> None:
         """Pass tasks to a child, one at a time; a new child where there is none."""
         child = self._started()
-        while True:
-            with self._changed:
-                while not self._waiting and not self._closed:
-                    self._changed.wait()
-                if self._closed:
-                    break
-                ticket = self._running[number] = self._waiting.popleft()
+        while (ticket := self._next(extra)) is not None:
             try:
                 child = self._run(ticket, child)
             finally:
-                del self._running[number]
+                with self._work:
+                    self._running.discard(ticket)
+                    self._turns.done(ticket.owner)
+                    self._work.notify_all()
             if child is not None and child.memory - child.first_memory > LARGEST_GROWTH_BYTES:
                 child.end()
                 child = None
@@ -173,49 +244,76 @@ class Pool:
         if child is not None:
             child.end()
 
+    def _next(self, extra: bool) -> Ticket | None:
+        """Return the task whose turn it is; None once closed, or idle as an extra child."""
+        until = time.monotonic() + _IDLE_S if extra else math.inf
+        with self._work:
+            while not self._closed:
+                ticket = self._turns.take(idle_owners=extra)
+                if ticket is not None:
+                    self._running.add(ticket)
+                    return ticket
+                left = until - time.monotonic()
+                if left <= 0.0:
+                    break
+                self._work.wait(None if math.isinf(left) else left)
+        return None
+
     def _started(self) -> Child | None:
-        """A new child; None where the system has no room for one just now."""
+        """A new child, ready for tasks; None where the system has no room for one just now."""
         try:
-            return Child(background=self._background, niceness=self._niceness)
+            child = Child(background=self._background, niceness=self._niceness)
         except OSError as error:
             _logger.error("no process could be started: %s", error)
             return None
+        with self._work:
+            self._starting.add(child)
+            if self._closed:
+                child.kill()
+        try:
+            child.wait_until_ready()
+        except ChildGoneError as error:
+            child.end()
+            if not self._closed:
+                _logger.error("a process ended before it was ready: %s", error)
+            return None
+        finally:
+            with self._work:
+                self._starting.discard(child)
+        return child
 
     def _run(self, ticket: Ticket, child: Child | None) -> Child | None:
         """Settle a ticket and return the child to go on with, if it is still there."""
-        if ticket.future.cancelled():
-            return child
-        if ticket.deadline is not None and time.monotonic() > ticket.deadline:
-            ticket.settle(PoolFullError())
-            return child
-        for attempt in range(_RETRIES + 1):
-            child = ticket.child = child or self._started()
-            try:
-                if ticket.cancelled.is_set():
-                    raise GivenUpError
-                if child is None:
-                    raise ChildGoneError("no process could be started")
-                value = child.call(
-                    ticket.task,
-                    *ticket.arguments,
-                    timeout_s=ticket.timeout_s,
-                    progress=ticket.progress,
-                )
-            except (ChildGoneError, TooSlowError) as error:
-                if child is not None:
-                    child.end()
+        for attempt in range(ticket.retries + 1):
+            child = child or self._started()
+            error, value = self._tried(ticket, child)
+            if child is not None and (child.killed or isinstance(error, _ENDING)):
+                child.end()
                 child = None
-                if ticket.cancelled.is_set():
-                    ticket.settle(GivenUpError())
-                elif isinstance(error, TooSlowError) or attempt == _RETRIES:
-                    ticket.settle(error)
-                else:
-                    time.sleep(_PAUSE_S)
-                    continue
-            except Exception as error:
-                ticket.settle(error)
-            else:
-                ticket.settle(None, value)
-            break
-        ticket.child = None
+            if not isinstance(error, ChildGoneError) or ticket.cancelled.is_set():
+                break
+            if attempt < ticket.retries:
+                time.sleep(_PAUSE_S)
+        ticket.settle(error, value)
         return child
+
+    def _tried(self, ticket: Ticket, child: Child | None) -> tuple[Exception | None, Any]:
+        """Return how a task failed in a child, or None and its value."""
+        if child is None:
+            return ChildGoneError("no process could be started"), None
+        with self._work:
+            if ticket.cancelled.is_set():
+                return GivenUpError(), None
+            ticket.child = child
+            ticket.began = time.monotonic()
+            limit = ticket.allowed(ticket.began)
+        try:
+            value = child.call(
+                ticket.task, *ticket.arguments, timeout_s=limit, progress=ticket.progress
+            )
+        except Exception as error:
+            return error, None
+        finally:
+            with self._work:
+                ticket.child = None
+        return None, value

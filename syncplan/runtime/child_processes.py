@@ -82,11 +82,12 @@ class ChildProcess:
             self.kill()
         self._errors.close()
 
-    def kill(self) -> None:
-        """End the process at once, whatever it is doing."""
+    def kill(self, *, wait: bool = True) -> None:
+        """End the process at once, whatever it is doing, and wait until it has ended."""
         with contextlib.suppress(ProcessLookupError):
             self.process.kill()
-        self.process.wait()
+        if wait:
+            self.process.wait()
 
 
 def _environment() -> dict[str, str]:

@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
@@ -15,7 +14,7 @@ from typing import Any
 import pytest
 
 from api.computing.child import Child, ChildGoneError, TaskFailedError, TooSlowError
-from api.computing.pool import GivenUpError, Pool, PoolFullError, Ticket
+from api.computing.pool import GivenUpError, OwnerBusyError, Pool, PoolFullError, Ticket
 from api.job_kinds.job_kind import Batch, JobSpec
 from api.jobs.batching import batches_of
 from api.limits import RequestLimits
@@ -56,11 +55,11 @@ def spec_of(made: PlanText, pool: Pool, **request: object) -> JobSpec:
     return JobSpec("job", "validation", checked, made.text)
 
 
-def long_flight(pool: Pool, made: PlanText) -> Ticket:
+def long_flight(pool: Pool, made: PlanText, owner: str = "") -> Ticket:
     """A task that takes minutes."""
     request = '{"trials": 100000, "seed": 0, "model": "arc", "substeps": 10, "series": false}'
     spec = JobSpec("job", "validation", request, made.text)
-    return pool.submit("computed_batch", spec, Batch(0, 0, 100_000))
+    return pool.submit("computed_batch", spec, Batch(0, 0, 100_000), owner=owner)
 
 
 def begun(ticket: Ticket) -> bool:
@@ -282,8 +281,70 @@ def test_a_pool_closes_though_a_caller_went_away(made: PlanText) -> None:
 
 def test_a_task_that_waited_too_long_for_its_turn_is_refused(pool: Pool, made: PlanText) -> None:
     first = long_flight(pool, made)
-    waiting = pool.submit("made_plan", GRID, "yaml", LIMITS, False, timeout_s=0.2)
-    time.sleep(0.4)
-    first.cancel()
+    wait_until(lambda: begun(first))
+    waiting = pool.submit("made_plan", GRID, "yaml", LIMITS, False, deadline_s=0.2)
     with pytest.raises(PoolFullError):
         waiting.future.result(timeout=PATIENCE_S)
+    # it did not wait for its turn
+    assert begun(first)
+    assert pool.waiting == 0
+    first.cancel()
+
+
+def test_a_task_past_its_deadline_fails_though_it_runs(pool: Pool, made: PlanText) -> None:
+    spec = spec_of(made, pool, trials=100_000)
+    ticket = pool.submit("computed_batch", spec, Batch(0, 0, 100_000), deadline_s=0.5)
+    with pytest.raises(TooSlowError):
+        ticket.future.result(timeout=PATIENCE_S)
+    assert pool.call("made_plan", GRID, "yaml", LIMITS, False) == made
+
+
+def test_a_task_that_a_caller_leaves_may_nearly_finish_and_keeps_its_process(
+    pool: Pool, made: PlanText
+) -> None:
+    before = processes_of(os.getpid())
+    tickets = [pool.submit("made_plan", GRID, "yaml", LIMITS, False) for _ in range(20)]
+    for ticket in tickets:
+        ticket.cancel(spare=True)
+        with pytest.raises(GivenUpError):
+            ticket.future.result(timeout=PATIENCE_S)
+    assert pool.call("made_plan", GRID, "yaml", LIMITS, False) == made
+    assert processes_of(os.getpid()) == before
+
+
+def test_a_long_task_that_a_caller_leaves_is_killed(pool: Pool, made: PlanText) -> None:
+    ticket = long_flight(pool, made)
+    wait_until(lambda: begun(ticket))
+    ticket.cancel(spare=True)
+    wait_until(lambda: not begun(ticket))
+    assert pool.call("made_plan", GRID, "yaml", LIMITS, False) == made
+
+
+def test_long_tasks_of_one_owner_never_block_another(pool: Pool, made: PlanText) -> None:
+    before = processes_of(os.getpid())
+    long = [long_flight(pool, made, "busy") for _ in range(3)]
+    wait_until(lambda: begun(long[0]))
+    other = pool.submit("made_plan", GRID, "yaml", LIMITS, False, owner="other")
+    assert other.future.result(timeout=PATIENCE_S) == made
+    assert begun(long[0])
+    assert not begun(long[1])
+    # the extra process ends once it is idle
+    wait_until(lambda: processes_of(os.getpid()) == before)
+    for ticket in reversed(long):
+        ticket.cancel()
+
+
+def test_a_full_queue_makes_room_for_an_owner_with_less_in_it(made: PlanText) -> None:
+    pool = Pool(1, background=True, most_waiting=3, most_of_owner=4)
+    try:
+        tickets = [long_flight(pool, made, "busy")]
+        wait_until(lambda: begun(tickets[0]))
+        tickets += [long_flight(pool, made, "busy") for _ in range(3)]
+        with pytest.raises(OwnerBusyError):
+            long_flight(pool, made, "busy")
+        other = long_flight(pool, made, "other")
+        with pytest.raises(PoolFullError):
+            tickets[-1].future.result(timeout=PATIENCE_S)
+        assert not other.future.done()
+    finally:
+        pool.close()
