@@ -24,7 +24,8 @@ ENV PATH=/opt/syncplan/bin:$PATH \
     NUMBA_CACHE_DIR=/var/cache/syncplan \
     SYNCPLAN_DATA_DIR=/var/lib/syncplan \
     SYNCPLAN_HOST=0.0.0.0 \
-    SYNCPLAN_PORT=8000
+    SYNCPLAN_PORT=8000 \
+    OTEL_SERVICE_NAME=syncplan
 RUN useradd --uid 10001 --create-home syncplan \
     && install -d -o syncplan -g syncplan -m 700 /var/cache/syncplan /var/lib/syncplan
 USER syncplan

@@ -14,7 +14,7 @@ Thin over syncplan, which does all the numbers. Modules, each using only those b
     responses, service, idempotency    what responses hold, what routes work with
     page_tables, assets, routes.*      the page's tables and files, the routes
     operations, openapi                what the OpenAPI document adds to the routes
-    application, main                  an application without routes, and the service's
+    application, main, worker_app      an application without routes; the service's, a worker's
     protocol, server                   HTTP below it, serving both
 
 A request is read, checked and computed in a child process, so that nothing ever holds up the

@@ -5,7 +5,7 @@ from typing import Any
 from fastapi import FastAPI
 
 from api.logs import RequestLog
-from api.metrics import Metrics, RequestMetrics
+from api.metrics import JobTally, Metrics, RequestMetrics
 from api.problems import install_handlers
 from api.security import Keyring
 from api.service import Ending
@@ -15,8 +15,11 @@ from syncplan import __version__
 __all__ = ["without_routes"]
 
 
-def without_routes(settings: Settings, **options: Any) -> FastAPI:
-    """Return an application for routes to be added to; `options` are FastAPI's."""
+def without_routes(settings: Settings, *, tally: JobTally | None = None, **options: Any) -> FastAPI:
+    """Return an application for routes to be added to; `options` are FastAPI's.
+
+    Its metrics include the jobs that `tally` counts.
+    """
     app = FastAPI(
         title="syncplan",
         version=__version__,
@@ -27,7 +30,7 @@ def without_routes(settings: Settings, **options: Any) -> FastAPI:
     )
     app.state.settings = settings
     app.state.keyring = Keyring(settings)
-    app.state.metrics = Metrics()
+    app.state.metrics = Metrics(tally)
     app.state.ending = Ending()
     install_handlers(app)
     app.add_middleware(RequestMetrics, metrics=app.state.metrics)

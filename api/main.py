@@ -10,7 +10,7 @@ from api.application import without_routes
 from api.computing.pool import Pool
 from api.jobs.queue import JobQueue
 from api.jobs.worker import Worker, guard_of
-from api.metrics import Source
+from api.metrics import JobTally, Source
 from api.openapi import document_operations
 from api.routes import (
     export_routes,
@@ -70,7 +70,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
 @asynccontextmanager
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     settings: Settings = app.state.settings
-    running = await run_in_threadpool(_Running, settings)
+    running = await run_in_threadpool(_Running, settings, app.state.metrics.jobs)
     app.state.service = running.service
     app.state.metrics.watch(*running.readings())
     try:
@@ -82,10 +82,10 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
 class _Running:
     """All that has to be closed when the application ends."""
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, tally: JobTally) -> None:
         self.database = open_database(settings.database)
         self.queue = JobQueue(settings.database)
-        self.worker = Worker(settings, self.database) if settings.embedded_worker else None
+        self.worker = Worker(settings, self.database, tally) if settings.embedded_worker else None
         self.guard = None
         if self.worker is None:
             self.guard = guard_of(settings, self.database, self.queue, None)
@@ -93,7 +93,13 @@ class _Running:
         self.pool = Pool(
             settings.process_count, background=False, most_waiting=settings.max_plan_queue
         )
-        self.service = Service(settings, self.database, self.pool, self.queue, limits_of(settings))
+        self.service = Service(
+            settings, self.database, self.pool, self.queue, limits_of(settings), self.silent_s
+        )
+
+    def silent_s(self) -> float:
+        """Return how long ago this process's last heartbeat was, 0 if it runs no jobs."""
+        return 0.0 if self.worker is None else self.worker.guard.silent_s
 
     def readings(self) -> tuple[Source, ...]:
         """Return what each scrape reads of this process and its database."""

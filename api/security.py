@@ -69,14 +69,17 @@ CurrentOwner = Annotated[str, Depends(_current_owner)]
 """Parameter type of a route: the owner whose key came with the request, or 401."""
 
 
-def refuse_exposure(settings: Settings) -> None:
-    """Raise InputError if others could reach a service that asks for no key."""
-    if settings.api_keys or settings.insecure or _is_loopback(settings.host):
+def refuse_exposure(settings: Settings, *, worker: bool = False) -> None:
+    """Raise InputError if others could reach a service, or a worker, that asks for no key."""
+    host = settings.worker_host if worker else settings.host
+    listens = not worker or settings.worker_port is not None
+    if not listens or settings.api_keys or settings.insecure or _is_loopback(host):
         return
+    remedy = "SYNCPLAN_INSECURE=true" if worker else "--insecure"
     raise InputError(
-        f"{settings.host!r}: can be reached from other machines, and no keys are set; set "
-        "SYNCPLAN_API_KEYS, listen at 127.0.0.1, or allow it with --insecure",
-        key="SYNCPLAN_HOST",
+        f"{host!r}: can be reached from other machines, and no keys are set; set "
+        f"SYNCPLAN_API_KEYS, listen at 127.0.0.1, or allow it with {remedy}",
+        key="SYNCPLAN_WORKER_HOST" if worker else "SYNCPLAN_HOST",
     )
 
 

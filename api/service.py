@@ -1,5 +1,6 @@
 """What the routes work with: the database, processes for plans, the queue of jobs."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from threading import Event
 from typing import Annotated
@@ -25,6 +26,7 @@ class Service:
     Attributes
     ----------
     pool : processes for requests; those for jobs are the worker's
+    silent_s : how long ago this process's last heartbeat was; 0 if it runs no jobs
     """
 
     settings: Settings
@@ -32,6 +34,7 @@ class Service:
     pool: Pool
     queue: JobQueue
     limits: RequestLimits
+    silent_s: Callable[[], float]
 
 
 def limits_of(settings: Settings) -> RequestLimits:

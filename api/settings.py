@@ -101,6 +101,16 @@ class Settings(BaseSettings):
         default=7.0, description="computing time aimed at for a batch, in seconds"
     )
     embedded_worker: bool = Field(default=True, description="let the server run jobs as well")
+    worker_host: str = Field(
+        default="127.0.0.1", description="address or name at which a worker listens, with a port"
+    )
+    worker_port: int | None = Field(
+        default=None,
+        ge=0,
+        le=65535,
+        description="port at which a worker answers /healthz, /readyz and /metrics; none if not "
+        "given",
+    )
     log_level: Literal["debug", "info", "warning", "error"] = Field(
         "info", description="least severity that is logged"
     )

@@ -8,10 +8,19 @@ from api.logs import PROBES
 from api.settings import Settings
 from syncplan.errors import InputError
 
-__all__ = ["telemetry_options"]
+__all__ = ["OFF", "telemetry_options"]
 
 EXPORTERS = ("opentelemetry.sdk", "opentelemetry.exporter.otlp.proto.http")
-REMEDY = "pip install 'fastapi[opentelemetry]'"
+REMEDY = "pip install 'syncplan[telemetry]'"
+
+OFF: TelemetryConfig = {
+    "tracing": False,
+    "metrics": False,
+    "logs": False,
+    "operation_spans": False,
+    "auto_configure": False,
+}
+"""The argument that exports nothing."""
 
 
 def telemetry_options(settings: Settings) -> TelemetryConfig:
@@ -20,13 +29,7 @@ def telemetry_options(settings: Settings) -> TelemetryConfig:
     Raises InputError if telemetry is asked for and the packages that export it are missing.
     """
     if not settings.telemetry:
-        return {
-            "tracing": False,
-            "metrics": False,
-            "logs": False,
-            "operation_spans": False,
-            "auto_configure": False,
-        }
+        return OFF
     missing = [name for name in EXPORTERS if not _installed(name)]
     if missing:
         raise InputError(

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from threading import Event
 
 from api.computing.pool import Pool
+from api.metrics import JobTally
 from api.settings import Settings
 from api.storage.database import Database
 
@@ -18,6 +19,7 @@ class Runtime:
 
     Attributes
     ----------
+    tally : counts jobs as they start and end
     at_work : the workflows that this process runs; one restarted while it ran is there twice
     closing : set before the process ends, so that what is killed then does not count as failed
     """
@@ -25,6 +27,7 @@ class Runtime:
     settings: Settings
     database: Database
     pool: Pool
+    tally: JobTally
     at_work: list[str] = field(default_factory=list)
     closing: Event = field(default_factory=Event)
 

@@ -69,11 +69,16 @@ class Guard:
         self._keep_answers_s = keep_answers_s
         self._clock = clock
         self._seen: dict[str, tuple[int, float]] = {}
-        self._looked = self._swept = clock()
+        self._looked = self._swept = self._beaten = clock()
         self._watched_s = 0.0
         self._dropped: set[str] = set()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True, name="guard")
+
+    @property
+    def silent_s(self) -> float:
+        """How long ago the last heartbeat was, in seconds."""
+        return self._clock() - self._beaten
 
     def start(self) -> None:
         """Enter this process on the list, and begin."""
@@ -107,6 +112,7 @@ class Guard:
             for dead, beats in self._dead(executors.living(connection)).items():
                 _logger.warning("process %s is dead; its jobs continue elsewhere", dead)
                 executors.forget(connection, dead, beats)
+        self._beaten = self._clock()
         self._resume_orphans()
         if self._clock() - self._swept >= _SWEEP_EVERY_S:
             self._swept = self._clock()

@@ -14,6 +14,7 @@ from api.jobs.dbos_runtime import Runtime
 from api.jobs.guard import Guard
 from api.jobs.queue import APPLICATION, JOBS_QUEUE, WORKFLOWS_VERSION, JobQueue
 from api.jobs.workflows import BATCHES_QUEUE
+from api.metrics import JobTally
 from api.settings import Settings
 from api.storage.database import Database
 
@@ -26,20 +27,27 @@ _logger = logging.getLogger("syncplan.worker")
 
 
 class Worker:
-    """Runs jobs from its creation to `close`; one per process at a time."""
+    """Runs jobs from its creation to `close`; one per process at a time.
 
-    def __init__(self, settings: Settings, database: Database) -> None:
+    Attributes
+    ----------
+    guard : its heartbeat
+    """
+
+    def __init__(
+        self, settings: Settings, database: Database, tally: JobTally | None = None
+    ) -> None:
         self.executor_id = f"{socket.gethostname()[:32]}-{os.getpid()}-{secrets.token_hex(4)}"
         size = settings.process_count
         self.pool = Pool(size, background=True, niceness=settings.job_niceness)
-        self._runtime = Runtime(settings, database, self.pool)
+        self._runtime = Runtime(settings, database, self.pool, tally or JobTally())
         dbos_runtime.use(self._runtime)
-        self._queue = JobQueue(settings.database)
-        self._guard = guard_of(
-            settings, database, self._queue, self.executor_id, self._runtime.at_work
+        self.queue = JobQueue(settings.database)
+        self.guard = guard_of(
+            settings, database, self.queue, self.executor_id, self._runtime.at_work
         )
         # first: others take over what a process that is not on the list has begun
-        self._guard.start()
+        self.guard.start()
         DBOS(config=_config(settings, self.executor_id))
         DBOS.listen_queues([JOBS_QUEUE, BATCHES_QUEUE])
         DBOS.launch()
@@ -57,8 +65,8 @@ class Worker:
         self._runtime.closing.set()
         self.pool.close()
         DBOS.destroy(workflow_completion_timeout_sec=0)
-        self._guard.close()
-        self._queue.close()
+        self.guard.close()
+        self.queue.close()
         dbos_runtime.use(None)
 
 

@@ -28,9 +28,9 @@ _log = logging.getLogger("api.metrics")
 
 
 class Metrics:
-    """The metrics of one application, in a registry of its own."""
+    """The metrics of one application, in a registry of its own; `jobs` counts those of a worker."""
 
-    def __init__(self) -> None:
+    def __init__(self, jobs: JobTally | None = None) -> None:
         registry = CollectorRegistry()
         self._registry = registry
         self._requests = as_counter("syncplan_http_requests")
@@ -38,7 +38,7 @@ class Metrics:
         self._refusals = as_counter("syncplan_http_refusals")
         in_flight = METRICS["syncplan_http_requests_in_flight"]
         self.in_flight = Gauge(in_flight.name, in_flight.meaning, registry=None)
-        self.jobs = JobTally()
+        self.jobs = jobs or JobTally()
         self._watched = _Watched()
         for one in (
             self._requests,

@@ -6,7 +6,7 @@ from fastapi import APIRouter, Depends, Request, Response
 from pydantic import BaseModel
 
 from api.negotiation import accepts
-from api.problems import problem_responses
+from api.problems import Unavailable, problem_responses
 from api.security import CurrentOwner
 from api.service import CurrentService
 
@@ -41,8 +41,11 @@ async def healthz() -> Health:
     responses=problem_responses(406, 503),
 )
 def readyz(service: CurrentService) -> Health:
-    """The database can be reached."""
+    """The database can be reached, and a process that runs jobs has its heartbeat."""
     service.database.check()
+    silent_s = service.silent_s()
+    if silent_s > service.settings.dead_after_s:
+        raise Unavailable(f"no heartbeat for {silent_s:.0f} s; other workers take over its jobs")
     return Health()
 
 

@@ -1,16 +1,21 @@
 """The commands that run the service: serve, worker."""
 
+import contextlib
 import importlib.util
 import logging
 import os
 import signal
 import socket
 import threading
-from typing import Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
 from syncplan.errors import InputError, SyncplanError
+
+if TYPE_CHECKING:
+    from api.settings import Settings
+    from api.storage.database import Database
 
 __all__ = ["services"]
 
@@ -86,22 +91,65 @@ def _listening(host: str, port: int) -> socket.socket:
     name="worker",
     epilog="Example: SYNCPLAN_DATABASE_URL=postgresql://syncplan@db/syncplan syncplan worker",
 )
-def _worker() -> NoReturn:
+def _worker(
+    host: Annotated[
+        str | None,
+        typer.Option(
+            help="Address at which --port listens (default 127.0.0.1)", show_default=False
+        ),
+    ] = None,
+    port: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            max=65535,
+            help="Answer /healthz, /readyz and /metrics at this port (default: do not)",
+            show_default=False,
+        ),
+    ] = None,
+) -> NoReturn:
     """Work on the jobs of a service, beside it or on another machine, until it is stopped."""
     _require_extra()
-    from api.jobs.worker import Worker
     from api.logs import configure_logs
+    from api.security import refuse_exposure
     from api.settings import load_settings
-    from api.storage.database import open_database, unavailable
+    from api.storage.database import open_database
 
-    settings = load_settings()
+    settings = load_settings(worker_host=host, worker_port=port)
+    refuse_exposure(settings, worker=True)
     configure_logs(settings.log_level)
     database = open_database(settings.database)
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
+    with contextlib.ExitStack() as last_first:
+        last_first.callback(database.close)
+        listening = None
+        if settings.worker_port is not None:
+            # before anything is begun that would have to be undone
+            listening = last_first.enter_context(
+                _listening(settings.worker_host, settings.worker_port)
+            )
+        _work(settings, database, listening, stop)
+    _leave()
+
+
+def _work(
+    settings: "Settings",
+    database: "Database",
+    listening: socket.socket | None,
+    stop: threading.Event,
+) -> None:
+    """Work on jobs, and answer on a socket if there is one, until `stop` is set."""
+    from api.jobs.worker import Worker
+    from api.metrics import JobTally
+    from api.server import served_beside
+    from api.storage.database import unavailable
+    from api.worker_app import create_worker_app
+
+    tally = JobTally()
     try:
-        worker = Worker(settings, database)
+        worker = Worker(settings, database, tally)
     except Exception as error:
         if not unavailable(error):
             raise
@@ -109,10 +157,12 @@ def _worker() -> NoReturn:
             "went away while the worker was starting; start it again once it can be reached",
             source="the database",
         ) from None
-    stop.wait()
+    served: contextlib.AbstractContextManager[None] = contextlib.nullcontext()
+    if listening is not None:
+        served = served_beside(create_worker_app(settings, database, worker, tally), listening)
+    with served:
+        stop.wait()
     worker.close()
-    database.close()
-    _leave()
 
 
 def _leave() -> NoReturn:

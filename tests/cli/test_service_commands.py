@@ -77,10 +77,11 @@ def test_help_ends_with_an_example(run: Any, name: str) -> None:
     assert example.partition(" --port")[0].endswith(f" syncplan {name}")
 
 
-def test_a_port_in_use_is_named(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["serve", "worker"])
+def test_a_port_in_use_is_named(name: str, tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        line = refused(command("serve", "--port", str(port), SYNCPLAN_DATA_DIR=str(tmp_path)))
+        line = refused(command(name, "--port", str(port), SYNCPLAN_DATA_DIR=str(tmp_path)))
     assert f"127.0.0.1:{port}: can't be listened at" in line
     assert "--port" in line
 
@@ -99,10 +100,13 @@ def test_a_bad_setting_is_one_line(name: str, setting: str, value: str, told: st
     assert told in line
 
 
-def test_others_are_not_let_in_without_keys() -> None:
-    line = refused(command("serve", "--host", "0.0.0.0", "--port", "0"))
+@pytest.mark.parametrize(
+    ("name", "remedy"), [("serve", "--insecure"), ("worker", "SYNCPLAN_INSECURE=true")]
+)
+def test_others_are_not_let_in_without_keys(name: str, remedy: str) -> None:
+    line = refused(command(name, "--host", "0.0.0.0", "--port", "0"))
     assert "SYNCPLAN_API_KEYS" in line
-    assert "--insecure" in line
+    assert line.endswith(f"allow it with {remedy}")
 
 
 @pytest.mark.parametrize("name", ["serve", "worker"])
@@ -147,7 +151,7 @@ def test_a_database_that_goes_away_while_a_worker_starts_is_one_line(tmp_path: P
     gone = f"""
 import sqlalchemy
 import api.jobs.worker
-def start(settings, database):
+def start(settings, database, tally):
     url = "postgresql+psycopg://syncplan@127.0.0.1:{free_port()}/none"
     sqlalchemy.create_engine(url).connect()
 api.jobs.worker.Worker = start

@@ -1,12 +1,19 @@
 """The container's files: what can be said of them where no container engine runs."""
 
+import os
 import re
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
+from fastapi import FastAPI
+from fastapi.responses import JSONResponse
 from ruamel.yaml import YAML
 
 from api.settings import PREFIX, Settings
+from tests.tools.api_apps import served
 from tests.tools.serving import ROOT
 
 DOCKERFILE = (ROOT / "Dockerfile").read_text()
@@ -53,6 +60,7 @@ def test_variables_of_the_image_are_settings_and_none_is_a_secret() -> None:
     (environment,) = (rest for name, rest in LAST_STAGE if name == "ENV")
     given = _variables(environment)
     assert given == {"DATA_DIR", "HOST", "PORT"}
+    assert set(re.findall(r"\bOTEL_\w+", environment)) == {"OTEL_SERVICE_NAME"}
     assert {name.lower() for name in given} <= set(Settings.model_fields)
 
 
@@ -67,7 +75,77 @@ def test_the_parts_of_the_composition(services: Any) -> None:
     for name in ("serve", "worker"):
         assert services[name]["depends_on"] == {"database": {"condition": "service_healthy"}}
         names = {key.removeprefix(PREFIX) for key in services[name]["environment"]}
-        assert {one.lower() for one in names - {"PGPASSWORD"}} <= set(Settings.model_fields)
+        others = {"PGPASSWORD", "OTEL_EXPORTER_OTLP_ENDPOINT"}
+        assert {one.lower() for one in names - others} <= set(Settings.model_fields)
+
+
+def test_every_container_is_confined(services: Any) -> None:
+    for name, one in services.items():
+        assert one["cap_drop"] == ["ALL"], name
+        assert "cap_add" not in one
+        assert "privileged" not in one
+        assert one["security_opt"] == ["no-new-privileges:true"]
+        assert one["read_only"] is True
+        assert "/tmp" in one["tmpfs"]
+        assert one["mem_limit"]
+        assert 0 < one["pids_limit"] <= 512
+        options = one["logging"]["options"]
+        assert (one["logging"]["driver"], set(options)) == ("json-file", {"max-size", "max-file"})
+    assert services["database"]["user"] == "postgres"
+
+
+def test_what_a_container_writes_to_is_no_part_of_its_image(services: Any) -> None:
+    """The root of each file system can't be written to."""
+    for name in ("serve", "worker"):
+        written = {one.partition(":")[2] for one in services[name]["volumes"]}
+        # where the kernels of the image are, and an anonymous volume for the data
+        assert written == {dict(_environment_of_image())["NUMBA_CACHE_DIR"]}
+    assert "/var/run/postgresql" in services["database"]["tmpfs"]
+    compose = YAML(typ="safe").load(ROOT / "compose.yaml")
+    named = {
+        one.partition(":")[0]
+        for service in services.values()
+        for one in service["volumes"]
+        if not one.startswith(".")
+    }
+    assert named == set(compose["volumes"])
+
+
+def _environment_of_image() -> list[tuple[str, str]]:
+    (environment,) = (rest for name, rest in LAST_STAGE if name == "ENV")
+    return [(one.partition("=")[0], one.partition("=")[2]) for one in environment.split()]
+
+
+def test_health_is_readiness_at_the_port_of_each(services: Any) -> None:
+    for name, port in (("serve", []), ("worker", ["8001"])):
+        check = services[name]["healthcheck"]
+        program, *arguments = check["test"][2:]
+        assert check["test"][:2] == ["CMD", "python"]
+        assert arguments == port
+        assert Path(program).name == "healthcheck.py"
+        assert "disable" not in check
+    assert services["worker"]["environment"]["SYNCPLAN_WORKER_PORT"] == "8001"
+
+
+@pytest.mark.parametrize("status", [200, 503])
+def test_the_health_check_asks_for_readiness(status: int) -> None:
+    app = FastAPI()
+
+    @app.get("/readyz")
+    def ready() -> JSONResponse:
+        return JSONResponse({"detail": "no heartbeat"}, status)
+
+    with served(app) as port:
+        for given, setting in (([str(port)], "1"), ([], str(port))):
+            done = subprocess.run(
+                [sys.executable, ROOT / "docker" / "healthcheck.py", *given],
+                env={**os.environ, "SYNCPLAN_PORT": setting},
+                capture_output=True,
+                text=True,
+                check=False,
+            )
+            assert done.returncode == (status != 200)
+            assert ("no heartbeat" in done.stderr) == (status != 200)
 
 
 def test_no_secret_has_a_default_and_a_missing_one_is_told(services: Any) -> None:
@@ -76,6 +154,7 @@ def test_no_secret_has_a_default_and_a_missing_one_is_told(services: Any) -> Non
         services["serve"]["environment"]["SYNCPLAN_API_KEYS"],
         services["serve"]["environment"]["PGPASSWORD"],
         services["worker"]["environment"]["PGPASSWORD"],
+        services["worker"]["environment"]["SYNCPLAN_API_KEYS"],
     ]
     assert all(re.fullmatch(r"\$\{\w+:\?[^}]{10,}\}", one) for one in secrets)
     for name in ("serve", "worker"):

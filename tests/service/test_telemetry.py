@@ -58,7 +58,7 @@ def test_a_missing_exporter_is_told_with_its_remedy(
     text = str(caught.value)
     assert text.startswith("SYNCPLAN_TELEMETRY: needs ")
     assert all((name in text) == (name in missing) for name in EXPORTERS)
-    assert "pip install 'fastapi[opentelemetry]'" in text
+    assert "pip install 'syncplan[telemetry]'" in text
     assert "\n" not in text
 
 

@@ -1,0 +1,35 @@
+"""What a worker answers over HTTP, if it has a port: health, readiness and metrics."""
+
+from fastapi import FastAPI
+
+from api.application import without_routes
+from api.jobs.worker import Worker
+from api.metrics import JobTally
+from api.routes import health_routes
+from api.service import Service, limits_of
+from api.settings import Settings
+from api.storage.database import Database
+from api.telemetry import OFF
+from api.watching.job_readings import JobReadings
+from api.watching.pool_readings import PoolReadings
+from api.watching.readings_cache import Cached
+
+__all__ = ["create_worker_app"]
+
+
+def create_worker_app(
+    settings: Settings, database: Database, worker: Worker, tally: JobTally
+) -> FastAPI:
+    """Return the application of a running worker: the paths that machines poll, and no others."""
+    app = without_routes(settings, tally=tally, openapi_url=None, telemetry=OFF)
+    app.state.service = Service(
+        settings,
+        database,
+        worker.pool,
+        worker.queue,
+        limits_of(settings),
+        lambda: worker.guard.silent_s,
+    )
+    app.state.metrics.watch(PoolReadings({"jobs": worker.pool}), Cached(JobReadings(database)))
+    app.include_router(health_routes.router)
+    return app
