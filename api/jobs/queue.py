@@ -3,13 +3,15 @@
 from dbos import DBOS, DBOSClient, EnqueueOptions
 from sqlalchemy import Connection
 
+from api.jobs.serialization import JSON_ROWS, refuse_pickles
+
 __all__ = ["APPLICATION", "JOBS_QUEUE", "JOB_WORKFLOW", "WORKFLOWS_VERSION", "JobQueue"]
 
 APPLICATION = "syncplan"
 JOBS_QUEUE = "syncplan-jobs"
 JOB_WORKFLOW = "syncplan-job"
 
-WORKFLOWS_VERSION = "1"
+WORKFLOWS_VERSION = "2"
 """Raised when jobs begun by an older syncplan can't be continued; they then fail and say so."""
 
 
@@ -17,9 +19,11 @@ class JobQueue:
     """The durable queue, seen from outside the workflows; its tables are made where missing."""
 
     def __init__(self, url: str) -> None:
+        refuse_pickles()
         DBOS.migrate(url)
         self.client = DBOSClient(
             system_database_url=url,
+            serializer=JSON_ROWS,
             application_name=APPLICATION,
             lazy=True,
             retry_connection_errors=False,

@@ -13,6 +13,7 @@ from api.jobs import dbos_runtime
 from api.jobs.dbos_runtime import Runtime
 from api.jobs.guard import Guard
 from api.jobs.queue import APPLICATION, JOBS_QUEUE, WORKFLOWS_VERSION, JobQueue
+from api.jobs.serialization import JSON_ROWS
 from api.jobs.workflows import BATCHES_QUEUE
 from api.metrics import JobTally
 from api.settings import Settings
@@ -97,6 +98,7 @@ def _config(settings: Settings, executor_id: str) -> DBOSConfig:
         "sys_db_pool_size": _DBOS_CONNECTIONS,
         "executor_id": executor_id,
         "application_version": WORKFLOWS_VERSION,
+        "serializer": JSON_ROWS,
         "log_level": "WARNING",
         "enable_otlp": False,
     }
