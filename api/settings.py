@@ -100,6 +100,17 @@ class Settings(BaseSettings):
     batch_s: Seconds = Field(
         default=7.0, description="computing time aimed at for a batch, in seconds"
     )
+    job_task_s: Seconds = Field(
+        default=3600.0, description="longest time to compute a part of a job, in seconds"
+    )
+    max_job_seconds: Seconds = Field(
+        default=7 * 86400.0,
+        description="most computing time of one key's jobs in 24 hours, in seconds",
+    )
+    version_grace_s: Seconds = Field(
+        default=600.0,
+        description="how long jobs wait for a worker of the version that began them, in seconds",
+    )
     embedded_worker: bool = Field(default=True, description="let the server run jobs as well")
     worker_host: str = Field(
         default="127.0.0.1", description="address or name at which a worker listens, with a port"

@@ -1,21 +1,29 @@
 """What the workflows of this process work with."""
 
-from collections.abc import Iterator
+import asyncio
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from threading import Event
+from typing import TypeVar
+
+from sqlalchemy import Connection
 
 from api.computing.pool import Pool
+from api.jobs.part_watch import PartWatch
+from api.jobs.queue import JobQueue
 from api.metrics import JobTally
 from api.settings import Settings
-from api.storage.database import Database
+from api.storage.database import Database, patiently
 
-__all__ = ["Runtime", "current", "use"]
+__all__ = ["Runtime", "current", "in_transaction", "use"]
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
 class Runtime:
-    """The process's database, child processes and settings.
+    """The process's database, queue, child processes and settings.
 
     Attributes
     ----------
@@ -26,8 +34,10 @@ class Runtime:
 
     settings: Settings
     database: Database
+    queue: JobQueue
     pool: Pool
     tally: JobTally
+    watch: PartWatch
     at_work: list[str] = field(default_factory=list)
     closing: Event = field(default_factory=Event)
 
@@ -52,3 +62,13 @@ def use(runtime: Runtime | None) -> None:
 def current() -> Runtime:
     """Return the runtime in use."""
     return _in_use[0]
+
+
+async def in_transaction(function: Callable[[Connection], T]) -> T:
+    """Return what a function does in a transaction, waiting for the database if it is away."""
+
+    def transact() -> T:
+        with current().database.writing() as connection:
+            return function(connection)
+
+    return await asyncio.to_thread(patiently, transact)

@@ -6,7 +6,7 @@ look for a time, because the database was away or locked, or because it was froz
 counts no more of that time than one heartbeat, since the others could do no better; so an outage
 declares no process dead. Workflows begun by a process that is not on the list go back to their
 queues, and so do those that this process has begun and no longer runs, because a fault ended them
-without a trace in the database.
+without a trace in the database. Each goes back as it is, to be taken by a worker of its version.
 """
 
 import logging
@@ -15,10 +15,9 @@ import time
 from collections import defaultdict
 from collections.abc import Callable, Collection
 
-from dbos import DBOSClient, WorkflowStatus
-
-from api.jobs.queue import APPLICATION, WORKFLOWS_VERSION
-from api.storage import executors, job_records
+from api.jobs.queue import APPLICATION, VERSION, JobQueue
+from api.jobs.stranded_jobs import StrandedJobs
+from api.storage import executors
 from api.storage.clock import earlier
 from api.storage.database import Database
 from api.storage.ended_jobs import delete_jobs, ended_before
@@ -27,10 +26,7 @@ from api.storage.kept_answers import forget_answers
 __all__ = ["Guard"]
 
 _SWEEP_EVERY_S = 20.0
-_BATCH = 1000
 _SWEPT_AT_ONCE = 20
-_BROKEN = {"ERROR", "MAX_RECOVERY_ATTEMPTS_EXCEEDED", "CANCELLED"}
-_LOST = {"title": "Internal fault", "detail": "the job was lost; see the service's log"}
 
 _logger = logging.getLogger("syncplan.guard")
 
@@ -44,12 +40,13 @@ class Guard:
     at_work : the workflows that this process is at, as they come and go
     heartbeat_s, dead_after_s : between heartbeats; without one until a process is dead
     keep_jobs_s, keep_answers_s : how long ended jobs and given answers are kept
+    version_grace_s : how long jobs wait for a worker of the version that began them
     """
 
     def __init__(
         self,
         database: Database,
-        client: DBOSClient,
+        queue: JobQueue,
         executor_id: str | None,
         *,
         at_work: Collection[str] = (),
@@ -57,10 +54,12 @@ class Guard:
         dead_after_s: float,
         keep_jobs_s: float,
         keep_answers_s: float,
+        version_grace_s: float,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._database = database
-        self._client = client
+        self._queue = queue
+        self._client = queue.client
         self._executor_id = executor_id
         self._at_work = at_work
         self._heartbeat_s = heartbeat_s
@@ -68,6 +67,9 @@ class Guard:
         self._keep_jobs_s = keep_jobs_s
         self._keep_answers_s = keep_answers_s
         self._clock = clock
+        # what runs no jobs leaves those of other versions to workers
+        grace_s = None if executor_id is None else version_grace_s
+        self._stranded = StrandedJobs(database, queue, grace_s)
         self._seen: dict[str, tuple[int, float]] = {}
         self._looked = self._swept = self._beaten = clock()
         self._watched_s = 0.0
@@ -108,15 +110,18 @@ class Guard:
         """Raise this process's count, remove dead processes, and resume what they left."""
         with self._database.writing() as connection:
             if self._executor_id is not None:
-                executors.beat(connection, self._executor_id)
+                executors.beat(connection, self._executor_id, VERSION)
             for dead, beats in self._dead(executors.living(connection)).items():
                 _logger.warning("process %s is dead; its jobs continue elsewhere", dead)
                 executors.forget(connection, dead, beats)
+            versions = executors.living_versions(connection)
         self._beaten = self._clock()
+        if self._executor_id is not None:
+            self._take_new_jobs(versions)
         self._resume_orphans()
         if self._clock() - self._swept >= _SWEEP_EVERY_S:
             self._swept = self._clock()
-            self._fail_lost()
+            self._stranded.look()
             self._sweep()
 
     def _dead(self, living: dict[str, int]) -> dict[str, int]:
@@ -135,6 +140,14 @@ class Guard:
             for name, (beats, since) in self._seen.items()
             if self._watched_s - since >= self._dead_after_s
         }
+
+    def _take_new_jobs(self, living: Collection[str | None]) -> None:
+        """Make this version the newest, which begins jobs, where nothing of that one is alive."""
+        known = self._client.list_application_versions()
+        names = [one["version_name"] for one in known]
+        if VERSION in names and names[0] != VERSION and names[0] not in living:
+            _logger.warning("version %s is gone; version %s begins jobs now", names[0], VERSION)
+            self._queue.promote(VERSION, known[0]["version_timestamp"] + 1)
 
     def _resume_orphans(self) -> None:
         """Put abandoned workflows back: of processes not on the list, or dropped by this one."""
@@ -161,41 +174,13 @@ class Guard:
             _logger.warning("resuming %d abandoned workflows", len(identifiers))
             self._client.resume_workflows(identifiers, queue_name=queue_name)
 
-    def _fail_lost(self) -> None:
-        """Fail jobs whose workflow is broken or gone, so that no client waits for them for ever."""
-        with self._database.reading() as connection:
-            waiting = job_records.unfinished(connection)
-        for first in range(0, len(waiting), _BATCH):
-            asked = waiting[first : first + _BATCH]
-            found = {
-                one.workflow_id: one
-                for one in self._client.list_workflows(
-                    workflow_ids=asked, load_input=False, load_output=False
-                )
-            }
-            for job_id in asked:
-                workflow = found.get(job_id)
-                if workflow is None or workflow.status in _BROKEN or _outdated(workflow):
-                    status = None if workflow is None else workflow.status
-                    _logger.error("job %s was lost: workflow %s", job_id, status)
-                    with self._database.writing() as connection:
-                        job_records.end_job(connection, job_id, "failed", error=_LOST)
-
     def _sweep(self) -> None:
         """Delete what was kept long enough; jobs last, so that none is forgotten half deleted."""
         with self._database.reading() as connection:
             time = executors.agreed_moment(connection)
             old = ended_before(connection, earlier(time, self._keep_jobs_s), _SWEPT_AT_ONCE)
         for job_id in old:
-            parts = self._client.list_workflows(
-                workflow_id_prefix=job_id, load_input=False, load_output=False
-            )
-            self._client.delete_workflows([one.workflow_id for one in parts])
+            self._queue.delete(job_id)
         with self._database.writing() as connection:
             forget_answers(connection, earlier(time, self._keep_answers_s))
             delete_jobs(connection, old)
-
-
-def _outdated(workflow: WorkflowStatus) -> bool:
-    """Whether a workflow waits for a syncplan older than this one."""
-    return workflow.status == "ENQUEUED" and workflow.app_version not in (None, WORKFLOWS_VERSION)

@@ -1,43 +1,141 @@
-"""Submitting jobs: a job and its workflow are entered in one transaction."""
+"""Submitting jobs and their parts: entered in the caller's transaction, for workers to take.
+
+Parts wait in one durable queue with a partition for each owner, so that no owner's parts wait for
+another's. Within a partition the parts with the lowest number come first.
+"""
+
+from collections.abc import Iterable
 
 from dbos import DBOS, DBOSClient, EnqueueOptions
 from sqlalchemy import Connection
 
-from api.jobs.serialization import JSON_ROWS, refuse_pickles
+from syncplan import __version__
 
-__all__ = ["APPLICATION", "JOBS_QUEUE", "JOB_WORKFLOW", "WORKFLOWS_VERSION", "JobQueue"]
+__all__ = [
+    "APPLICATION",
+    "BATCH_WORKFLOW",
+    "BEGIN_WORKFLOW",
+    "CONCLUDE_WORKFLOW",
+    "PARTS_QUEUE",
+    "VERSION",
+    "JobQueue",
+    "batch_id",
+    "conclusion_id",
+]
 
 APPLICATION = "syncplan"
-JOBS_QUEUE = "syncplan-jobs"
-JOB_WORKFLOW = "syncplan-job"
+PARTS_QUEUE = "syncplan-work"
 
-WORKFLOWS_VERSION = "2"
-"""Raised when jobs begun by an older syncplan can't be continued; they then fail and say so."""
+BEGIN_WORKFLOW = "syncplan-begin"
+BATCH_WORKFLOW = "syncplan-batch"
+CONCLUDE_WORKFLOW = "syncplan-conclude"
+
+_STRUCTURE = 2
+"""Raised when the workflows change so that jobs under way can't be continued."""
+
+VERSION = f"{__version__}+{_STRUCTURE}"
+"""What finishes the jobs that it has begun: another one may compute other numbers."""
+
+_FIRST = 1
+"""The priority of what a job begins and ends with, and of its first batch."""
+
+
+def batch_id(job_id: str, number: int) -> str:
+    """Return the identifier of the workflow of a batch."""
+    return f"{job_id}-{number}"
+
+
+def conclusion_id(job_id: str) -> str:
+    """Return the identifier of the workflow that concludes a job."""
+    return f"{job_id}-end"
 
 
 class JobQueue:
     """The durable queue, seen from outside the workflows; its tables are made where missing."""
 
     def __init__(self, url: str) -> None:
-        refuse_pickles()
         DBOS.migrate(url)
         self.client = DBOSClient(
             system_database_url=url,
-            serializer=JSON_ROWS,
             application_name=APPLICATION,
             lazy=True,
             retry_connection_errors=False,
         )
 
-    def enqueue(self, connection: Connection, job_id: str) -> None:
-        """Enter the workflow of a job, in the caller's transaction."""
+    def add_job(
+        self, connection: Connection, job_id: str, owner: str, version: str | None = None
+    ) -> None:
+        """Enter the first part of a job; any version may begin it unless one is given."""
+        self._enter(connection, BEGIN_WORKFLOW, job_id, owner, version, _FIRST, job_id)
+
+    def add_batches(
+        self, connection: Connection, job_id: str, owner: str, numbers: Iterable[tuple[int, int]]
+    ) -> None:
+        """Enter batches of a job, given as (number, turn); those entered before stay as they are.
+
+        The first turns of all the owner's jobs come before the second ones of any.
+        """
+        for number, turn in numbers:
+            identifier = batch_id(job_id, number)
+            self._enter(
+                connection,
+                BATCH_WORKFLOW,
+                identifier,
+                owner,
+                VERSION,
+                _FIRST + turn,
+                job_id,
+                number,
+            )
+
+    def add_conclusion(self, connection: Connection, job_id: str, owner: str) -> None:
+        """Enter the last part of a job."""
+        identifier = conclusion_id(job_id)
+        self._enter(connection, CONCLUDE_WORKFLOW, identifier, owner, VERSION, _FIRST, job_id)
+
+    def _enter(
+        self,
+        connection: Connection,
+        workflow: str,
+        identifier: str,
+        owner: str,
+        version: str | None,
+        priority: int,
+        *arguments: str | int,
+    ) -> None:
         options: EnqueueOptions = {
-            "workflow_name": JOB_WORKFLOW,
-            "queue_name": JOBS_QUEUE,
-            "workflow_id": job_id,
-            "app_version": WORKFLOWS_VERSION,
+            "workflow_name": workflow,
+            "queue_name": PARTS_QUEUE,
+            "queue_partition_key": owner,
+            "workflow_id": identifier,
+            "priority": priority,
         }
-        self.client.enqueue_in_transaction(connection, options, job_id)
+        if version is not None:
+            options["app_version"] = version
+        self.client.enqueue_in_transaction(connection, options, *arguments)
+
+    def drop(self, job_id: str) -> None:
+        """Take what waits of a job that has ended out of the queue, where it comes to nothing."""
+        waiting = self.client.list_workflows(
+            workflow_id_prefix=job_id,
+            status="ENQUEUED",
+            app_version=VERSION,
+            load_input=False,
+            load_output=False,
+        )
+        self.client.cancel_workflows([one.workflow_id for one in waiting])
+
+    def delete(self, job_id: str) -> None:
+        """Delete all workflows of a job, whatever became of them."""
+        found = self.client.list_workflows(
+            workflow_id_prefix=job_id, load_input=False, load_output=False
+        )
+        self.client.delete_workflows([one.workflow_id for one in found])
+
+    def promote(self, version: str, timestamp: int) -> None:
+        """Make a version the newest: one that is dated by a timestamp in ms."""
+        # by this and not by `set_latest_application_version`, which reads the machine's clock
+        self.client._sys_db.update_application_version_timestamp(version, timestamp)
 
     def close(self) -> None:
         """Close the connection to the database."""

@@ -8,13 +8,13 @@ from collections.abc import Collection
 
 from dbos import DBOS, DBOSConfig
 
+import api.jobs.workflows  # noqa: F401
 from api.computing.pool import Pool
 from api.jobs import dbos_runtime
 from api.jobs.dbos_runtime import Runtime
 from api.jobs.guard import Guard
-from api.jobs.queue import APPLICATION, JOBS_QUEUE, WORKFLOWS_VERSION, JobQueue
-from api.jobs.serialization import JSON_ROWS
-from api.jobs.workflows import BATCHES_QUEUE
+from api.jobs.part_watch import PartWatch
+from api.jobs.queue import APPLICATION, PARTS_QUEUE, VERSION, JobQueue
 from api.metrics import JobTally
 from api.settings import Settings
 from api.storage.database import Database
@@ -41,29 +41,33 @@ class Worker:
         self.executor_id = f"{socket.gethostname()[:32]}-{os.getpid()}-{secrets.token_hex(4)}"
         size = settings.process_count
         self.pool = Pool(size, background=True, niceness=settings.job_niceness)
-        self._runtime = Runtime(settings, database, self.pool, tally or JobTally())
-        dbos_runtime.use(self._runtime)
         self.queue = JobQueue(settings.database)
+        watch = PartWatch(database, VERSION)
+        self._runtime = Runtime(
+            settings, database, self.queue, self.pool, tally or JobTally(), watch
+        )
+        dbos_runtime.use(self._runtime)
         self.guard = guard_of(
             settings, database, self.queue, self.executor_id, self._runtime.at_work
         )
         # first: others take over what a process that is not on the list has begun
         self.guard.start()
         DBOS(config=_config(settings, self.executor_id))
-        DBOS.listen_queues([JOBS_QUEUE, BATCHES_QUEUE])
+        DBOS.listen_queues([PARTS_QUEUE])
         DBOS.launch()
-        for name in (JOBS_QUEUE, BATCHES_QUEUE):
-            DBOS.register_queue(
-                name,
-                worker_concurrency=size,
-                polling_interval_sec=_POLL_S,
-                on_conflict="always_update",
-            )
+        DBOS.register_queue(
+            PARTS_QUEUE,
+            # of each owner: whose turn it is among them is for the pool
+            partition_worker_concurrency=size,
+            polling_interval_sec=_POLL_S,
+            on_conflict="always_update",
+        )
         _logger.info("worker %s with %d processes", self.executor_id, size)
 
     def close(self) -> None:
         """Give up the jobs that run; another process, or this one's successor, continues them."""
         self._runtime.closing.set()
+        self._runtime.watch.close()
         self.pool.close()
         DBOS.destroy(workflow_completion_timeout_sec=0)
         self.guard.close()
@@ -81,13 +85,14 @@ def guard_of(
     """Return the guard of this process, not yet started."""
     return Guard(
         database,
-        queue.client,
+        queue,
         executor_id,
         at_work=at_work,
         heartbeat_s=settings.heartbeat_s,
         dead_after_s=settings.dead_after_s,
         keep_jobs_s=settings.keep_jobs_s,
         keep_answers_s=settings.keep_answers_s,
+        version_grace_s=settings.version_grace_s,
     )
 
 
@@ -97,8 +102,7 @@ def _config(settings: Settings, executor_id: str) -> DBOSConfig:
         "system_database_url": settings.database,
         "sys_db_pool_size": _DBOS_CONNECTIONS,
         "executor_id": executor_id,
-        "application_version": WORKFLOWS_VERSION,
-        "serializer": JSON_ROWS,
+        "application_version": VERSION,
         "log_level": "WARNING",
         "enable_otlp": False,
     }

@@ -20,10 +20,12 @@ from api.routes.plan_routes import Identifier, find_or_refuse
 from api.security import CurrentOwner
 from api.service import CurrentEnding, CurrentService, Service
 from api.storage import job_queries, job_records
+from api.storage.clock import earlier, moment
 from api.storage.database import unavailable
 from api.storage.events import MOST_EVENTS, events_after
 from api.storage.job_records import JobRow, NewJob
 from api.storage.kept_answers import Answer
+from api.storage.part_records import computed_seconds
 from api.storage.plan_records import body_of
 from syncplan.reports.job_contract import JobState, has_ended
 
@@ -34,6 +36,8 @@ router = APIRouter(tags=["jobs"])
 _JSON = [Depends(accepts("application/json"))]
 _SUBMITTED = problem_responses(401, 404, 406, 413, 415, 422, 429, 503, 507)
 _RETRY_AFTER_S = 5
+_RETRY_AFTER_SECONDS_S = 600
+_DAY_S = 86400.0
 _LOOK_EVERY_S = 0.3
 
 
@@ -262,9 +266,23 @@ async def _submit(call: Call, kind: JobKind, plan_id: str | None) -> Response:
                 "wait for one to end, or cancel one",
                 retry_after_s=_RETRY_AFTER_S,
             )
+        _refuse_more_seconds(connection, call)
         row = job_records.add_job(connection, call.owner, new)
-        service.queue.enqueue(connection, row.id)
+        service.queue.add_job(connection, row.id, call.owner)
         headers = {"location": f"/v1/jobs/{row.id}"}
         return Answer(call.digest, 202, headers, job_answer(row).model_dump_json())
 
     return await answer_once(call, compute, store)
+
+
+def _refuse_more_seconds(connection: Connection, call: Call) -> None:
+    """Raise TooManyRequests if the owner's jobs have computed for as long as they may."""
+    most_s = call.service.settings.max_job_seconds
+    since = earlier(moment(connection), _DAY_S)
+    spent_s = computed_seconds(connection, call.owner, since)
+    if spent_s >= most_s:
+        raise TooManyRequests(
+            f"your jobs of the last 24 hours have computed for {spent_s:.0f} s, the most allowed "
+            f"is {most_s:.0f} s; wait for older ones to pass out of the 24 hours",
+            retry_after_s=_RETRY_AFTER_SECONDS_S,
+        )

@@ -1,22 +1,36 @@
-"""Which processes are alive: a count for each, raised with every heartbeat."""
+"""Which processes are alive, a count for each that is raised with every heartbeat; their versions.
+
+A version outlives its processes here, so that it is known since when none of it has been alive.
+"""
+
+import contextlib
+from collections.abc import Mapping
 
 from sqlalchemy import Connection, delete, func, insert, select, update
+from sqlalchemy.exc import IntegrityError
 
 from api.storage.clock import NOW, moment
-from api.storage.tables import executors
+from api.storage.tables import executors, versions
 
-__all__ = ["agreed_moment", "beat", "forget", "living"]
+__all__ = ["agreed_moment", "beat", "forget", "last_seen", "living", "living_versions"]
 
 
-def beat(connection: Connection, executor_id: str) -> None:
-    """Raise an executor's count, or enter it."""
+def beat(connection: Connection, executor_id: str, version: str) -> None:
+    """Raise an executor's count, or enter it, and note that its version is alive."""
     raised = connection.execute(
         update(executors)
         .where(executors.c.id == executor_id)
         .values(beats=executors.c.beats + 1, seen_at=NOW)
     )
     if not raised.rowcount:
-        connection.execute(insert(executors).values(id=executor_id, beats=0, seen_at=NOW))
+        connection.execute(
+            insert(executors).values(id=executor_id, beats=0, version=version, seen_at=NOW)
+        )
+    seen = update(versions).where(versions.c.version == version).values(seen_at=NOW)
+    if not connection.execute(seen).rowcount:
+        # another process may enter the version at the same moment
+        with contextlib.suppress(IntegrityError), connection.begin_nested():
+            connection.execute(insert(versions).values(version=version, seen_at=NOW))
 
 
 def living(connection: Connection) -> dict[str, int]:
@@ -33,6 +47,16 @@ def agreed_moment(connection: Connection) -> str:
     last = connection.execute(select(func.min(executors.c.seen_at))).scalar()
     now = moment(connection)
     return now if last is None else min(last, now)
+
+
+def living_versions(connection: Connection) -> set[str | None]:
+    """Return the versions of all executors entered; None of those from before schema version 2."""
+    return set(connection.execute(select(executors.c.version)).scalars())
+
+
+def last_seen(connection: Connection) -> Mapping[str, str]:
+    """Return when an executor of each version was last alive."""
+    return {row[0]: row[1] for row in connection.execute(select(versions))}
 
 
 def forget(connection: Connection, executor_id: str, beats: int | None = None) -> None:

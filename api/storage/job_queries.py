@@ -1,36 +1,51 @@
 """What workers ask about a job: whether to begin, what to compute, for whom, and its result."""
 
+from dataclasses import dataclass
+
 from sqlalchemy import Connection, select
 
 from api.job_kinds.job_kind import JobSpec
 from api.storage.clock import NOW
-from api.storage.job_records import change, state_of
+from api.storage.job_records import ANY_VERSION, change
 from api.storage.tables import job_results, jobs
-from syncplan.reports.job_contract import UNFINISHED
 
 __all__ = [
+    "BegunJob",
+    "begun_job",
     "owner_and_plan",
     "report_of",
-    "spec_of",
     "start_job",
     "trials_of",
 ]
 
 
-def start_job(connection: Connection, job_id: str) -> bool:
-    """Mark a job as running; return whether there is anything left to do for it."""
-    if change(connection, job_id, only=("queued",), state="running", started_at=NOW):
-        return True
-    return state_of(connection, job_id) == "running"
+@dataclass(frozen=True, slots=True)
+class BegunJob:
+    """A job under way; `begun` counts how often it was begun anew."""
+
+    spec: JobSpec
+    owner: str
+    begun: int
 
 
-def spec_of(connection: Connection, job_id: str) -> JobSpec | None:
-    """Return what is to be computed for a job that has not ended; None otherwise."""
-    query = select(jobs.c.id, jobs.c.kind, jobs.c.request, jobs.c.plan_text).where(
-        jobs.c.id == job_id, jobs.c.state.in_(UNFINISHED)
+def start_job(connection: Connection, job_id: str, version: str) -> BegunJob | None:
+    """Mark a job as running, if it waits and may be begun by this version; return it if it runs."""
+    query = select(jobs.c.id).where(
+        jobs.c.id == job_id, jobs.c.state == "queued", jobs.c.version.in_((ANY_VERSION, version))
     )
+    if connection.execute(query.with_for_update()).first() is not None:
+        started = {"state": "running", "version": version, "started_at": NOW}
+        change(connection, job_id, only=("queued",), **started)
+    return begun_job(connection, job_id, version)
+
+
+def begun_job(connection: Connection, job_id: str, version: str) -> BegunJob | None:
+    """Return a job that runs and was begun by this version; None otherwise."""
+    query = select(
+        jobs.c.id, jobs.c.kind, jobs.c.request, jobs.c.plan_text, jobs.c.owner, jobs.c.begun
+    ).where(jobs.c.id == job_id, jobs.c.state == "running", jobs.c.version == version)
     found = connection.execute(query).first()
-    return None if found is None else JobSpec(*found)
+    return None if found is None else BegunJob(JobSpec(*found[:4]), found[4], found[5])
 
 
 def owner_and_plan(connection: Connection, job_id: str) -> tuple[str, str | None]:

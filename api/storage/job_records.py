@@ -14,21 +14,26 @@ from sqlalchemy import Connection, delete, func, insert, null, select, update
 
 from api.job_kinds.job_kind import JobReport
 from api.storage.clock import NOW, moment, new_id
-from api.storage.tables import job_events, job_parts, job_results, jobs
+from api.storage.tables import job_events, job_parts, job_results, job_starts, jobs
 from syncplan.reports.job_contract import UNFINISHED, EndState, JobKindName, JobState
 
 __all__ = [
+    "ANY_VERSION",
     "JobRow",
     "NewJob",
     "add_job",
     "change",
     "end_job",
     "find_job",
+    "forget_parts",
     "hold_owner",
     "list_jobs",
     "state_of",
     "unfinished",
 ]
+
+ANY_VERSION = ""
+"""The version of a job that no syncplan has begun."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +90,7 @@ def add_job(connection: Connection, owner: str, new: NewJob) -> JobRow:
             total=new.work,
             created_at=created_at,
             events=0,
+            version=ANY_VERSION,
         )
     )
     change(connection, job_id)
@@ -159,8 +165,14 @@ def end_job(
     if report is not None:
         result = {"job_id": job_id, "text": report.text, "trials": report.trials}
         connection.execute(insert(job_results).values(result))
-    connection.execute(delete(job_parts).where(job_parts.c.job_id == job_id))
+    forget_parts(connection, job_id)
     return True
+
+
+def forget_parts(connection: Connection, job_id: str) -> None:
+    """Delete what is finished of a job, and what is known of its parts."""
+    for table in (job_parts, job_starts):
+        connection.execute(delete(table).where(table.c.job_id == job_id))
 
 
 def change(

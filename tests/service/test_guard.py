@@ -7,15 +7,15 @@ import pytest
 from dbos import DBOSClient
 from sqlalchemy import text
 
-from api.job_kinds.job_kind import JobReport
+from api.job_kinds.job_kind import Batch, JobReport
 from api.jobs.guard import Guard
-from api.jobs.queue import JOBS_QUEUE, JobQueue
-from api.jobs.workflows import batch_id
-from api.storage import executors, job_records
+from api.jobs.queue import PARTS_QUEUE, VERSION, JobQueue
+from api.storage import batch_records, executors, job_records
+from api.storage.clock import earlier, moment
 from api.storage.database import Database, open_database
 from api.storage.kept_answers import Answer, find_answer, keep_answer
 
-BEAT_S, DEAD_AFTER_S, KEEP_S = 2.0, 8.0, 60.0
+BEAT_S, DEAD_AFTER_S, KEEP_S, GRACE_S = 2.0, 8.0, 60.0, 600.0
 LOOKS = 4
 """Looks at an unchanged count after which a process is dead."""
 
@@ -43,13 +43,14 @@ class Bench:
     def another(self, name: str | None, keep_s: float = KEEP_S) -> Guard:
         return Guard(
             self.database,
-            self.queue.client,
+            self.queue,
             name,
             at_work=self.at_work,
             heartbeat_s=BEAT_S,
             dead_after_s=DEAD_AFTER_S,
             keep_jobs_s=keep_s,
             keep_answers_s=keep_s,
+            version_grace_s=GRACE_S,
             clock=self.clock,
         )
 
@@ -66,9 +67,9 @@ class Bench:
             self.clock.now += every_s
             self.guard.look_after()
 
-    def beat(self, name: str) -> None:
+    def beat(self, name: str, version: str = VERSION) -> None:
         with self.database.writing() as connection:
-            executors.beat(connection, name)
+            executors.beat(connection, name, version)
 
     def living(self) -> set[str]:
         with self.database.reading() as connection:
@@ -79,8 +80,42 @@ class Bench:
         with self.database.writing() as connection:
             new = job_records.NewJob("validation", "{}", 40, "plan", "text")
             job_id = job_records.add_job(connection, "ann", new).id
-            self.queue.enqueue(connection, job_id)
+            self.queue.add_job(connection, job_id, "ann")
         return job_id
+
+    def begun(self, version: str | None = VERSION) -> str:
+        """A job that a version has begun, and its workflow."""
+        job_id = self.job()
+        changes = (
+            "UPDATE jobs SET state = 'running', version = :version WHERE id = :id",
+            "UPDATE workflow_status SET application_version = :version WHERE workflow_uuid = :id",
+        )
+        with self.database.writing() as connection:
+            for change in changes:
+                connection.execute(text(change), {"version": version, "id": job_id})
+        return job_id
+
+    def keep_a_batch(self, job_id: str) -> None:
+        with self.database.writing() as connection:
+            batch_records.divide_job(connection, job_id, [Batch(0, 0, 40)])
+            batch_records.keep_batch(connection, job_id, 0, b"data")
+
+    def batches(self, job_id: str) -> int:
+        """How many batches of a job are kept."""
+        with self.database.reading() as connection:
+            return len(batch_records.finished_batches(connection, job_id))
+
+    def see_last(self, version: str, seconds_ago: float) -> None:
+        """Let a version have been alive some time ago for the last time."""
+        with self.database.writing() as connection:
+            seen_at = earlier(moment(connection), seconds_ago)
+            connection.execute(
+                text("UPDATE versions SET seen_at = :at WHERE version = :version"),
+                {"at": seen_at, "version": version},
+            )
+
+    def app_version(self, job_id: str) -> str | None:
+        return self.client.list_workflows(workflow_ids=[job_id])[0].app_version
 
     def end(self, job_id: str) -> None:
         with self.database.writing() as connection:
@@ -155,10 +190,10 @@ def test_what_a_dead_process_had_begun_goes_back_to_its_queue(bench: Bench) -> N
     bench.set_workflow(left, "PENDING", "other")
     bench.set_workflow(held, "PENDING", "own")
     bench.look(LOOKS)
-    assert bench.workflow(left) == ("PENDING", JOBS_QUEUE)
+    assert bench.workflow(left) == ("PENDING", PARTS_QUEUE)
     bench.look()
-    assert bench.workflow(left) == ("ENQUEUED", JOBS_QUEUE)
-    assert bench.workflow(held) == ("PENDING", JOBS_QUEUE)
+    assert bench.workflow(left) == ("ENQUEUED", PARTS_QUEUE)
+    assert bench.workflow(held) == ("PENDING", PARTS_QUEUE)
 
 
 def test_what_this_process_has_begun_and_dropped_goes_back_at_the_second_look(
@@ -167,9 +202,9 @@ def test_what_this_process_has_begun_and_dropped_goes_back_at_the_second_look(
     job_id = bench.job()
     bench.set_workflow(job_id, "PENDING", "own")
     bench.look()
-    assert bench.workflow(job_id) == ("PENDING", JOBS_QUEUE)
+    assert bench.workflow(job_id) == ("PENDING", PARTS_QUEUE)
     bench.look()
-    assert bench.workflow(job_id) == ("ENQUEUED", JOBS_QUEUE)
+    assert bench.workflow(job_id) == ("ENQUEUED", PARTS_QUEUE)
 
 
 def test_what_this_process_is_only_about_to_begin_is_left_to_it(bench: Bench) -> None:
@@ -180,7 +215,7 @@ def test_what_this_process_is_only_about_to_begin_is_left_to_it(bench: Bench) ->
     bench.look()
     bench.at_work.clear()
     bench.look()
-    assert bench.workflow(job_id) == ("PENDING", JOBS_QUEUE)
+    assert bench.workflow(job_id) == ("PENDING", PARTS_QUEUE)
 
 
 def test_a_process_that_ends_gives_back_what_it_had_begun(bench: Bench) -> None:
@@ -190,27 +225,131 @@ def test_a_process_that_ends_gives_back_what_it_had_begun(bench: Bench) -> None:
     bench.at_work.append(job_id)
     bench.guard.close()
     assert bench.living() == set()
-    assert bench.workflow(job_id) == ("ENQUEUED", JOBS_QUEUE)
+    assert bench.workflow(job_id) == ("ENQUEUED", PARTS_QUEUE)
 
 
-@pytest.mark.parametrize("status", ["ERROR", "CANCELLED", "MAX_RECOVERY_ATTEMPTS_EXCEEDED", None])
-def test_a_job_whose_workflow_is_broken_or_gone_fails(bench: Bench, status: str | None) -> None:
+@pytest.mark.parametrize("status", ["ERROR", "CANCELLED", "MAX_RECOVERY_ATTEMPTS_EXCEEDED"])
+def test_a_job_whose_workflow_is_broken_fails(bench: Bench, status: str) -> None:
     lost, waiting, ended = bench.job(), bench.job(), bench.job()
     bench.end(ended)
     for job_id in (lost, ended):
-        if status is None:
-            bench.client.delete_workflows([job_id])
-        else:
-            bench.set_workflow(job_id, status)
+        bench.set_workflow(job_id, status)
     bench.look(10)
     assert [bench.state(one) for one in (lost, waiting, ended)] == ["failed", "queued", "succeeded"]
+
+
+def test_a_job_whose_workflow_is_gone_begins_again_with_what_it_has(bench: Bench) -> None:
+    lost, waiting, ended = bench.job(), bench.begun(), bench.job()
+    bench.keep_a_batch(waiting)
+    bench.end(ended)
+    for job_id in (lost, waiting, ended):
+        bench.client.delete_workflows([job_id])
+    bench.look(10)
+    # it may just have come to its end
+    assert bench.workflow(lost) is bench.workflow(waiting) is None
+    bench.look(10)
+    assert bench.workflow(lost) == bench.workflow(waiting) == ("ENQUEUED", PARTS_QUEUE)
+    assert bench.app_version(lost) is None
+    assert bench.app_version(waiting) == VERSION
+    assert bench.workflow(ended) is None
+    assert bench.batches(waiting) == 1
+
+
+def test_a_job_that_loses_its_workflow_again_and_again_fails(bench: Bench) -> None:
+    job_id = bench.job()
+    looks = 0
+    while bench.state(job_id) != "failed":
+        bench.client.delete_workflows([job_id])
+        bench.look(10)
+        looks += 1
+        assert looks < 200
+    assert looks > 20
+
+
+# --- versions -----------------------------------------------------------------------------------
+
+
+def test_a_job_of_another_version_waits_for_it_and_then_moves(bench: Bench) -> None:
+    job_id = bench.begun("0.0+1")
+    bench.keep_a_batch(job_id)
+    bench.beat("other", "0.0+1")
+    bench.look(LOOKS + 1)
+    assert bench.living() == {"own"}
+    bench.look(20)
+    assert bench.app_version(job_id) == "0.0+1"
+    assert bench.batches(job_id) == 1
+    bench.see_last("0.0+1", GRACE_S + 1.0)
+    bench.look(10)
+    assert bench.state(job_id) == "running"
+    assert bench.workflow(job_id) == ("ENQUEUED", PARTS_QUEUE)
+    assert bench.app_version(job_id) == VERSION
+    assert bench.batches(job_id) == 0
+
+
+def test_a_job_stays_with_its_version_while_that_is_alive(bench: Bench) -> None:
+    job_id = bench.begun("0.0+1")
+    bench.see_last("0.0+1", GRACE_S + 1.0)
+    for _ in range(30):
+        bench.beat("other", "0.0+1")
+        bench.see_last("0.0+1", GRACE_S + 1.0)
+        bench.look()
+    assert bench.app_version(job_id) == "0.0+1"
+
+
+def test_what_runs_no_jobs_moves_none(bench: Bench) -> None:
+    bench.guard = bench.another(None)
+    job_id = bench.begun("0.0+1")
+    bench.look(30)
+    assert bench.app_version(job_id) == "0.0+1"
+
+
+def test_a_job_from_before_versions_moves_once_no_such_worker_is_left(bench: Bench) -> None:
+    job_id = bench.begun(None)
+    bench.keep_a_batch(job_id)
+    with bench.database.writing() as connection:
+        connection.execute(text("INSERT INTO executors (id, beats) VALUES ('old', 0)"))
+    for _ in range(30):
+        with bench.database.writing() as connection:
+            connection.execute(text("UPDATE executors SET beats = beats + 1 WHERE id = 'old'"))
+        bench.look()
+    assert bench.app_version(job_id) is None
+    assert bench.batches(job_id) == 1
+    bench.look(LOOKS + 11)
+    assert bench.app_version(job_id) == VERSION
+    assert bench.batches(job_id) == 0
+
+
+def test_the_workflow_of_a_version_that_is_taken_by_nobody_moves_too(bench: Bench) -> None:
+    """Begun by a process that died before it could say so: the row names no version."""
+    job_id = bench.job()
+    with bench.database.writing() as connection:
+        change = (
+            "UPDATE workflow_status SET application_version = '0.0+1' WHERE workflow_uuid = :id"
+        )
+        connection.execute(text(change), {"id": job_id})
+    bench.look(10)
+    assert bench.app_version(job_id) == VERSION
+    assert bench.state(job_id) == "queued"
+
+
+def test_the_newest_version_that_lives_begins_jobs(bench: Bench) -> None:
+    client = bench.client
+    # years ahead: by whose clock it is the newest does not matter
+    for name, when in ((VERSION, 1), ("0.9+1", 4_000_000_000_000)):
+        client._sys_db.create_application_version(name)
+        client._sys_db.update_application_version_timestamp(name, when)
+    bench.beat("other", "0.9+1")
+    bench.look(LOOKS)
+    assert client.get_latest_application_version()["version_name"] == "0.9+1"
+    bench.look(2)
+    assert client.get_latest_application_version()["version_name"] == VERSION
 
 
 def test_old_jobs_and_answers_are_swept_with_their_workflows_and_no_others(bench: Bench) -> None:
     old, waiting = bench.job(), bench.job()
     with bench.database.writing() as connection:
         keep_answer(connection, "ann", "key", Answer("digest", 201, {}, ""))
-        bench.queue.enqueue(connection, batch_id(old, 0))
+        bench.queue.add_batches(connection, old, "ann", [(0, 0)])
     bench.set_workflow(old, "SUCCESS")
     bench.end(old)
     bench.look(10)
@@ -218,9 +357,9 @@ def test_old_jobs_and_answers_are_swept_with_their_workflows_and_no_others(bench
     bench.guard = bench.another("own", keep_s=-60.0)
     bench.look(10)
     assert bench.state(old) is None
-    assert bench.workflow(old) is bench.workflow(batch_id(old, 0)) is None
+    assert bench.workflow(old) is bench.workflow(f"{old}-0") is None
     assert bench.state(waiting) == "queued"
-    assert bench.workflow(waiting) == ("ENQUEUED", JOBS_QUEUE)
+    assert bench.workflow(waiting) == ("ENQUEUED", PARTS_QUEUE)
     with bench.database.reading() as connection:
         assert find_answer(connection, "ann", "key") is None
 

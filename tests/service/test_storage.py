@@ -93,10 +93,10 @@ def test_the_database_dates_rows_whatever_the_clock_of_a_process(connection: Con
     before = moment(connection)
     plan = add_plan(connection, "ann", MADE)
     job_id = job(connection)
-    job_queries.start_job(connection, job_id)
+    job_queries.start_job(connection, job_id, "1")
     job_records.end_job(connection, job_id, "cancelled")
     keep_answer(connection, "ann", "key", Answer("digest", 201, {}, ""))
-    executors.beat(connection, "one")
+    executors.beat(connection, "one", "1")
     ended = job_records.find_job(connection, "ann", job_id)
     assert ended is not None
     told = [json.loads(data)["at"] for _, data in events_after(connection, job_id, 0)]
@@ -112,8 +112,8 @@ def test_the_database_dates_rows_whatever_the_clock_of_a_process(connection: Con
 
 
 def test_what_by_anyone_alive_is_not_old_yet_is_kept(connection: Connection) -> None:
-    executors.beat(connection, "one")
-    executors.beat(connection, "ahead")
+    executors.beat(connection, "one", "1")
+    executors.beat(connection, "ahead", "1")
     ahead = earlier(moment(connection), -8 * 86400.0)
     connection.execute(
         update(executor_rows).where(executor_rows.c.id == "ahead").values(seen_at=ahead)
@@ -161,12 +161,9 @@ def test_pages_of_plans_hold_each_once_newest_first(connection: Connection) -> N
 
 def test_a_job_goes_from_queued_over_its_batches_to_one_end(connection: Connection) -> None:
     job_id = job(connection)
-    assert job_queries.start_job(connection, job_id)
-    assert batch_records.divide_job(connection, job_id, BATCHES) == 2
-    assert batch_records.next_batch(connection, job_id, 1) == (
-        job_queries.spec_of(connection, job_id),
-        BATCHES[1],
-    )
+    assert job_queries.start_job(connection, job_id, "1")
+    assert batch_records.divide_job(connection, job_id, BATCHES)
+    assert batch_records.next_batch(connection, job_id, 1) == BATCHES[1]
     assert batch_records.note_progress(connection, job_id, 5, 0)
     batch_records.keep_batch(connection, job_id, 1, b"late")
     batch_records.keep_batch(connection, job_id, 0, b"soon")
@@ -190,12 +187,12 @@ def test_a_job_goes_from_queued_over_its_batches_to_one_end(connection: Connecti
 
 def test_an_ended_job_changes_no_more(connection: Connection) -> None:
     job_id = job(connection)
-    job_queries.start_job(connection, job_id)
+    job_queries.start_job(connection, job_id, "1")
     batch_records.divide_job(connection, job_id, BATCHES)
     assert job_records.end_job(connection, job_id, "cancelled")
     before = states(connection, job_id)
     assert not job_records.end_job(connection, job_id, "succeeded", report=JobReport("late"))
-    assert not job_queries.start_job(connection, job_id)
+    assert not job_queries.start_job(connection, job_id, "1")
     assert not batch_records.note_progress(connection, job_id, 9)
     batch_records.keep_batch(connection, job_id, 0, b"late")
     assert batch_records.next_batch(connection, job_id, 0) is None
@@ -205,10 +202,10 @@ def test_an_ended_job_changes_no_more(connection: Connection) -> None:
 
 def test_a_step_that_runs_again_changes_nothing(connection: Connection) -> None:
     job_id = job(connection)
-    assert job_queries.start_job(connection, job_id)
-    assert job_queries.start_job(connection, job_id)
+    assert job_queries.start_job(connection, job_id, "1")
+    assert job_queries.start_job(connection, job_id, "1")
     batch_records.divide_job(connection, job_id, BATCHES)
-    assert batch_records.divide_job(connection, job_id, [Batch(0, 0, 40)]) == 2
+    assert batch_records.divide_job(connection, job_id, [Batch(0, 0, 40)])
     batch_records.keep_batch(connection, job_id, 0, b"first")
     batch_records.keep_batch(connection, job_id, 0, b"second")
     assert batch_records.finished_batches(connection, job_id)[0] == (BATCHES[0], b"first")
@@ -268,7 +265,7 @@ def test_answers_are_forgotten_after_their_time(connection: Connection) -> None:
 
 def test_an_executor_is_struck_off_only_at_the_count_that_was_seen(connection: Connection) -> None:
     for _ in range(3):
-        executors.beat(connection, "one")
+        executors.beat(connection, "one", "1")
     assert executors.living(connection) == {"one": 2}
     executors.forget(connection, "one", beats=1)
     assert executors.living(connection) == {"one": 2}
@@ -402,7 +399,7 @@ def test_a_full_disk_counts_as_a_lost_connection_whoever_writes(tmp_path: Path) 
 def test_no_batches_are_entered_for_a_job_that_has_ended(connection: Connection) -> None:
     job_id = job(connection)
     job_records.end_job(connection, job_id, "cancelled")
-    assert batch_records.divide_job(connection, job_id, BATCHES) == 0
+    assert not batch_records.divide_job(connection, job_id, BATCHES)
     assert connection.execute(select(job_parts)).all() == []
 
 

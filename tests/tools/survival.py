@@ -20,7 +20,7 @@ import httpx2
 import psycopg
 from dbos import DBOSClient
 
-from api.jobs.queue import APPLICATION, WORKFLOWS_VERSION
+from api.jobs.queue import APPLICATION
 from api.settings import load_settings
 from syncplan import __version__
 from syncplan.planning.judged_plan import Plan
@@ -423,10 +423,7 @@ def another_version(folder: Path, version: str) -> Path:
     for package in ("syncplan", "api"):
         # compiled kernels come along: their times stay
         shutil.copytree(ROOT / package, folder / package)
-    for module, given in (
-        ("syncplan/__init__.py", f'__version__ = "{__version__}"'),
-        ("api/jobs/queue.py", f'WORKFLOWS_VERSION = "{WORKFLOWS_VERSION}"'),
-    ):
+    for module, given in (("syncplan/__init__.py", f'__version__ = "{__version__}"'),):
         file = folder / module
         text = file.read_text()
         assert text.count(given) == 1, module

@@ -1,0 +1,156 @@
+"""Computing a part of a job in a child process: tried again if the child dies, up to a limit.
+
+A part that can't be computed ends its job, as failed and with the reason.
+"""
+
+import asyncio
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import Connection
+
+from api.computing.child import ChildGoneError, TaskFailedError, TooSlowError
+from api.computing.pool import GivenUpError, Ticket
+from api.jobs.dbos_runtime import current, in_transaction
+from api.jobs.part_watch import WatchedPart
+from api.storage import job_records, part_records
+from api.storage.database import patiently
+from api.storage.part_records import PartHistory
+from syncplan.errors import InputError, NoSolutionError
+
+__all__ = ["MOST_ATTEMPTS", "MOST_DEATHS", "Part", "computed"]
+
+MOST_DEATHS = 5
+"""How many children may end while they compute one part."""
+
+MOST_ATTEMPTS = 200
+"""How often a part may be begun: workers that are killed with all their children count here."""
+
+_PAUSE_S = 0.5
+
+_logger = logging.getLogger("syncplan.jobs")
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A part of a job.
+
+    Attributes
+    ----------
+    number : of its row; see api.storage.part_records
+    name : as messages call it
+    """
+
+    job_id: str
+    number: int
+    name: str
+
+
+async def computed(part: Part, submit: Callable[[WatchedPart, PartHistory], Ticket]) -> Any:
+    """Return what the task of a part returns; None where its job has ended, or fails with it.
+
+    `submit` hands the task in.
+    """
+    try:
+        return await _tried(part, submit)
+    except GivenUpError:
+        await _stay_if_closing(part)
+    except _FailedError as failed:
+        document = dict(failed.document)
+        await in_transaction(
+            lambda connection: job_records.end_job(
+                connection, part.job_id, "failed", error=document
+            )
+        )
+    return None
+
+
+async def _tried(part: Part, submit: Callable[[WatchedPart, PartHistory], Ticket]) -> Any:
+    while True:
+        history = await in_transaction(
+            lambda connection: part_records.begin_part(connection, part.job_id, part.number)
+        )
+        if history.attempts > MOST_ATTEMPTS:
+            raise _internal(f"{part.name} was begun {MOST_ATTEMPTS} times and never finished")
+        try:
+            return await _tried_once(part, history, submit)
+        except ChildGoneError as error:
+            await _stay_if_closing(part)
+            deaths = await in_transaction(
+                lambda connection: part_records.count_death(connection, part.job_id, part.number)
+            )
+            _logger.error(
+                "a process computing %s of job %s ended, the %d. time: %s",
+                part.name,
+                part.job_id,
+                deaths,
+                error,
+            )
+            if deaths >= MOST_DEATHS:
+                raise _internal(
+                    f"{MOST_DEATHS} processes ended while they computed {part.name}: killed, or "
+                    "out of memory; ask for less, or give the workers more memory"
+                ) from None
+            await asyncio.sleep(_PAUSE_S)
+
+
+async def _tried_once(
+    part: Part, history: PartHistory, submit: Callable[[WatchedPart, PartHistory], Ticket]
+) -> Any:
+    runtime = current()
+    with runtime.watch.over(part.job_id, part.number) as watched:
+        watched.ticket = submit(watched, history)
+        try:
+            return await asyncio.wrap_future(watched.ticket.future)
+        except InputError as error:
+            faults = [
+                {"path": one.key, "value": one.value, "message": one.problem}
+                for one in error.faults
+            ]
+            raise _FailedError("Bad input", str(error), errors=faults) from None
+        except NoSolutionError as error:
+            raise _FailedError("No solution", str(error)) from None
+        except TooSlowError as error:
+            _logger.error("%s of job %s took too long", part.name, part.job_id)
+            raise _too_slow(part, error) from None
+        except TaskFailedError as error:
+            _logger.error("job %s failed: %s", part.job_id, error)
+            raise _internal("an internal fault; see the service's log") from None
+        finally:
+            await asyncio.to_thread(patiently, watched.note, runtime.database, over=True)
+
+
+class _FailedError(Exception):
+    """What a job fails with, as a problem's title and detail."""
+
+    def __init__(self, title: str, detail: str, **more: object) -> None:
+        super().__init__(detail)
+        self.document: Mapping[str, object] = {"title": title, "detail": detail, **more}
+
+
+def _internal(detail: str) -> _FailedError:
+    return _FailedError("Internal fault", detail)
+
+
+def _too_slow(part: Part, error: TooSlowError) -> _FailedError:
+    limit_s = current().settings.job_task_s
+    return _FailedError(
+        "Too slow",
+        f"{part.name} took longer than the {limit_s:g} s that a part of a job may take here "
+        "(SYNCPLAN_JOB_TASK_S); ask for fewer vehicles, shorter runs or less time",
+    )
+
+
+async def _stay_if_closing(part: Part) -> None:
+    """Never return in a process that is about to end: another one continues the workflow."""
+    if not current().closing.is_set():
+        return
+
+    def withdraw(connection: Connection) -> None:
+        part_records.withdraw_part(connection, part.job_id, part.number)
+
+    await in_transaction(withdraw)
+    while current().closing.is_set():
+        await asyncio.sleep(1.0)
