@@ -25,6 +25,7 @@ from api.routes import (
 from api.service import Service, limits_of
 from api.settings import Settings, load_settings
 from api.storage.database import open_database
+from api.storage.plan_reader import PlanReader
 from api.telemetry import telemetry_options
 from api.watching.job_readings import JobReadings
 from api.watching.pool_readings import PoolReadings
@@ -93,8 +94,15 @@ class _Running:
         self.pool = Pool(
             settings.process_count, background=False, most_waiting=settings.max_plan_queue
         )
+        self.plans = PlanReader(self.database)
         self.service = Service(
-            settings, self.database, self.pool, self.queue, limits_of(settings), self.silent_s
+            settings,
+            self.database,
+            self.pool,
+            self.queue,
+            limits_of(settings),
+            self.silent_s,
+            self.plans,
         )
 
     def silent_s(self) -> float:
@@ -113,6 +121,6 @@ class _Running:
         with ExitStack() as last_first:
             last_first.callback(self.database.close)
             last_first.callback(self.queue.close)
-            for one in (self.guard, self.worker, self.pool):
+            for one in (self.plans, self.guard, self.worker, self.pool):
                 if one is not None:
                     last_first.callback(one.close)

@@ -12,6 +12,7 @@ from api.jobs.queue import JobQueue
 from api.limits import RequestLimits
 from api.settings import Settings
 from api.storage.database import Database
+from api.storage.plan_reader import PlanReader
 
 __all__ = ["CurrentEnding", "CurrentService", "Ending", "Service", "limits_of"]
 
@@ -35,6 +36,7 @@ class Service:
     queue: JobQueue
     limits: RequestLimits
     silent_s: Callable[[], float]
+    plans: PlanReader
 
 
 def limits_of(settings: Settings) -> RequestLimits:

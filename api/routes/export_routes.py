@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from fastapi import APIRouter, Depends, Query, Response
 from pydantic import BaseModel, Field
-from starlette.concurrency import run_in_threadpool
 
 from api.idempotency import computed
 from api.negotiation import accepts
@@ -79,7 +78,7 @@ async def read_export(
 
     The sidecar says how each vehicle joins its circle at the right phase, and what to watch for.
     """
-    row = await run_in_threadpool(find_or_refuse, service, owner, plan_id)
+    row = await find_or_refuse(service, owner, plan_id)
     archive, notes = await computed(service, "exported", row.text, format, query.model_dump())
     headers = {
         "content-disposition": f'attachment; filename="plan-{format}.zip"',

@@ -88,12 +88,12 @@ async def read_plan_figure(
     theme: Theme = "light",
 ) -> Response:
     """A figure of a plan. `comparison` shows the plan that it was refined from beside it."""
-    row = await run_in_threadpool(find_or_refuse, service, owner, plan_id)
+    row = await find_or_refuse(service, owner, plan_id)
     parent = None
     if FIGURES[figure].compares:
         if row.parent_id is None:
             raise NotFound(f"plan {plan_id} was not refined from another: nothing to compare with")
-        parent = (await run_in_threadpool(find_or_refuse, service, owner, row.parent_id)).text
+        parent = (await find_or_refuse(service, owner, row.parent_id)).text
     return await _drawn(service, "plan_figure", row.text, figure, theme, parent)
 
 

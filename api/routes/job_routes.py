@@ -206,16 +206,15 @@ async def cancel_job(row: Owned, call: EmptyCall) -> Response:
     summary="Read a job's result",
     responses=problem_responses(401, 404, 406, 409, 422, 503),
 )
-def read_result(row: Owned, service: CurrentService, owner: CurrentOwner) -> Response:
+async def read_result(row: Owned, service: CurrentService, owner: CurrentOwner) -> Response:
     """The report of a validation or a sweep, or the plan that a refinement made."""
     if row.state != "succeeded":
         raise Conflict(f"the job is {row.state}; a result comes with the state succeeded")
     if row.result_plan_id is not None:
-        plan = find_or_refuse(service, owner, row.result_plan_id)
+        plan = await find_or_refuse(service, owner, row.result_plan_id)
         headers = {"content-location": f"/v1/plans/{plan.id}", "etag": f'"{plan.etag}"'}
         return Response(body_of(plan), headers=headers, media_type="application/json")
-    with service.database.reading() as connection:
-        report = job_queries.report_of(connection, row.id)
+    report = await run_in_threadpool(_report_of, service, row.id)
     if report is None:
         raise NotFound(f"the result of job {row.id} was deleted")
     return Response(report, media_type="application/json")
@@ -244,6 +243,11 @@ def read_trials(row: Owned, service: CurrentService) -> Response:
     return Response(trials, media_type="application/octet-stream")
 
 
+def _report_of(service: Service, job_id: str) -> str | None:
+    with service.database.reading() as connection:
+        return job_queries.report_of(connection, job_id)
+
+
 async def _submit(call: Call, kind: JobKind, plan_id: str | None) -> Response:
     service = call.service
 
@@ -251,7 +255,7 @@ async def _submit(call: Call, kind: JobKind, plan_id: str | None) -> Response:
         # here, so that a request that was answered is answered again though its plan is gone
         text = None
         if plan_id is not None:
-            text = (await run_in_threadpool(find_or_refuse, service, call.owner, plan_id)).text
+            text = (await find_or_refuse(service, call.owner, plan_id)).text
         request, work = await computed(
             service, "checked_request", kind.name, call.body, call.syntax, service.limits, text
         )

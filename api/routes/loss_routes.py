@@ -3,7 +3,6 @@
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Depends, Query, Response
-from starlette.concurrency import run_in_threadpool
 
 from api.idempotency import computed
 from api.negotiation import accepts
@@ -50,6 +49,6 @@ async def read_losses(
     The most harmful loss comes first. A vehicle whose sensor is lost flies on and is seen by
     others.
     """
-    row = await run_in_threadpool(find_or_refuse, service, owner, plan_id)
+    row = await find_or_refuse(service, owner, plan_id)
     found = await computed(service, "judged_losses", row.text, lose or [], int(losses), bound)
     return Response(found, media_type="application/json")

@@ -4,6 +4,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Depends, Header, Path, Query, Response
 from sqlalchemy import Connection
+from starlette.concurrency import run_in_threadpool
 
 from api.idempotency import CurrentCall, answer_once, computed
 from api.negotiation import accepts
@@ -14,7 +15,7 @@ from api.routes.paging import Before, Limit, page_and_next
 from api.security import CurrentOwner
 from api.service import CurrentService, Service
 from api.storage.kept_answers import Answer
-from api.storage.plan_records import PlanRow, add_plan, body_of, delete_plan, find_plan, list_plans
+from api.storage.plan_records import PlanRow, add_plan, body_of, delete_plan, list_plans
 
 __all__ = ["Identifier", "find_or_refuse", "router"]
 
@@ -91,14 +92,14 @@ def read_plans(
         **problem_responses(401, 404, 406, 422, 503),
     },
 )
-def read_plan(
+async def read_plan(
     plan_id: Identifier,
     service: CurrentService,
     owner: CurrentOwner,
     if_none_match: Annotated[str | None, Header(alias="If-None-Match", description=_TAGS)] = None,
 ) -> Response:
     """The plan, byte for byte as it was made; plans never change."""
-    row = find_or_refuse(service, owner, plan_id)
+    row = await find_or_refuse(service, owner, plan_id)
     headers = {"etag": f'"{row.etag}"', "cache-control": "private, no-cache"}
     if if_none_match is not None and _names(if_none_match, row.etag):
         return Response(status_code=304, headers=headers)
@@ -112,24 +113,27 @@ def read_plan(
     summary="Delete a plan",
     responses=problem_responses(401, 404, 406, 412, 422, 503, 507),
 )
-def remove_plan(
+async def remove_plan(
     plan_id: Identifier,
     service: CurrentService,
     owner: CurrentOwner,
     if_match: Annotated[str | None, Header(alias="If-Match", description=_TAGS)] = None,
 ) -> None:
     """Delete a plan; jobs about it, and plans refined from it, stay."""
-    row = find_or_refuse(service, owner, plan_id)
+    row = await find_or_refuse(service, owner, plan_id)
     if if_match is not None and not _names(if_match, row.etag):
         raise PreconditionFailed(f"the plan's tag is {row.etag}, not {if_match}")
+    await run_in_threadpool(_delete, service, owner, plan_id)
+
+
+def _delete(service: Service, owner: str, plan_id: str) -> None:
     with service.database.writing() as connection:
         delete_plan(connection, owner, plan_id)
 
 
-def find_or_refuse(service: Service, owner: str, plan_id: str) -> PlanRow:
+async def find_or_refuse(service: Service, owner: str, plan_id: str) -> PlanRow:
     """Return an owner's plan; raises NotFound, also for those of others."""
-    with service.database.reading() as connection:
-        row = find_plan(connection, owner, plan_id)
+    row = await service.plans.find(owner, plan_id)
     if row is None:
         raise NotFound(f"there is no plan {plan_id}")
     return row

@@ -59,6 +59,14 @@ class Database:
                 connection.exec_driver_sql("BEGIN IMMEDIATE")
             yield connection
 
+    def autocommitting(self) -> Connection:
+        """Return a connection to keep and to close: each statement is a transaction of its own."""
+        connection = self.engine.connect()
+        # SQLite's commit each statement unless `writing` has begun a transaction
+        if self.is_sqlite:
+            return connection
+        return connection.execution_options(isolation_level="AUTOCOMMIT")
+
     def check(self) -> None:
         """Raise what reading raises if the database can't be reached."""
         with self.reading() as connection:

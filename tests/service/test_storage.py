@@ -27,7 +27,7 @@ from api.storage.kept_answers import (
     keep_answer,
 )
 from api.storage.migrations import MIGRATIONS
-from api.storage.plan_records import add_plan, body_of, delete_plan, find_plan, list_plans
+from api.storage.plan_records import add_plan, body_of, delete_plan, find_plans, list_plans
 from api.storage.tables import answers, job_parts, schema_version
 from api.storage.tables import executors as executor_rows
 from syncplan.errors import InputError
@@ -131,7 +131,7 @@ def test_what_by_anyone_alive_is_not_old_yet_is_kept(connection: Connection) -> 
 
 def test_a_stored_plan_is_the_plan_with_three_keys_at_its_top(connection: Connection) -> None:
     row = add_plan(connection, "ann", MADE, parent_id="p")
-    assert find_plan(connection, "ann", row.id) == row
+    assert find_plans(connection, [("ann", row.id)]) == [row]
     body = body_of(row)
     assert json.loads(body) == {
         "id": row.id,
@@ -144,12 +144,12 @@ def test_a_stored_plan_is_the_plan_with_three_keys_at_its_top(connection: Connec
 
 def test_nobody_finds_lists_or_deletes_the_plans_of_others(connection: Connection) -> None:
     row = add_plan(connection, "ann", MADE)
-    assert find_plan(connection, "bob", row.id) is None
+    assert find_plans(connection, [("bob", row.id)]) == [None]
     assert list_plans(connection, "bob", 10, None) == []
     delete_plan(connection, "bob", row.id)
-    assert find_plan(connection, "ann", row.id) is not None
+    assert find_plans(connection, [("ann", row.id)]) == [row]
     delete_plan(connection, "ann", row.id)
-    assert find_plan(connection, "ann", row.id) is None
+    assert find_plans(connection, [("ann", row.id)]) == [None]
 
 
 def test_pages_of_plans_hold_each_once_newest_first(connection: Connection) -> None:
@@ -293,7 +293,7 @@ def test_a_database_opens_again_with_what_it_held(tmp_path: Path) -> None:
     first.close()
     second = open_database(url)
     with second.reading() as connection:
-        assert find_plan(connection, "ann", row.id) == row
+        assert find_plans(connection, [("ann", row.id)]) == [row]
         assert connection.execute(select(schema_version.c.version)).scalars().all() == [
             len(MIGRATIONS)
         ]
