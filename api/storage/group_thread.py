@@ -25,7 +25,7 @@ _PATIENCE_S = 5.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Asked(Generic[T, R]):
+class _Question(Generic[T, R]):
     """A question, the loop that waits for the answer, and where it waits."""
 
     question: T
@@ -49,15 +49,15 @@ class GroupThread(Generic[T, R]):
     ) -> None:
         self._answer = answer
         self._most = most
-        self._turn: list[_Asked[T, R]] = []
-        self._waiting: queue.SimpleQueue[list[_Asked[T, R]] | None] = queue.SimpleQueue()
+        self._turn: list[_Question[T, R]] = []
+        self._waiting: queue.SimpleQueue[list[_Question[T, R]] | None] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._run, daemon=True, name=name)
         self._thread.start()
 
     async def ask(self, question: T) -> R:
         """Return the answer to a question; one event loop alone may ask."""
         loop = asyncio.get_running_loop()
-        asked: _Asked[T, R] = _Asked(question, loop, loop.create_future())
+        asked: _Question[T, R] = _Question(question, loop, loop.create_future())
         self._turn.append(asked)
         if len(self._turn) == 1:
             # after whatever else this turn of the loop asks
@@ -74,7 +74,7 @@ class GroupThread(Generic[T, R]):
         self._waiting.put(turn)
 
     def _run(self) -> None:
-        waiting: list[_Asked[T, R]] = []
+        waiting: list[_Question[T, R]] = []
         last = False
         while waiting or not last:
             while not last and (not waiting or not self._waiting.empty()):
@@ -85,7 +85,7 @@ class GroupThread(Generic[T, R]):
             if group:
                 self._settle(group)
 
-    def _settle(self, group: list[_Asked[T, R]]) -> None:
+    def _settle(self, group: list[_Question[T, R]]) -> None:
         outcomes: Sequence[R | Exception]
         try:
             outcomes = self._answer([one.question for one in group])
@@ -99,7 +99,7 @@ class GroupThread(Generic[T, R]):
             return
 
 
-def _deliver(answered: list[tuple[_Asked[T, R], R | Exception]]) -> None:
+def _deliver(answered: list[tuple[_Question[T, R], R | Exception]]) -> None:
     for asked, outcome in answered:
         # whoever has gone away has cancelled its future
         if asked.future.done():
