@@ -9,6 +9,7 @@ from api.routes import health_routes
 from api.service import Service, limits_of
 from api.settings import Settings
 from api.storage.database import Database
+from api.storage.plan_reader import PlanReader
 from api.telemetry import OFF
 from api.watching.job_readings import JobReadings
 from api.watching.pool_readings import PoolReadings
@@ -29,6 +30,7 @@ def create_worker_app(
         worker.queue,
         limits_of(settings),
         lambda: worker.guard.silent_s,
+        PlanReader(database),
     )
     app.state.metrics.watch(PoolReadings({"jobs": worker.pool}), Cached(JobReadings(database)))
     app.include_router(health_routes.router)

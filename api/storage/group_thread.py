@@ -36,6 +36,8 @@ class _Question(Generic[T, R]):
 class GroupThread(Generic[T, R]):
     """A thread that answers questions of an event loop, as many at once as wait.
 
+    It starts with the first question.
+
     Parameters
     ----------
     name : of the thread
@@ -52,13 +54,16 @@ class GroupThread(Generic[T, R]):
         self._turn: list[_Question[T, R]] = []
         self._waiting: queue.SimpleQueue[list[_Question[T, R]] | None] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._run, daemon=True, name=name)
-        self._thread.start()
+        self._started = False
 
     async def ask(self, question: T) -> R:
         """Return the answer to a question; one event loop alone may ask."""
         loop = asyncio.get_running_loop()
         asked: _Question[T, R] = _Question(question, loop, loop.create_future())
         self._turn.append(asked)
+        if not self._started:
+            self._started = True
+            self._thread.start()
         if len(self._turn) == 1:
             # after whatever else this turn of the loop asks
             loop.call_soon(self._hand_over)
@@ -66,8 +71,9 @@ class GroupThread(Generic[T, R]):
 
     def close(self) -> None:
         """End the thread once it has answered what was asked."""
-        self._waiting.put(None)
-        self._thread.join(timeout=_PATIENCE_S)
+        if self._started:
+            self._waiting.put(None)
+            self._thread.join(timeout=_PATIENCE_S)
 
     def _hand_over(self) -> None:
         turn, self._turn = self._turn, []
