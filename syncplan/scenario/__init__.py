@@ -12,6 +12,7 @@ models               the sections of a scenario
 formations           shapes by name, their centres and neighbours
 specification        the scenario as a whole
 other_documents      what is neither scenario nor plan, by its name
+bounded_yaml         YAML in time proportional to its length
 loading              YAML and JSON to scenarios
 landmark_edits       scenario files with further landmarks
 """

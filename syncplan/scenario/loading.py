@@ -1,7 +1,6 @@
 """Reading scenarios: YAML 1.2 or JSON, from a file or standard input, every fault in one line."""
 
 import contextlib
-import io
 import json
 import math
 import sys
@@ -159,11 +158,12 @@ def _without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _parse_yaml(text: str, source: str) -> Any:
-    from ruamel.yaml import YAML
     from ruamel.yaml.error import MarkedYAMLError
 
+    from syncplan.scenario.bounded_yaml import TooMuchYAMLError, load_yaml
+
     try:
-        values = YAML(typ="safe", pure=True).load(io.StringIO(text))
+        values = load_yaml(text)
         if _count(values, {}) > max(len(text), FEWEST_VALUES):
             raise InputError("its aliases expand to too many values; write them out", source=source)
         return values
@@ -171,7 +171,8 @@ def _parse_yaml(text: str, source: str) -> Any:
         mark = error.problem_mark
         place = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
         what = " ".join(str(error.problem or error.context or "unreadable").split())
-        raise InputError(f"{place}not valid YAML: {what}", source=source) from None
+        fault = "" if isinstance(error, TooMuchYAMLError) else "not valid YAML: "
+        raise InputError(f"{place}{fault}{what}", source=source) from None
     except RecursionError:
         raise InputError("is nested too deeply", source=source) from None
     except (InputError, MemoryError):
