@@ -5,6 +5,7 @@ Thin over syncplan, which does all the numbers. Modules, each using only those b
     keys, settings                     what an operator can set
     logs, problems.*, metrics.*        JSON lines, RFC 9457 documents, Prometheus
     negotiation, security, telemetry   media types, who asks, OpenTelemetry
+    job_spans                          traces of jobs
     limits, plan_texts                 the most a request may ask for; scenarios and plans as sent
     job_kinds.*                        one table of job kinds: requests, tasks, results
     computing.*                        the numbers, in child processes

@@ -1,18 +1,22 @@
-"""OpenTelemetry through FastAPI's own support: off unless the settings ask for it."""
+"""OpenTelemetry, off unless the settings ask for it: FastAPI's support, and a worker's spans."""
 
 import importlib.util
+import logging
+import os
+import threading
+from collections.abc import Callable
 
 from fastapi.telemetry import TelemetryConfig
+from opentelemetry import trace
 
 from api.logs import PROBES
 from api.settings import Settings
 from syncplan.errors import InputError
 
-__all__ = ["OFF", "telemetry_options"]
+__all__ = ["OFF", "export_spans", "telemetry_options"]
 
 EXPORTERS = ("opentelemetry.sdk", "opentelemetry.exporter.otlp.proto.http")
 REMEDY = "pip install 'syncplan[telemetry]'"
-
 OFF: TelemetryConfig = {
     "tracing": False,
     "metrics": False,
@@ -22,6 +26,11 @@ OFF: TelemetryConfig = {
 }
 """The argument that exports nothing."""
 
+_ENDPOINTS = ("OTEL_EXPORTER_OTLP_TRACES_ENDPOINT", "OTEL_EXPORTER_OTLP_ENDPOINT")
+_LAST_EXPORT_S = 3.0
+
+_log = logging.getLogger("syncplan.telemetry")
+
 
 def telemetry_options(settings: Settings) -> TelemetryConfig:
     """Return FastAPI's argument `telemetry`; OTEL_* variables say where to export to.
@@ -30,13 +39,54 @@ def telemetry_options(settings: Settings) -> TelemetryConfig:
     """
     if not settings.telemetry:
         return OFF
+    _require_exporters()
+    return {"auto_configure": True, "exclude": lambda scope: scope.get("path") in PROBES}
+
+
+def export_spans(settings: Settings) -> Callable[[], None]:
+    """Export the spans of a process that FastAPI does not configure, a worker's.
+
+    As FastAPI does, it takes OTEL_* variables and exports nothing where they name no endpoint.
+    Returns what sends the last spans, for a few seconds at most. Raises InputError if the packages
+    that export are missing.
+    """
+    if not settings.telemetry:
+        return lambda: None
+    _require_exporters()
+    if not any(map(os.environ.get, _ENDPOINTS)) or _switched_off():
+        _log.warning("no spans are exported: %s is not set", _ENDPOINTS[-1])
+        return lambda: None
+    from opentelemetry.exporter.otlp.proto.http.trace_exporter import OTLPSpanExporter
+    from opentelemetry.sdk.trace import TracerProvider
+    from opentelemetry.sdk.trace.export import BatchSpanProcessor
+
+    provider = TracerProvider(shutdown_on_exit=False)
+    provider.add_span_processor(BatchSpanProcessor(OTLPSpanExporter()))
+    trace.set_tracer_provider(provider)
+
+    def send_last() -> None:
+        # whoever collects them may be away
+        sender = threading.Thread(target=provider.shutdown, daemon=True, name="last-spans")
+        sender.start()
+        sender.join(_LAST_EXPORT_S)
+
+    return send_last
+
+
+def _require_exporters() -> None:
     missing = [name for name in EXPORTERS if not _installed(name)]
     if missing:
         raise InputError(
             f"needs {' and '.join(missing)}, not installed here; install with: {REMEDY}",
             key="SYNCPLAN_TELEMETRY",
         )
-    return {"auto_configure": True, "exclude": lambda scope: scope.get("path") in PROBES}
+
+
+def _switched_off() -> bool:
+    return (
+        os.environ.get("OTEL_SDK_DISABLED", "").lower() == "true"
+        or os.environ.get("OTEL_TRACES_EXPORTER", "").lower() == "none"
+    )
 
 
 def _installed(name: str) -> bool:

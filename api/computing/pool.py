@@ -19,6 +19,7 @@ from collections.abc import Callable
 from typing import Any
 
 from api.computing.child import Child, ChildGoneError, TooSlowError
+from api.computing.pool_depth import PoolDepth
 from api.computing.tickets import LEAST_RUN_S, GivenUpError, OwnerBusyError, PoolFullError, Ticket
 from api.computing.turns import Turns
 
@@ -67,6 +68,7 @@ class Pool:
         self._running: set[Ticket] = set()
         self._starting: set[Child] = set()
         self._extra = 0
+        self._children = 0
         self._closed = False
         lock = threading.RLock()
         self._work = threading.Condition(lock)
@@ -89,6 +91,19 @@ class Pool:
         """Number of tasks that wait for their turn."""
         with self._work:
             return len(self._turns)
+
+    def depth(self) -> PoolDepth:
+        """Return how much work there is now."""
+        with self._work:
+            first = min((one.submitted for one in self._turns), default=None)
+            return PoolDepth(
+                processes=self.size + self._extra,
+                running=len(self._running),
+                waiting=len(self._turns),
+                owners=self._turns.owners,
+                oldest_s=0.0 if first is None else time.monotonic() - first,
+                started=self._children,
+            )
 
     def submit(
         self,
@@ -267,6 +282,7 @@ class Pool:
             _logger.error("no process could be started: %s", error)
             return None
         with self._work:
+            self._children += 1
             self._starting.add(child)
             if self._closed:
                 child.kill()

@@ -33,6 +33,11 @@ class Turns(Generic[T]):
         """Number of tasks that wait."""
         return sum(map(len, self._waiting.values()))
 
+    @property
+    def owners(self) -> int:
+        """Number of owners whose tasks wait."""
+        return len(self._waiting)
+
     def __iter__(self) -> Iterator[T]:
         """Go through the tasks that wait, owner by owner."""
         for queue in self._waiting.values():

@@ -88,6 +88,20 @@ _ENTRIES = (
         of="service",
     ),
     MetricEntry(
+        "syncplan_parts_unfinished",
+        "gauge",
+        "Parts of running jobs without a result",
+        of="service",
+    ),
+    MetricEntry("syncplan_workers", "gauge", "Workers, by version", ("version",), of="service"),
+    MetricEntry(
+        "syncplan_heartbeat_age_seconds",
+        "gauge",
+        "Age of each worker's last heartbeat",
+        ("worker",),
+        of="service",
+    ),
+    MetricEntry(
         "syncplan_job_wait_seconds",
         "histogram",
         "Time from a job's request to its start",
@@ -106,6 +120,22 @@ _ENTRIES = (
     MetricEntry("syncplan_pool_processes", "gauge", "Child processes of a pool", ("pool",)),
     MetricEntry(
         "syncplan_pool_tasks", "gauge", "Tasks that wait in a pool or run", ("pool", "state")
+    ),
+    MetricEntry(
+        "syncplan_pool_owners_waiting", "gauge", "Owners whose tasks wait in a pool", ("pool",)
+    ),
+    MetricEntry(
+        "syncplan_pool_oldest_waiting_seconds",
+        "gauge",
+        "Age of the task that has waited longest in a pool, 0 if none waits",
+        ("pool",),
+    ),
+    MetricEntry(
+        "syncplan_pool_children_started",
+        "counter",
+        "Child processes started: at the start, and each in place of one that was killed or had "
+        "grown",
+        ("pool",),
     ),
 )
 

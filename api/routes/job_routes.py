@@ -12,6 +12,7 @@ from starlette.concurrency import run_in_threadpool
 from api.idempotency import Call, CurrentCall, EmptyCall, answer_once, computed
 from api.job_kinds.job_kind import JobKind
 from api.job_kinds.job_table import JOB_KINDS, plurals
+from api.job_spans import current_traceparent
 from api.negotiation import accepts
 from api.problems import Conflict, NotFound, TooManyRequests, problem_responses
 from api.responses import Job, JobPage, job_answer
@@ -259,7 +260,7 @@ async def _submit(call: Call, kind: JobKind, plan_id: str | None) -> Response:
         request, work = await computed(
             service, "checked_request", kind.name, call.body, call.syntax, service.limits, text
         )
-        return NewJob(kind.name, request, work, plan_id, text)
+        return NewJob(kind.name, request, work, plan_id, text, current_traceparent())
 
     def store(connection: Connection, new: NewJob) -> Answer:
         job_records.hold_owner(connection, call.owner)

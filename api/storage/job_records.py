@@ -58,7 +58,8 @@ class JobRow:
 class NewJob:
     """A job as it is requested; `request` is checked, `work` its amount in the kind's unit.
 
-    `plan_text` is a copy, so that the job outlives the plan.
+    `plan_text` is a copy, so that the job outlives the plan; `traceparent` is the trace of the
+    request.
     """
 
     kind: JobKindName
@@ -66,6 +67,7 @@ class NewJob:
     work: int
     plan_id: str | None
     plan_text: str | None
+    traceparent: str | None = None
 
 
 _SHOWN = tuple(jobs.c[name] for name in JobRow.__dataclass_fields__)
@@ -86,6 +88,7 @@ def add_job(connection: Connection, owner: str, new: NewJob) -> JobRow:
             request=new.request,
             plan_id=new.plan_id,
             plan_text=new.plan_text,
+            traceparent=new.traceparent,
             done=0,
             total=new.work,
             created_at=created_at,

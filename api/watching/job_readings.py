@@ -1,6 +1,6 @@
-"""Jobs that wait and run, as the database has them."""
+"""Jobs that wait and run and the workers there are, as the database has them."""
 
-from datetime import UTC, datetime
+from datetime import datetime
 
 from sqlalchemy import text
 
@@ -16,28 +16,35 @@ _LONGEST_READ_MS = 2000
 
 
 class JobReadings:
-    """A source of the figures of all jobs, each the same in every process."""
+    """A source of the figures of all jobs and workers, the same in every process."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
 
     def __call__(self) -> Readings:
-        """Return how many jobs there are, and how long the oldest has been queued."""
+        """Return how many jobs and workers there are, and how long they have waited."""
         with self._database.reading() as connection:
             if not self._database.is_sqlite:
                 connection.execute(text(f"SET LOCAL statement_timeout = {_LONGEST_READ_MS}"))
             found = backlog_of(connection)
-        none: dict[tuple[str, ...], int] = {
+        unfinished: dict[tuple[str, ...], int] = {
             (kind, state): 0 for kind in JOB_KINDS for state in UNFINISHED
         }
         return {
             "syncplan_jobs": {(state,): number for state, number in found.by_state.items()},
-            "syncplan_jobs_unfinished": {**none, **found.unfinished},
-            "syncplan_jobs_oldest_queued_seconds": {(): _age_s(found.oldest_queued)},
+            "syncplan_jobs_unfinished": {**unfinished, **found.unfinished},
+            "syncplan_jobs_oldest_queued_seconds": {(): _age_s(found.oldest_queued, found.now)},
+            "syncplan_parts_unfinished": {(): found.parts},
+            "syncplan_workers": {(name,): number for name, number in found.versions.items()},
+            "syncplan_heartbeat_age_seconds": {
+                (name,): _age_s(seen, found.now) for name, seen in found.seen.items() if seen
+            },
         }
 
 
-def _age_s(moment: str | None) -> float:
+def _age_s(moment: str | None, now: str) -> float:
+    """Seconds from one time of the database to another; 0 from none."""
     if moment is None:
         return 0.0
-    return max((datetime.now(UTC) - datetime.fromisoformat(moment)).total_seconds(), 0.0)
+    age = datetime.fromisoformat(now) - datetime.fromisoformat(moment)
+    return max(age.total_seconds(), 0.0)

@@ -16,9 +16,18 @@ class PoolReadings:
 
     def __call__(self) -> Readings:
         """Return what the pools do now."""
-        running = {name: pool.busy for name, pool in self._pools.items()}
+        found = {name: pool.depth() for name, pool in self._pools.items()}
+        tasks: dict[tuple[str, ...], float] = {}
+        for name, depth in found.items():
+            tasks[name, "running"] = depth.running
+            tasks[name, "waiting"] = depth.waiting
         return {
-            "syncplan_processes_busy": {(): sum(running.values())},
-            "syncplan_pool_processes": {(name,): pool.size for name, pool in self._pools.items()},
-            "syncplan_pool_tasks": {(name, "running"): number for name, number in running.items()},
+            "syncplan_processes_busy": {(): sum(one.running for one in found.values())},
+            "syncplan_pool_processes": {(name,): one.processes for name, one in found.items()},
+            "syncplan_pool_tasks": tasks,
+            "syncplan_pool_owners_waiting": {(name,): one.owners for name, one in found.items()},
+            "syncplan_pool_oldest_waiting_seconds": {
+                (name,): one.oldest_s for name, one in found.items()
+            },
+            "syncplan_pool_children_started": {(name,): one.started for name, one in found.items()},
         }

@@ -8,6 +8,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
+from api.metrics import METRICS
 from syncplan.errors import InputError
 from syncplan.estimation.filters import FILTERS
 from syncplan.exporting.format_table import ALL, FORMATS
@@ -68,10 +69,25 @@ def _swept_keys() -> str:
     return _table(("option", "key", "values", "in Python", "over HTTP"), rows)
 
 
+def _metrics() -> str:
+    rows = [
+        (
+            f"`{entry.name}{'_total' if entry.type == 'counter' else ''}`",
+            entry.type,
+            ", ".join(f"`{label}`" for label in entry.labels),
+            entry.of,
+            entry.meaning,
+        )
+        for entry in METRICS.values()
+    ]
+    return _table(("metric", "type", "labels", "of the", "meaning"), rows)
+
+
 TABLES: Mapping[str, Callable[[], str]] = {
     "figures": _figures,
     "filters": _filters,
     "formats": _formats,
+    "metrics": _metrics,
     "objectives": _objectives,
     "swept-keys": _swept_keys,
 }

@@ -145,8 +145,10 @@ def _work(
     from api.metrics import JobTally
     from api.server import served_beside
     from api.storage.database import unavailable
+    from api.telemetry import export_spans
     from api.worker_app import create_worker_app
 
+    send_last_spans = export_spans(settings)
     tally = JobTally()
     try:
         worker = Worker(settings, database, tally)
@@ -163,6 +165,7 @@ def _work(
     with served:
         stop.wait()
     worker.close()
+    send_last_spans()
 
 
 def _leave() -> NoReturn:

@@ -77,6 +77,26 @@ def test_a_child_yields_as_far_as_it_is_asked_to(pool: Pool, made: PlanText) -> 
     assert os.nice(0) + 7 in niceness
 
 
+def test_depth_counts_tasks_owners_and_children(made: PlanText) -> None:
+    one = Pool(1, background=True)
+    try:
+        wait_until(lambda: one.depth().started == 1)
+        running = long_flight(one, made, "ann")
+        wait_until(lambda: begun(running))
+        for owner in ("ann", "ann", "bob"):
+            long_flight(one, made, owner)
+        depth = one.depth()
+        # ann has a process; for bob, an extra one may have begun
+        assert depth.running + depth.waiting == 4
+        assert depth.owners in (1, 2)
+        assert 0.0 < depth.oldest_s < PATIENCE_S
+        running.cancel()
+        wait_until(lambda: one.depth().started > depth.started)
+    finally:
+        one.close()
+    assert one.depth().waiting == 0
+
+
 def test_a_plan_made_by_a_child_is_the_librarys_to_the_byte(made: PlanText) -> None:
     assert made.text == as_text(plan_document(plan(example("paper-grid-same"))).as_json())
 

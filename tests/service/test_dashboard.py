@@ -1,0 +1,98 @@
+"""What is said of the metrics: dashboard and alerts query what servers and workers expose."""
+
+import json
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import httpx2
+import pytest
+
+from api.metrics import METRICS, MetricEntry
+from tests.tools.serving import ROOT
+
+DASHBOARD: dict[str, Any] = json.loads((ROOT / "docker" / "grafana" / "syncplan.json").read_text())
+ALERTS = (ROOT / "docs" / "how-to" / "watch-the-service.md").read_text()
+
+OF_ALL_METRICS = {"job", "instance", "le"}
+"""Labels that Prometheus adds, and those of a histogram's buckets."""
+
+
+def queries() -> Iterator[str]:
+    """Every expression of the dashboard and of the table of alerts."""
+    for panel in DASHBOARD["panels"]:
+        for target in panel.get("targets", ()):
+            yield target["expr"]
+    rows = ALERTS.partition("## Alerts")[2].partition("## Logs")[0]
+    yield from re.findall(r"^\| [^|]+ \| `(.+?)` \|", rows, re.MULTILINE)
+
+
+def names_in(query: str) -> set[str]:
+    """The metrics of an expression."""
+    return set(re.findall(r"\b(?:syncplan|process)_\w+", query))
+
+
+def entry_of(name: str) -> MetricEntry:
+    """The entry of a name that a query uses; a KeyError if there is none."""
+    for entry in METRICS.values():
+        if name == entry.exposed or (
+            entry.type == "histogram" and re.fullmatch(rf"{entry.name}_(bucket|sum|count)", name)
+        ):
+            return entry
+    raise KeyError(name)
+
+
+def test_the_dashboard_can_be_imported() -> None:
+    assert DASHBOARD["schemaVersion"] >= 36
+    assert re.fullmatch(r"[a-z-]{1,40}", DASHBOARD["uid"])
+    assert "id" not in DASHBOARD
+    sources = [one for one in DASHBOARD["templating"]["list"] if one["type"] == "datasource"]
+    assert [(one["name"], one["query"]) for one in sources] == [("datasource", "prometheus")]
+    numbers = [panel["id"] for panel in DASHBOARD["panels"]]
+    assert len(set(numbers)) == len(numbers)
+    for panel in DASHBOARD["panels"]:
+        place = panel["gridPos"]
+        assert 0 <= place["x"] <= place["x"] + place["w"] <= 24
+        if panel["type"] != "row":
+            assert panel["targets"]
+            assert panel["title"]
+            assert panel["description"]
+            for one in (panel, *panel["targets"]):
+                assert one["datasource"] == {"type": "prometheus", "uid": "${datasource}"}
+
+
+@pytest.mark.parametrize("query", list(queries()))
+def test_a_query_names_metrics_and_labels_that_there_are(query: str) -> None:
+    assert query.count("(") == query.count(")")
+    assert query.count("{") == query.count("}")
+    labels = set(OF_ALL_METRICS)
+    for name in names_in(query):
+        if name.startswith("syncplan_"):
+            labels |= set(entry_of(name).labels)
+    used = {
+        label.strip()
+        for found in re.findall(r"\bby \(([^)]*)\)", query)
+        for label in found.split(",")
+    }
+    used |= set(re.findall(r"(\w+)\s*(?:=~|!=|!~|=)\s*\"", query))
+    assert used <= labels, query
+
+
+@pytest.mark.parametrize("query", list(queries()))
+def test_figures_of_the_service_are_not_added_up(query: str) -> None:
+    """Each process reads them from the database; `sum` would count them once for each."""
+    for name in names_in(query):
+        if name.startswith("syncplan_") and entry_of(name).of == "service":
+            assert not re.search(rf"\bsum\b[^(]*(by \([^)]*\) )?\({name}", query)
+
+
+def test_a_running_server_exposes_all_of_it(ann: httpx2.Client) -> None:
+    text = ann.get("/metrics").text
+    types = dict(re.findall(r"^# TYPE (\S+) (\S+)$", text, re.MULTILINE))
+    for entry in METRICS.values():
+        exposed = entry.exposed if entry.type == "counter" else entry.name
+        assert types.get(exposed) == entry.type, entry.name
+    every = {name for query in queries() for name in names_in(query)}
+    assert len(every) > 15
+    for name in every:
+        assert re.sub(r"_(bucket|sum|count)$", "", name) in types or name in types, name
