@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from dbos import DBOS, DBOSClient, EnqueueOptions
 from sqlalchemy import Connection
 
+from api.jobs.serialization import JSON_ROWS, refuse_pickles
 from syncplan import __version__
 
 __all__ = [
@@ -54,9 +55,11 @@ class JobQueue:
     """The durable queue, seen from outside the workflows; its tables are made where missing."""
 
     def __init__(self, url: str) -> None:
+        refuse_pickles()
         DBOS.migrate(url)
         self.client = DBOSClient(
             system_database_url=url,
+            serializer=JSON_ROWS,
             application_name=APPLICATION,
             lazy=True,
             retry_connection_errors=False,

@@ -15,6 +15,7 @@ from api.jobs.dbos_runtime import Runtime
 from api.jobs.guard import Guard
 from api.jobs.part_watch import PartWatch
 from api.jobs.queue import APPLICATION, PARTS_QUEUE, VERSION, JobQueue
+from api.jobs.serialization import JSON_ROWS
 from api.metrics import JobTally
 from api.settings import Settings
 from api.storage.database import Database
@@ -103,6 +104,7 @@ def _config(settings: Settings, executor_id: str) -> DBOSConfig:
         "sys_db_pool_size": _DBOS_CONNECTIONS,
         "executor_id": executor_id,
         "application_version": VERSION,
+        "serializer": JSON_ROWS,
         "log_level": "WARNING",
         "enable_otlp": False,
     }

@@ -1,0 +1,139 @@
+"""Rows of the queue that hold pickles, by whoever can write to its tables, run no command."""
+
+import base64
+import pickle
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Literal
+
+import pytest
+from sqlalchemy import Connection, create_engine, text
+
+from api.jobs.serialization import JSON_ROWS, RefusedRowError, refuse_pickles
+from tests.tools.processes import wait_until
+from tests.tools.serving import Postgres
+from tests.tools.survival import Site, new_database, quick, validation
+
+PICKLED = "py_pickle"
+"""What DBOS calls rows that hold pickles."""
+
+
+class Opens:
+    """What leaves a file behind when its pickle is read."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def __reduce__(self) -> Any:
+        return open, (str(self._path), "w")
+
+
+@pytest.fixture(scope="module")
+def postgres() -> Iterator[Postgres]:
+    with tempfile.TemporaryDirectory() as folder:
+        started = Postgres(Path(folder) / "postgres")
+        yield started
+        started.stop()
+
+
+def plant(site: Site, job_id: str, other_id: str, pickled: str) -> None:
+    """Let every row that DBOS keeps of two jobs hold a pickle, and add workflows of all states."""
+    engine = create_engine(site.database)
+    with engine.begin() as connection:
+        schema = "" if engine.dialect.name == "sqlite" else "dbos."
+        _plant_inputs(connection, schema, job_id, pickled)
+        for number in range(6):
+            values = {"id": other_id, "number": number, "pickled": pickled, "how": PICKLED}
+            insert = (
+                f"INSERT INTO {schema}operation_outputs (workflow_uuid, function_id, "
+                "function_name, output, serialization) VALUES (:id, :number, :name, :pickled, :how)"
+            )
+            connection.execute(text(insert), {**values, "name": "start" if number < 2 else "cut"})
+        row = connection.execute(
+            text(f"SELECT * FROM {schema}workflow_status WHERE workflow_uuid = :id"),
+            {"id": job_id},
+        ).mappings()
+        like = dict(row.one())
+        for status in ("ENQUEUED", "PENDING", "SUCCESS", "ERROR", "CANCELLED"):
+            planted = {
+                **like,
+                "workflow_uuid": f"{job_id}-{status}",
+                "status": status,
+                "executor_id": "nobody",
+                "inputs": pickled,
+                "output": pickled,
+                "error": pickled,
+                "serialization": PICKLED,
+            }
+            columns, marks = ", ".join(planted), ", ".join(f":{name}" for name in planted)
+            statement = f"INSERT INTO {schema}workflow_status ({columns}) VALUES ({marks})"
+            connection.execute(text(statement), planted)
+    engine.dispose()
+
+
+def _plant_inputs(connection: Connection, schema: str, job_id: str, pickled: str) -> None:
+    values = {"id": job_id, "pickled": pickled, "how": PICKLED}
+    for statement in (
+        f"UPDATE {schema}workflow_status SET inputs = :pickled, serialization = :how "
+        "WHERE workflow_uuid = :id",
+        f"UPDATE {schema}workflow_input SET inputs = :pickled WHERE workflow_uuid = :id",
+    ):
+        connection.execute(text(statement), values)
+
+
+@pytest.mark.parametrize(
+    ("kind", "who"),
+    [
+        ("sqlite", "server"),
+        pytest.param("sqlite", "worker", marks=pytest.mark.long),
+        pytest.param("postgresql", "server", marks=pytest.mark.long),
+        pytest.param("postgresql", "worker", marks=pytest.mark.long),
+    ],
+)
+def test_a_row_that_holds_a_pickle_runs_nothing(
+    kind: str, who: Literal["server", "worker"], tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    address = None
+    if kind == "postgresql":
+        address = new_database(request.getfixturevalue("postgres"))
+    left = tmp_path / "left"
+    pickled = base64.b64encode(pickle.dumps(Opens(left))).decode()
+    with quick(tmp_path, address) as site:
+        server = site.serve("--no-worker")
+        job_id, other_id = (site.hand_in(validation(10, 0)) for _ in range(2))
+        plant(site, job_id, other_id, pickled)
+        if who == "server":
+            site.kill(server)
+            site.serve()
+        else:
+            site.work()
+
+        def refused() -> list[str]:
+            return [line for line in site.log_lines() if "holds a pickle" in line]
+
+        wait_until(lambda: left.exists() or len(refused()) >= 3, otherwise=site.logs)
+        assert not left.exists()
+        site.wait_for(site.hand_in(validation(10, 0)), "succeeded")
+        assert not left.exists()
+        # a line for each row that was met, not one for each look at it
+        assert len(refused()) <= 8
+
+
+def test_pickles_are_refused_and_json_is_read() -> None:
+    refuse_pickles()
+    from dbos._serialization import DBOSDefaultSerializer, deserialize_args, deserialize_exception
+
+    pickled = DBOSDefaultSerializer.serialize({"args": (), "kwargs": {}})
+    for read in (deserialize_args, deserialize_exception):
+        with pytest.raises(RefusedRowError):
+            read(pickled, PICKLED, JSON_ROWS)
+    assert JSON_ROWS.deserialize(JSON_ROWS.serialize(["a", 1])) == ["a", 1]
+
+
+def test_a_dbos_that_would_read_them_nevertheless_is_not_started(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("api.jobs.serialization.deserialize_value", lambda *_: "read")
+    with pytest.raises(RuntimeError, match="reads pickles"):
+        refuse_pickles()
