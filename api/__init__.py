@@ -2,10 +2,12 @@
 
 Thin over syncplan, which does all the numbers. Modules, each using only those before it:
 
-    keys, settings                     what an operator can set
+    addresses, keys, settings          which clients are one, what an operator can set
+    seldom_logs, security_headers      few lines for many cases; what every answer carries
     logs, problems.*, metrics.*        JSON lines, RFC 9457 documents, Prometheus
-    negotiation, security, telemetry   media types, who asks, OpenTelemetry
+    negotiation, telemetry             media types, OpenTelemetry
     job_spans                          traces of jobs
+    hosts, key_throttle, security      whose pages may ask, wrong keys, who asks
     limits, plan_texts                 the most a request may ask for; scenarios and plans as sent
     job_kinds.*                        one table of job kinds: requests, tasks, results
     computing.*                        the numbers, in child processes
@@ -16,7 +18,9 @@ Thin over syncplan, which does all the numbers. Modules, each using only those b
     page_tables, assets, routes.*      the page's tables and files, the routes
     operations, openapi                what the OpenAPI document adds to the routes
     application, main, worker_app      an application without routes; the service's, a worker's
-    protocol, server                   HTTP below it, serving both
+    connections, descriptors           who is connected and for how long; open files
+    refusals, protocol, accepting      HTTP below the application, taking connections
+    server                             serving it all
 
 A request is read, checked and computed in a child process, so that nothing ever holds up the
 event loop; a job is a row in the database and a durable workflow, entered in one transaction.

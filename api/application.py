@@ -4,6 +4,8 @@ from typing import Any
 
 from fastapi import FastAPI
 
+from api.hosts import LocalOnly, names_here
+from api.key_throttle import KeyThrottle
 from api.logs import RequestLog
 from api.metrics import JobTally, Metrics, RequestMetrics
 from api.problems import install_handlers
@@ -30,8 +32,11 @@ def without_routes(settings: Settings, *, tally: JobTally | None = None, **optio
     )
     app.state.settings = settings
     app.state.keyring = Keyring(settings)
+    app.state.key_throttle = KeyThrottle(settings.max_refused_keys)
     app.state.metrics = Metrics(tally)
     app.state.ending = Ending()
+    if not settings.api_keys:
+        app.add_middleware(LocalOnly, names=names_here(settings.host, settings.allowed_hosts))
     install_handlers(app)
     app.add_middleware(RequestMetrics, metrics=app.state.metrics)
     app.add_middleware(RequestLog)

@@ -14,6 +14,8 @@ from typing import Any
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from api.security_headers import with_security
+
 __all__ = [
     "PROBES",
     "JsonLines",
@@ -122,7 +124,8 @@ def route_template(scope: Scope) -> str:
 class RequestLog:
     """ASGI middleware, outermost: gives each request its id and logs one line when it ends.
 
-    A sane X-Request-ID of the client is kept; the answer carries the id under the same name.
+    A sane X-Request-ID of the client is kept; the answer carries the id under the same name. It
+    also carries the headers of api.security_headers.
     """
 
     def __init__(self, app: ASGIApp) -> None:
@@ -160,7 +163,8 @@ class _Entry:
         if message["type"] == "http.response.start":
             self.status = message["status"]
             headers = [pair for pair in message.get("headers", ()) if pair[0] != _HEADER]
-            message = {**message, "headers": [*headers, (_HEADER, self.request_id)]}
+            headers.append((_HEADER, self.request_id))
+            message = {**message, "headers": with_security(headers)}
             await self.forward(message)
             return
         await self.forward(message)

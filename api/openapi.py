@@ -80,6 +80,9 @@ def _complete(operation: Tree, examples: Tree) -> None:
         operation["requestBody"] = _request_body(BODIES[name], examples["request"])
     responses = operation["responses"]
     responses["500"] = problem_responses(500)[500]
+    if "401" in responses:
+        # who presents wrong keys has to wait
+        responses.setdefault("429", problem_responses(429)[429])
     if name == "followJob":
         responses["200"]["content"] = {_EVENTS: {"schema": _EVENT}}
     if name == "readJobResult":

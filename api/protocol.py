@@ -1,99 +1,293 @@
-"""HTTP below the application: what can't be read as HTTP gets a problem as well."""
+"""HTTP below the application: what can't be read as HTTP, is endless or too slow gets a problem.
 
-import json
-import uuid
+    connected -> head -> body -> answering -> idle -> head ...
+                 10 s    30 s                 5 s          (the settings say otherwise)
+
+A connection states when it is due, and whoever looks at the clock calls `expire`.
+"""
+
+from collections.abc import Sized
 from typing import Any
 
-from uvicorn.protocols.http.httptools_impl import STATUS_LINE, HttpToolsProtocol
+import httptools
+from uvicorn.protocols.http.flow_control import HIGH_WATER_LIMIT, FlowControl
+from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
-from api.problems.problem_document import MEDIA_TYPE, Problem, title_of
+from api import refusals
+from api.addresses import network_of
+from api.connections import NEVER, ConnectionLimits, Connections
+from api.refusals import LARGEST_HEAD_BYTES, Refusal
 
-__all__ = ["LARGEST_HEAD_BYTES", "HttpProtocol"]
+__all__ = ["HttpProtocol"]
 
-LARGEST_HEAD_BYTES = 64 * 2**10
-"""Most that may come before the head of a request ends."""
+PROBES = frozenset({b"/healthz", b"/readyz"})
+"""What is answered in the reserve of connections as well."""
 
+_RESERVE_S = 1.0
 _LINGER_S = 2.0
-_DETAILS = {
-    400: "this can't be read as HTTP/1.1",
-    431: f"the request line and the headers are larger than {LARGEST_HEAD_BYTES} bytes",
-}
+_MOST_PIPELINED = 64
+_SLICE_BYTES = 8 * 2**10
+"""Bytes that are parsed before it is asked how many requests wait by now."""
+_FRAMING_PER_BYTE = 8
+"""Bytes of framing that come with each byte of a chunked body at most, in the long run."""
+_LEAST_READ = HIGH_WATER_LIMIT
+"""Bytes of an answer that its client has to take within the time limit."""
+
+
+class _RefusedError(Exception):
+    """Stops the parser: the refusal is in `_fault`."""
+
+
+class _Flow(FlowControl):
+    """Reads on when no request waits for its turn: a connection has but one read of them."""
+
+    def __init__(self, transport: Any, waiting: Sized) -> None:
+        super().__init__(transport)
+        self._waiting = waiting
+
+    def resume_reading(self) -> None:
+        if not self._waiting:
+            super().resume_reading()
 
 
 class HttpProtocol(HttpToolsProtocol):
-    """uvicorn's protocol: refuses with problems as the application does, and endless heads.
+    """uvicorn's protocol: refuses with problems as the application does, within limits of time.
 
-    WebSockets are not spoken; a request to change to them is answered like any other.
+    Connections are counted in `connections`, which also holds their limits. WebSockets are not
+    spoken; a request to change to them is answered like any other.
     """
 
-    def __init__(self, *arguments: Any, **options: Any) -> None:
+    def __init__(
+        self, *arguments: Any, connections: Connections | None = None, **options: Any
+    ) -> None:
         super().__init__(*arguments, **options)
+        self.counted = Connections(ConnectionLimits()) if connections is None else connections
+        self.limits = self.counted.limits
+        self.network = ""
+        self._admitted = True
+        self._now = 0.0
         self._in_head = True
         self._head_bytes = 0
+        # of a body: what its framing may still take
+        self._spare = LARGEST_HEAD_BYTES
+        self._held = b""
+        self._fault: Refusal | None = None
         self._refused = False
+        self.due = NEVER
+        self._body_due = NEVER
+        self.stalled_due = NEVER
+        self._unread = 0
+
+    @property
+    def engaged(self) -> bool:
+        """Whether a request is being answered whose body has come."""
+        return self._answering() and self._in_head
+
+    def connection_made(self, transport: Any) -> None:
+        """Take in a new connection, or put it into the reserve."""
+        super().connection_made(transport)
+        self.flow = _Flow(transport, self.pipeline)
+        self.network = network_of(self._address())
+        self._admitted = self.counted.enter(self)
+        self.due = self.loop.time() + (self.limits.head_s if self._admitted else _RESERVE_S)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Forget the connection."""
+        self.counted.leave(self)
+        super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
         """Take bytes from the client."""
-        if self._refused:
+        if self._held:
+            self._held += data
             return
+        for start in range(0, len(data), _SLICE_BYTES):
+            if len(self.pipeline) >= _MOST_PIPELINED:
+                # reading is paused, so this is all there is until requests are answered
+                self._held = data[start:]
+                return
+            if not self._refused:
+                self._parse(data[start : start + _SLICE_BYTES])
+
+    def _parse(self, data: bytes) -> None:
+        self._now = self.loop.time()
         if self._in_head:
+            if not self._head_bytes and self._admitted and not self._answering():
+                self.due = self._now + self.limits.head_s
             self._head_bytes += len(data)
-        super().data_received(data)
-        if self._in_head and self._head_bytes > LARGEST_HEAD_BYTES and not self._refused:
-            self.logger.warning("head of a request too large")
-            self._refuse(431)
+        else:
+            self._spare -= len(data)
+        try:
+            self.parser.feed_data(data)
+        except httptools.HttpParserUpgrade:
+            pass
+        except httptools.HttpParserError:
+            self._refuse(self._fault or refusals.UNREADABLE)
+            return
+        if self._in_head and self._head_bytes > LARGEST_HEAD_BYTES:
+            self._refuse(refusals.LARGE_HEAD)
+        elif not self._in_head and self._spare < 0:
+            self._refuse(refusals.LARGE_FRAMING)
+
+    def on_header(self, name: bytes, value: bytes) -> None:
+        """Take a header; what comes after the body is read over."""
+        if self._in_head:
+            super().on_header(name, value)
 
     def on_headers_complete(self) -> None:
         """Begin with a request, whose head has ended."""
-        self._in_head = False
+        if not self._admitted:
+            self._admitted = self.counted.promote(self)
+        if not self._admitted and self.url.partition(b"?")[0] not in PROBES:
+            self._stop(refusals.crowd(self.limits))
         super().on_headers_complete()
+        if not self._admitted:
+            self.cycle.keep_alive = False
+        self._in_head, self._spare = False, LARGEST_HEAD_BYTES
+        self.due = self._body_due = self._now + self.limits.body_s
+
+    def on_body(self, body: bytes) -> None:
+        """Take a part of a body."""
+        self._spare = min(LARGEST_HEAD_BYTES, self._spare + (1 + _FRAMING_PER_BYTE) * len(body))
+        super().on_body(body)
 
     def on_message_complete(self) -> None:
         """Expect the head of the next request."""
         self._in_head, self._head_bytes = True, 0
         super().on_message_complete()
+        self._expect_more(self._now)
+
+    def on_response_complete(self) -> None:
+        """Go on with the next request, if there is one.
+
+        uvicorn's own, without its timer.
+        """
+        self.server_state.total_requests += 1
+        if self.transport.is_closing():
+            self.due = self.loop.time() + self.limits.answer_s
+            return
+        if self.pipeline:
+            cycle, app = self.pipeline.pop()
+            self._start_asgi_task(cycle, app)
+        if self._held:
+            held, self._held = self._held, b""
+            self.data_received(held)
+        self.flow.resume_reading()
+        self._expect_more(self.loop.time())
+
+    def pause_writing(self) -> None:
+        """Note when the client has to have taken a part of its answer."""
+        self._unread = self.transport.get_write_buffer_size()
+        self.stalled_due = self.loop.time() + self.limits.answer_s
+        super().pause_writing()
+
+    def resume_writing(self) -> None:
+        """Go on: the client reads."""
+        self.stalled_due = NEVER
+        super().resume_writing()
+
+    def expire(self, now: float) -> None:
+        """End a connection that is due at `now`, a time in s of the loop's clock, or before."""
+        if self.stalled_due <= now and self._stalls(now):
+            self.counted.refused("unread", "a client does not read its answer", self._address())
+            self.transport.abort()
+            return
+        if self.due > now:
+            return
+        if self._refused or self.transport.is_closing():
+            self.transport.abort()
+        elif not self._in_head and self.flow.read_paused:
+            # it is the service that does not read on
+            self.due = self._body_due = now + self.limits.body_s
+        elif not self._in_head:
+            self._refuse(refusals.late_body(self.limits))
+        elif not self._admitted:
+            self._refuse(refusals.crowd(self.limits))
+        elif self._head_bytes:
+            self._refuse(refusals.late_head(self.limits))
+        else:
+            self._close(now)
+
+    def turn_away(self) -> None:
+        """Answer that there is no room, and close."""
+        self._refuse(refusals.crowd(self.limits), linger=False)
+
+    def shutdown(self) -> None:
+        """End with the server: at once, unless a request is being answered whose body has come."""
+        if self._answering() and (self.cycle.response_started or not self.cycle.more_body):
+            self.cycle.keep_alive = False
+        elif self._answering():
+            self._refuse(refusals.ENDING, linger=False)
+        else:
+            self.transport.close()
 
     def send_400_response(self, msg: str) -> None:
         """Refuse what can't be read."""
-        self._refuse(400)
+        self._refuse(refusals.UNREADABLE)
 
     def _unsupported_upgrade_warning(self) -> None:
         """No warning: other protocols are left out on purpose."""
 
-    def _refuse(self, status: int) -> None:
+    def _address(self) -> str:
+        return self.client[0] if self.client else ""
+
+    def _answering(self) -> bool:
+        return self.cycle is not None and not self.cycle.response_complete
+
+    def _expect_more(self, now: float) -> None:
+        """State when the connection is due, after a request or an answer has ended."""
+        if not self._in_head:
+            self.due = self._body_due
+        elif self._answering():
+            self.due = NEVER
+        else:
+            self.due = now + (self.limits.head_s if self._head_bytes else self.limits.idle_s)
+
+    def _stalls(self, now: float) -> bool:
+        """Whether the client has read too little; else it has as long again for more."""
+        unread = self.transport.get_write_buffer_size()
+        stalls = unread > self._unread - _LEAST_READ
+        self._unread, self.stalled_due = unread, now + self.limits.answer_s
+        return stalls
+
+    def _stop(self, refusal: Refusal) -> None:
+        self._fault = refusal
+        raise _RefusedError
+
+    def _close(self, now: float) -> None:
+        """Close; who does not read the last of an answer is cut off later."""
+        self.due = now + self.limits.answer_s
+        self.transport.close()
+
+    def _refuse(self, refusal: Refusal, *, linger: bool = True) -> None:
         """Answer with a problem, unless another answer is to come, and close the connection."""
         self._refused = True
+        now = self.loop.time()
+        self.due = now + _LINGER_S
+        if refusal is not refusals.ENDING:
+            self.counted.refused(refusal.reason, refusal.detail, self._address())
         if self.transport.is_closing():
             return
-        if self.pipeline:
-            self.transport.close()
-            return
         cycle = self.cycle
-        under_way = cycle is not None and not cycle.response_complete
-        if under_way and (cycle.response_started or not cycle.more_body):
-            # what was asked before is answered, and is the last
-            cycle.keep_alive = False
+        if self._answering():
+            if not self.pipeline and not cycle.more_body:
+                # what was asked before is answered, and is the last
+                cycle.keep_alive, self.due = False, NEVER
+                return
+            if self.pipeline or cycle.response_started:
+                self._close(now)
+                return
+            # nobody waits for what the application says now
+            cycle.disconnected = True
+            cycle.message_event.set()
+        elif not self._in_head:
+            # it has its answer, and only its body is at fault
+            self._close(now)
             return
-        self.transport.write(_refusal(status))
-        if not self.transport.can_write_eof():
+        self.transport.write(refusal.as_bytes())
+        if not linger or not self.transport.can_write_eof():
             self.transport.close()
             return
         # closed while bytes still arrive, the connection would be reset and the answer lost
         self.transport.write_eof()
         self.loop.call_later(_LINGER_S, self.transport.close)
-
-
-def _refusal(status: int) -> bytes:
-    request_id = uuid.uuid4().hex
-    problem = Problem(
-        title=title_of(status), status=status, detail=_DETAILS[status], request_id=request_id
-    )
-    content = json.dumps(problem.model_dump(exclude_none=True)).encode()
-    headers = {
-        "content-type": MEDIA_TYPE,
-        "content-length": str(len(content)),
-        "x-request-id": request_id,
-        "connection": "close",
-    }
-    lines = [f"{name}: {value}\r\n".encode() for name, value in headers.items()]
-    return b"".join([STATUS_LINE[status], *lines, b"\r\n", content])

@@ -2,13 +2,14 @@
 
 import hashlib
 import hmac
-import ipaddress
 import socket
 from typing import Annotated
 
 from fastapi import Depends, Request
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 
+from api.addresses import is_this_machine
+from api.key_throttle import KeyThrottle
 from api.problems import Unauthorized
 from api.settings import Settings
 from syncplan.errors import InputError
@@ -60,8 +61,25 @@ async def _current_owner(
     credentials: Annotated[HTTPAuthorizationCredentials | None, Depends(_BEARER)],
 ) -> str:
     keyring: Keyring = request.app.state.keyring
-    owner = keyring.owner_of(credentials.credentials if credentials else None)
+    if credentials is None:
+        owner = keyring.owner_of(None)
+    else:
+        throttle: KeyThrottle = request.app.state.key_throttle
+        address = request.client.host if request.client else ""
+        owner = _owner_at(address, credentials.credentials, keyring, throttle)
     request.state.owner = owner
+    return owner
+
+
+def _owner_at(address: str, presented: str, keyring: Keyring, throttle: KeyThrottle) -> str:
+    """The owner of a key that came from an address, unless that has to wait."""
+    throttle.admit(address, presented)
+    try:
+        owner = keyring.owner_of(presented)
+    except Unauthorized:
+        throttle.refused(address)
+        raise
+    throttle.accepted(address, presented)
     return owner
 
 
@@ -88,17 +106,11 @@ def _is_loopback(host: str) -> bool:
     if not host:
         return False
     try:
-        return _only_here(host.removeprefix("[").removesuffix("]"))
+        return is_this_machine(host.removeprefix("[").removesuffix("]"))
     except ValueError:
         pass
     try:
         found = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
     except (OSError, UnicodeError):
         return False
-    return all(_only_here(str(entry[4][0])) for entry in found)
-
-
-def _only_here(address: str) -> bool:
-    parsed = ipaddress.ip_address(address)
-    mapped = getattr(parsed, "ipv4_mapped", None)
-    return bool((mapped or parsed).is_loopback)
+    return all(is_this_machine(str(entry[4][0])) for entry in found)

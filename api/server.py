@@ -1,39 +1,95 @@
 """The application served on a socket until a signal ends it; event streams end first."""
 
+import asyncio
 import contextlib
 import signal
 import socket
 import threading
 from collections.abc import Iterator
+from functools import partial
 from types import FrameType
 
 import uvicorn
 from fastapi import FastAPI
 
+from api.accepting import accept_connections
+from api.connections import ConnectionLimits, Connections, limits_of_connections
+from api.descriptors import raise_limit
 from api.protocol import HttpProtocol
+from api.refusals import crowd
 from api.service import Ending
 
-__all__ = ["serve_until_told", "served_beside"]
+__all__ = ["LimitedServer", "serve_until_told", "served_beside"]
 
 _GRACE_S = 5
+_TICKS_BETWEEN_LOOKS = 2
+"""Of a tenth of a second each."""
 
 
-class _Server(uvicorn.Server):
-    """A server that ends streams when it closes; else they would outlast its grace period."""
+class LimitedServer(uvicorn.Server):
+    """A server that counts its connections and ends those that take too long.
 
-    def __init__(self, config: uvicorn.Config, ending: Ending) -> None:
+    It takes connections itself: see api.accepting.
+    """
+
+    def __init__(
+        self, config: uvicorn.Config, limits: ConnectionLimits, ending: Ending | None = None
+    ) -> None:
         super().__init__(config)
+        self.connections = Connections(limits)
         self._ending = ending
+        self._accepting: list[asyncio.Task[None]] = []
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Start the application, then take connections from the sockets."""
+        await super().startup(sockets=[])
+        if not self.started:
+            return
+        make = partial(
+            HttpProtocol,
+            config=self.config,
+            server_state=self.server_state,
+            app_state=self.lifespan.state,
+            connections=self.connections,
+        )
+        refusal = crowd(self.connections.limits).as_bytes()
+        self._accepting = [
+            asyncio.create_task(accept_connections(one, make, refusal)) for one in sockets or []
+        ]
+
+    async def on_tick(self, counter: int) -> bool:
+        """End the connections that are due, a few times a second."""
+        if counter % _TICKS_BETWEEN_LOOKS == 0:
+            self._end_due()
+        return await super().on_tick(counter)
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Take no more connections, and end those there are, what is being answered last."""
+        for task in self._accepting:
+            task.cancel()
+        await asyncio.gather(*self._accepting, return_exceptions=True)
+        await super().shutdown(sockets=sockets)
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """End the streams, then the server."""
-        self._ending.set()
+        if self._ending is not None:
+            self._ending.set()
         super().handle_exit(sig, frame)
+
+    def _end_due(self) -> None:
+        now = asyncio.get_running_loop().time()
+        late = [
+            one
+            for one in self.server_state.connections
+            if isinstance(one, HttpProtocol) and (one.due <= now or one.stalled_due <= now)
+        ]
+        for one in late:
+            one.expire(now)
 
 
 def serve_until_told(app: FastAPI, listening: socket.socket) -> bool:
     """Serve an application until SIGTERM or Ctrl-C; return whether it could start."""
-    server = _Server(_config(app), app.state.ending)
+    server = _server_of(app)
     # uvicorn takes signals over, ends in good order and then raises them again: that is no failure
     signal.signal(signal.SIGTERM, lambda number, frame: server.handle_exit(number, frame))
     with contextlib.suppress(KeyboardInterrupt, SystemExit):
@@ -44,7 +100,7 @@ def serve_until_told(app: FastAPI, listening: socket.socket) -> bool:
 @contextlib.contextmanager
 def served_beside(app: FastAPI, listening: socket.socket) -> Iterator[None]:
     """Serve an application in a thread of its own until the block ends."""
-    server = _Server(_config(app), app.state.ending)
+    server = _server_of(app)
     thread = threading.Thread(
         target=server.run, kwargs={"sockets": [listening]}, daemon=True, name="http"
     )
@@ -57,13 +113,16 @@ def served_beside(app: FastAPI, listening: socket.socket) -> Iterator[None]:
         thread.join(timeout=_GRACE_S)
 
 
-def _config(app: FastAPI) -> uvicorn.Config:
-    return uvicorn.Config(
+def _server_of(app: FastAPI) -> LimitedServer:
+    config = uvicorn.Config(
         app,
         log_config=None,
         access_log=False,
         server_header=False,
-        http=HttpProtocol,
         ws="none",
         timeout_graceful_shutdown=_GRACE_S,
     )
+    limits = limits_of_connections(app.state.settings, raise_limit())
+    server = LimitedServer(config, limits, app.state.ending)
+    app.state.connections = server.connections
+    return server

@@ -22,6 +22,7 @@ PREFIX = "SYNCPLAN_"
 _POSTGRES = {"postgres", "postgresql", "postgresql+psycopg"}
 _SECRET = {"api_keys"}
 _VALUE_LENGTH = 100
+_HOST = re.compile(r"[a-z0-9_.-]{1,253}|[0-9a-f:.]{2,45}")
 
 Count = Annotated[int, Field(ge=1)]
 Seconds = Annotated[float, Field(gt=0)]
@@ -58,6 +59,39 @@ class Settings(BaseSettings):
         description="keys that clients may present: NAME:KEY or KEY, separated by commas",
     )
     insecure: bool = Field(default=False, description="listen beyond this machine without a key")
+    allowed_hosts: Annotated[tuple[str, ...], NoDecode] = Field(
+        default=(),
+        description="names, beside those of this machine, under which a service without keys "
+        "answers, and whose pages may ask it; separated by commas",
+    )
+    max_refused_keys: Count = Field(
+        default=20, description="most wrong keys that an address may present in a minute"
+    )
+    max_connections: Count | None = Field(
+        default=None,
+        description="most connections of a process; what its file descriptors allow, at most "
+        "4096, if not given",
+    )
+    max_connections_per_address: Count | None = Field(
+        default=None,
+        description="most connections of a client's address (IPv6: of its /64); half of all if "
+        "not given",
+    )
+    head_timeout_s: Seconds = Field(
+        default=10.0, description="longest time for the head of a request to arrive, in seconds"
+    )
+    body_timeout_s: Seconds = Field(
+        default=30.0, description="longest time for the body of a request to arrive, in seconds"
+    )
+    answer_timeout_s: Seconds = Field(
+        default=30.0,
+        description="longest time in which a client may read nothing of its answer, in seconds",
+    )
+    idle_timeout_s: Seconds = Field(
+        default=5.0,
+        description="longest time between an answer and the next request of a connection, in "
+        "seconds",
+    )
     body_limit_bytes: Count = Field(
         default=2**20, description="largest body of a request, in bytes"
     )
@@ -161,6 +195,23 @@ class Settings(BaseSettings):
     @classmethod
     def _sound_keys(cls, value: tuple[ApiKey, ...]) -> tuple[ApiKey, ...]:
         check_keys(value)
+        return value
+
+    @checked("allowed_hosts", mode="before")
+    @classmethod
+    def _listed_hosts(cls, value: Any) -> Any:
+        if not isinstance(value, str):
+            return value
+        return tuple(name.lower() for part in value.split(",") if (name := part.strip()))
+
+    @checked("allowed_hosts")
+    @classmethod
+    def _bare_hosts(cls, value: tuple[str, ...]) -> tuple[str, ...]:
+        for name in value:
+            if not _HOST.fullmatch(name):
+                raise ValueError(
+                    f"{name!r} must be a name or an address alone, such as plans.example"
+                )
         return value
 
     @checked("log_level", mode="before")

@@ -99,5 +99,5 @@ def _response(status: int) -> dict[str, Any]:
         },
     }
     if status in _HEADERS:
-        response["headers"] = _HEADERS[status]
+        response["headers"] = dict(_HEADERS[status])
     return response

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from api.protocol import LARGEST_HEAD_BYTES, HttpProtocol
+from api.connections import ConnectionLimits
+from api.refusals import LARGEST_HEAD_BYTES
 from tests.tools.api_apps import bare_app, served
 from tests.tools.processes import PATIENCE_S
 
@@ -24,7 +25,7 @@ def port() -> Iterator[int]:
     async def read(body: dict[str, int]) -> int:
         return len(body)
 
-    with served(app, http=HttpProtocol, ws="none") as number:
+    with served(app, ConnectionLimits(), ws="none") as number:
         yield number
 
 

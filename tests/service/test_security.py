@@ -8,6 +8,7 @@ import pytest
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
+from api.key_throttle import KeyThrottle
 from api.problems import Unauthorized
 from api.security import CurrentOwner, Keyring, refuse_exposure
 from api.settings import Settings, load_settings
@@ -25,6 +26,7 @@ def _client(settings: Settings) -> TestClient:
     app: FastAPI = bare_app()
     app.state.settings = settings
     app.state.keyring = Keyring(settings)
+    app.state.key_throttle = KeyThrottle(settings.max_refused_keys)
 
     @app.get("/me")
     def me(owner: CurrentOwner) -> str:

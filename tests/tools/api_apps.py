@@ -11,8 +11,10 @@ from typing import Any
 import uvicorn
 from fastapi import FastAPI
 
+from api.connections import ConnectionLimits
 from api.logs import RequestLog
 from api.problems import install_handlers
+from api.server import LimitedServer
 from tests.tools.processes import PATIENCE_S, wait_until
 
 BODY_LIMIT = 1000
@@ -36,14 +38,18 @@ class Answer:
 
 
 @contextmanager
-def served(app: Any, **options: Any) -> Iterator[int]:
-    """Serve an application on a loopback port; yields the port. `options` are uvicorn's."""
+def served(app: Any, limits: ConnectionLimits | None = None, **options: Any) -> Iterator[int]:
+    """Serve an application on a loopback port; yields the port. `options` are uvicorn's.
+
+    With `limits` it is served as the service is, else by plain uvicorn.
+    """
     listener = socket.socket()
     listener.bind(("127.0.0.1", 0))
+    listener.listen(1024)
     config = uvicorn.Config(
         app, log_config=None, access_log=False, timeout_graceful_shutdown=2, **options
     )
-    server = uvicorn.Server(config)
+    server = uvicorn.Server(config) if limits is None else LimitedServer(config, limits)
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]})
     thread.start()
     try:

@@ -1,0 +1,156 @@
+"""Who is connected: how many in all and of an address, a reserve for probes, and time limits."""
+
+import logging
+from collections import Counter
+from dataclasses import dataclass
+from typing import Protocol
+
+from api.seldom_logs import SeldomLog
+from api.settings import Settings
+
+__all__ = [
+    "LARGEST_RESERVE",
+    "NEVER",
+    "ConnectionLimits",
+    "Connections",
+    "Guest",
+    "limits_of_connections",
+]
+
+LARGEST_RESERVE = 64
+"""Connections beyond the limits that are held open for a moment, in case they are probes."""
+
+NEVER = float("inf")
+"""When a connection is due of which nothing is expected."""
+
+_MOST_BY_DEFAULT = 4096
+_LEAST_BY_DEFAULT = 32
+_OTHER_DESCRIPTORS = 256
+"""Descriptors left for the database, child processes, the reserve, and files."""
+
+_log = logging.getLogger("api.connections")
+
+
+@dataclass(frozen=True, slots=True)
+class ConnectionLimits:
+    """The most connections, and how long each may take.
+
+    Attributes
+    ----------
+    total : connections of this process
+    per_address : of one client address, or of one /64 of IPv6
+    head_s : s, from the first byte of a head, or from the connection, to the head's end
+    body_s : s, from the end of a head to the end of its body
+    answer_s : s, within which a client reads a further part of its answer
+    idle_s : s, between an answer and the next request
+    """
+
+    total: int = _MOST_BY_DEFAULT
+    per_address: int = _MOST_BY_DEFAULT
+    head_s: float = 10.0
+    body_s: float = 30.0
+    answer_s: float = 30.0
+    idle_s: float = 5.0
+
+
+def limits_of_connections(settings: Settings, descriptors: int) -> ConnectionLimits:
+    """Return the limits that the settings state, for a process of so many file descriptors."""
+    spare = max(_LEAST_BY_DEFAULT, descriptors - _OTHER_DESCRIPTORS)
+    total = settings.max_connections or min(_MOST_BY_DEFAULT, spare)
+    return ConnectionLimits(
+        total=total,
+        per_address=settings.max_connections_per_address or max(1, total // 2),
+        head_s=settings.head_timeout_s,
+        body_s=settings.body_timeout_s,
+        answer_s=settings.answer_timeout_s,
+        idle_s=settings.idle_timeout_s,
+    )
+
+
+class Guest(Protocol):
+    """A connection as it is counted.
+
+    Attributes
+    ----------
+    network : what its address counts as
+    engaged : whether a request of it is being answered
+    """
+
+    network: str
+
+    @property
+    def engaged(self) -> bool:
+        """Whether a request of it is being answered."""
+
+    def turn_away(self) -> None:
+        """Answer that there is no room, and close."""
+
+
+class Connections:
+    """The connections of one process, each counted as ordinary or held in the reserve.
+
+    Attributes
+    ----------
+    refusals : how often connections and requests were refused, by reason
+    """
+
+    def __init__(self, limits: ConnectionLimits) -> None:
+        self.limits = limits
+        self.refusals: Counter[str] = Counter()
+        self._ordinary: set[Guest] = set()
+        self._by_network: Counter[str] = Counter()
+        # oldest first
+        self._reserve: dict[Guest, None] = {}
+        self._seldom = SeldomLog(_log)
+
+    @property
+    def number(self) -> int:
+        """How many are connected, in the reserve or not."""
+        return len(self._ordinary) + len(self._reserve)
+
+    def enter(self, guest: Guest) -> bool:
+        """Take a connection in; return whether as an ordinary one, or else into the reserve.
+
+        A full reserve turns away its oldest guest of whom no request is being answered.
+        """
+        if self._has_room(guest.network):
+            self._admit(guest)
+            return True
+        if len(self._reserve) >= LARGEST_RESERVE:
+            oldest = next((one for one in self._reserve if not one.engaged), guest)
+            self._reserve.pop(oldest, None)
+            oldest.turn_away()
+            if oldest is guest:
+                return False
+        self._reserve[guest] = None
+        return False
+
+    def promote(self, guest: Guest) -> bool:
+        """Return whether there is room by now for a guest of the reserve, and move it there."""
+        if guest not in self._reserve or not self._has_room(guest.network):
+            return False
+        del self._reserve[guest]
+        self._admit(guest)
+        return True
+
+    def leave(self, guest: Guest) -> None:
+        """Forget a connection that is closed."""
+        self._reserve.pop(guest, None)
+        if guest in self._ordinary:
+            self._ordinary.remove(guest)
+            self._by_network[guest.network] -= 1
+            if not self._by_network[guest.network]:
+                del self._by_network[guest.network]
+
+    def refused(self, reason: str, detail: str, address: str) -> None:
+        """Count a refusal, and log it now and then."""
+        self.refusals[reason] += 1
+        self._seldom.warn(reason, detail, address=address)
+
+    def _has_room(self, network: str) -> bool:
+        limits = self.limits
+        return len(self._ordinary) < limits.total and self._by_network[network] < limits.per_address
+
+    def _admit(self, guest: Guest) -> None:
+        self._ordinary.add(guest)
+        self._by_network[guest.network] += 1

@@ -1,0 +1,187 @@
+"""Without a key: requests that never end, come too slowly, or come from another's page."""
+
+import itertools
+import json
+import socket
+import time
+from collections.abc import Iterator
+
+import httpx2
+import pytest
+
+from api.security_headers import ALWAYS, UNLESS_GIVEN
+from tests.tools.processes import PATIENCE_S, wait_until
+from tests.tools.raw_connections import connected, open_sockets, rss_mb, said_to
+from tests.tools.scenarios import document
+from tests.tools.serving import Server, running, settings_of
+
+LARGEST_GROWTH = 1.1
+"""Share of the memory held before an attack that may be held after it."""
+
+MEGABYTES = 16
+"""What an attack sends at most."""
+
+QUICK = {
+    "SYNCPLAN_HEAD_TIMEOUT_S": "1",
+    "SYNCPLAN_BODY_TIMEOUT_S": "1.5",
+    "SYNCPLAN_ANSWER_TIMEOUT_S": "1",
+    "SYNCPLAN_IDLE_TIMEOUT_S": "1",
+}
+CHUNKED = (
+    b"POST /v1/plans HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
+    b"Transfer-Encoding: chunked\r\n\r\n"
+)
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    folder = tmp_path_factory.mktemp("edge")
+    server = Server(folder / "log", port=None, **settings_of(folder / "data"), **QUICK)
+    with running(server):
+        yield server
+
+
+def _trailers() -> Iterator[bytes]:
+    yield CHUNKED + b"2\r\n{}\r\n0\r\n"
+    for number in range(MEGABYTES * 16):
+        yield b"".join(b"x%d-%d: %s\r\n" % (number, k, b"y" * 1010) for k in range(64))
+
+
+def _one_trailer() -> Iterator[bytes]:
+    yield CHUNKED + b"2\r\n{}\r\n0\r\nx: "
+    yield from itertools.repeat(b"y" * 65536, MEGABYTES * 16)
+
+
+def _extensions() -> Iterator[bytes]:
+    yield CHUNKED
+    chunk = b"1;x=" + b"y" * 4000 + b"\r\n \r\n"
+    yield from itertools.repeat(16 * chunk, MEGABYTES * 16)
+
+
+@pytest.mark.parametrize("endless", [_trailers, _one_trailer, _extensions])
+def test_what_comes_around_a_chunked_body_is_bounded(server: Server, endless: object) -> None:
+    assert callable(endless)
+    for _ in range(3):
+        said_to(server, itertools.islice(endless(), 40))
+    before = rss_mb(server)
+    said = said_to(server, endless())
+    assert said.status == 431
+    assert json.loads(said.body)["status"] == 431
+    assert rss_mb(server) < LARGEST_GROWTH * before
+
+
+def test_many_requests_at_once_wait_as_bytes(server: Server) -> None:
+    many = b"GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n" * 3000
+
+    def answered() -> int:
+        with connected(server) as connection:
+            connection.sendall(many)
+            count, rest = 0, b""
+            while count < 3000 and (piece := connection.recv(65536)):
+                count += (rest + piece).count(b"HTTP/1.1 200 OK")
+                rest = piece[-14:]
+            return count
+
+    assert answered() == 3000
+    before = rss_mb(server)
+    assert answered() == 3000
+    assert rss_mb(server) < LARGEST_GROWTH * before
+
+
+@pytest.mark.parametrize(
+    "said",
+    [b"", b"GET /healthz HT", CHUNKED[:-2], CHUNKED, CHUNKED + b"2\r\n{"],
+    ids=["nothing", "line", "head", "body", "chunk"],
+)
+def test_who_is_slow_is_told_and_left(server: Server, said: bytes) -> None:
+    started = time.monotonic()
+    with connected(server) as connection:
+        connection.sendall(said)
+        received = connection.recv(65536)
+    waited = time.monotonic() - started
+    assert waited < PATIENCE_S
+    assert received.startswith(b"HTTP/1.1 408 " if said else b"")
+    assert bool(received) == bool(said)
+
+
+def test_a_byte_now_and_then_gains_no_time(server: Server) -> None:
+    drops = itertools.repeat(b"y", 400)
+
+    def dripping() -> Iterator[bytes]:
+        yield CHUNKED[:-2] + b"X: "
+        for drop in drops:
+            time.sleep(0.05)
+            yield drop
+
+    assert said_to(server, dripping()).status == 408
+    assert next(drops, None) is not None
+
+
+def test_a_client_that_does_not_read_is_cut_off(server: Server) -> None:
+    quiet = open_sockets(server)
+    path = "/assets/plotly.min.js"
+    ask = f"GET {path} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode()
+    wait_until(lambda: open_sockets(server) <= quiet)
+    with socket.socket() as connection:
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        connection.connect(("127.0.0.1", server.port))
+        connection.sendall(ask)
+        wait_until(lambda: open_sockets(server) > quiet, 10.0)
+        wait_until(lambda: open_sockets(server) <= quiet, 10.0)
+
+
+@pytest.mark.parametrize("host", ["rebound.example", "rebound.example:80", "127.0.0.1.example"])
+def test_a_name_that_was_bent_to_this_machine_reaches_nothing(server: Server, host: str) -> None:
+    answer = httpx2.get(f"{server.url}/v1/plans", headers={"host": host})
+    assert answer.status_code == 421
+    assert answer.headers["content-type"] == "application/problem+json"
+    assert host in answer.json()["detail"]
+
+
+@pytest.mark.parametrize(
+    "origin", ["https://evil.example", "null", "http://127.0.0.1.evil.example"]
+)
+def test_anothers_page_can_start_nothing(server: Server, origin: str) -> None:
+    plan = httpx2.post(f"{server.url}/v1/plans", json=document(), timeout=PATIENCE_S).json()
+    # what a form or a simple fetch of any page sends, without asking first
+    answer = httpx2.post(
+        f"{server.url}/v1/plans/{plan['id']}/validations", headers={"origin": origin}
+    )
+    assert answer.status_code == 403
+    assert httpx2.get(f"{server.url}/v1/jobs").json()["items"] == []
+
+
+@pytest.mark.parametrize(
+    ("host", "origin"),
+    [
+        ("localhost", None),
+        ("LOCALHOST.:8000", "http://localhost:8000"),
+        ("127.8.8.8", "http://127.8.8.8"),
+        ("[::1]:8000", "http://[::1]:8000"),
+    ],
+)
+def test_this_machine_may_ask(server: Server, host: str, origin: str | None) -> None:
+    headers = {"host": host, **({} if origin is None else {"origin": origin})}
+    assert httpx2.get(f"{server.url}/v1/plans", headers=headers).status_code == 200
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n",
+        b"GET /v1/plans HTTP/1.1\r\nHost: localhost\r\n\r\n",
+        b"GET /nowhere HTTP/1.1\r\nHost: localhost\r\n\r\n",
+        b"GET /v1/plans HTTP/1.1\r\nHost: evil.example\r\n\r\n",
+        b"HEAD / HTTP/1.1\r\nHost: localhost\r\n\r\n",
+        b"nonsense\r\n\r\n",
+        b"GET / HTTP/1.1\r\nX: " + b"x" * 70_000,
+    ],
+    ids=["page", "list", "problem", "misdirected", "head", "nonsense", "large"],
+)
+def test_every_answer_has_the_headers_of_security(server: Server, ask: bytes) -> None:
+    said = said_to(server, [ask])
+    for name, value in ALWAYS:
+        assert said.head.count(f"{name.decode()}: {value.decode()}".lower()) == 1
+    for name, _ in UNLESS_GIVEN:
+        assert said.head.count(f"\r\n{name.decode()}: ") == 1
+    assert "frame-ancestors 'none'" in said.head

@@ -1,0 +1,79 @@
+"""Connections as an attacker makes them: bytes as they are, many at once, and a server's memory."""
+
+import contextlib
+import os
+import socket
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from tests.tools.processes import PATIENCE_S
+from tests.tools.serving import Server
+
+__all__ = ["Said", "connected", "crowd_of", "open_sockets", "rss_mb", "said_to"]
+
+
+class Said:
+    """What came back on a connection: status (0 if nothing), head in lower case, body."""
+
+    def __init__(self, received: bytes) -> None:
+        head, _, self.body = received.partition(b"\r\n\r\n")
+        first, _, rest = head.partition(b"\r\n")
+        self.status = int(first.split()[1]) if first else 0
+        self.head = rest.decode().lower()
+
+
+def connected(server: Server) -> socket.socket:
+    """Return a connection to a server."""
+    return socket.create_connection(("127.0.0.1", server.port), timeout=PATIENCE_S)
+
+
+def said_to(server: Server, sent: Iterable[bytes]) -> Said:
+    """Return what a server says to these bytes until it closes the connection.
+
+    Nothing more is sent once an answer is there.
+    """
+    with connected(server) as connection:
+        connection.setblocking(False)
+        early = b""
+        with contextlib.suppress(ConnectionError):
+            for piece in sent:
+                connection.settimeout(PATIENCE_S)
+                connection.sendall(piece)
+                connection.setblocking(False)
+                with contextlib.suppress(BlockingIOError):
+                    early = connection.recv(65536)
+                    break
+        connection.settimeout(PATIENCE_S)
+        with contextlib.suppress(ConnectionError):
+            while piece := connection.recv(65536):
+                early += piece
+        return Said(early)
+
+
+@contextlib.contextmanager
+def crowd_of(server: Server, number: int, greeting: bytes = b"") -> Iterator[list[socket.socket]]:
+    """So many connections that say the same and no more, closed at the end."""
+    with contextlib.ExitStack() as all_of_them:
+        crowd = []
+        for _ in range(number):
+            one = all_of_them.enter_context(connected(server))
+            with contextlib.suppress(ConnectionError):
+                one.sendall(greeting)
+            crowd.append(one)
+        yield crowd
+
+
+def rss_mb(server: Server) -> float:
+    """Return the memory in MB that the server's own process holds."""
+    status = Path(f"/proc/{server.popen.pid}/status").read_text()
+    line = next(line for line in status.splitlines() if line.startswith("VmRSS"))
+    return int(line.split()[1]) / 1024.0
+
+
+def open_sockets(server: Server) -> int:
+    """Return how many sockets the server's own process has open."""
+    number = 0
+    for entry in Path(f"/proc/{server.popen.pid}/fd").iterdir():
+        with contextlib.suppress(OSError):
+            number += os.readlink(entry).startswith("socket:")
+    return number
