@@ -36,7 +36,8 @@ def without_routes(settings: Settings, *, tally: JobTally | None = None, **optio
     app.state.metrics = Metrics(tally)
     app.state.ending = Ending()
     if not settings.api_keys:
-        app.add_middleware(LocalOnly, names=names_here(settings.host, settings.allowed_hosts))
+        names = names_here((settings.host, settings.worker_host), settings.allowed_hosts)
+        app.add_middleware(LocalOnly, names=names)
     install_handlers(app)
     app.add_middleware(RequestMetrics, metrics=app.state.metrics)
     app.add_middleware(RequestLog)

@@ -85,18 +85,22 @@ def _refused(header: str, value: bytes) -> str:
     )
 
 
-def names_here(host: str, further: Iterable[str]) -> frozenset[str]:
-    """Return the names that lead to a service listening at `host`, and the `further` ones.
+def names_here(hosts: Iterable[str], further: Iterable[str]) -> frozenset[str]:
+    """Return the names that lead to what listens at `hosts`, and the `further` ones.
 
     Beyond loopback, that is also this machine's own name.
     """
-    name = host_name(host)
-    try:
-        address = ipaddress.ip_address(name)
-        own = {name} if not address.is_unspecified else set()
-        reached = not is_this_machine(name)
-    except ValueError:
-        own, reached = {name}, name not in _LOCAL
-    if reached:
-        own.add(socket.gethostname().lower())
-    return frozenset(own.union(further) - {""})
+    names = set(further)
+    for name in map(host_name, hosts):
+        try:
+            address = ipaddress.ip_address(name)
+        except ValueError:
+            names.add(name)
+            reached = name not in _LOCAL
+        else:
+            reached = not is_this_machine(name)
+            if not address.is_unspecified:
+                names.add(name)
+        if reached:
+            names.add(socket.gethostname().lower())
+    return frozenset(names - {""})

@@ -92,8 +92,10 @@ def problems_page() -> str:
         _PROBLEMS
         + "\n".join(rows)
         + "\n\nWhatever the path, the service also answers 400 to a request that it cannot read, "
-        "404 to an unknown path, 405 to a method that the path does not take, and 431 to a head "
-        "above 64 KiB.\n\nA scenario that is sound, but has no solution, is a 422 of the type "
+        "404 to an unknown path, 405 to a method that the path does not take, 408 to one that "
+        "comes too slowly, 421 or 403 to one for another host or from another's page while there "
+        "are no keys, 431 to a head or framing above 64 KiB, and 503 to a connection too many.\n\n"
+        "A scenario that is sound, but has no solution, is a 422 of the type "
         + f"`{NO_SOLUTION}`; all others are `about:blank`.\n"
     )
 
