@@ -11,7 +11,7 @@ import pytest
 
 from api.security_headers import ALWAYS, UNLESS_GIVEN
 from tests.tools.processes import PATIENCE_S, wait_until
-from tests.tools.raw_connections import connected, open_sockets, rss_mb, said_to
+from tests.tools.raw_connections import connected, holds, rss_mb, said_to
 from tests.tools.scenarios import document
 from tests.tools.serving import Server, running, settings_of
 
@@ -118,16 +118,15 @@ def test_a_byte_now_and_then_gains_no_time(server: Server) -> None:
 
 
 def test_a_client_that_does_not_read_is_cut_off(server: Server) -> None:
-    quiet = open_sockets(server)
     path = "/assets/plotly.min.js"
     ask = f"GET {path} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode()
-    wait_until(lambda: open_sockets(server) <= quiet)
     with socket.socket() as connection:
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         connection.connect(("127.0.0.1", server.port))
         connection.sendall(ask)
-        wait_until(lambda: open_sockets(server) > quiet, 10.0)
-        wait_until(lambda: open_sockets(server) <= quiet, 10.0)
+        port = connection.getsockname()[1]
+        wait_until(lambda: holds(server, port))
+        wait_until(lambda: not holds(server, port))
 
 
 @pytest.mark.parametrize("host", ["rebound.example", "rebound.example:80", "127.0.0.1.example"])
