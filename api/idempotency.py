@@ -1,29 +1,23 @@
 """POST requests: their body, who asks, and the same answer for the same Idempotency-Key."""
 
-import asyncio
 import hashlib
-import logging
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Literal, TypeVar
 
 from fastapi import Depends, Header, Request, Response
 from sqlalchemy import Connection
 from starlette.concurrency import run_in_threadpool
 
-from api.computing.child import ChildGoneError, TooSlowError
-from api.computing.pool import GivenUpError, PoolFullError
+from api.callers import Caller, CurrentCaller
 from api.negotiation import body_kind
-from api.problems import KeyReused, TooMuchWork, Unavailable
-from api.security import CurrentOwner
-from api.service import CurrentService, Service
+from api.problems import KeyReused
+from api.service import Service
 from api.storage.kept_answers import Answer, AnswerTakenError, find_answer, keep_answer
 
-__all__ = ["Call", "CurrentCall", "EmptyCall", "answer_once", "computed"]
+__all__ = ["Call", "CurrentCall", "EmptyCall", "answer_once"]
 
 T = TypeVar("T")
-
-_logger = logging.getLogger("syncplan.calls")
 
 IdempotencyKey = Annotated[
     str | None,
@@ -48,18 +42,26 @@ class Call:
     digest : of all that makes two requests the same
     """
 
-    service: Service
-    owner: str
+    caller: Caller
     body: bytes
     syntax: Literal["json", "yaml"]
     key: str | None
     digest: str
 
+    @property
+    def service(self) -> Service:
+        """The service that is asked."""
+        return self.caller.service
+
+    @property
+    def owner(self) -> str:
+        """Whose request it is."""
+        return self.caller.owner
+
 
 async def _empty_call(
     request: Request,
-    service: CurrentService,
-    owner: CurrentOwner,
+    caller: CurrentCaller,
     idempotency_key: IdempotencyKey = None,
 ) -> Call:
     body = await request.body()
@@ -67,7 +69,7 @@ async def _empty_call(
     for part in (request.method, request.url.path, request.url.query):
         digest.update(part.encode() + b"\n")
     digest.update(body)
-    return Call(service, owner, body, "json", idempotency_key, digest.hexdigest())
+    return Call(caller, body, "json", idempotency_key, digest.hexdigest())
 
 
 EmptyCall = Annotated[Call, Depends(_empty_call)]
@@ -126,25 +128,3 @@ def _response(answer: Answer) -> Response:
     return Response(
         answer.body, answer.status, headers=answer.headers, media_type="application/json"
     )
-
-
-async def computed(service: Service, task: str, *arguments: Any) -> Any:
-    """Return what a task in a child process returns, or raise the problem it has."""
-    limit = service.settings.plan_timeout_s
-    try:
-        ticket = service.pool.submit(task, *arguments, timeout_s=limit)
-        return await asyncio.wrap_future(ticket.future)
-    except PoolFullError:
-        raise Unavailable("too many requests are being computed; try again") from None
-    except GivenUpError:
-        raise Unavailable("the service is closing; try again") from None
-    except TooSlowError:
-        raise TooMuchWork(
-            f"takes longer than the {limit:g} s a request may; ask for fewer vehicles or samples"
-        ) from None
-    except ChildGoneError as error:
-        _logger.error("the process computing %s ended twice: %s", task, error)
-        raise TooMuchWork(
-            "can't be computed: its process ended, most likely out of memory; ask for "
-            "fewer vehicles or samples"
-        ) from None

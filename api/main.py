@@ -92,7 +92,10 @@ class _Running:
             self.guard = guard_of(settings, self.database, self.queue, None)
             self.guard.start()
         self.pool = Pool(
-            settings.process_count, background=False, most_waiting=settings.max_plan_queue
+            settings.process_count,
+            background=False,
+            most_waiting=settings.max_plan_queue,
+            most_of_owner=settings.max_requests,
         )
         self.plans = PlanReader(self.database)
         self.service = Service(

@@ -109,7 +109,12 @@ class Settings(BaseSettings):
         default=20.0, description="longest time to compute a plan, in seconds"
     )
     max_queued_jobs: Count = Field(default=20, description="most unfinished jobs of one key")
-    max_plan_queue: Count = Field(default=64, description="most requests waiting for a process")
+    max_plan_queue: Count = Field(
+        default=256, description="most requests waiting for a process, of all keys together"
+    )
+    max_requests: Count = Field(
+        default=64, description="most requests of one key that wait for a process or compute"
+    )
     processes: Count | None = Field(
         default=None,
         description="child processes that compute; one for each usable core if not given",

@@ -84,7 +84,7 @@ class Unauthorized(ServiceError):
 
 
 class TooManyRequests(ServiceError):
-    """429: the owner has as many unfinished jobs as allowed; try again after `retry_after_s`."""
+    """429: the owner has as much in work as allowed; try again after `retry_after_s`."""
 
     def __init__(self, detail: str, *, retry_after_s: float) -> None:
         super().__init__(429, detail, headers=_retry_after(retry_after_s))

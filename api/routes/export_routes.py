@@ -6,12 +6,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from fastapi import APIRouter, Depends, Query, Response
 from pydantic import BaseModel, Field
 
-from api.idempotency import computed
+from api.callers import CurrentCaller, computed
 from api.negotiation import accepts
 from api.problems import problem_responses
 from api.routes.plan_routes import Identifier, find_or_refuse
-from api.security import CurrentOwner
-from api.service import CurrentService
 from syncplan.exporting.autopilots import AutopilotName, VehicleName
 from syncplan.exporting.format_table import ALL, FORMATS
 
@@ -64,22 +62,21 @@ class ExportQuery(BaseModel):
     summary="Export a plan",
     responses={
         200: {"content": {"application/zip": {}}, "headers": {NOTES: _NOTES_HEADER}},
-        **problem_responses(401, 404, 406, 409, 422, 503),
+        **problem_responses(401, 404, 406, 409, 422, 429, 503),
     },
 )
 async def read_export(
     plan_id: Identifier,
     format: ExportName,
-    service: CurrentService,
-    owner: CurrentOwner,
+    caller: CurrentCaller,
     query: Annotated[ExportQuery, Query()],
 ) -> Response:
     """The files of a format, one for each vehicle where it holds one, and the sidecar with phases.
 
     The sidecar says how each vehicle joins its circle at the right phase, and what to watch for.
     """
-    row = await find_or_refuse(service, owner, plan_id)
-    archive, notes = await computed(service, "exported", row.text, format, query.model_dump())
+    row = await find_or_refuse(caller.service, caller.owner, plan_id)
+    archive, notes = await computed(caller, "exported", row.text, format, query.model_dump())
     headers = {
         "content-disposition": f'attachment; filename="plan-{format}.zip"',
         NOTES: json.dumps(notes),

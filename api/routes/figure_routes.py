@@ -5,15 +5,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from fastapi import APIRouter, Depends, Query, Response
 from starlette.concurrency import run_in_threadpool
 
-from api.idempotency import CurrentCall, answer_once, computed
+from api.callers import Caller, CurrentCaller, computed
+from api.idempotency import CurrentCall, answer_once
 from api.job_kinds.job_table import JOB_KINDS, plurals
 from api.negotiation import accepts
 from api.problems import Conflict, NotFound, problem_responses
 from api.responses import FigureValues, Preview
 from api.routes.job_routes import Owned
 from api.routes.plan_routes import Identifier, find_or_refuse
-from api.security import CurrentOwner
-from api.service import CurrentService, Service
 from api.storage import job_queries
 from api.storage.kept_answers import Answer
 from syncplan.errors import InputError
@@ -39,7 +38,7 @@ else:
     response_model=Preview,
     operation_id="previewScenario",
     summary="Plan a scenario, or judge a plan, without storing it",
-    responses=problem_responses(401, 406, 413, 415, 422, 503, 507),
+    responses=problem_responses(401, 406, 413, 415, 422, 429, 503, 507),
 )
 async def create_preview(
     call: CurrentCall,
@@ -66,7 +65,7 @@ async def create_preview(
         names = list(dict.fromkeys(figure or ()))
         limits = call.service.limits
         made: str = await computed(
-            call.service, "previewed", call.body, call.syntax, limits, quick, names, theme
+            call.caller, "previewed", call.body, call.syntax, limits, quick, names, theme
         )
         return made
 
@@ -78,23 +77,22 @@ async def create_preview(
     response_model=FigureValues,
     operation_id="readPlanFigure",
     summary="Draw a plan",
-    responses=problem_responses(401, 404, 406, 422, 503),
+    responses=problem_responses(401, 404, 406, 422, 429, 503),
 )
 async def read_plan_figure(
     plan_id: Identifier,
     figure: StoredFigure,
-    service: CurrentService,
-    owner: CurrentOwner,
+    caller: CurrentCaller,
     theme: Theme = "light",
 ) -> Response:
     """A figure of a plan. `comparison` shows the plan that it was refined from beside it."""
-    row = await find_or_refuse(service, owner, plan_id)
+    row = await find_or_refuse(caller.service, caller.owner, plan_id)
     parent = None
     if FIGURES[figure].compares:
         if row.parent_id is None:
             raise NotFound(f"plan {plan_id} was not refined from another: nothing to compare with")
-        parent = (await find_or_refuse(service, owner, row.parent_id)).text
-    return await _drawn(service, "plan_figure", row.text, figure, theme, parent)
+        parent = (await find_or_refuse(caller.service, caller.owner, row.parent_id)).text
+    return await _drawn(caller, "plan_figure", row.text, figure, theme, parent)
 
 
 @router.get(
@@ -102,10 +100,10 @@ async def read_plan_figure(
     response_model=FigureValues,
     operation_id="readJobFigure",
     summary="Draw a job's report",
-    responses=problem_responses(401, 404, 406, 409, 422, 503),
+    responses=problem_responses(401, 404, 406, 409, 422, 429, 503),
 )
 async def read_job_figure(
-    row: Owned, figure: ReportFigure, service: CurrentService, theme: Theme = "light"
+    row: Owned, figure: ReportFigure, caller: CurrentCaller, theme: Theme = "light"
 ) -> Response:
     """A figure of the report of a validation or a sweep."""
     if row.state != "succeeded" or not JOB_KINDS[row.kind].has_figures:
@@ -113,19 +111,19 @@ async def read_job_figure(
         raise Conflict(f"the job is a {row.kind}, {row.state}; {kinds} that succeeded have figures")
 
     def report() -> str | None:
-        with service.database.reading() as connection:
+        with caller.service.database.reading() as connection:
             return job_queries.report_of(connection, row.id)
 
     text = await run_in_threadpool(report)
     if text is None:
         raise NotFound(f"the result of job {row.id} was deleted")
-    return await _drawn(service, "report_figure", text, row.kind, figure, theme)
+    return await _drawn(caller, "report_figure", text, row.kind, figure, theme)
 
 
-async def _drawn(service: Service, task: str, *arguments: str | None) -> Response:
+async def _drawn(caller: Caller, task: str, *arguments: str | None) -> Response:
     """The figure that a task draws; raises NotFound for one that its subject does not have."""
     try:
-        drawn = await computed(service, task, *arguments)
+        drawn = await computed(caller, task, *arguments)
     except InputError as error:
         raise NotFound(error.problem) from None
     return Response(drawn, media_type="application/json")

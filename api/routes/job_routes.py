@@ -9,7 +9,8 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 from sqlalchemy import Connection
 from starlette.concurrency import run_in_threadpool
 
-from api.idempotency import Call, CurrentCall, EmptyCall, answer_once, computed
+from api.callers import computed
+from api.idempotency import Call, CurrentCall, EmptyCall, answer_once
 from api.job_kinds.job_kind import JobKind
 from api.job_kinds.job_table import JOB_KINDS, plurals
 from api.job_spans import current_traceparent
@@ -258,7 +259,7 @@ async def _submit(call: Call, kind: JobKind, plan_id: str | None) -> Response:
         if plan_id is not None:
             text = (await find_or_refuse(service, call.owner, plan_id)).text
         request, work = await computed(
-            service, "checked_request", kind.name, call.body, call.syntax, service.limits, text
+            call.caller, "checked_request", kind.name, call.body, call.syntax, service.limits, text
         )
         return NewJob(kind.name, request, work, plan_id, text, current_traceparent())
 

@@ -4,12 +4,10 @@ from typing import Annotated, Literal
 
 from fastapi import APIRouter, Depends, Query, Response
 
-from api.idempotency import computed
+from api.callers import CurrentCaller, computed
 from api.negotiation import accepts
 from api.problems import problem_responses
 from api.routes.plan_routes import Identifier, find_or_refuse
-from api.security import CurrentOwner
-from api.service import CurrentService
 from syncplan.planning.judgement import BoundChoice
 from syncplan.reports.loss_schemas import WhatIfDocument
 
@@ -23,12 +21,11 @@ router = APIRouter(tags=["plans"], dependencies=[Depends(accepts("application/js
     response_model=WhatIfDocument,
     operation_id="judgeLosses",
     summary="Judge losses",
-    responses=problem_responses(401, 404, 406, 422, 503),
+    responses=problem_responses(401, 404, 406, 422, 429, 503),
 )
 async def read_losses(
     plan_id: Identifier,
-    service: CurrentService,
-    owner: CurrentOwner,
+    caller: CurrentCaller,
     lose: Annotated[
         list[Annotated[str, Query(max_length=80)]] | None,
         Query(
@@ -49,6 +46,6 @@ async def read_losses(
     The most harmful loss comes first. A vehicle whose sensor is lost flies on and is seen by
     others.
     """
-    row = await find_or_refuse(service, owner, plan_id)
-    found = await computed(service, "judged_losses", row.text, lose or [], int(losses), bound)
+    row = await find_or_refuse(caller.service, caller.owner, plan_id)
+    found = await computed(caller, "judged_losses", row.text, lose or [], int(losses), bound)
     return Response(found, media_type="application/json")

@@ -6,7 +6,8 @@ from fastapi import APIRouter, Depends, Header, Path, Query, Response
 from sqlalchemy import Connection
 from starlette.concurrency import run_in_threadpool
 
-from api.idempotency import CurrentCall, answer_once, computed
+from api.callers import computed
+from api.idempotency import CurrentCall, answer_once
 from api.negotiation import accepts
 from api.plan_texts import PlanText
 from api.problems import NotFound, PreconditionFailed, problem_responses
@@ -37,7 +38,7 @@ _TAGS = "Entity tags as ETag gave them, separated by commas, or *"
     response_model=StoredPlan,
     operation_id="createPlan",
     summary="Plan a scenario, or keep a plan",
-    responses=problem_responses(401, 406, 413, 415, 422, 503, 507),
+    responses=problem_responses(401, 406, 413, 415, 422, 429, 503, 507),
 )
 async def create_plan(
     call: CurrentCall,
@@ -50,7 +51,7 @@ async def create_plan(
 
     async def compute() -> PlanText:
         made: PlanText = await computed(
-            call.service, "made_plan", call.body, call.syntax, call.service.limits, steady
+            call.caller, "made_plan", call.body, call.syntax, call.service.limits, steady
         )
         return made
 

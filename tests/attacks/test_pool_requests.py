@@ -1,0 +1,79 @@
+"""Requests of one owner never starve another's, wait too long, or outlive their client."""
+
+import time
+from pathlib import Path
+
+from tests.tools.api_servers import problem, serving, speaking
+from tests.tools.plain_http import answered, asking
+from tests.tools.processes import family, wait_until
+from tests.tools.scenarios import document, shared_circles
+
+FLOOD = 60
+
+
+def test_an_owner_with_many_requests_delays_another_by_one(tmp_path: Path) -> None:
+    with serving(tmp_path, "ann eve") as server, speaking(server, "ann") as ann:
+        ann.post("/v1/plans", json=document())
+        with asking(server, "eve", "/v1/plans", shared_circles(2), FLOOD) as flood:
+            wait_until(lambda: answered(flood) >= 1)
+            answer = ann.post("/v1/plans", json=document())
+            assert answer.status_code == 201, answer.text
+            # in the order of their arrival, all would have been answered first
+            assert answered(flood) < FLOOD // 2
+
+
+def test_an_owner_has_a_limited_number_of_requests_and_leaves_room_for_others(
+    tmp_path: Path,
+) -> None:
+    settings = {"SYNCPLAN_MAX_REQUESTS": "5", "SYNCPLAN_MAX_PLAN_QUEUE": "6"}
+    with (
+        serving(tmp_path, "ann eve", **settings) as server,
+        speaking(server, "ann") as ann,
+        speaking(server, "eve") as eve,
+    ):
+        ann.post("/v1/plans", json=document())
+        with asking(server, "eve", "/v1/plans", shared_circles(4), 5 + FLOOD) as flood:
+            wait_until(lambda: answered(flood) >= FLOOD)
+            refused = eve.post("/v1/plans", json=document())
+            assert "5 requests in work" in problem(refused, 429).detail
+            assert int(refused.headers["retry-after"]) >= 1
+            assert ann.post("/v1/plans", json=document()).status_code == 201
+            assert eve.get("/v1/plans").status_code == 200
+
+
+def test_a_request_is_given_up_on_time_though_it_waited(tmp_path: Path) -> None:
+    limit = 6.0
+    with (
+        serving(
+            tmp_path, "ann", SYNCPLAN_PLAN_TIMEOUT_S=str(limit), SYNCPLAN_MAX_SIGHTINGS="10000000"
+        ) as server,
+        speaking(server, "ann") as ann,
+    ):
+        ann.post("/v1/plans", json=document())
+        with asking(server, "ann", "/v1/plans", shared_circles(8), 1) as first:
+            # the second gets its turn before its time is over, and not all of that time again
+            time.sleep(limit / 2)
+            began = time.monotonic()
+            answer = ann.post("/v1/plans", json=shared_circles(8))
+            assert time.monotonic() - began < 1.4 * limit
+            assert answered(first) == 1
+        assert answer.status_code in {422, 503}
+
+
+def test_what_clients_who_went_away_asked_for_is_not_computed(tmp_path: Path) -> None:
+    with serving(tmp_path, "ann eve") as server, speaking(server, "ann") as ann:
+        ann.post("/v1/plans", json=document())
+        children = family(server.popen.pid)
+        for _ in range(2):
+            with asking(server, "ann", "/v1/plans", shared_circles(4), FLOOD // 2):
+                # all have been read: an answer to a later request says so
+                assert ann.get("/v1/plans").status_code == 200
+        # computed, they would take minutes
+        began = time.monotonic()
+        assert ann.post("/v1/plans", json=document()).status_code == 201
+        waited = time.monotonic() - began
+        began = time.monotonic()
+        assert ann.post("/v1/plans", json=shared_circles(4)).status_code == 201
+        assert waited < 5 * (time.monotonic() - began)
+        # nor were processes killed and begun by the dozen
+        assert len(set(family(server.popen.pid)) - set(children)) <= 3
