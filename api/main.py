@@ -8,6 +8,7 @@ from starlette.concurrency import run_in_threadpool
 
 from api.application import without_routes
 from api.computing.pool import Pool
+from api.jobs.job_counts import JobCounts
 from api.jobs.queue import JobQueue
 from api.jobs.worker import Worker, guard_of
 from api.metrics import JobTally, Source
@@ -86,10 +87,11 @@ class _Running:
     def __init__(self, settings: Settings, tally: JobTally) -> None:
         self.database = open_database(settings.database)
         self.queue = JobQueue(settings.database)
-        self.worker = Worker(settings, self.database, tally) if settings.embedded_worker else None
+        counts = JobCounts(self.database, tally)
+        self.worker = Worker(settings, self.database, counts) if settings.embedded_worker else None
         self.guard = None
         if self.worker is None:
-            self.guard = guard_of(settings, self.database, self.queue, None)
+            self.guard = guard_of(settings, self.database, self.queue, counts, None)
             self.guard.start()
         self.pool = Pool(
             settings.process_count,
@@ -105,6 +107,7 @@ class _Running:
             self.queue,
             limits_of(settings),
             self.silent_s,
+            counts,
             self.plans,
         )
 

@@ -8,6 +8,7 @@ from typing import Annotated
 from fastapi import Depends, Request
 
 from api.computing.pool import Pool
+from api.jobs.job_counts import JobCounts
 from api.jobs.queue import JobQueue
 from api.limits import RequestLimits
 from api.settings import Settings
@@ -28,6 +29,7 @@ class Service:
     ----------
     pool : processes for requests; those for jobs are the worker's
     silent_s : how long ago this process's last heartbeat was; 0 if it runs no jobs
+    counts : of the jobs that end here
     """
 
     settings: Settings
@@ -36,6 +38,7 @@ class Service:
     queue: JobQueue
     limits: RequestLimits
     silent_s: Callable[[], float]
+    counts: JobCounts
     plans: PlanReader
 
 

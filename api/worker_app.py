@@ -3,8 +3,8 @@
 from fastapi import FastAPI
 
 from api.application import without_routes
+from api.jobs.job_counts import JobCounts
 from api.jobs.worker import Worker
-from api.metrics import JobTally
 from api.routes import health_routes
 from api.service import Service, limits_of
 from api.settings import Settings
@@ -19,10 +19,10 @@ __all__ = ["create_worker_app"]
 
 
 def create_worker_app(
-    settings: Settings, database: Database, worker: Worker, tally: JobTally
+    settings: Settings, database: Database, worker: Worker, counts: JobCounts
 ) -> FastAPI:
     """Return the application of a running worker: the paths that machines poll, and no others."""
-    app = without_routes(settings, tally=tally, openapi_url=None, telemetry=OFF)
+    app = without_routes(settings, tally=counts.tally, openapi_url=None, telemetry=OFF)
     app.state.service = Service(
         settings,
         database,
@@ -30,6 +30,7 @@ def create_worker_app(
         worker.queue,
         limits_of(settings),
         lambda: worker.guard.silent_s,
+        counts,
         PlanReader(database),
     )
     app.state.metrics.watch(PoolReadings({"jobs": worker.pool}), Cached(JobReadings(database)))

@@ -10,9 +10,9 @@ from typing import TypeVar
 from sqlalchemy import Connection
 
 from api.computing.pool import Pool
+from api.jobs.job_counts import JobCounts
 from api.jobs.part_watch import PartWatch
 from api.jobs.queue import JobQueue
-from api.metrics import JobTally
 from api.settings import Settings
 from api.storage.database import Database, patiently
 
@@ -27,7 +27,7 @@ class Runtime:
 
     Attributes
     ----------
-    tally : counts jobs as they start and end
+    counts : of the jobs that end here
     at_work : the workflows that this process runs; one restarted while it ran is there twice
     closing : set before the process ends, so that what is killed then does not count as failed
     """
@@ -36,7 +36,7 @@ class Runtime:
     database: Database
     queue: JobQueue
     pool: Pool
-    tally: JobTally
+    counts: JobCounts
     watch: PartWatch
     at_work: list[str] = field(default_factory=list)
     closing: Event = field(default_factory=Event)

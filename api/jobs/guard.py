@@ -41,6 +41,7 @@ class Guard:
     heartbeat_s, dead_after_s : between heartbeats; without one until a process is dead
     keep_jobs_s, keep_answers_s : how long ended jobs and given answers are kept
     version_grace_s : how long jobs wait for a worker of the version that began them
+    job_over : called with each job that is failed
     """
 
     def __init__(
@@ -55,6 +56,7 @@ class Guard:
         keep_jobs_s: float,
         keep_answers_s: float,
         version_grace_s: float,
+        job_over: Callable[[str], None] = lambda _job_id: None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._database = database
@@ -69,7 +71,7 @@ class Guard:
         self._clock = clock
         # what runs no jobs leaves those of other versions to workers
         grace_s = None if executor_id is None else version_grace_s
-        self._stranded = StrandedJobs(database, queue, grace_s)
+        self._stranded = StrandedJobs(database, queue, grace_s, job_over)
         self._seen: dict[str, tuple[int, float]] = {}
         self._looked = self._swept = self._beaten = clock()
         self._watched_s = 0.0

@@ -59,11 +59,13 @@ async def computed(part: Part, submit: Callable[[WatchedPart, PartHistory], Tick
         await _stay_if_closing(part)
     except _FailedError as failed:
         document = dict(failed.document)
-        await in_transaction(
+        ended = await in_transaction(
             lambda connection: job_records.end_job(
                 connection, part.job_id, "failed", error=document
             )
         )
+        if ended:
+            await asyncio.to_thread(current().counts.job_over, part.job_id)
     return None
 
 
@@ -100,10 +102,19 @@ async def _tried_once(
     part: Part, history: PartHistory, submit: Callable[[WatchedPart, PartHistory], Ticket]
 ) -> Any:
     runtime = current()
+    outcome = "failed"
     with runtime.watch.over(part.job_id, part.number) as watched:
         watched.ticket = submit(watched, history)
         try:
-            return await asyncio.wrap_future(watched.ticket.future)
+            value = await asyncio.wrap_future(watched.ticket.future)
+            outcome = "done"
+            return value
+        except GivenUpError:
+            outcome = "given-up"
+            raise
+        except ChildGoneError:
+            outcome = "process-ended"
+            raise
         except InputError as error:
             faults = [
                 {"path": one.key, "value": one.value, "message": one.problem}
@@ -120,6 +131,9 @@ async def _tried_once(
             raise _internal("an internal fault; see the service's log") from None
         finally:
             await asyncio.to_thread(patiently, watched.note, runtime.database, over=True)
+            await asyncio.to_thread(
+                runtime.counts.part_over, part.job_id, part.number, watched.ticket, outcome
+            )
 
 
 class _FailedError(Exception):

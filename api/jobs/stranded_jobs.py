@@ -8,7 +8,7 @@ numbers, and this version begins it again. Only a job whose workflow ended by a 
 
 import logging
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from sqlalchemy import Connection
 
@@ -37,12 +37,20 @@ class StrandedJobs:
     ----------
     version_grace_s : how long jobs wait for a worker of the version that began them; None where
         jobs of other versions are left alone
+    job_over : called with each job that is failed
     """
 
-    def __init__(self, database: Database, queue: JobQueue, version_grace_s: float | None) -> None:
+    def __init__(
+        self,
+        database: Database,
+        queue: JobQueue,
+        version_grace_s: float | None,
+        job_over: Callable[[str], None],
+    ) -> None:
         self._database = database
         self._queue = queue
         self._grace_s = version_grace_s
+        self._job_over = job_over
         self._suspects: set[WaitingJob] = set()
 
     def look(self) -> None:
@@ -86,7 +94,9 @@ class StrandedJobs:
         if broken or job.begun >= _MOST_BEGUN:
             _logger.error("job %s was lost: workflows %s", job.id, [one.status for one in broken])
             with self._database.writing() as connection:
-                job_records.end_job(connection, job.id, "failed", error=_LOST)
+                ended = job_records.end_job(connection, job.id, "failed", error=_LOST)
+            if ended:
+                self._job_over(job.id)
         elif job in self._suspects:
             _logger.warning("job %s has no workflow; it begins anew", job.id)
             self._begin_anew(job, job.version or ANY_VERSION, keep=True)

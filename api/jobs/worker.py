@@ -13,10 +13,10 @@ from api.computing.pool import Pool
 from api.jobs import dbos_runtime
 from api.jobs.dbos_runtime import Runtime
 from api.jobs.guard import Guard
+from api.jobs.job_counts import JobCounts
 from api.jobs.part_watch import PartWatch
 from api.jobs.queue import APPLICATION, PARTS_QUEUE, VERSION, JobQueue
 from api.jobs.serialization import JSON_ROWS
-from api.metrics import JobTally
 from api.settings import Settings
 from api.storage.database import Database
 
@@ -36,20 +36,16 @@ class Worker:
     guard : its heartbeat
     """
 
-    def __init__(
-        self, settings: Settings, database: Database, tally: JobTally | None = None
-    ) -> None:
+    def __init__(self, settings: Settings, database: Database, counts: JobCounts) -> None:
         self.executor_id = f"{socket.gethostname()[:32]}-{os.getpid()}-{secrets.token_hex(4)}"
         size = settings.process_count
         self.pool = Pool(size, background=True, niceness=settings.job_niceness)
         self.queue = JobQueue(settings.database)
         watch = PartWatch(database, VERSION)
-        self._runtime = Runtime(
-            settings, database, self.queue, self.pool, tally or JobTally(), watch
-        )
+        self._runtime = Runtime(settings, database, self.queue, self.pool, counts, watch)
         dbos_runtime.use(self._runtime)
         self.guard = guard_of(
-            settings, database, self.queue, self.executor_id, self._runtime.at_work
+            settings, database, self.queue, counts, self.executor_id, self._runtime.at_work
         )
         # first: others take over what a process that is not on the list has begun
         self.guard.start()
@@ -80,6 +76,7 @@ def guard_of(
     settings: Settings,
     database: Database,
     queue: JobQueue,
+    counts: JobCounts,
     executor_id: str | None,
     at_work: Collection[str] = (),
 ) -> Guard:
@@ -94,6 +91,7 @@ def guard_of(
         keep_jobs_s=settings.keep_jobs_s,
         keep_answers_s=settings.keep_answers_s,
         version_grace_s=settings.version_grace_s,
+        job_over=counts.job_over,
     )
 
 

@@ -189,13 +189,15 @@ async def _succeed(job: BegunJob, result: PlanText | JobReport | None) -> None:
         return
     job_id = job.spec.id
 
-    def keep(connection: Connection) -> None:
+    def keep(connection: Connection) -> bool:
         if isinstance(result, JobReport):
-            job_records.end_job(connection, job_id, "succeeded", report=result)
-            return
+            return job_records.end_job(connection, job_id, "succeeded", report=result)
         plan_id = new_id(moment(connection))
-        if job_records.end_job(connection, job_id, "succeeded", plan_id=plan_id):
-            owner, parent_id = job_queries.owner_and_plan(connection, job_id)
-            add_plan(connection, owner, result, plan_id=plan_id, parent_id=parent_id)
+        if not job_records.end_job(connection, job_id, "succeeded", plan_id=plan_id):
+            return False
+        owner, parent_id = job_queries.owner_and_plan(connection, job_id)
+        add_plan(connection, owner, result, plan_id=plan_id, parent_id=parent_id)
+        return True
 
-    await in_transaction(keep)
+    if await in_transaction(keep):
+        await asyncio.to_thread(current().counts.job_over, job_id)

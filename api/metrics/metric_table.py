@@ -115,6 +115,13 @@ _ENTRIES = (
         ("kind", "outcome"),
         buckets=JOB_S,
     ),
+    MetricEntry(
+        "syncplan_part_duration_seconds",
+        "histogram",
+        "Computing time of a part of a job",
+        ("part", "outcome"),
+        buckets=JOB_S,
+    ),
     MetricEntry("syncplan_job_failures", "counter", "Jobs that failed", ("kind", "reason")),
     MetricEntry("syncplan_processes_busy", "gauge", "Child processes at work"),
     MetricEntry("syncplan_pool_processes", "gauge", "Child processes of a pool", ("pool",)),

@@ -187,8 +187,12 @@ async def cancel_job(row: Owned, call: EmptyCall) -> Response:
     async def nothing() -> None:
         return None
 
+    ended = False
+
     def store(connection: Connection, _nothing: None) -> Answer:
-        if not job_records.end_job(connection, row.id, "cancelled"):
+        nonlocal ended
+        ended = job_records.end_job(connection, row.id, "cancelled")
+        if not ended:
             state = job_records.state_of(connection, row.id)
             if state != "cancelled":
                 raise Conflict(f"the job has already ended: it has {state}")
@@ -197,7 +201,10 @@ async def cancel_job(row: Owned, call: EmptyCall) -> Response:
             raise NotFound(f"there is no job {row.id}")
         return Answer(call.digest, 200, {}, job_answer(now).model_dump_json())
 
-    return await answer_once(call, nothing, store)
+    answer = await answer_once(call, nothing, store)
+    if ended:
+        await run_in_threadpool(call.service.counts.job_over, row.id)
+    return answer
 
 
 @router.get(

@@ -11,7 +11,9 @@ from api.storage.tables import job_results, jobs
 
 __all__ = [
     "BegunJob",
+    "JobLife",
     "begun_job",
+    "life_of",
     "owner_and_plan",
     "report_of",
     "start_job",
@@ -46,6 +48,26 @@ def begun_job(connection: Connection, job_id: str, version: str) -> BegunJob | N
     ).where(jobs.c.id == job_id, jobs.c.state == "running", jobs.c.version == version)
     found = connection.execute(query).first()
     return None if found is None else BegunJob(JobSpec(*found[:4]), found[4], found[5])
+
+
+@dataclass(frozen=True, slots=True)
+class JobLife:
+    """When a job was requested, started and ended, and how; `error` is JSON."""
+
+    kind: str
+    state: str
+    traceparent: str | None
+    created_at: str
+    started_at: str | None
+    ended_at: str | None
+    error: str | None
+
+
+def life_of(connection: Connection, job_id: str) -> JobLife | None:
+    """Return the times and the end of a job; None if there is no such job."""
+    columns = (jobs.c[name] for name in JobLife.__dataclass_fields__)
+    found = connection.execute(select(*columns).where(jobs.c.id == job_id)).first()
+    return None if found is None else JobLife(*found)
 
 
 def owner_and_plan(connection: Connection, job_id: str) -> tuple[str, str | None]:

@@ -141,6 +141,7 @@ def _work(
     stop: threading.Event,
 ) -> None:
     """Work on jobs, and answer on a socket if there is one, until `stop` is set."""
+    from api.jobs.job_counts import JobCounts
     from api.jobs.worker import Worker
     from api.metrics import JobTally
     from api.server import served_beside
@@ -149,9 +150,9 @@ def _work(
     from api.worker_app import create_worker_app
 
     send_last_spans = export_spans(settings)
-    tally = JobTally()
+    counts = JobCounts(database, JobTally())
     try:
-        worker = Worker(settings, database, tally)
+        worker = Worker(settings, database, counts)
     except Exception as error:
         if not unavailable(error):
             raise
@@ -161,7 +162,7 @@ def _work(
         ) from None
     served: contextlib.AbstractContextManager[None] = contextlib.nullcontext()
     if listening is not None:
-        served = served_beside(create_worker_app(settings, database, worker, tally), listening)
+        served = served_beside(create_worker_app(settings, database, worker, counts), listening)
     with served:
         stop.wait()
     worker.close()

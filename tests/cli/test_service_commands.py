@@ -151,7 +151,7 @@ def test_a_database_that_goes_away_while_a_worker_starts_is_one_line(tmp_path: P
     gone = f"""
 import sqlalchemy
 import api.jobs.worker
-def start(settings, database, tally):
+def start(settings, database, counts):
     url = "postgresql+psycopg://syncplan@127.0.0.1:{free_port()}/none"
     sqlalchemy.create_engine(url).connect()
 api.jobs.worker.Worker = start

@@ -202,12 +202,13 @@ def test_refusals_count_by_status_and_reason() -> None:
 
 def test_jobs_count_by_kind_and_outcome() -> None:
     metrics = Metrics()
-    metrics.jobs.started("sweep", 3.0)
-    metrics.jobs.ended("sweep", "succeeded", 20.0)
-    metrics.jobs.ended("sweep", "failed", 0.2, "no-solution")
+    metrics.jobs.ended("sweep", "succeeded", waited_s=3.0, took_s=20.0)
+    metrics.jobs.ended("sweep", "failed", waited_s=0.0, took_s=0.2, reason="no-solution")
+    metrics.jobs.part_over("batch", "done", 7.0)
     samples = _samples(metrics)
     kind, outcome = ("kind", "sweep"), ("outcome", "succeeded")
     assert samples["syncplan_job_wait_seconds_sum", (kind,)] == 3.0
     assert samples["syncplan_job_duration_seconds_sum", (kind, outcome)] == 20.0
     assert samples["syncplan_job_failures_total", (kind, ("reason", "no-solution"))] == 1
-    assert ("syncplan_job_failures_total", (kind, ("reason", "unknown"))) not in samples
+    part = (("outcome", "done"), ("part", "batch"))
+    assert samples["syncplan_part_duration_seconds_sum", part] == 7.0

@@ -1,0 +1,85 @@
+"""What a process counts and traces of the jobs that it ends and the parts that it computes."""
+
+import json
+import logging
+import time
+from datetime import UTC, datetime, timedelta
+
+from api.computing.pool import Ticket
+from api.job_spans import record_span, spans_wanted
+from api.metrics import JobTally
+from api.storage.database import Database
+from api.storage.job_queries import JobLife, life_of
+from api.storage.part_records import BEGINNING, CONCLUSION
+
+__all__ = ["JobCounts"]
+
+_UNNUMBERED = {BEGINNING: "beginning", CONCLUSION: "conclusion"}
+
+_logger = logging.getLogger("syncplan.jobs")
+
+
+class JobCounts:
+    """Counts in a process's metrics, and records spans where they are exported.
+
+    Nothing fails because it could not be counted.
+    """
+
+    def __init__(self, database: Database, tally: JobTally) -> None:
+        self._database = database
+        self.tally = tally
+
+    def job_over(self, job_id: str) -> None:
+        """Count a job that this process has ended, however it ended."""
+        life = self._life(job_id)
+        if life is None or life.ended_at is None:
+            return
+        created, ended = map(datetime.fromisoformat, (life.created_at, life.ended_at))
+        # one that was cancelled in the queue has never started
+        started = ended if life.started_at is None else datetime.fromisoformat(life.started_at)
+        reason = _reason(life.error) if life.state == "failed" else None
+        self.tally.ended(
+            life.kind,
+            life.state,
+            waited_s=(started - created).total_seconds(),
+            took_s=(ended - started).total_seconds(),
+            reason=reason,
+        )
+        if spans_wanted():
+            said = {"syncplan.job.kind": life.kind, "syncplan.job.outcome": life.state}
+            record_span(
+                f"job {life.kind}", job_id, life.traceparent, (started, ended), said, reason
+            )
+
+    def part_over(self, job_id: str, number: int, ticket: Ticket | None, outcome: str) -> None:
+        """Count a part whose task is over; one that never began is none."""
+        if ticket is None or ticket.began is None:
+            return
+        took_s = time.monotonic() - ticket.began
+        part = _UNNUMBERED.get(number, "batch")
+        self.tally.part_over(part, outcome, took_s)
+        life = self._life(job_id) if spans_wanted() else None
+        if life is not None:
+            ended = datetime.now(UTC)
+            said: dict[str, str | int] = {
+                "syncplan.job.kind": life.kind,
+                "syncplan.part.number": number,
+                "syncplan.part.outcome": outcome,
+            }
+            times = ended - timedelta(seconds=took_s), ended
+            failure = None if outcome in ("done", "given-up") else outcome
+            record_span(f"part {part}", job_id, life.traceparent, times, said, failure)
+
+    def _life(self, job_id: str) -> JobLife | None:
+        try:
+            with self._database.reading() as connection:
+                return life_of(connection, job_id)
+        except Exception as error:
+            _logger.warning("job %s is not counted: %s", job_id, error)
+            return None
+
+
+def _reason(error: str | None) -> str:
+    """The class of a failure, as in bad-input: its title."""
+    title = json.loads(error or "{}").get("title", "unknown")
+    return str(title).lower().replace(" ", "-")

@@ -1,0 +1,147 @@
+"""Jobs as metrics count them and as traces show them, in the processes that end them."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx2
+import pytest
+
+from api.jobs.job_counts import JobCounts
+from api.metrics import Metrics
+from api.storage.database import open_database
+from api.storage.job_records import NewJob, add_job, end_job
+from tests.tools.api_servers import done, key_of, serving, speaking
+from tests.tools.processes import wait_until
+from tests.tools.scenarios import document
+from tests.tools.serving import Process, free_port, running, settings_of
+from tests.tools.span_collector import CollectedSpan, SpanCollector, collecting
+
+KEYS = {"SYNCPLAN_API_KEYS": f"ann:{key_of('ann')}"}
+TRACE = "0af7651916cd43dd8448eb211c80319c"
+PARENT = {"traceparent": f"00-{TRACE}-b7ad6b7169203331-01"}
+NAME = "secret-survey"
+
+
+@pytest.fixture(scope="module")
+def collector() -> Iterator[SpanCollector]:
+    """Where the server and its worker send their spans."""
+    with collecting() as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def clients(
+    tmp_path_factory: pytest.TempPathFactory, collector: SpanCollector
+) -> Iterator[tuple[httpx2.Client, httpx2.Client]]:
+    """Connections to a server without a worker of its own, and to the worker beside it."""
+    folder = tmp_path_factory.mktemp("traced")
+    port = free_port()
+    given = {**settings_of(folder / "data"), **collector.settings, **KEYS}
+    with serving(folder, "ann", "--no-worker", **collector.settings) as server:
+        worker = Process("worker", "--port", str(port), log=folder / "work", **given)
+        with (
+            running(worker),
+            speaking(server, "ann") as http,
+            httpx2.Client(base_url=f"http://127.0.0.1:{port}", headers=http.headers) as beside,
+        ):
+            yield http, beside
+            assert worker.stop() == 0
+
+
+def submitted(http: httpx2.Client, trials: int, headers: dict[str, str]) -> str:
+    """Submit a validation and return where its job is."""
+    plan = http.post("/v1/plans", json=document(name=NAME))
+    assert plan.status_code == 201, plan.text
+    path = f"/v1/plans/{plan.json()['id']}/validations"
+    answer = http.post(path, json={"trials": trials}, headers=headers)
+    assert answer.status_code == 202, answer.text
+    return answer.headers["location"]
+
+
+def spans_of(collector: SpanCollector, job: str) -> dict[str, CollectedSpan]:
+    """The spans of a job by name, the last one of each."""
+    number = job.rpartition("/")[2]
+    return {
+        one.name: one for one in collector.spans if one.attributes.get("syncplan.job.id") == number
+    }
+
+
+def count(http: httpx2.Client, name: str, **labels: str) -> float:
+    """A figure of a process; 0 where it is not there."""
+    for line in http.get("/metrics").text.splitlines():
+        found = re.fullmatch(rf"{name}(?:\{{(.*)\}})? (\S+)", line)
+        if found and dict(re.findall(r'(\w+)="([^"]*)"', found[1] or "")) == labels:
+            return float(found[2])
+    return 0.0
+
+
+def test_a_job_is_counted_and_traced_where_it_ends(
+    clients: tuple[httpx2.Client, httpx2.Client], collector: SpanCollector
+) -> None:
+    http, worker = clients
+    job = submitted(http, 40, PARENT)
+    done(http, job)
+    ended = {"kind": "validation", "outcome": "succeeded"}
+    wait_until(lambda: count(worker, "syncplan_job_duration_seconds_count", **ended) == 1)
+    assert count(http, "syncplan_job_duration_seconds_count", **ended) == 0
+    assert count(worker, "syncplan_job_wait_seconds_count", kind="validation") == 1
+    for part in ("beginning", "batch", "conclusion"):
+        labels = {"part": part, "outcome": "done"}
+        assert count(worker, "syncplan_part_duration_seconds_count", **labels) >= 1
+
+    names = {"job validation", "part beginning", "part batch", "part conclusion"}
+    wait_until(lambda: spans_of(collector, job).keys() == names)
+    for span in spans_of(collector, job).values():
+        assert (span.trace_id, span.service, span.failed) == (TRACE, "syncplan", False)
+    shown = spans_of(collector, job)["job validation"].attributes
+    assert shown["syncplan.job.kind"] == "validation"
+    assert shown["syncplan.job.outcome"] == "succeeded"
+    # the request's own span, under which the job's stand
+    asked = "POST /v1/plans/{plan_id}/validations"
+    wait_until(lambda: any(one.name == asked for one in collector.spans))
+    requests = [one for one in collector.spans if one.name == asked]
+    assert [one.trace_id for one in requests] == [TRACE]
+
+
+def test_a_cancelled_job_is_counted_by_the_server(
+    clients: tuple[httpx2.Client, httpx2.Client], collector: SpanCollector
+) -> None:
+    http, worker = clients
+    job = submitted(http, 90_000, {})
+    wait_until(lambda: http.get(job).json()["state"] == "running")
+    http.post(f"{job}/cancel").raise_for_status()
+    http.post(f"{job}/cancel").raise_for_status()
+    ended = {"kind": "validation", "outcome": "cancelled"}
+    assert count(http, "syncplan_job_duration_seconds_count", **ended) == 1
+    assert count(worker, "syncplan_job_duration_seconds_count", **ended) == 0
+    wait_until(lambda: "job validation" in spans_of(collector, job))
+    span = spans_of(collector, job)["job validation"]
+    assert span.attributes["syncplan.job.outcome"] == "cancelled"
+    assert span.trace_id != TRACE
+
+
+def test_no_span_says_who_asked_or_for_what(collector: SpanCollector) -> None:
+    assert len(collector.spans) > 8
+    for span in collector.spans:
+        for word in (NAME, "ann-", "radius_m", "Bearer"):
+            assert word not in span.raw
+        assert "readyz" not in span.name
+
+
+def test_a_failure_is_counted_by_its_reason(tmp_path: Path) -> None:
+    database = open_database(f"sqlite:///{tmp_path / 'syncplan.db'}")
+    metrics = Metrics()
+    counts = JobCounts(database, metrics.jobs)
+    error = {"title": "No solution", "detail": "too far apart"}
+    with database.writing() as connection:
+        row = add_job(connection, "ann", NewJob("refinement", "{}", 1, None, None))
+        counts.job_over(row.id)
+        end_job(connection, row.id, "failed", error=error)
+    counts.job_over(row.id)
+    counts.job_over("nobody")
+    database.close()
+    text = metrics.render()[0].decode()
+    assert 'syncplan_job_failures_total{kind="refinement",reason="no-solution"} 1.0' in text
+    ended = 'syncplan_job_duration_seconds_count{kind="refinement",outcome="failed"} 1.0'
+    assert ended in text
