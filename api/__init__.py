@@ -13,13 +13,13 @@ Thin over syncplan, which does all the numbers. Modules, each using only those b
     computing.*                        the numbers, in child processes
     storage.*                          plans, jobs, answers given: SQLite or PostgreSQL
     jobs.*                             durable workflows, heartbeats, what dead processes left
+    connections, descriptors           who is connected and for how long; open files
     watching.*                         what a scrape of the metrics reads of all these
     responses, service                 what responses hold, what routes work with
     callers, idempotency               who waits for what is computed; the same answer twice
     page_tables, assets, routes.*      the page's tables and files, the routes
     operations, openapi                what the OpenAPI document adds to the routes
     application, main, worker_app      an application without routes; the service's, a worker's
-    connections, descriptors           who is connected and for how long; open files
     refusals, protocol, accepting      HTTP below the application, taking connections
     server                             serving it all
 

@@ -18,6 +18,7 @@ from api.descriptors import raise_limit
 from api.protocol import HttpProtocol
 from api.refusals import crowd
 from api.service import Ending
+from api.watching.connection_readings import ConnectionReadings
 
 __all__ = ["LimitedServer", "serve_until_told", "served_beside"]
 
@@ -125,4 +126,5 @@ def _server_of(app: FastAPI) -> LimitedServer:
     limits = limits_of_connections(app.state.settings, raise_limit())
     server = LimitedServer(config, limits, app.state.ending)
     app.state.connections = server.connections
+    app.state.metrics.watch(ConnectionReadings(server.connections))
     return server

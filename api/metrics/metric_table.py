@@ -73,6 +73,13 @@ _ENTRIES = (
         "Requests answered with a problem, by its reason",
         ("status", "reason"),
     ),
+    MetricEntry("syncplan_connections", "gauge", "Connections, those held for probes included"),
+    MetricEntry(
+        "syncplan_connections_refused",
+        "counter",
+        "Connections and requests refused before the application, by reason",
+        ("reason",),
+    ),
     MetricEntry("syncplan_jobs", "gauge", "Jobs in each state", ("state",), of="service"),
     MetricEntry(
         "syncplan_jobs_unfinished",
