@@ -15,6 +15,7 @@ from benchmarks import (
     objectives,
     observability,
     page,
+    plans,
     print_figures,
     refinement,
     service,
@@ -29,6 +30,7 @@ BEGIN_ERRORS, END_ERRORS = "<!-- errors: python -m benchmarks --write -->", "<!-
 
 PARTS = (
     startup,
+    plans,
     contacts,
     observability,
     losses,

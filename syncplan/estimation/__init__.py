@@ -1,5 +1,7 @@
 """How well: error bounds, the filter, many trials of it, and recordings of real robots.
 
+referred_run       noise and rows of a run, referred to time 0
+foreseen_sightings what is known before sightings
 covariances        covariance along a run, referred to time 0
 start_up_index     how far bearings are from linear at the start
 bounds             Cramer-Rao bounds

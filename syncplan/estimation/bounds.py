@@ -26,7 +26,8 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.errors import NoSolutionError
-from syncplan.estimation.covariances import Run, foreseen_along, variances_along
+from syncplan.estimation.covariances import foreseen_along, variances_along
+from syncplan.estimation.referred_run import Run
 from syncplan.estimation.start_up_index import (
     StartUpIndex,
     first_samples,
@@ -36,6 +37,7 @@ from syncplan.estimation.start_up_index import (
 from syncplan.observability.rank import Observability, sighting_rows
 from syncplan.orbits.circles import Orbits, perpendicular, phase, unit
 from syncplan.orbits.contacts import Windows
+from syncplan.orbits.sighting_kinds import sigmas_by_kind
 from syncplan.orbits.sightings import Sightings, sample_sightings, steps_within
 from syncplan.orbits.team import Team
 
@@ -219,7 +221,8 @@ class ReferredSystem:
         """Return the bound along the run with its start-up index."""
         seen = self.sightings.until(first_samples(self.team))
         lines = lines_of_sight(self.team, seen, self.scale)
-        variances, foreseen = foreseen_along(self.run, covariance, lines)
+        sigmas = sigmas_by_kind(self.team.sensors, seen.kinds, seen.observers)
+        variances, foreseen = foreseen_along(self.run, covariance, lines, sigmas**-2.0)
         index = index_of_run(self.team, seen, foreseen)
         return replace(self.carried(variances), start_up=index)
 

@@ -15,8 +15,8 @@ import scipy.linalg.cython_blas  # noqa: F401 - what np.dot calls in a kernel
 from numpy.typing import NDArray
 
 from syncplan.arrays import Array, Index
-from syncplan.estimation.covariances import Run
 from syncplan.estimation.lane_filter import compiled
+from syncplan.estimation.referred_run import Run
 
 __all__ = ["compiled_variances_along"]
 

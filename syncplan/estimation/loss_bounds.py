@@ -11,7 +11,7 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.estimation.bounds import PosteriorBound, ReferredSystem
 from syncplan.estimation.covariance_kernel import compiled_variances_along
-from syncplan.estimation.covariances import Run
+from syncplan.estimation.referred_run import Run
 from syncplan.observability.rank import sighting_rows
 from syncplan.orbits.contacts import Windows
 from syncplan.orbits.losses import Remainder

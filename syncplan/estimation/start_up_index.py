@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.estimation.covariances import Foreseen
+from syncplan.estimation.foreseen_sightings import Foreseen
 from syncplan.observability.rank import NEAREST
 from syncplan.orbits.paths import body_paths
 from syncplan.orbits.sighting_kinds import sigmas_by_kind

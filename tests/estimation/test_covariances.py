@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from syncplan.estimation import covariances
-from syncplan.estimation.covariances import Run, variances_along
+from syncplan.estimation import covariances, foreseen_sightings, referred_run
+from syncplan.estimation.covariances import variances_along
+from syncplan.estimation.referred_run import Run
 
 UPPER = np.triu_indices(3)
 
@@ -70,7 +71,8 @@ def test_groups_and_samples_equal_the_information_recursion(
     run = _drawn(generator, count, steps=40, most=(3, 9, 30)[seed % 3])
     start = _initial(generator, count)
     expected = _by_information(run, start)
-    monkeypatch.setattr(covariances, "GROUP_ROWS", rows)
+    for module in (covariances, foreseen_sightings, referred_run):
+        monkeypatch.setattr(module, "GROUP_ROWS", rows)
     monkeypatch.setattr(covariances, "GROUPS_AT_ONCE", groups)
     scale = np.abs(expected).max(axis=-1, keepdims=True)
     for limit in (count, count - 1):

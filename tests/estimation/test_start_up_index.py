@@ -1,13 +1,14 @@
 """The start-up index: against Monte Carlo of what a tangent leaves out, and plain recursions."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from syncplan.estimation import covariances
+from syncplan.estimation import covariances, foreseen_sightings
 from syncplan.estimation.bounds import posterior_bound
-from syncplan.estimation.covariances import Foreseen
+from syncplan.estimation.foreseen_sightings import Asked, Foreseen
 from syncplan.estimation.reference_filter import predict_bearing
 from syncplan.estimation.start_up_index import index_of_run, lines_of_sight
 from syncplan.orbits.circles import position
@@ -139,6 +140,31 @@ def test_the_bound_is_the_same_with_and_without_its_index() -> None:
     indexed = posterior_bound(grid.team, grid.windows, 60.0, start_up=True)
     assert plain.start_up is None
     np.testing.assert_array_equal(plain.position_variance, indexed.position_variance)
+
+
+@pytest.mark.parametrize("grouped", [True, False])
+@pytest.mark.parametrize("name", ["paper-grid-same", "mixed-radii-camera", "four-ground-robots"])
+def test_sightings_are_passed_over_only_where_none_of_them_has_the_index(
+    name: str, grouped: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if not grouped:
+        monkeypatch.setattr(covariances, "GROUPED_VEHICLES", 0)
+    made = plan(example(name), bound="never")
+    answered = []
+    found = Asked._found
+
+    def counted(asked: Asked, rows: Any, pairs: Any) -> None:
+        answered.append(pairs.shape[-1])
+        found(asked, rows, pairs)
+
+    monkeypatch.setattr(Asked, "_found", counted)
+    some = posterior_bound(made.team, made.windows, 120.0, start_up=True)
+    few = sum(answered)
+    answered.clear()
+    monkeypatch.setattr(foreseen_sightings, "MARGIN", np.inf)
+    every = posterior_bound(made.team, made.windows, 120.0, start_up=True)
+    assert some.start_up == every.start_up
+    assert few < 0.6 * sum(answered)
 
 
 def test_the_index_vanishes_with_the_initial_sigmas_and_the_noise() -> None:

@@ -1,0 +1,198 @@
+"""How long plans and quick previews take in one process, and their costly parts, again and again.
+
+Processor time of the paper's grid of six vehicles, of grids of 12, 24 and 50, in one warm process:
+the plan with its file's text, the posterior bound with its start-up index, the connectivity period,
+a preview and a quick one with the map. With `--base PATH`, another checkout does the same in turn,
+A B A B, so that a busy machine is as busy for both; figures are then medians of the ratios. Both
+sides' texts have to be the same.
+
+    python benchmarks/plans.py
+    python benchmarks/plans.py --base ../before
+"""
+
+import argparse
+import gc
+import hashlib
+import json
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+SIDE_OPTION = "--serve"
+
+# the library of the side that is measured: this checkout's, unless another is named
+SIDE = Path(sys.argv[2]) if sys.argv[1:2] == [SIDE_OPTION] else ROOT
+sys.path.insert(0, str(SIDE))
+
+from benchmarks import Figure, print_figures  # noqa: E402
+
+GRIDS = {6: 3, 12: 4, 24: 6, 50: 10}
+"""Vehicles of each grid, and its columns."""
+
+REPEATS = {6: 21, 12: 11, 24: 7, 50: 3}
+
+PARTS = {
+    "plan": "plan and its text",
+    "bound": "posterior bound and start-up index",
+    "connectivity": "connectivity period",
+    "preview": "preview with the map",
+    "quick": "quick preview with the map",
+}
+"""What is timed, with its label."""
+
+SHARE_TARGET = 0.5
+"""Of a whole preview's time that a quick one may take."""
+
+
+# --- one side, in a process of its own ----------------------------------------------------------
+
+
+def _scenario(count: int) -> dict[str, Any]:
+    return {
+        "name": f"grid-{count}",
+        "orbit": {"radius_m": 20.0, "angular_rate_rad_s": 0.2, "first_phase_rad": 0.3},
+        "formation": {
+            "shape": "grid",
+            "count": count,
+            "columns": GRIDS[count],
+            "spacing_m": 70.0,
+        },
+        "landmarks_m": [[-40.0, 0.0], [-40.0, 70.0]],
+        "sensor": {"range_m": 50.0, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1},
+        "motion": {"speed_sigma_mps": 0.1, "turn_rate_sigma_rad_s": 0.01},
+        "initial_sigma": {"position_m": 5.0, "heading_rad": 0.1},
+        "duration_s": 200.0,
+    }
+
+
+def _works(count: int) -> dict[str, Callable[[], Any]]:
+    """What is timed, by the names of PARTS; each returns what can be compared, or None."""
+    from api.computing.renditions import previewed
+    from api.limits import RequestLimits
+    from api.plan_texts import as_plan_text
+    from syncplan.estimation.bounds import posterior_bound
+    from syncplan.observability.connectivity import connectivity_period
+    from syncplan.observability.window_assessment import assess_team
+    from syncplan.planning.planner import plan
+    from syncplan.runtime.blas import single_threaded_blas
+    from syncplan.scenario.loading import scenario_from
+
+    scenario = scenario_from(_scenario(count))
+    made = plan(scenario)
+    assessed = assess_team(made.team, made.scenario.window)
+    body = json.dumps(_scenario(count)).encode()
+    limits = RequestLimits(*[10**9] * len(fields(RequestLimits)))
+
+    def bound() -> str:
+        found = posterior_bound(made.team, made.windows, scenario.duration_s, start_up=True)
+        return repr((found.rms_second_half().tolist(), found.start_up))
+
+    def preview(quick: bool) -> None:
+        previewed(body, "json", limits, quick, ["formation"], "light")
+
+    return {
+        "plan": lambda: as_plan_text(plan(scenario)).text,
+        "bound": single_threaded_blas(bound),
+        "connectivity": single_threaded_blas(lambda: repr(connectivity_period(assessed))),
+        "preview": lambda: preview(False),
+        "quick": lambda: preview(True),
+    }
+
+
+def serve() -> None:
+    """Time what each line of standard input names, "COUNT PART"; answer with s and a digest."""
+    works: dict[int, dict[str, Callable[[], Any]]] = {}
+    for line in sys.stdin:
+        count, part = line.split()
+        work = works.setdefault(int(count), _works(int(count)))[part]
+        gc.collect()
+        began = time.process_time()
+        made = work()
+        seconds = time.process_time() - began
+        digest = hashlib.sha256(str(made).encode()).hexdigest()
+        print(json.dumps([seconds, digest]), flush=True)
+
+
+# --- both sides ---------------------------------------------------------------------------------
+
+
+class _Side:
+    def __init__(self, path: Path) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, __file__, SIDE_OPTION, str(path.resolve())],
+            cwd=path,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+
+    def run(self, count: int, part: str) -> tuple[float, str]:
+        """Return processor time in s and what was made, as a digest."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        print(count, part, file=self._process.stdin, flush=True)
+        seconds, digest = json.loads(self._process.stdout.readline())
+        return float(seconds), str(digest)
+
+    def end(self) -> None:
+        """End the process."""
+        self._process.communicate()
+
+
+def main(base: Path | None = None) -> dict[str, float]:
+    """Return the least s of each part by "COUNT PART", and "COUNT PART ratio" to the base's.
+
+    Raises RuntimeError where the two sides differ in a byte.
+    """
+    own, other = _Side(ROOT), None if base is None else _Side(base)
+    found: dict[str, float] = {}
+    for count in GRIDS:
+        for part in PARTS:
+            pairs = []
+            for repeat in range(REPEATS[count] + 1):
+                seconds, digest = own.run(count, part)
+                before, expected = (seconds, digest) if other is None else other.run(count, part)
+                if digest != expected:
+                    raise RuntimeError(f"{count} vehicles, {part}: not the bytes of the base")
+                if repeat:
+                    pairs.append((seconds, before))
+            name = f"{count} {part}"
+            found[name] = min(seconds for seconds, _ in pairs)
+            if other is not None:
+                found[f"{name} base"] = min(before for _, before in pairs)
+                found[f"{name} ratio"] = statistics.median(b / seconds for seconds, b in pairs)
+    for side in (own, other):
+        if side is not None:
+            side.end()
+    return found
+
+
+def figures(result: dict[str, float]) -> list[Figure]:
+    """Return the rows of the table: times, the share of a quick preview, ratios to the base."""
+    rows = []
+    for count in GRIDS:
+        for part, label in PARTS.items():
+            name = f"{count} {part}"
+            rows.append(Figure(f"{label}, {count} vehicles", result[name], "s"))
+            if f"{name} ratio" in result:
+                rows.append(Figure("  of the base", result[f"{name} base"], "s"))
+                rows.append(Figure("  times as fast", result[f"{name} ratio"], "x"))
+        share = 100.0 * result[f"{count} quick"] / result[f"{count} preview"]
+        what = f"quick preview beside a whole one, {count} vehicles"
+        rows.append(Figure(what, share, "%", 100.0 * SHARE_TARGET))
+    return rows
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == [SIDE_OPTION]:
+        serve()
+    else:
+        parser = argparse.ArgumentParser(description=__doc__)
+        parser.add_argument("--base", type=Path, help="another checkout to compare with")
+        print_figures(figures(main(parser.parse_args().base)))
