@@ -88,7 +88,10 @@ class _Running:
         self.database = open_database(settings.database)
         self.queue = JobQueue(settings.database)
         counts = JobCounts(self.database, tally)
-        self.worker = Worker(settings, self.database, counts) if settings.embedded_worker else None
+        self.worker = None
+        if settings.embedded_worker:
+            # what can't be written to just now can be read nevertheless
+            self.worker = Worker(settings, self.database, counts, patient=True)
         self.guard = None
         if self.worker is None:
             self.guard = guard_of(settings, self.database, self.queue, counts, None)

@@ -19,7 +19,7 @@ from api.jobs.queue import APPLICATION, VERSION, JobQueue
 from api.jobs.stranded_jobs import StrandedJobs
 from api.storage import executors
 from api.storage.clock import earlier
-from api.storage.database import Database
+from api.storage.database import Database, unavailable
 from api.storage.ended_jobs import delete_jobs, ended_before
 from api.storage.kept_answers import forget_answers
 
@@ -85,9 +85,15 @@ class Guard:
         return self._clock() - self._beaten
 
     def start(self) -> None:
-        """Enter this process on the list, and begin."""
-        self.look_after()
-        self._thread.start()
+        """Enter this process on the list, and begin; one that runs no jobs has nothing to enter."""
+        try:
+            self.look_after()
+        except Exception as error:
+            if self._executor_id is not None or not unavailable(error):
+                raise
+            _logger.warning("could not look after others: %s", error)
+        if self._thread.ident is None:
+            self._thread.start()
 
     def close(self) -> None:
         """Stop, and remove this process from the list: what it had begun continues elsewhere."""

@@ -4,12 +4,14 @@ Parts wait in one durable queue with a partition for each owner, so that no owne
 another's. Within a partition the parts with the lowest number come first.
 """
 
+import logging
 from collections.abc import Iterable
 
 from dbos import DBOS, DBOSClient, EnqueueOptions
 from sqlalchemy import Connection
 
 from api.jobs.serialization import JSON_ROWS, refuse_pickles
+from api.storage.database import unavailable
 from syncplan import __version__
 
 __all__ = [
@@ -40,6 +42,8 @@ VERSION = f"{__version__}+{_STRUCTURE}"
 _FIRST = 1
 """The priority of what a job begins and ends with, and of its first batch."""
 
+_logger = logging.getLogger("syncplan.jobs")
+
 
 def batch_id(job_id: str, number: int) -> str:
     """Return the identifier of the workflow of a batch."""
@@ -56,7 +60,13 @@ class JobQueue:
 
     def __init__(self, url: str) -> None:
         refuse_pickles()
-        DBOS.migrate(url)
+        try:
+            DBOS.migrate(url)
+        except Exception as error:
+            # on a full disk, for one: a worker makes up for it before it begins
+            if not unavailable(error):
+                raise
+            _logger.warning("the queue's tables can't be brought up to date: %s", error)
         self.client = DBOSClient(
             system_database_url=url,
             serializer=JSON_ROWS,

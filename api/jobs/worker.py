@@ -4,6 +4,7 @@ import logging
 import os
 import secrets
 import socket
+import threading
 from collections.abc import Collection
 
 from dbos import DBOS, DBOSConfig
@@ -18,12 +19,13 @@ from api.jobs.part_watch import PartWatch
 from api.jobs.queue import APPLICATION, PARTS_QUEUE, VERSION, JobQueue
 from api.jobs.serialization import JSON_ROWS
 from api.settings import Settings
-from api.storage.database import Database
+from api.storage.database import Database, unavailable
 
 __all__ = ["Worker"]
 
 _POLL_S = 0.25
 _DBOS_CONNECTIONS = 10
+_AGAIN_S = 2.0
 
 _logger = logging.getLogger("syncplan.worker")
 
@@ -36,7 +38,18 @@ class Worker:
     guard : its heartbeat
     """
 
-    def __init__(self, settings: Settings, database: Database, counts: JobCounts) -> None:
+    def __init__(
+        self,
+        settings: Settings,
+        database: Database,
+        counts: JobCounts,
+        *,
+        patient: bool = False,
+    ) -> None:
+        """Begin at once; where the database can't be written to, later if `patient`.
+
+        Raises what writing raises if it is not.
+        """
         self.executor_id = f"{socket.gethostname()[:32]}-{os.getpid()}-{secrets.token_hex(4)}"
         size = settings.process_count
         self.pool = Pool(size, background=True, niceness=settings.job_niceness)
@@ -47,6 +60,30 @@ class Worker:
         self.guard = guard_of(
             settings, database, self.queue, counts, self.executor_id, self._runtime.at_work
         )
+        self._settings = settings
+        self._stopping = threading.Event()
+        self._beginning = threading.Thread(target=self._begin_later, daemon=True, name="begin")
+        try:
+            self._begin()
+        except Exception as error:
+            if not patient or not unavailable(error):
+                raise
+            _logger.warning("no jobs are run until the database can be written to: %s", error)
+            self._beginning.start()
+
+    def _begin_later(self) -> None:
+        while not self._stopping.wait(_AGAIN_S):
+            try:
+                return self._begin()
+            except Exception as error:
+                if not unavailable(error):
+                    _logger.exception("the worker could not begin")
+                    return
+
+    def _begin(self) -> None:
+        settings = self._settings
+        # DBOS would wait for it, and so would whoever wants to read
+        self._runtime.database.check_writing()
         # first: others take over what a process that is not on the list has begun
         self.guard.start()
         DBOS(config=_config(settings, self.executor_id))
@@ -55,14 +92,17 @@ class Worker:
         DBOS.register_queue(
             PARTS_QUEUE,
             # of each owner: whose turn it is among them is for the pool
-            partition_worker_concurrency=size,
+            partition_worker_concurrency=settings.process_count,
             polling_interval_sec=_POLL_S,
             on_conflict="always_update",
         )
-        _logger.info("worker %s with %d processes", self.executor_id, size)
+        _logger.info("worker %s with %d processes", self.executor_id, settings.process_count)
 
     def close(self) -> None:
         """Give up the jobs that run; another process, or this one's successor, continues them."""
+        self._stopping.set()
+        if self._beginning.ident is not None:
+            self._beginning.join(_AGAIN_S)
         self._runtime.closing.set()
         self._runtime.watch.close()
         self.pool.close()

@@ -30,6 +30,7 @@ NO_GO = "urn:syncplan:no-go"
 """The type of problem that a plan's verdict stops what is asked for."""
 
 NO_DATABASE = "the database can't be used just now; try again"
+NO_WRITING = "the database can only be read just now; nothing was stored"
 NO_MEMORY = "there is no memory left for this request just now; try again"
 SENTENCES = {
     "Not Found": "there is nothing at this path",
@@ -40,6 +41,7 @@ SENTENCES = {
 
 _PLACES = {"query", "path", "header", "cookie"}
 _DISK_FULL = "53100"
+_READ_ONLY = ("25006", "attempt to write a readonly database")
 
 
 class Logged(Enum):
@@ -146,6 +148,8 @@ def _database(error: DBAPIError) -> FailedRequest:
     state = getattr(error.orig, "sqlstate", None)
     if state == _DISK_FULL or "disk is full" in str(error.orig):
         return _with_line(StorageFull())
+    if state in _READ_ONLY or str(error.orig) in _READ_ONLY:
+        return _with_line(Unavailable(NO_WRITING))
     if isinstance(error, OperationalError | InterfaceError) or error.connection_invalidated:
         return _with_line(Unavailable(NO_DATABASE))
     return _unforeseen(error)

@@ -4,9 +4,11 @@ from typing import Literal
 
 from fastapi import APIRouter, Depends, Request, Response
 from pydantic import BaseModel
+from sqlalchemy.exc import DBAPIError
 
 from api.negotiation import accepts
 from api.problems import Unavailable, problem_responses
+from api.problems.table import failure_of
 from api.security import CurrentOwner
 from api.service import CurrentService
 
@@ -41,8 +43,13 @@ async def healthz() -> Health:
     responses=problem_responses(406, 503),
 )
 def readyz(service: CurrentService) -> Health:
-    """The database can be reached, and a process that runs jobs has its heartbeat."""
+    """The database can be written to, and a process that runs jobs has its heartbeat."""
     service.database.check()
+    try:
+        service.database.check_writing()
+    except DBAPIError as error:
+        detail = failure_of(error).detail
+        raise Unavailable(f"{detail}; what is stored can be read") from error
     silent_s = service.silent_s()
     if silent_s > service.settings.dead_after_s:
         raise Unavailable(f"no heartbeat for {silent_s:.0f} s; other workers take over its jobs")

@@ -13,7 +13,9 @@ from sqlalchemy import Connection, Engine, ExceptionContext, create_engine, even
 from sqlalchemy.exc import DBAPIError, OperationalError, SQLAlchemyError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
-from api.storage.migrations import upgrade
+from api.storage.disk_reserve import keep_reserve, release_reserve
+from api.storage.migrations import needs_upgrade, upgrade
+from api.storage.write_check import WriteCheck
 from syncplan.errors import InputError
 
 __all__ = ["Database", "open_database", "patiently", "unavailable"]
@@ -28,10 +30,16 @@ _CONNECT_S = 3
 _STATEMENT_S = 60
 _UPGRADE_LOCK = 0x73796E63
 _LONGEST_WAIT_S = 2.0
-_NO_DISK = {sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CANTOPEN}
+_NO_DISK = {
+    sqlite3.SQLITE_FULL,
+    sqlite3.SQLITE_IOERR,
+    sqlite3.SQLITE_CANTOPEN,
+    sqlite3.SQLITE_READONLY,
+}
 
 _PASSING = _NO_DISK | {sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED}
-_PASSING_STATES = ("08", "40", "53", "55", "57P")
+_READ_ONLY = "25006"
+_PASSING_STATES = ("08", "40", "53", "55", "57P", _READ_ONLY)
 """SQLSTATEs that begin so: connection, conflict of transactions, resources, locks, shutdown."""
 
 _logger = logging.getLogger("syncplan.storage")
@@ -43,6 +51,7 @@ class Database:
     def __init__(self, engine: Engine) -> None:
         self.engine = engine
         self.is_sqlite = engine.dialect.name == "sqlite"
+        self._write_check = WriteCheck(engine)
 
     @contextmanager
     def reading(self) -> Iterator[Connection]:
@@ -53,11 +62,16 @@ class Database:
     @contextmanager
     def writing(self) -> Iterator[Connection]:
         """A transaction, committed where the block ends well and rolled back otherwise."""
-        with self.engine.begin() as connection:
-            if self.is_sqlite:
-                # waits its turn now, rather than failing at the first write after a read
-                connection.exec_driver_sql("BEGIN IMMEDIATE")
-            yield connection
+        try:
+            with self.engine.begin() as connection:
+                if self.is_sqlite:
+                    # waits its turn now, rather than failing at the first write after a read
+                    connection.exec_driver_sql("BEGIN IMMEDIATE")
+                yield connection
+        except DBAPIError as error:
+            if unavailable(error):
+                self._write_check.failed(error)
+            raise
 
     def autocommitting(self) -> Connection:
         """Return a connection to keep and to close: each statement is a transaction of its own."""
@@ -72,6 +86,13 @@ class Database:
         with self.reading() as connection:
             connection.execute(text("SELECT 1"))
 
+    def check_writing(self) -> None:
+        """Raise what writing raises if the database can't be written to.
+
+        What was seen in the last seconds is not tried again; see `api.storage.write_check`.
+        """
+        self._write_check.check()
+
     def close(self) -> None:
         """Close all connections."""
         self.engine.dispose()
@@ -85,22 +106,38 @@ def open_database(url: str) -> Database:
     parsed = make_url(url)
     # a password may also stand among the parameters
     shown = parsed.set(query={}).render_as_string(hide_password=True)
+    file = Path(parsed.database or "") if parsed.get_backend_name() == "sqlite" else None
     try:
-        if parsed.get_backend_name() == "sqlite":
-            folder = Path(parsed.database or "").parent
+        if file is not None:
             # no other user of this machine may read it
-            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            os.close(os.open(parsed.database or "", os.O_CREAT | os.O_RDWR, 0o600))
-        database = Database(_engine(url, parsed.get_backend_name() == "sqlite"))
-        with database.writing() as connection:
-            if not database.is_sqlite:
-                # one process upgrades, the others wait
-                connection.execute(text(f"SELECT pg_advisory_xact_lock({_UPGRADE_LOCK})"))
-            upgrade(connection)
+            file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            if not file.exists():
+                os.close(os.open(file, os.O_CREAT | os.O_RDWR, 0o600))
+        database = Database(_engine(url, file is not None))
+        try:
+            _bring_up_to_date(database)
+        except DBAPIError as error:
+            if file is None or not unavailable(error) or not release_reserve(file):
+                raise
+            _bring_up_to_date(database)
     except (SQLAlchemyError, OSError) as error:
         reason = str(getattr(error, "orig", None) or error).strip().splitlines()[0]
         raise InputError(f"can't be opened: {reason}", source=shown) from None
+    if file is not None:
+        keep_reserve(file)
     return database
+
+
+def _bring_up_to_date(database: Database) -> None:
+    """Upgrade the schema; one that is up to date is only read, as it can be on a full disk."""
+    with database.reading() as connection:
+        if not needs_upgrade(connection):
+            return
+    with database.writing() as connection:
+        if not database.is_sqlite:
+            # one process upgrades, the others wait
+            connection.execute(text(f"SELECT pg_advisory_xact_lock({_UPGRADE_LOCK})"))
+        upgrade(connection)
 
 
 def _engine(url: str, sqlite: bool) -> Engine:
@@ -136,12 +173,14 @@ def _engine(url: str, sqlite: bool) -> Engine:
 
 @event.listens_for(Engine, "handle_error")
 def _count_as_away(context: ExceptionContext) -> None:
-    """Let a disk that is full, or fails, count as a connection lost, also where DBOS writes.
+    """Let a disk that is full, fails or can only be read count as a connection lost.
 
-    DBOS waits for a connection to come back; any other error of the database ends its workflow.
+    DBOS, with engines of its own, waits for a connection to come back; any other error of the
+    database ends its workflow.
     """
     code = getattr(context.original_exception, "sqlite_errorcode", 0)
-    if code & 0xFF in _NO_DISK:
+    state = getattr(context.original_exception, "sqlstate", None)
+    if code & 0xFF in _NO_DISK or state == _READ_ONLY:
         context.is_disconnect = True
         context.invalidate_pool_on_disconnect = False
 

@@ -24,7 +24,7 @@ from api.storage.first_schema import FIRST_METADATA
 from api.storage.tables import schema_version
 from syncplan.errors import InputError
 
-__all__ = ["MIGRATIONS", "upgrade"]
+__all__ = ["MIGRATIONS", "needs_upgrade", "upgrade"]
 
 
 def _first(connection: Connection) -> None:
@@ -70,24 +70,31 @@ USABLE_FROM = 1
 """The oldest version whose processes can work on the newest one."""
 
 
-def upgrade(connection: Connection) -> None:
-    """Bring a database to the newest version, inside the caller's transaction.
+def needs_upgrade(connection: Connection) -> bool:
+    """Return whether a database is older than this syncplan; reads, and writes nothing.
 
     A newer one stays as it is where it says that this syncplan can work on it, so that an older
     process can be started anew while others are upgraded. Raises InputError for any other that a
     newer syncplan has written.
     """
     version, usable_from = _version(connection)
-    if version > len(MIGRATIONS) >= usable_from:
-        return
-    if version > len(MIGRATIONS):
+    if version > len(MIGRATIONS) and usable_from > len(MIGRATIONS):
         raise InputError(
             f"holds schema version {version}, this syncplan knows up to {len(MIGRATIONS)}; "
             "update syncplan",
             source="the database",
         )
-    if version == len(MIGRATIONS):
+    return version < len(MIGRATIONS)
+
+
+def upgrade(connection: Connection) -> None:
+    """Bring a database to the newest version, if it is older, inside the caller's transaction.
+
+    Raises what `needs_upgrade` raises.
+    """
+    if not needs_upgrade(connection):
         return
+    version, _ = _version(connection)
     for migration in MIGRATIONS[version:]:
         migration(connection)
     connection.execute(delete(schema_version))

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from sqlalchemy import Connection, create_engine, insert, select, update
+from sqlalchemy import Connection, create_engine, event, insert, select, update
 from sqlalchemy.exc import IntegrityError, OperationalError
 
 from api.job_kinds.job_kind import Batch, JobReport
@@ -17,6 +17,7 @@ from api.plan_texts import PlanText
 from api.storage import batch_records, executors, job_queries, job_records
 from api.storage.clock import earlier, moment, new_id
 from api.storage.database import Database, open_database, patiently, unavailable
+from api.storage.disk_reserve import release_reserve
 from api.storage.ended_jobs import delete_jobs, ended_before
 from api.storage.events import MOST_EVENTS, events_after
 from api.storage.kept_answers import (
@@ -30,6 +31,7 @@ from api.storage.migrations import MIGRATIONS
 from api.storage.plan_records import add_plan, body_of, delete_plan, find_plans, list_plans
 from api.storage.tables import answers, job_parts, schema_version
 from api.storage.tables import executors as executor_rows
+from api.storage.write_check import WriteCheck
 from syncplan.errors import InputError
 
 MADE = PlanText('{\n "version": "1"\n}\n', "survey", 6, True, 1.5)
@@ -437,3 +439,49 @@ def test_events_are_read_some_hundreds_at_a_time(connection: Connection) -> None
     first = events_after(connection, job_id, 0)
     then = events_after(connection, job_id, first[-1][0])
     assert [number for number, _ in first + then] == list(range(1, MOST_EVENTS + 51))
+
+
+def test_writing_is_tried_once_in_a_while_and_leaves_nothing(database: Database) -> None:
+    now = 0.0
+    check = WriteCheck(database.engine, clock=lambda: now)
+    tried = []
+    event.listen(
+        database.engine, "before_cursor_execute", lambda *sent: tried.append(sent[2]), named=False
+    )
+    for _ in range(5):
+        check.check()
+    now = 3.0
+    check.check()
+    assert sum(one.startswith("INSERT") for one in tried) == 2
+    with database.reading() as connection:
+        assert connection.execute(select(answers)).all() == []
+        assert connection.exec_driver_sql("PRAGMA cache_size").scalar() == -2000
+
+
+def test_a_write_that_failed_is_known_until_one_succeeds(database: Database) -> None:
+    now = 0.0
+    check = WriteCheck(database.engine, clock=lambda: now)
+    full = OperationalError("insert", {}, Exception("database or disk is full"))
+    check.failed(full)
+    for _ in range(2):
+        with pytest.raises(OperationalError, match="disk is full"):
+            check.check()
+    now = 3.0
+    check.check()
+
+
+def test_somebody_elses_writing_does_not_mean_that_nothing_can_be_written(
+    database: Database,
+) -> None:
+    with database.writing():
+        WriteCheck(database.engine).check()
+
+
+def test_room_is_kept_to_open_a_database_on_a_full_disk(tmp_path: Path) -> None:
+    path = tmp_path / "syncplan.db"
+    open_database(f"sqlite:///{path}").close()
+    reserve = tmp_path / "syncplan.db-reserve"
+    assert reserve.stat().st_blocks * 512 >= 100_000
+    assert release_reserve(path)
+    assert not reserve.exists()
+    assert not release_reserve(path)

@@ -7,7 +7,6 @@ moments. `make check` kills a server, worker and all, on SQLite; `make check-all
 import contextlib
 import random
 import signal
-import subprocess
 import tempfile
 import threading
 import time
@@ -22,6 +21,7 @@ import httpx2
 import pytest
 
 import syncplan
+from tests.tools.full_disk import fill, small_disk
 from tests.tools.processes import PATIENCE_S, wait_until
 from tests.tools.scenarios import example
 from tests.tools.serving import Postgres, Process
@@ -368,26 +368,9 @@ def test_the_database_away_for_ten_seconds_costs_nothing_but_time(
 
 
 @pytest.fixture
-def small_disk() -> Iterator[Path]:
-    """A folder on a disk of its own that has 24 MB."""
-    with tempfile.TemporaryDirectory() as folder:
-        command = ["mount", "-t", "tmpfs", "-o", "size=24m,mode=711", "tmpfs", folder]
-        mounted = subprocess.run(command, capture_output=True, text=True)
-        if mounted.returncode:
-            pytest.skip(f"no small disk can be mounted here: {mounted.stderr.strip()}")
-        yield Path(folder)
-        subprocess.run(["umount", "--lazy", folder], check=True)
-
-
-def fill(folder: Path) -> Path:
-    """Leave no room on a disk; returns the file to delete to make room again."""
-    ballast = folder / "ballast"
-    with ballast.open("ab", buffering=0) as file:
-        for size in (2**16, 2**12, 1):
-            with contextlib.suppress(OSError):
-                while file.write(bytes(size)):
-                    pass
-    return ballast
+def disk() -> Iterator[Path]:
+    with small_disk() as folder:
+        yield folder
 
 
 def see_full_disk_told(site: Site, plan_id: str, job_id: str) -> None:
@@ -410,7 +393,8 @@ def see_full_disk_told(site: Site, plan_id: str, job_id: str) -> None:
         site.jobs[answer.json()["id"]] = order
     else:
         problem(answer, 507)
-    for path in ("/readyz", "/healthz", "/v1/plans", f"/v1/plans/{plan_id}", f"/v1/jobs/{job_id}"):
+    wait_until(lambda: site.ask("GET", "/readyz").status_code == 503)
+    for path in ("/healthz", "/v1/plans", f"/v1/plans/{plan_id}", f"/v1/jobs/{job_id}"):
         assert site.ask("GET", path).status_code == 200, path
 
 
@@ -431,31 +415,29 @@ def see_full_disk_waited_out(site: Site, disk: Path) -> None:
 
 
 @pytest.mark.long
-def test_a_full_disk_under_sqlite_is_told_and_waited_out(tmp_path: Path, small_disk: Path) -> None:
-    with quick(tmp_path, SYNCPLAN_DATA_DIR=str(small_disk / "data")) as site:
-        see_full_disk_waited_out(site, small_disk)
+def test_a_full_disk_under_sqlite_is_told_and_waited_out(tmp_path: Path, disk: Path) -> None:
+    with quick(tmp_path, SYNCPLAN_DATA_DIR=str(disk / "data")) as site:
+        see_full_disk_waited_out(site, disk)
 
 
 @pytest.mark.long
 def test_a_full_disk_under_postgresql_is_told_and_waited_out(
-    tmp_path: Path, small_disk: Path, postgres: Postgres
+    tmp_path: Path, disk: Path, postgres: Postgres
 ) -> None:
     # the tables alone are on the small disk: a server that can't write its log stops by itself
-    address = new_database(postgres, postgres.folder_for(small_disk / "tables"))
+    address = new_database(postgres, postgres.folder_for(disk / "tables"))
     with quick(tmp_path, address) as site:
-        see_full_disk_waited_out(site, small_disk)
+        see_full_disk_waited_out(site, disk)
 
 
 @pytest.mark.long
-def test_a_store_on_a_full_disk_opens_again_once_there_is_room(
-    tmp_path: Path, small_disk: Path
-) -> None:
-    with quick(tmp_path, SYNCPLAN_DATA_DIR=str(small_disk / "data")) as site:
+def test_a_store_on_a_full_disk_opens_again_once_there_is_room(tmp_path: Path, disk: Path) -> None:
+    with quick(tmp_path, SYNCPLAN_DATA_DIR=str(disk / "data")) as site:
         server = site.serve()
         plan_id = site.hand_in_plan()
         job_id = site.hand_in(validation(1200, 1), plan_id)
         busy(site, server)
-        ballast = fill(small_disk)
+        ballast = fill(disk)
         see_full_disk_told(site, plan_id, job_id)
         site.kill(server)
         # a start without any room may fail or wait, and spoils nothing

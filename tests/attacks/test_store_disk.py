@@ -1,0 +1,127 @@
+"""A full disk: readiness says what storing says, what is stored is read, also after a restart."""
+
+import contextlib
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Literal
+
+import httpx2
+import psycopg
+import pytest
+
+from tests.tools.full_disk import fill, no_room, small_disk
+from tests.tools.processes import wait_until
+from tests.tools.scenarios import document
+from tests.tools.serving import Postgres, free_port
+from tests.tools.survival import Site, new_database, quick, validation
+
+
+@pytest.fixture(scope="module")
+def postgres() -> Iterator[Postgres]:
+    with tempfile.TemporaryDirectory() as folder:
+        started = Postgres(Path(folder) / "postgres")
+        yield started
+        started.stop()
+
+
+def refused(answer: httpx2.Response, *statuses: int) -> dict[str, Any]:
+    """The problem document of an answer that must be one."""
+    assert answer.status_code in statuses, answer.text
+    found: dict[str, Any] = answer.json()
+    return found
+
+
+def see_only_reads_served(site: Site, plan_id: str) -> None:
+    """Fail unless readiness says that nothing can be stored, and what is stored can be read."""
+    told = ""
+
+    def nothing_stored() -> bool:
+        # what room is left inside the files is used up first
+        nonlocal told
+        answer = site.ask("POST", "/v1/plans", json=document())
+        if answer.status_code == 201:
+            site.plans[answer.json()["id"]] = answer.text
+            return False
+        told = refused(answer, 503, 507)["detail"]
+        return site.ask("GET", "/readyz").status_code == 503
+
+    wait_until(nothing_stored, otherwise=site.logs)
+    problem = refused(site.ask("GET", "/readyz"), 503)
+    assert problem["detail"] == f"{told}; what is stored can be read"
+    for path in ("/v1/plans", f"/v1/plans/{plan_id}", "/v1/jobs", "/healthz"):
+        assert site.ask("GET", path).status_code == 200, path
+
+
+def see_all_served(site: Site) -> None:
+    """Fail unless plans and jobs are taken again, and done."""
+    wait_until(lambda: site.ask("GET", "/readyz").status_code == 200, otherwise=site.logs)
+    site.hand_in(validation(10, 0))
+    site.see_all_done()
+
+
+def test_readiness_says_that_nothing_can_be_stored(tmp_path: Path) -> None:
+    with quick(tmp_path) as site:
+        server = site.serve()
+        plan_id = site.hand_in_plan()
+        with no_room(server.popen.pid):
+            see_only_reads_served(site, plan_id)
+        see_all_served(site)
+
+
+@pytest.mark.long
+def test_readiness_says_that_postgresql_is_read_only(tmp_path: Path, postgres: Postgres) -> None:
+    address = new_database(postgres)
+    name = address.rpartition("/")[2]
+    with quick(tmp_path, address) as site:
+        site.serve("--no-worker")
+        plan_id = site.hand_in_plan()
+        with psycopg.connect(postgres.url, autocommit=True) as connection:
+
+            def only_read(yes: bool) -> None:
+                connection.execute(
+                    f"ALTER DATABASE {name} SET default_transaction_read_only = {yes}"
+                )
+                # the setting is for connections to come
+                connection.execute(
+                    "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE datname = %s",
+                    [name],
+                )
+
+            only_read(True)
+            see_only_reads_served(site, plan_id)
+            only_read(False)
+        site.work()
+        see_all_served(site)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("ended", ["killed", "stopped"])
+@pytest.mark.parametrize("worker", ["--worker", "--no-worker"])
+def test_a_restart_on_a_full_disk_serves_what_is_stored(
+    tmp_path: Path, ended: Literal["killed", "stopped"], worker: str
+) -> None:
+    with small_disk() as disk, quick(tmp_path, SYNCPLAN_DATA_DIR=str(disk / "data")) as site:
+        server = site.serve()
+        plan_id = site.hand_in_plan()
+        site.hand_in(validation(10, 0), plan_id)
+        if ended == "killed":
+            site.kill(server)
+        else:
+            assert server.stop() == 0
+        ballast = fill(disk)
+        port = free_port()
+        site.url = f"http://127.0.0.1:{port}"
+        site.begin("serve", worker, "--port", str(port))
+
+        def answers() -> bool:
+            with contextlib.suppress(httpx2.TransportError):
+                return site.ask("GET", "/healthz").status_code == 200
+            return False
+
+        wait_until(answers, otherwise=site.logs)
+        see_only_reads_served(site, plan_id)
+        ballast.unlink()
+        if worker == "--no-worker":
+            site.work()
+        see_all_served(site)
