@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from fastapi import Depends, Request
 from starlette.requests import ClientDisconnect
 
-from api.computing.child import ChildGoneError, TooSlowError
+from api.computing.child import ChildGoneError, OutOfMemoryError, TooSlowError
 from api.computing.pool import GivenUpError, OwnerBusyError, PoolFullError, Ticket
 from api.problems import TooManyRequests, TooMuchWork, Unavailable
 from api.security import CurrentOwner
@@ -64,11 +64,15 @@ async def computed(caller: Caller, task: str, *arguments: Any) -> Any:
         raise TooMuchWork(
             f"takes longer than the {limit:g} s a request may; ask for fewer vehicles or samples"
         ) from None
+    except OutOfMemoryError:
+        raise TooMuchWork(
+            f"needs more than the {settings.task_memory / 2**20:.0f} MiB of memory a request may "
+            "use; ask for fewer vehicles or samples"
+        ) from None
     except ChildGoneError as error:
         _logger.error("the process computing %s ended twice: %s", task, error)
         raise TooMuchWork(
-            "can't be computed: its process ended, most likely out of memory; ask for "
-            "fewer vehicles or samples"
+            "can't be computed: its process ended twice; ask for fewer vehicles or samples"
         ) from None
 
 

@@ -99,6 +99,7 @@ class _Running:
         self.pool = Pool(
             settings.process_count,
             background=False,
+            memory_bytes=settings.task_memory,
             most_waiting=settings.max_plan_queue,
             most_of_owner=settings.max_requests,
         )

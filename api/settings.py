@@ -15,6 +15,7 @@ from sqlalchemy.exc import ArgumentError
 from api.keys import ApiKey, check_keys, parsed_keys
 from syncplan.errors import InputError
 from syncplan.runtime.cores import usable_cores
+from syncplan.runtime.memory import usable_memory
 
 __all__ = ["ApiKey", "Settings", "load_settings"]
 
@@ -22,6 +23,7 @@ PREFIX = "SYNCPLAN_"
 _POSTGRES = {"postgres", "postgresql", "postgresql+psycopg"}
 _SECRET = {"api_keys"}
 _VALUE_LENGTH = 100
+LEAST_TASK_MEMORY_BYTES = 2**30
 _HOST = re.compile(r"[a-z0-9_.-]{1,253}|[0-9a-f:.]{2,45}")
 
 Count = Annotated[int, Field(ge=1)]
@@ -119,6 +121,11 @@ class Settings(BaseSettings):
         default=None,
         description="child processes that compute; one for each usable core if not given",
     )
+    task_memory_bytes: Annotated[int, Field(ge=2**28)] | None = Field(
+        default=None,
+        description="most memory of a child process, in bytes; what the machine or container has, "
+        "divided by the processes, and at least 1 GiB, if not given",
+    )
     job_niceness: Annotated[int, Field(ge=0, le=19)] = Field(
         default=10,
         description="how far processes of jobs yield to those of requests, as nice does, 0 to 19",
@@ -177,6 +184,13 @@ class Settings(BaseSettings):
     def process_count(self) -> int:
         """How many child processes compute."""
         return usable_cores() if self.processes is None else self.processes
+
+    @property
+    def task_memory(self) -> int:
+        """Bytes of memory that a child process may use."""
+        if self.task_memory_bytes is not None:
+            return self.task_memory_bytes
+        return max((usable_memory() or 0) // self.process_count, LEAST_TASK_MEMORY_BYTES)
 
     @checked("data_dir")
     @classmethod

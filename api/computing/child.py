@@ -9,17 +9,33 @@ from collections.abc import Callable
 from typing import Any
 
 from api.computing import renditions, tasks
+from api.computing.time_limit import Alarm, TimeUp
 from syncplan.errors import Fault, InputError, NoGoError, NoSolutionError
 from syncplan.runtime.child_processes import ChildProcess, connect_to_parent
+from syncplan.runtime.memory import limit_memory
 
-__all__ = ["Child", "ChildGoneError", "TaskFailedError", "TooSlowError", "serve"]
+__all__ = [
+    "Child",
+    "ChildGoneError",
+    "OutOfMemoryError",
+    "TaskFailedError",
+    "TooSlowError",
+    "serve",
+]
+
+GRACE_S = 5.0
+"""How long a task that was asked to end may take to end (s) before its process is killed."""
 
 _PROGRESS_EVERY_S = 0.2
 _WITH_PROGRESS = {"computed_batch", "computed_job"}
 
 
 class ChildGoneError(Exception):
-    """The process ended before it answered: killed, or out of memory."""
+    """The process ended before it answered: killed by others."""
+
+
+class OutOfMemoryError(Exception):
+    """The task needed more memory than it may have."""
 
 
 class TaskFailedError(Exception):
@@ -37,11 +53,14 @@ class Child:
     ----------
     background : whether it prepares to run trials, or to answer requests
     niceness : how far it yields to other processes, from 0 to 19
+    memory_bytes : most memory of the process, and of each that it starts; no limit if None
     """
 
-    def __init__(self, *, background: bool, niceness: int = 0) -> None:
+    def __init__(
+        self, *, background: bool, niceness: int = 0, memory_bytes: int | None = None
+    ) -> None:
         self._process = ChildProcess("api.computing.child", "serve")
-        self._process.connection.send((background, niceness))
+        self._process.connection.send((background, niceness, memory_bytes))
         self.first_memory = 0
         self.memory = 0
         self.killed = False
@@ -61,10 +80,10 @@ class Child:
         progress: Callable[[int], None] | None = None,
     ) -> Any:
         """Return what the task returns; raises InputError, NoSolutionError or an error of above."""
-        deadline = None if timeout_s is None else time.monotonic() + timeout_s
+        deadline = None if timeout_s is None else time.monotonic() + timeout_s + GRACE_S
         connection = self._process.connection
         try:
-            connection.send((task, arguments))
+            connection.send((task, arguments, timeout_s))
             while True:
                 left = None if deadline is None else max(deadline - time.monotonic(), 0.0)
                 if not connection.poll(left):
@@ -82,7 +101,9 @@ class Child:
                 else:
                     raise _as_error(*value)
         except (EOFError, OSError):
-            raise ChildGoneError(self._process.complaint()) from None
+            complaint = self._process.complaint()
+            gone = OutOfMemoryError if _of_memory(complaint) else ChildGoneError
+            raise gone(complaint) from None
 
     def kill(self) -> None:
         """Kill the process without waiting for its end; a call under way raises ChildGoneError."""
@@ -102,7 +123,8 @@ def _as_error(kind: str, problem: str, key: str, faults: list[tuple[str, str, st
 
 
 _ERRORS: dict[str, type[Exception]] = {
-    "no memory": ChildGoneError,
+    "no memory": OutOfMemoryError,
+    "no time": TooSlowError,
     "no solution": NoSolutionError,
     "no go": NoGoError,
 }
@@ -112,8 +134,11 @@ _ERRORS: dict[str, type[Exception]] = {
 def serve(descriptor: int) -> None:
     """Run tasks until the parent ends: the process's main function."""
     connection = connect_to_parent(descriptor)
-    background, niceness = connection.recv()
+    background, niceness, memory_bytes = connection.recv()
     os.nice(niceness)
+    if memory_bytes is not None:
+        limit_memory(memory_bytes)
+    alarm = Alarm()
     tasks.warm_up(trials=background)
     if not background:
         renditions.ready()
@@ -134,8 +159,9 @@ def serve(descriptor: int) -> None:
 
     with contextlib.suppress(EOFError, BrokenPipeError):
         while True:
-            name, arguments = connection.recv()
+            name, arguments, timeout_s = connection.recv()
             try:
+                alarm.set(timeout_s)
                 extra = (progress_every(),) if name in _WITH_PROGRESS else ()
                 answer = "done", _task(name)(*arguments, *extra)
             except InputError as error:
@@ -145,12 +171,21 @@ def serve(descriptor: int) -> None:
                 answer = "failed", ("no solution", str(error), "", [])
             except NoGoError as error:
                 answer = "failed", ("no go", str(error), "", [])
-            except MemoryError:
-                answer = "failed", ("no memory", "out of memory", "", [])
-            except Exception:
-                answer = "failed", ("fault", traceback.format_exc(), "", [])
+            except TimeUp:
+                answer = "failed", ("no time", "out of time", "", [])
+            except Exception as error:
+                lacking = isinstance(error, MemoryError) or _of_memory(str(error))
+                kind = "no memory" if lacking else "fault"
+                answer = "failed", (kind, traceback.format_exc(), "", [])
+            finally:
+                alarm.clear()
             connection.send(("memory", _memory()))
             connection.send(answer)
+
+
+def _of_memory(complaint: str) -> bool:
+    """Whether the last words of a process, or of a library in C++, are of memory."""
+    return any(words in complaint for words in ("MemoryError", "bad_alloc", "llocate memory"))
 
 
 def _task(name: str) -> Callable[..., Any]:

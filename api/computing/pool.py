@@ -18,7 +18,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from api.computing.child import Child, ChildGoneError, TooSlowError
+from api.computing.child import Child, ChildGoneError, OutOfMemoryError, TooSlowError
 from api.computing.pool_depth import PoolDepth
 from api.computing.tickets import LEAST_RUN_S, GivenUpError, OwnerBusyError, PoolFullError, Ticket
 from api.computing.turns import Turns
@@ -33,7 +33,7 @@ PATIENCE_S = 1.0
 _IDLE_S = 5.0
 _LOOK_EVERY_S = 0.1
 _PAUSE_S = 0.2
-_ENDING = (ChildGoneError, TooSlowError)
+_ENDING = (ChildGoneError, OutOfMemoryError, TooSlowError)
 
 _logger = logging.getLogger("syncplan.pool")
 
@@ -46,6 +46,7 @@ class Pool:
     size : processes
     background : whether they prepare to run trials, or to answer requests
     niceness : how far they yield to other processes, from 0 to 19
+    memory_bytes : most memory of a process, beyond it OutOfMemoryError; no limit if None
     most_waiting : tasks that may wait before PoolFullError; no limit if None
     most_of_owner : tasks of one owner that may wait or run before OwnerBusyError; no limit if None
     """
@@ -56,12 +57,14 @@ class Pool:
         *,
         background: bool,
         niceness: int = 0,
+        memory_bytes: int | None = None,
         most_waiting: int | None = None,
         most_of_owner: int | None = None,
     ) -> None:
         self.size = size
         self._background = background
         self._niceness = niceness
+        self._memory_bytes = memory_bytes
         self._most_waiting = math.inf if most_waiting is None else most_waiting
         self._most_of_owner = math.inf if most_of_owner is None else most_of_owner
         self._turns: Turns[Ticket] = Turns()
@@ -117,7 +120,8 @@ class Pool:
     ) -> Ticket:
         """Hand in a task; raises PoolFullError, OwnerBusyError.
 
-        `timeout_s` limits how long it runs: TooSlowError. `deadline_s` limits how long it waits
+        `timeout_s` limits how long it runs: it is asked to end, a little later its process is
+        killed, and it fails with TooSlowError. `deadline_s` limits how long it waits
         and runs: PoolFullError if it mostly waited, else TooSlowError. A task whose process is
         killed is tried again `retries` times. `progress` is called from another thread.
         """
@@ -277,7 +281,11 @@ class Pool:
     def _started(self) -> Child | None:
         """A new child, ready for tasks; None where the system has no room for one just now."""
         try:
-            child = Child(background=self._background, niceness=self._niceness)
+            child = Child(
+                background=self._background,
+                niceness=self._niceness,
+                memory_bytes=self._memory_bytes,
+            )
         except OSError as error:
             _logger.error("no process could be started: %s", error)
             return None

@@ -11,7 +11,7 @@ from typing import Any
 
 from sqlalchemy import Connection
 
-from api.computing.child import ChildGoneError, TaskFailedError, TooSlowError
+from api.computing.child import ChildGoneError, OutOfMemoryError, TaskFailedError, TooSlowError
 from api.computing.pool import GivenUpError, Ticket
 from api.jobs.dbos_runtime import current, in_transaction
 from api.jobs.part_watch import WatchedPart
@@ -126,6 +126,9 @@ async def _tried_once(
         except TooSlowError as error:
             _logger.error("%s of job %s took too long", part.name, part.job_id)
             raise _too_slow(part, error) from None
+        except OutOfMemoryError:
+            _logger.error("%s of job %s needed too much memory", part.name, part.job_id)
+            raise _too_large(part) from None
         except TaskFailedError as error:
             _logger.error("job %s failed: %s", part.job_id, error)
             raise _internal("an internal fault; see the service's log") from None
@@ -154,6 +157,15 @@ def _too_slow(part: Part, error: TooSlowError) -> _FailedError:
         "Too slow",
         f"{part.name} took longer than the {limit_s:g} s that a part of a job may take here "
         "(SYNCPLAN_JOB_TASK_S); ask for fewer vehicles, shorter runs or less time",
+    )
+
+
+def _too_large(part: Part) -> _FailedError:
+    limit_bytes = current().settings.task_memory
+    return _FailedError(
+        "Too large",
+        f"{part.name} needs more than the {limit_bytes / 2**20:.0f} MiB of memory that a process "
+        "may use here (SYNCPLAN_TASK_MEMORY_BYTES); ask for fewer vehicles or samples",
     )
 
 

@@ -52,7 +52,12 @@ class Worker:
         """
         self.executor_id = f"{socket.gethostname()[:32]}-{os.getpid()}-{secrets.token_hex(4)}"
         size = settings.process_count
-        self.pool = Pool(size, background=True, niceness=settings.job_niceness)
+        self.pool = Pool(
+            size,
+            background=True,
+            niceness=settings.job_niceness,
+            memory_bytes=settings.task_memory,
+        )
         self.queue = JobQueue(settings.database)
         watch = PartWatch(database, VERSION)
         self._runtime = Runtime(settings, database, self.queue, self.pool, counts, watch)

@@ -4,7 +4,9 @@ import contextlib
 import math
 import os
 from collections.abc import Iterator
-from pathlib import Path, PurePosixPath
+from pathlib import Path
+
+from syncplan.runtime.control_groups import control_groups
 
 __all__ = ["usable_cores"]
 
@@ -24,7 +26,7 @@ def usable_cores(proc: Path = Path("/proc/self")) -> int:
 
 def _quotas(proc: Path) -> Iterator[float]:
     """The cores' worth of time that each group allows this process; none where none is limited."""
-    for folder in _groups(proc):
+    for folder in control_groups(proc, "cpu"):
         with contextlib.suppress(OSError, ValueError):
             quota, period = (folder / "cpu.max").read_text().split()
             if quota != "max":
@@ -33,33 +35,3 @@ def _quotas(proc: Path) -> Iterator[float]:
             quota_us = int((folder / "cpu.cfs_quota_us").read_text())
             if quota_us > 0:
                 yield quota_us / int((folder / "cpu.cfs_period_us").read_text())
-
-
-def _groups(proc: Path) -> Iterator[Path]:
-    """The folders of this process's control groups, each with those above it."""
-    try:
-        groups = (proc / "cgroup").read_text().splitlines()
-        mounts = (proc / "mountinfo").read_text().splitlines()
-    except (OSError, UnicodeDecodeError):
-        return
-    # lines such as 4:cpu,cpuacct:/service, and 0::/service for version 2
-    paths = {}
-    for line in groups:
-        _, controllers, path = line.split(":", 2)
-        paths.update(dict.fromkeys(controllers.split(","), PurePosixPath(path)))
-    for line in mounts:
-        # ... root mount options [fields] - type source options
-        place, _, filesystem = line.partition(" - ")
-        root, mount = place.split()[3:5]
-        kind, _, options = filesystem.split(maxsplit=2)
-        controller = "" if kind == "cgroup2" else "cpu"
-        if not kind.startswith("cgroup") or (controller and "cpu" not in options.split(",")):
-            continue
-        group = paths.get(controller)
-        if group is None:
-            continue
-        # a container may see its own group alone, mounted as if it were the topmost
-        inside = group.relative_to(root) if group.is_relative_to(root) else PurePosixPath()
-        folder = Path(mount, inside)
-        yield folder
-        yield from (one for one in folder.parents if one.is_relative_to(mount))

@@ -13,7 +13,13 @@ from typing import Any
 
 import pytest
 
-from api.computing.child import Child, ChildGoneError, TaskFailedError, TooSlowError
+from api.computing.child import (
+    Child,
+    ChildGoneError,
+    OutOfMemoryError,
+    TaskFailedError,
+    TooSlowError,
+)
 from api.computing.pool import GivenUpError, OwnerBusyError, Pool, PoolFullError, Ticket
 from api.job_kinds.job_kind import Batch, JobSpec
 from api.jobs.batching import batches_of
@@ -27,7 +33,7 @@ from syncplan.reports.plan_report import plan_document
 from syncplan.reports.validation_report import validation_document
 from syncplan.runtime.files import as_text
 from tests.tools.processes import PATIENCE_S, alive, command, family, wait_until
-from tests.tools.scenarios import FILES, example
+from tests.tools.scenarios import FILES, example, shared_circles
 
 LIMITS = RequestLimits(
     vehicles=200, samples=20_000, trials=100_000, run_s=1e5, refine_s=600.0, sweep_values=50
@@ -366,5 +372,41 @@ def test_a_full_queue_makes_room_for_an_owner_with_less_in_it(made: PlanText) ->
         with pytest.raises(PoolFullError):
             tickets[-1].future.result(timeout=PATIENCE_S)
         assert not other.future.done()
+    finally:
+        pool.close()
+
+
+def test_a_task_that_is_asked_to_end_ends_by_itself(pool: Pool, made: PlanText) -> None:
+    spec = spec_of(made, pool, trials=100_000)
+    complaints = []
+
+    class Watched(Child):
+        def call(self, *given: Any, **also: Any) -> Any:
+            try:
+                return super().call(*given, **also)
+            except TooSlowError as error:
+                # said by the process: it is not killed
+                complaints.append((str(error), self.killed))
+                raise
+
+    child = Watched(background=True)
+    child.wait_until_ready()
+    with pytest.raises(TooSlowError):
+        child.call("computed_batch", spec, Batch(0, 0, 100_000), timeout_s=0.5)
+    assert complaints == [("out of time", False)]
+    # and the time of one task does not end the next
+    assert child.call("made_plan", GRID, "yaml", LIMITS, False, timeout_s=PATIENCE_S) == made
+    child.end()
+
+
+def test_a_task_that_needs_more_memory_than_it_may_use_fails_for_that_reason(
+    made: PlanText,
+) -> None:
+    pool = Pool(1, background=False, memory_bytes=2**28)
+    try:
+        crowd = json.dumps(shared_circles(8)).encode()
+        with pytest.raises(OutOfMemoryError):
+            pool.call("made_plan", crowd, "json", LIMITS, False)
+        assert pool.call("made_plan", GRID, "yaml", LIMITS, False) == made
     finally:
         pool.close()
