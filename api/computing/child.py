@@ -153,34 +153,41 @@ def serve(descriptor: int) -> None:
             nonlocal last
             if time.monotonic() - last >= _PROGRESS_EVERY_S:
                 last = time.monotonic()
-                connection.send(("progress", done))
+                # a message that is cut off would be the last one
+                with alarm.paused():
+                    connection.send(("progress", done))
 
         return report
 
     with contextlib.suppress(EOFError, BrokenPipeError):
         while True:
             name, arguments, timeout_s = connection.recv()
+            extra = (progress_every(),) if name in _WITH_PROGRESS else ()
             try:
                 alarm.set(timeout_s)
-                extra = (progress_every(),) if name in _WITH_PROGRESS else ()
-                answer = "done", _task(name)(*arguments, *extra)
-            except InputError as error:
-                faults = [(one.key, one.problem, one.value) for one in error.faults]
-                answer = "failed", ("input", error.problem, error.key, faults)
-            except NoSolutionError as error:
-                answer = "failed", ("no solution", str(error), "", [])
-            except NoGoError as error:
-                answer = "failed", ("no go", str(error), "", [])
+                answer = _outcome(_task(name), *arguments, *extra)
             except TimeUp:
                 answer = "failed", ("no time", "out of time", "", [])
-            except Exception as error:
-                lacking = isinstance(error, MemoryError) or _of_memory(str(error))
-                kind = "no memory" if lacking else "fault"
-                answer = "failed", (kind, traceback.format_exc(), "", [])
             finally:
                 alarm.clear()
             connection.send(("memory", _memory()))
             connection.send(answer)
+
+
+def _outcome(task: Callable[..., Any], *arguments: Any) -> tuple[str, Any]:
+    """What to answer of a task: its value, or how it failed."""
+    try:
+        return "done", task(*arguments)
+    except InputError as error:
+        faults = [(one.key, one.problem, one.value) for one in error.faults]
+        return "failed", ("input", error.problem, error.key, faults)
+    except NoSolutionError as error:
+        return "failed", ("no solution", str(error), "", [])
+    except NoGoError as error:
+        return "failed", ("no go", str(error), "", [])
+    except Exception as error:
+        lacking = isinstance(error, MemoryError) or _of_memory(str(error))
+        return "failed", ("no memory" if lacking else "fault", traceback.format_exc(), "", [])
 
 
 def _of_memory(complaint: str) -> bool:

@@ -1,6 +1,8 @@
 """A time limit that asks: an alarm raises in the task, which cleans up as after any error."""
 
+import contextlib
 import signal
+from collections.abc import Iterator
 
 __all__ = ["Alarm", "TimeUp"]
 
@@ -30,6 +32,15 @@ class Alarm:
         if self._possible and seconds is not None:
             self._set = True
             signal.setitimer(signal.ITIMER_REAL, max(seconds, _LEAST_S), _AGAIN_S)
+
+    @contextlib.contextmanager
+    def paused(self) -> Iterator[None]:
+        """Raise nothing within; what is due is raised later."""
+        before, self._set = self._set, False
+        try:
+            yield
+        finally:
+            self._set = before
 
     def clear(self) -> None:
         """End the time of a task."""

@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 
-__all__ = ["control_groups"]
+__all__ = ["groups_of"]
 
 
-def control_groups(proc: Path, controller: str) -> Iterator[Path]:
+def groups_of(proc: Path, controller: str) -> Iterator[Path]:
     """Return the folders of a process's control groups, each with those above it; maybe none.
 
     `proc` is its folder in /proc; `controller` counts in version 1 of control groups, such as

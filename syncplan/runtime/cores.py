@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from syncplan.runtime.control_groups import control_groups
+from syncplan.runtime.control_groups import groups_of
 
 __all__ = ["usable_cores"]
 
@@ -26,7 +26,7 @@ def usable_cores(proc: Path = Path("/proc/self")) -> int:
 
 def _quotas(proc: Path) -> Iterator[float]:
     """The cores' worth of time that each group allows this process; none where none is limited."""
-    for folder in control_groups(proc, "cpu"):
+    for folder in groups_of(proc, "cpu"):
         with contextlib.suppress(OSError, ValueError):
             quota, period = (folder / "cpu.max").read_text().split()
             if quota != "max":

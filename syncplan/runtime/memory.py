@@ -5,7 +5,7 @@ import os
 import sys
 from pathlib import Path
 
-from syncplan.runtime.control_groups import control_groups
+from syncplan.runtime.control_groups import groups_of
 
 __all__ = ["limit_memory", "usable_memory"]
 
@@ -20,7 +20,7 @@ def usable_memory(proc: Path = Path("/proc/self")) -> int | None:
     found = []
     with contextlib.suppress(AttributeError, OSError, ValueError):
         found.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
-    for folder in control_groups(proc, "memory"):
+    for folder in groups_of(proc, "memory"):
         for name in ("memory.max", "memory.limit_in_bytes"):
             with contextlib.suppress(OSError, ValueError):
                 found.append(int((folder / name).read_text()))
