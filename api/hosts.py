@@ -13,7 +13,7 @@ from functools import lru_cache
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from api.addresses import is_this_machine
-from api.problems import ServiceError
+from api.problems import ForeignPage, WrongHost
 
 __all__ = ["LocalOnly", "host_name", "names_here"]
 
@@ -29,8 +29,8 @@ class LocalOnly:
     """ASGI middleware that refuses requests for other hosts (421) and from others' pages (403).
 
     Accepted are localhost, the loopback addresses, the address at which the client reached this
-    machine, and the names given. Raises ServiceError, so it belongs inside of what answers with
-    problems. A request without `Origin` does not come from another's page.
+    machine, and the names given. A request without `Origin` does not come from another's page.
+    Raises WrongHost and ForeignPage, so it belongs inside of what answers with problems.
     """
 
     def __init__(self, app: ASGIApp, names: Iterable[str]) -> None:
@@ -55,9 +55,9 @@ class LocalOnly:
             own = (scope.get("server") or ("",))[0]
             for name, value in scope["headers"]:
                 if name == b"host" and not self._accepted(value, own):
-                    raise ServiceError(421, _refused("Host", value))
+                    raise WrongHost(_refused("Host", value))
                 if name == b"origin" and not self._accepted_origin(value, own):
-                    raise ServiceError(403, _refused("Origin", value))
+                    raise ForeignPage(_refused("Origin", value))
         await self.app(scope, receive, send)
 
 

@@ -8,7 +8,7 @@ from collections import OrderedDict
 from collections.abc import Callable
 
 from api.addresses import network_of
-from api.problems import TooManyRequests
+from api.problems import KeysThrottled
 from api.seldom_logs import SeldomLog
 
 __all__ = ["KeyThrottle"]
@@ -38,11 +38,11 @@ class KeyThrottle:
         self._seldom = SeldomLog(_log)
 
     def admit(self, address: str, presented: str) -> None:
-        """Raise TooManyRequests if the address has to wait before it may present this key."""
+        """Raise KeysThrottled if the address has to wait before it may present this key."""
         wait = self._wait_s(network_of(address))
         if wait > 0.0 and _proof(address, presented) not in self._proven:
             self._seldom.warn("throttled", "keys of an address are throttled", address=address)
-            raise TooManyRequests(
+            raise KeysThrottled(
                 f"too many refused keys from this address (up to {self._most:g} a minute); "
                 f"try again in {math.ceil(wait)} s",
                 retry_after_s=wait,

@@ -209,8 +209,11 @@ class HttpProtocol(HttpToolsProtocol):
             self._close(now)
 
     def turn_away(self) -> None:
-        """Answer that there is no room, and close."""
-        self._refuse(refusals.crowd(self.limits), linger=False)
+        """Answer that there is no room, unless that is answered already, and close."""
+        if self._refused:
+            self.transport.abort()
+        else:
+            self._refuse(refusals.crowd(self.limits), linger=False)
 
     def shutdown(self) -> None:
         """End with the server: at once, unless a request is being answered whose body has come."""

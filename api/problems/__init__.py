@@ -5,7 +5,9 @@ from api.problems.openapi_problems import document_problems, problem_responses
 from api.problems.problem_document import FaultEntry, Problem
 from api.problems.service_errors import (
     Conflict,
+    ForeignPage,
     KeyReused,
+    KeysThrottled,
     NotFound,
     PreconditionFailed,
     ServiceError,
@@ -14,12 +16,15 @@ from api.problems.service_errors import (
     TooMuchWork,
     Unauthorized,
     Unavailable,
+    WrongHost,
 )
 
 __all__ = [
     "Conflict",
     "FaultEntry",
+    "ForeignPage",
     "KeyReused",
+    "KeysThrottled",
     "NotFound",
     "PreconditionFailed",
     "Problem",
@@ -29,6 +34,7 @@ __all__ = [
     "TooMuchWork",
     "Unauthorized",
     "Unavailable",
+    "WrongHost",
     "document_problems",
     "install_handlers",
     "problem_responses",

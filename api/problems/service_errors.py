@@ -7,7 +7,9 @@ from api.problems.problem_document import FaultEntry, shown
 
 __all__ = [
     "Conflict",
+    "ForeignPage",
     "KeyReused",
+    "KeysThrottled",
     "NotFound",
     "PreconditionFailed",
     "ServiceError",
@@ -16,6 +18,7 @@ __all__ = [
     "TooMuchWork",
     "Unauthorized",
     "Unavailable",
+    "WrongHost",
 ]
 
 
@@ -88,6 +91,24 @@ class TooManyRequests(ServiceError):
 
     def __init__(self, detail: str, *, retry_after_s: float) -> None:
         super().__init__(429, detail, headers=_retry_after(retry_after_s))
+
+
+class KeysThrottled(TooManyRequests):
+    """429: the address has presented too many wrong keys."""
+
+
+class WrongHost(ServiceError):
+    """421: a service without keys does not answer under this name."""
+
+    def __init__(self, detail: str) -> None:
+        super().__init__(421, detail)
+
+
+class ForeignPage(ServiceError):
+    """403: a service without keys is not for another's page to ask."""
+
+    def __init__(self, detail: str) -> None:
+        super().__init__(403, detail)
 
 
 class Unavailable(ServiceError):
