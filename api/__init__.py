@@ -15,6 +15,7 @@ Thin over syncplan, which does all the numbers. Modules, each using only those b
     jobs.*                             durable workflows, heartbeats, what dead processes left
     connections, descriptors           who is connected and for how long; open files
     watching.*                         what a scrape of the metrics reads of all these
+    following.*                        streams of events: one reader of the database for all
     responses, service                 what responses hold, what routes work with
     callers, idempotency               who waits for what is computed; the same answer twice
     page_tables, assets, routes.*      the page's tables and files, the routes

@@ -8,6 +8,7 @@ from starlette.concurrency import run_in_threadpool
 
 from api.application import without_routes
 from api.computing.pool import Pool
+from api.following.job_watch import JobWatch
 from api.jobs.job_counts import JobCounts
 from api.jobs.queue import JobQueue
 from api.jobs.worker import Worker, guard_of
@@ -75,9 +76,15 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     running = await run_in_threadpool(_Running, settings, app.state.metrics.jobs)
     app.state.service = running.service
     app.state.metrics.watch(*running.readings())
+    app.state.watch = JobWatch(
+        running.database,
+        most_streams=settings.max_streams,
+        is_ending=app.state.ending.is_set,
+    )
     try:
         yield
     finally:
+        app.state.watch.close()
         await run_in_threadpool(running.close)
 
 

@@ -8,6 +8,7 @@ from typing import Annotated
 from fastapi import Depends, Request
 
 from api.computing.pool import Pool
+from api.following.job_watch import JobWatch
 from api.jobs.job_counts import JobCounts
 from api.jobs.queue import JobQueue
 from api.limits import RequestLimits
@@ -15,7 +16,7 @@ from api.settings import Settings
 from api.storage.database import Database
 from api.storage.plan_reader import PlanReader
 
-__all__ = ["CurrentEnding", "CurrentService", "Ending", "Service", "limits_of"]
+__all__ = ["CurrentService", "CurrentWatch", "Ending", "Service", "limits_of"]
 
 Ending = Event
 """Set once the server is about to end, so that what would go on for long comes to its end too."""
@@ -62,9 +63,9 @@ async def _service(request: Request) -> Service:
 CurrentService = Annotated[Service, Depends(_service)]
 
 
-async def _ending(request: Request) -> Ending:
-    ending: Ending = request.app.state.ending
-    return ending
+async def _watch(request: Request) -> JobWatch:
+    watch: JobWatch = request.app.state.watch
+    return watch
 
 
-CurrentEnding = Annotated[Ending, Depends(_ending)]
+CurrentWatch = Annotated[JobWatch, Depends(_watch)]

@@ -117,6 +117,9 @@ class Settings(BaseSettings):
     max_requests: Count = Field(
         default=64, description="most requests of one key that wait for a process or compute"
     )
+    max_streams: Count = Field(
+        default=100, description="most event streams that one owner may have open"
+    )
     processes: Count | None = Field(
         default=None,
         description="child processes that compute; one for each usable core if not given",

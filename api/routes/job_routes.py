@@ -1,15 +1,14 @@
 """Jobs: submitted, read, followed, cancelled, and their results."""
 
-import asyncio
-from collections.abc import AsyncIterator
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Header, Query, Response
-from fastapi.sse import EventSourceResponse, ServerSentEvent
 from sqlalchemy import Connection
 from starlette.concurrency import run_in_threadpool
 
 from api.callers import computed
+from api.following.event_stream import EVENT_CONTENT, EventStream
+from api.following.followed_job import Follower
 from api.idempotency import Call, CurrentCall, EmptyCall, answer_once
 from api.job_kinds.job_kind import JobKind
 from api.job_kinds.job_table import JOB_KINDS, plurals
@@ -20,16 +19,14 @@ from api.responses import Job, JobPage, job_answer
 from api.routes.paging import Before, Limit, page_and_next
 from api.routes.plan_routes import Identifier, find_or_refuse
 from api.security import CurrentOwner
-from api.service import CurrentEnding, CurrentService, Service
+from api.service import CurrentService, CurrentWatch
 from api.storage import job_queries, job_records
 from api.storage.clock import earlier, moment
-from api.storage.database import unavailable
-from api.storage.events import MOST_EVENTS, events_after
 from api.storage.job_records import JobRow, NewJob
 from api.storage.kept_answers import Answer
 from api.storage.part_records import computed_seconds
 from api.storage.plan_records import body_of
-from syncplan.reports.job_contract import JobState, has_ended
+from syncplan.reports.job_contract import JobState
 
 __all__ = ["Owned", "router"]
 
@@ -40,7 +37,6 @@ _SUBMITTED = problem_responses(401, 404, 406, 413, 415, 422, 429, 503, 507)
 _RETRY_AFTER_S = 5
 _RETRY_AFTER_SECONDS_S = 600
 _DAY_S = 86400.0
-_LOOK_EVERY_S = 0.3
 
 
 def _offer(kind: JobKind) -> None:
@@ -121,53 +117,28 @@ def read_job(row: Owned) -> Job:
 
 @router.get(
     "/jobs/{job_id}/events",
-    response_class=EventSourceResponse,
+    response_class=Response,
     dependencies=[Depends(accepts("text/event-stream"))],
     operation_id="followJob",
     summary="Follow a job",
-    responses=problem_responses(401, 404, 406, 422, 503),
+    responses={200: {"content": EVENT_CONTENT}, **problem_responses(401, 404, 406, 422, 429, 503)},
 )
 async def follow_job(
     row: Owned,
-    service: CurrentService,
-    ending: CurrentEnding,
+    owner: CurrentOwner,
+    watch: CurrentWatch,
     last_event_id: Annotated[
         str,
         Header(
             alias="Last-Event-ID", pattern="^[0-9]{1,9}$", description="Continue after this event"
         ),
     ] = "0",
-) -> AsyncIterator[ServerSentEvent]:
+) -> EventStream:
     """Every change of a job as a server-sent event; the stream ends when the job has ended.
 
     It also ends with the server; send Last-Event-ID to continue where it ended.
     """
-
-    def changes(after: int) -> list[tuple[int, str]]:
-        with service.database.reading() as connection:
-            return events_after(connection, row.id, after)
-
-    seen, ended = int(last_event_id), False
-    while not ended and not ending.is_set():
-        try:
-            # the state first: all that led to it is among the events then
-            now = await run_in_threadpool(_state, service, row.id)
-            found = await run_in_threadpool(changes, seen)
-        except Exception as error:
-            if not unavailable(error):
-                raise
-            now, found = "running", []
-        for number, data in found:
-            seen = number
-            yield ServerSentEvent(id=str(number), event="job", raw_data=data)
-        ended = (now is None or has_ended(now)) and len(found) < MOST_EVENTS
-        if not ended:
-            await asyncio.sleep(_LOOK_EVERY_S)
-
-
-def _state(service: Service, job_id: str) -> JobState | None:
-    with service.database.reading() as connection:
-        return job_records.state_of(connection, job_id)
+    return EventStream(watch, Follower(owner, row.id, int(last_event_id)))
 
 
 @router.post(
