@@ -4,6 +4,7 @@ import { ask, pause, Refusal, Unreachable } from "./service.js";
 import { ENDED } from "./tables.js";
 
 const RETRY_S = 1;
+const TOO_MANY = 429;
 
 /** Call `changed(event)` for every change of a job until it has ended, whatever the connection does.
  *
@@ -28,8 +29,9 @@ export async function follow(jobId, { changed, away }) {
     } catch (error) {
       // a stream that breaks off is a TypeError
       const passing = error instanceof Unreachable || error instanceof TypeError;
-      if (!passing && !(error instanceof Refusal && error.status >= 500)) throw error;
-      away(true);
+      const refused = error instanceof Refusal ? error.status : 0;
+      if (!passing && refused < 500 && refused !== TOO_MANY) throw error;
+      away(refused !== TOO_MANY);
     }
     if (!ended) await pause(RETRY_S);
   }

@@ -19,7 +19,7 @@ from api.responses import Job, JobPage, job_answer
 from api.routes.paging import Before, Limit, page_and_next
 from api.routes.plan_routes import Identifier, find_or_refuse
 from api.security import CurrentOwner
-from api.service import CurrentService, CurrentWatch
+from api.service import CurrentService, CurrentWatch, Service
 from api.storage import job_queries, job_records
 from api.storage.clock import earlier, moment
 from api.storage.job_records import JobRow, NewJob

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-__all__ = ["PATIENCE_S", "alive", "command", "family", "wait_until", "worked"]
+__all__ = ["PATIENCE_S", "alive", "command", "family", "memory", "wait_until", "worked"]
 
 PATIENCE_S = 300.0
 """How long to wait for what comes true in a few seconds, in s: the machine may have other work."""
@@ -47,6 +47,12 @@ def family(process: int) -> list[int]:
     for one in found:
         found += [child for child, fields in parents.items() if fields and int(fields[1]) == one]
     return found
+
+
+def memory(process: int) -> int:
+    """Return the bytes of memory that a process holds (RSS)."""
+    pages = int(Path(f"/proc/{process}/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE")
 
 
 def worked(process: int) -> float:
