@@ -3,6 +3,7 @@
 Thin over syncplan, which does all the numbers. Modules, each using only those before it:
 
     addresses, keys, settings          which clients are one, what an operator can set
+    shares                             one of several HTTP processes: its part of the limits
     seldom_logs, security_headers      few lines for many cases; what every answer carries
     logs, problems.*, metrics.*        JSON lines, RFC 9457 documents, Prometheus
     negotiation, telemetry             media types, OpenTelemetry
@@ -23,6 +24,7 @@ Thin over syncplan, which does all the numbers. Modules, each using only those b
     application, main, worker_app      an application without routes; the service's, a worker's
     refusals, protocol, accepting      HTTP below the application, taking connections
     server                             serving it all
+    processes.*                        several servers on one socket
 
 A request is read, checked and computed in a child process, so that nothing ever holds up the
 event loop; a job is a row in the database and a durable workflow, entered in one transaction.

@@ -20,17 +20,24 @@ _AT_ONCE = 64
 """Connections that are taken before others have their turn."""
 
 _PAUSE_S = 0.1
+_GIVEN_WAY_S = 0.001
+_TIMES_GIVEN_WAY = 10
 _EXHAUSTED = {errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM}
 
 _log = logging.getLogger("api.connections")
 
 
 async def accept_connections(
-    listening: socket.socket, make: Callable[[], asyncio.Protocol], refusal: bytes
+    listening: socket.socket,
+    make: Callable[[], asyncio.Protocol],
+    refusal: bytes,
+    gives_way: Callable[[], bool] | None = None,
 ) -> None:
     """Give every connection a protocol, until cancelled; `listening` is to be closed thereafter.
 
     While there are no descriptors, a spare one lets connections be told `refusal` and closed.
+    Where other processes take connections from the socket as well, `gives_way` says whether
+    one of them should have the next.
     """
     loop = asyncio.get_running_loop()
     listening.setblocking(False)
@@ -38,15 +45,42 @@ async def accept_connections(
     with _Spare() as spare:
         while True:
             try:
-                first, _ = await loop.sock_accept(listening)
+                if gives_way is None:
+                    first, _ = await loop.sock_accept(listening)
+                    taken = [first, *_waiting(listening)]
+                else:
+                    taken = [await _in_turn(listening, gives_way)]
             except OSError as error:
                 if error.errno in _EXHAUSTED:
                     seldom.warn("descriptors", f"no connection can be taken: {error.strerror}")
                     spare.turn_away(listening, refusal)
                     await asyncio.sleep(_PAUSE_S)
                 continue
-            taken = [first, *_waiting(listening)]
             await asyncio.gather(*(_connect(one, make) for one in taken))
+
+
+async def _in_turn(listening: socket.socket, gives_way: Callable[[], bool]) -> socket.socket:
+    """The next connection that no other process takes, in whose favour this one waits a moment."""
+    while True:
+        await _readable(listening)
+        for _ in range(_TIMES_GIVEN_WAY):
+            if not gives_way():
+                break
+            await asyncio.sleep(_GIVEN_WAY_S)
+        with contextlib.suppress(BlockingIOError):
+            one, _ = listening.accept()
+            one.setblocking(False)
+            return one
+
+
+async def _readable(listening: socket.socket) -> None:
+    loop = asyncio.get_running_loop()
+    readable = asyncio.Event()
+    loop.add_reader(listening, readable.set)
+    try:
+        await readable.wait()
+    finally:
+        loop.remove_reader(listening)
 
 
 def _waiting(listening: socket.socket) -> Iterator[socket.socket]:

@@ -26,6 +26,7 @@ from api.routes import (
 )
 from api.service import Service, limits_of
 from api.settings import Settings, load_settings
+from api.shares import ALONE, Share
 from api.storage.database import open_database
 from api.storage.plan_reader import PlanReader
 from api.telemetry import telemetry_options
@@ -39,13 +40,14 @@ _DESCRIPTION = """Plans of synchronised circular orbits that let a team of robot
 initial poses and phases at once, refinement and Monte Carlo as jobs that survive."""
 
 
-def create_app(settings: Settings | None = None) -> FastAPI:
+def create_app(settings: Settings | None = None, share: Share = ALONE) -> FastAPI:
     """Return the application, which opens its database and starts its processes on start-up.
 
     The server decides where it listens: `syncplan serve` refuses to listen beyond this machine
     without keys; another ASGI server does not.
 
-    Settings come from the environment where none are given. Raises InputError.
+    Settings come from the environment where none are given. `share` is the part of the service
+    that this process is, and of its child processes. Raises InputError.
     """
     chosen = load_settings() if settings is None else settings
     app = without_routes(
@@ -55,6 +57,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         telemetry=telemetry_options(chosen),
         lifespan=_lifespan,
     )
+    app.state.share = share
     document_operations(app)
     for routes in (
         plan_routes,
@@ -73,7 +76,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
 @asynccontextmanager
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     settings: Settings = app.state.settings
-    running = await run_in_threadpool(_Running, settings, app.state.metrics.jobs)
+    running = await run_in_threadpool(_Running, settings, app.state.share, app.state.metrics.jobs)
     app.state.service = running.service
     app.state.metrics.watch(*running.readings())
     app.state.watch = JobWatch(
@@ -91,7 +94,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
 class _Running:
     """All that has to be closed when the application ends."""
 
-    def __init__(self, settings: Settings, tally: JobTally) -> None:
+    def __init__(self, settings: Settings, share: Share, tally: JobTally) -> None:
         self.database = open_database(settings.database)
         self.queue = JobQueue(settings.database)
         counts = JobCounts(self.database, tally)
@@ -104,7 +107,7 @@ class _Running:
             self.guard = guard_of(settings, self.database, self.queue, counts, None)
             self.guard.start()
         self.pool = Pool(
-            settings.process_count,
+            share.of(settings.process_count),
             background=False,
             memory_bytes=settings.task_memory,
             most_waiting=settings.max_plan_queue,

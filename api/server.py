@@ -18,7 +18,11 @@ from api.descriptors import raise_limit
 from api.protocol import HttpProtocol
 from api.refusals import crowd
 from api.service import Ending
+<<<<<<< HEAD
 from api.watching.connection_readings import ConnectionReadings
+=======
+from api.shares import Place
+>>>>>>> 611882f (syncplan serve --http-processes: several event loops on one socket)
 
 __all__ = ["LimitedServer", "serve_until_told", "served_beside"]
 
@@ -30,13 +34,19 @@ _TICKS_BETWEEN_LOOKS = 2
 class LimitedServer(uvicorn.Server):
     """A server that counts its connections and ends those that take too long.
 
-    It takes connections itself: see api.accepting.
+    It takes connections itself: see api.accepting. With a `place` among several processes, it
+    takes its part of them.
     """
 
     def __init__(
-        self, config: uvicorn.Config, limits: ConnectionLimits, ending: Ending | None = None
+        self,
+        config: uvicorn.Config,
+        limits: ConnectionLimits,
+        ending: Ending | None = None,
+        place: Place | None = None,
     ) -> None:
         super().__init__(config)
+        self._place = place
         self.connections = Connections(limits)
         self._ending = ending
         self._accepting: list[asyncio.Task[None]] = []
@@ -55,19 +65,30 @@ class LimitedServer(uvicorn.Server):
         )
         refusal = crowd(self.connections.limits).as_bytes()
         self._accepting = [
-            asyncio.create_task(accept_connections(one, make, refusal)) for one in sockets or []
+            asyncio.create_task(
+                accept_connections(
+                    one, make, refusal, None if self._place is None else self._gives_way
+                )
+            )
+            for one in sockets or []
         ]
+        if self._place is not None:
+            self._place.begun()
 
     async def on_tick(self, counter: int) -> bool:
         """End the connections that are due, a few times a second."""
         if counter % _TICKS_BETWEEN_LOOKS == 0:
             self._end_due()
+            if self._place is not None and self._accepting:
+                self._gives_way()
         return await super().on_tick(counter)
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         """Take no more connections, and end those there are, what is being answered last."""
         for task in self._accepting:
             task.cancel()
+        if self._place is not None:
+            self._place.leave()
         await asyncio.gather(*self._accepting, return_exceptions=True)
         await super().shutdown(sockets=sockets)
 
@@ -76,6 +97,10 @@ class LimitedServer(uvicorn.Server):
         if self._ending is not None:
             self._ending.set()
         super().handle_exit(sig, frame)
+
+    def _gives_way(self) -> bool:
+        assert self._place is not None
+        return self._place.gives_way(self.connections.number)
 
     def _end_due(self) -> None:
         now = asyncio.get_running_loop().time()
@@ -88,9 +113,12 @@ class LimitedServer(uvicorn.Server):
             one.expire(now)
 
 
-def serve_until_told(app: FastAPI, listening: socket.socket) -> bool:
-    """Serve an application until SIGTERM or Ctrl-C; return whether it could start."""
-    server = _server_of(app)
+def serve_until_told(app: FastAPI, listening: socket.socket, place: Place | None = None) -> bool:
+    """Serve an application until SIGTERM or Ctrl-C; return whether it could start.
+
+    `place` is that among several processes on the socket.
+    """
+    server = _server_of(app, place)
     # uvicorn takes signals over, ends in good order and then raises them again: that is no failure
     signal.signal(signal.SIGTERM, lambda number, frame: server.handle_exit(number, frame))
     with contextlib.suppress(KeyboardInterrupt, SystemExit):
@@ -114,7 +142,7 @@ def served_beside(app: FastAPI, listening: socket.socket) -> Iterator[None]:
         thread.join(timeout=_GRACE_S)
 
 
-def _server_of(app: FastAPI) -> LimitedServer:
+def _server_of(app: FastAPI, place: Place | None = None) -> LimitedServer:
     config = uvicorn.Config(
         app,
         log_config=None,
@@ -124,7 +152,7 @@ def _server_of(app: FastAPI) -> LimitedServer:
         timeout_graceful_shutdown=_GRACE_S,
     )
     limits = limits_of_connections(app.state.settings, raise_limit())
-    server = LimitedServer(config, limits, app.state.ending)
+    server = LimitedServer(config, limits, app.state.ending, place)
     app.state.connections = server.connections
     app.state.metrics.watch(ConnectionReadings(server.connections))
     return server

@@ -71,8 +71,8 @@ class Settings(BaseSettings):
     )
     max_connections: Count | None = Field(
         default=None,
-        description="most connections of a process; what its file descriptors allow, at most "
-        "4096, if not given",
+        description="most connections; what the file descriptors of a process allow, at most "
+        "4096 for each HTTP process, if not given",
     )
     max_connections_per_address: Count | None = Field(
         default=None,
@@ -128,6 +128,11 @@ class Settings(BaseSettings):
         default=None,
         description="most memory of a child process, in bytes; what the machine or container has, "
         "divided by the processes, and at least 1 GiB, if not given",
+    )
+    http_processes: Count = Field(
+        default=1,
+        description="processes that answer requests on one socket; child processes and limits of "
+        "the whole service are divided among them",
     )
     job_niceness: Annotated[int, Field(ge=0, le=19)] = Field(
         default=10,

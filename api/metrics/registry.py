@@ -9,6 +9,7 @@ from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4, generate_late
 from prometheus_client.registry import Collector
 
 from api.metrics.job_metrics import JobTally
+from api.metrics.merging import Collected
 from api.metrics.metric_table import METRICS, as_counter, as_histogram
 
 __all__ = ["Metrics", "Readings", "Source"]
@@ -50,6 +51,7 @@ class Metrics:
         ):
             registry.register(one)
         ProcessCollector(registry=registry)
+        self.gather: Callable[[], Collected] = self.own
 
     def observe(self, method: str, route: str, status: str, duration_s: float) -> None:
         """Count one answered request."""
@@ -65,9 +67,28 @@ class Metrics:
         """Let each scrape read these sources as well."""
         self._watched.sources += sources
 
+    def own(self) -> Collected:
+        """Return the metrics of this process."""
+        return list(self._registry.collect())
+
     def render(self) -> tuple[bytes, str]:
-        """Return (text in Prometheus' format, its media type)."""
-        return generate_latest(self._registry), CONTENT_TYPE_PLAIN_0_0_4
+        """Return (text in Prometheus' format, its media type), of the whole service.
+
+        It is that of this process unless `gather` was set to ask others.
+        """
+        families = _Gathered(self.gather())
+        return generate_latest(families), CONTENT_TYPE_PLAIN_0_0_4
+
+
+class _Gathered(Collector):
+    """Metrics that have been read already."""
+
+    def __init__(self, metrics: Collected) -> None:
+        self._metrics = metrics
+
+    def collect(self) -> Iterator[Metric]:
+        """Return them."""
+        return iter(self._metrics)
 
 
 class _Watched(Collector):

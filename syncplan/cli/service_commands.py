@@ -7,6 +7,8 @@ import os
 import signal
 import socket
 import threading
+from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
@@ -47,28 +49,49 @@ def _serve(
             show_default=False,
         ),
     ] = None,
+    http_processes: Annotated[
+        int | None,
+        typer.Option(min=1, help="Processes that answer requests (default 1)", show_default=False),
+    ] = None,
 ) -> NoReturn:
     """Serve plans, refinements and validations over HTTP; settings from SYNCPLAN_* variables."""
     _require_extra()
     from api.logs import configure_logs
-    from api.main import create_app
     from api.security import refuse_exposure
-    from api.server import serve_until_told
     from api.settings import load_settings
     from api.storage.database import open_database
 
     settings = load_settings(
-        host=host, port=port, insecure=insecure or None, embedded_worker=embedded_worker
+        host=host,
+        port=port,
+        insecure=insecure or None,
+        embedded_worker=embedded_worker,
+        http_processes=http_processes,
     )
     refuse_exposure(settings)
     configure_logs(settings.log_level)
     # what is wrong with the database is said in one line here, and in a trace by uvicorn
     open_database(settings.database).close()
-    app = create_app(settings)
+    serve = _server_for(settings)
     with _listening(settings.host, settings.port) as listening:
-        if not serve_until_told(app, listening):
+        if not serve(listening):
             raise SyncplanError("the service could not start; its log says why")
     _leave()
+
+
+def _server_for(settings: "Settings") -> Callable[[socket.socket], bool]:
+    """What serves on a socket until told to end, and returns whether it could start."""
+    if settings.http_processes > 1:
+        from api.processes.supervisor import serve_by_processes
+        from api.telemetry import telemetry_options
+
+        # what is wrong with it is said here, and not by each process
+        telemetry_options(settings)
+        return partial(serve_by_processes, settings)
+    from api.main import create_app
+    from api.server import serve_until_told
+
+    return partial(serve_until_told, create_app(settings))
 
 
 def _listening(host: str, port: int) -> socket.socket:

@@ -15,6 +15,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from multiprocessing.connection import Connection, Pipe
 
 __all__ = ["ChildProcess", "connect_to_parent", "end_with"]
@@ -39,12 +40,18 @@ class ChildProcess:
     Parameters
     ----------
     module, function : what the child runs, called with the number that connect_to_parent takes
+    heir : a part of the same program: it inherits the whole environment, and writes where the
+        parent does
+    keep : further descriptors that the child inherits
     """
 
-    def __init__(self, module: str, function: str) -> None:
+    def __init__(
+        self, module: str, function: str, *, heir: bool = False, keep: Sequence[int] = ()
+    ) -> None:
         self.connection, theirs = Pipe()
         self._descriptor = self.connection.fileno()
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115
+        errors = None if heir else self._errors
         code = _CODE.format(
             path=sys.path,
             module=module,
@@ -56,10 +63,10 @@ class ChildProcess:
             self.process = subprocess.Popen(
                 [sys.executable, "-P", "-c", code],
                 stdin=subprocess.DEVNULL,
-                stdout=self._errors,
-                stderr=self._errors,
-                pass_fds=[theirs.fileno()],
-                env={**_environment(), "OPENBLAS_NUM_THREADS": "1"},
+                stdout=errors,
+                stderr=errors,
+                pass_fds=[theirs.fileno(), *keep],
+                env=dict(os.environ) if heir else {**_environment(), "OPENBLAS_NUM_THREADS": "1"},
             )
 
     def complaint(self) -> str:
