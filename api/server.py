@@ -18,11 +18,8 @@ from api.descriptors import raise_limit
 from api.protocol import HttpProtocol
 from api.refusals import crowd
 from api.service import Ending
-<<<<<<< HEAD
-from api.watching.connection_readings import ConnectionReadings
-=======
 from api.shares import Place
->>>>>>> 611882f (syncplan serve --http-processes: several event loops on one socket)
+from api.watching.connection_readings import ConnectionReadings
 
 __all__ = ["LimitedServer", "serve_until_told", "served_beside"]
 
