@@ -19,12 +19,12 @@ from api.server import serve_until_told
 from api.shares import ConnectionTable, Enrolment, Place, divided
 from syncplan.runtime.child_processes import connect_to_parent
 
-__all__ = ["Link", "serve"]
+__all__ = ["SupervisorLink", "serve"]
 
 _PATIENCE_S = 5.0
 
 
-class Link:
+class SupervisorLink:
     """A process's connection to the supervisor.
 
     supervisor: sample n -> this process: sampled (n, metrics)
@@ -83,7 +83,7 @@ def serve(descriptor: int) -> None:
     given: Enrolment = connection.recv()
     configure_logs(given.settings.log_level)
     app = create_app(divided(given.settings, given.share), given.share)
-    link = Link(connection, app.state.metrics)
+    link = SupervisorLink(connection, app.state.metrics)
     app.state.metrics.gather = link.gather
     place = Place(ConnectionTable(given.table, given.share.count), given.share.number, link.ready)
     with socket.socket(fileno=given.listening) as listening:
