@@ -2,9 +2,9 @@
 
 Processor time of the paper's grid of six vehicles, of grids of 12, 24 and 50, in one warm process:
 the plan with its file's text, the posterior bound with its start-up index, the connectivity period,
-a preview and a quick one with the map. With `--base PATH`, another checkout does the same in turn,
-A B A B, so that a busy machine is as busy for both; figures are then medians of the ratios. Both
-sides' texts have to be the same.
+single points of failure, a preview and a quick one with the map. With `--base PATH`, another
+checkout does the same in turn, A B A B, so that a busy machine is as busy for both; figures are
+then medians of the ratios. Both sides' texts have to be the same.
 
     python benchmarks/plans.py
     python benchmarks/plans.py --base ../before
@@ -41,6 +41,7 @@ PARTS = {
     "plan": "plan and its text",
     "bound": "posterior bound and start-up index",
     "connectivity": "connectivity period",
+    "losses": "single points of failure",
     "preview": "preview with the map",
     "quick": "quick preview with the map",
 }
@@ -78,7 +79,9 @@ def _works(count: int) -> dict[str, Callable[[], Any]]:
     from api.plan_texts import as_plan_text
     from syncplan.estimation.bounds import posterior_bound
     from syncplan.observability.connectivity import connectivity_period
+    from syncplan.observability.loss_ranks import decisive_losses
     from syncplan.observability.window_assessment import assess_team
+    from syncplan.orbits.losses import single_losses
     from syncplan.planning.planner import plan
     from syncplan.runtime.blas import single_threaded_blas
     from syncplan.scenario.loading import scenario_from
@@ -100,6 +103,9 @@ def _works(count: int) -> dict[str, Callable[[], Any]]:
         "plan": lambda: as_plan_text(plan(scenario)).text,
         "bound": single_threaded_blas(bound),
         "connectivity": single_threaded_blas(lambda: repr(connectivity_period(assessed))),
+        "losses": single_threaded_blas(
+            lambda: repr(decisive_losses(assessed, single_losses(made.team)))
+        ),
         "preview": lambda: preview(False),
         "quick": lambda: preview(True),
     }

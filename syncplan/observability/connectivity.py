@@ -16,6 +16,9 @@ __all__ = ["connectivity_period"]
 
 SEARCHED_PERIODS = 2
 
+CLEARLY = 30.0
+"""Factor above the tolerance of a link's rank from which on rounding cannot matter."""
+
 _NEVER = np.iinfo(np.int64).max // 4
 _BATCH = 20_000
 
@@ -140,15 +143,45 @@ def _searched(starts: _Starts, largest: float) -> Index:
 
 def _certified(starts: _Starts, lengths: Index, largest: float) -> Flags:
     """Whether the windows of these lengths have the rank, many at once by length."""
-    result = np.zeros(len(lengths), dtype=bool)
+    result = np.ones(len(lengths), dtype=bool)
+    squares = np.cumsum(np.concatenate([[0.0], np.einsum("sc,sc->s", starts.rows, starts.rows)]))
     for length in np.unique(lengths):
         same = np.flatnonzero(lengths == length)
-        for part in np.array_split(same, 1 + len(same) * int(length) // _BATCH):
+        for whole in np.array_split(same, 1 + len(same) * int(length) // _BATCH):
+            part = whole[~_clearly_certified(starts.only(whole), squares, int(length), largest)]
+            if not len(part):
+                continue
             blocks = starts.rows[starts.row[part, None] + np.arange(length)]
             values = np.linalg.svd(blocks, compute_uv=False)
             counted = values[np.arange(len(part)), starts.needed[part] - 1]
             result[part] = counted > LINK_TOLERANCE * np.maximum(values[:, 0], largest)
     return result
+
+
+def _clearly_certified(starts: _Starts, squares: Array, length: int, largest: float) -> Flags:
+    """Whether windows of `length` rows have the rank beyond doubt, without singular values.
+
+    Three of the rows, or two, have no larger singular values than all. Of their products G,
+    det G = s1^2 s2^2 s3^2 and s1^2 + s2^2 <= tr G, so s3^2 >= det G / (tr G / 2)^2; of two rows
+    s2^2 >= det G / tr G. What exceeds the tolerance by CLEARLY is no rounding error. `squares`
+    are the rows' sums of squares up to each.
+    """
+    first, middle, last = (starts.rows[starts.row + k] for k in (0, length // 2, length - 1))
+    aa, cc, ac = (
+        np.einsum("sc,sc->s", *of) for of in ((first, first), (last, last), (first, last))
+    )
+    bb, ab, bc = (
+        np.einsum("sc,sc->s", *of) for of in ((middle, middle), (first, middle), (middle, last))
+    )
+    two = aa * cc - ac * ac
+    three = aa * (bb * cc - bc * bc) - ab * (ab * cc - bc * ac) + ac * (ab * bc - bb * ac)
+    trace = aa + cc
+    with np.errstate(divide="ignore", invalid="ignore"):
+        least = np.where(starts.needed == 2, two / trace, three / (0.5 * (trace + bb)) ** 2)
+    # of all rows, of which no singular value is larger
+    of_all = squares[starts.row + length] - squares[starts.row]
+    largest_square = np.maximum(of_all, largest**2)
+    return np.asarray(least > (CLEARLY * LINK_TOLERANCE) ** 2 * largest_square)
 
 
 def _distinct_landmarks(landmarks: Array, distance: float) -> Flags:
@@ -163,6 +196,7 @@ def _first_certified(
     """The step by which the certificate holds when each pair counts from its own step on."""
     merged = disjoint_sets(count)
     anchors: dict[int, set[int]] = {k: set() for k in range(count)}
+    held = [False] * count
     unheld = count
     for k in np.argsort(ready, kind="stable"):
         if ready[k] >= _NEVER:
@@ -170,20 +204,24 @@ def _first_certified(
         a, b = pairs[k]
         if b >= count:
             root = merged[a]
-            grown = anchors[root] | {b - count}
-            unheld -= _holds(grown, distinct) - _holds(anchors[root], distinct)
-            anchors[root] = grown
+            anchors[root].add(b - count)
+            if not held[root] and _hold(anchors[root], distinct):
+                held[root] = True
+                unheld -= 1
         elif merged[a] != merged[b]:
-            parts = anchors[merged[a]], anchors[merged[b]]
+            parts = merged[a], merged[b]
             merged.union(a, b)
-            anchors[merged[a]] = parts[0] | parts[1]
-            lost = 2 - sum(_holds(part, distinct) for part in parts)
-            unheld += (1 - _holds(anchors[merged[a]], distinct)) - lost
+            root = merged[a]
+            unheld -= sum(not held[part] for part in parts)
+            anchors[root] = anchors[parts[0]] | anchors[parts[1]]
+            held[root] = any(held[part] for part in parts) or _hold(anchors[root], distinct)
+            unheld += not held[root]
         if unheld == 0:
             return int(ready[k])
     return None
 
 
-def _holds(anchors: set[int], distinct: Flags) -> int:
+def _hold(anchors: set[int], distinct: Flags) -> bool:
+    """Whether two of the landmarks are distinct."""
     numbers = list(anchors)
-    return int(distinct[np.ix_(numbers, numbers)].any()) if len(numbers) > 1 else 0
+    return len(numbers) > 1 and bool(distinct[np.ix_(numbers, numbers)].any())

@@ -64,6 +64,8 @@ class LinkVerdict:
 
 def vehicle_verdicts(assessed: Assessment, pairs: Index) -> list[LinkVerdict]:
     """Return the verdicts on the (e, 2) vehicle pairs, each a < b, in the order given."""
+    if not len(pairs):
+        return []
     team, windows, largest = assessed.team, assessed.windows, assessed.largest
     orbits = team.orbits
     nothing = np.zeros((0, 2))

@@ -27,7 +27,7 @@ from syncplan.observability.rank import (
     stacked_rows,
 )
 from syncplan.observability.window_assessment import Assessment
-from syncplan.orbits.losses import Loss, Remainder, remainder_of
+from syncplan.orbits.losses import Loss, remainder_of
 
 __all__ = ["decisive_losses"]
 
@@ -56,6 +56,15 @@ class _Rows:
         """Return the chosen rows."""
         return _Rows(self.blocks[chosen], self.observers[chosen], self.targets[chosen])
 
+    def lost(self, loss: Loss, count: int) -> Flags:
+        """Return (r,) whether a loss of a team of `count` vehicles takes each row."""
+        gone = [*loss.vehicles, *(count + k for k in loss.landmarks)]
+        lost = np.zeros(len(self.blocks), dtype=bool)
+        for own, bodies in ((self.observers, loss.vehicles + loss.sensors), (self.targets, gone)):
+            for body in bodies:
+                lost |= own == body
+        return lost
+
     def times(self, matrix: Array) -> Array:
         """Return (r, k): the rows, as wide as the state, times a matrix (3 n, k)."""
         parts = matrix.reshape(-1, 3, matrix.shape[1])
@@ -73,7 +82,8 @@ def decisive_losses(assessed: Assessment, losses: Sequence[Loss]) -> list[Loss]:
     rows = _directed_rows(assessed)
     triangle = np.linalg.qr(stacked_rows(assessed.information, assessed.team.count), mode="r")
     inverse = np.linalg.inv(triangle)
-    return [loss for loss in losses if _is_decisive(assessed, rows, inverse, loss)]
+    measured = _Measured(assessed, rows, inverse, rows.times(inverse))
+    return [loss for loss in losses if measured.lacks(loss)]
 
 
 def _directed_rows(assessed: Assessment) -> _Rows:
@@ -96,36 +106,61 @@ def _directed_rows(assessed: Assessment) -> _Rows:
     )
 
 
-def _is_decisive(assessed: Assessment, rows: _Rows, inverse: Array, loss: Loss) -> bool:
-    left = remainder_of(assessed.team, loss)
-    kept = left.still_seen(rows.observers, rows.targets)
-    if kept.all() and not loss.vehicles:
-        return False
-    values = assessed.observability.singular_values
-    spread = _spread(assessed, left)
-    taken, vectors = _taken(rows.only(~kept), inverse, loss)
-    least = np.sqrt(max(1.0 - taken**2, 0.0)) * values[-1]
-    if 1.0 - taken**2 > CLEAR and least > SAFETY * spread * RANK_TOLERANCE * values[0]:
-        return False
-    remaining = rows.only(kept)
-    if taken > 0.0 and _is_unseen(remaining, inverse @ vectors, loss, spread):
-        return True
-    sightings, _ = left.sightings(assessed.sightings)
-    return not assess(left.team, link_information(left.team, sightings)).observable
+@dataclass(frozen=True, slots=True)
+class _Measured:
+    """A team's rows, and what they see of the state in the team's own measure.
 
+    Attributes
+    ----------
+    inverse : (3 n, 3 n) T^-1
+    seen : (r, 3 n) rows times T^-1
+    """
 
-def _taken(lost: _Rows, inverse: Array, loss: Loss) -> tuple[float, Array]:
-    """Largest singular value of the rows lost, in the team's own measure, and its vector."""
-    seen = lost.times(inverse)
-    gone = [3 * k + axis for k in loss.vehicles for axis in range(3)]
-    if gone:
-        # directions that leave the lost vehicles where they are
-        fixed = np.linalg.qr(inverse[gone].T)[0]
-        seen -= (seen @ fixed) @ fixed.T
-    if not len(seen):
-        return 0.0, np.zeros(len(inverse))
-    squares, vectors = np.linalg.eigh(seen @ seen.T)
-    return float(np.sqrt(max(squares[-1], 0.0))), np.asarray(vectors[:, -1] @ seen)
+    assessed: Assessment
+    rows: _Rows
+    inverse: Array
+    seen: Array
+
+    def lacks(self, loss: Loss) -> bool:
+        """Return whether the team is not observable after a loss."""
+        team = self.assessed.team
+        lost = self.rows.lost(loss, team.count)
+        if not lost.any() and not loss.vehicles:
+            return False
+        values = self.assessed.observability.singular_values
+        spread = self._spread(loss)
+        seen = self._seen(lost, loss)
+        squares = seen @ seen.T
+        taken = np.linalg.eigvalsh(squares)[-1] if len(seen) else 0.0
+        # with vectors it takes twice as long
+        least = np.sqrt(max(1.0 - taken, 0.0)) * values[-1]
+        if 1.0 - taken > CLEAR and least > SAFETY * spread * RANK_TOLERANCE * values[0]:
+            return False
+        if taken > 0.0:
+            motion = self.inverse @ (np.linalg.eigh(squares)[1][:, -1] @ seen)
+            if _is_unseen(self.rows.only(~lost), motion, loss, spread):
+                return True
+        left = remainder_of(team, loss)
+        sightings, _ = left.sightings(self.assessed.sightings)
+        return not assess(left.team, link_information(left.team, sightings)).observable
+
+    def _seen(self, lost: Flags, loss: Loss) -> Array:
+        """The rows lost, in the team's own measure."""
+        seen = self.seen[lost]
+        gone = [3 * k + axis for k in loss.vehicles for axis in range(3)]
+        if gone:
+            # directions that leave the lost vehicles where they are
+            fixed = np.linalg.qr(self.inverse[gone].T)[0]
+            seen -= (seen @ fixed) @ fixed.T
+        return seen
+
+    def _spread(self, loss: Loss) -> float:
+        """How far the change of the mean radius may move apart two singular values, a factor."""
+        if not loss.vehicles:
+            return 1.0
+        radii = np.delete(self.assessed.team.orbits.radii, list(loss.vehicles))
+        ratio = float(radii.mean()) / self.assessed.observability.scale
+        return max(ratio, 1.0 / ratio) ** 4
 
 
 def _is_unseen(remaining: _Rows, motion: Array, loss: Loss, spread: float) -> bool:
@@ -137,9 +172,3 @@ def _is_unseen(remaining: _Rows, motion: Array, loss: Loss, spread: float) -> bo
     seen = np.linalg.norm(remaining.times(motion[:, None])) / np.linalg.norm(motion)
     longest = np.sqrt(np.max(np.einsum("rc,rc->r", remaining.blocks, remaining.blocks)))
     return bool(SAFETY * spread * seen < RANK_TOLERANCE * longest)
-
-
-def _spread(assessed: Assessment, left: Remainder) -> float:
-    """How far the change of the mean radius may move apart two singular values, as a factor."""
-    ratio = float(left.team.orbits.radii.mean()) / assessed.observability.scale
-    return max(ratio, 1.0 / ratio) ** 4

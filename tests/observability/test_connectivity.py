@@ -6,8 +6,13 @@ import numpy as np
 import pytest
 
 from syncplan.observability.certificate import certify
-from syncplan.observability.connectivity import SEARCHED_PERIODS, connectivity_period
-from syncplan.observability.rank import link_information
+from syncplan.observability.connectivity import (
+    SEARCHED_PERIODS,
+    _clearly_certified,
+    _Starts,
+    connectivity_period,
+)
+from syncplan.observability.rank import LINK_TOLERANCE, link_information
 from syncplan.observability.window_assessment import Assessment, assess_team
 from syncplan.orbits.sightings import Sightings, sample_sightings, steps_within
 from syncplan.orbits.team import Team
@@ -52,3 +57,24 @@ def test_the_connectivity_period_is_the_longest_of_all_shortest_windows(seed: in
         ours = connectivity_period(assessed)
         assert ours == pytest.approx(_window_by_window(assessed))
         found += ours is not None
+
+
+@pytest.mark.parametrize("needed", [2, 3])
+def test_rank_beyond_doubt_is_rank_by_singular_values(needed: int) -> None:
+    generator = np.random.default_rng(needed)
+    length, windows = 5, 4000
+    rows = generator.normal(size=(windows * length, 6))
+    # windows from well conditioned to degenerate, and from weak to strong
+    share = 10.0 ** generator.uniform(-9.0, 0.0, (windows, 1, 1))
+    blocks = rows.reshape(windows, length, 6)
+    blocks[:, :, needed - 1 :] *= share
+    blocks *= 10.0 ** generator.uniform(-6.0, 2.0, (windows, 1, 1))
+    first = length * np.arange(windows)
+    starts = _Starts(rows, np.arange(windows), first, np.full(windows, length), first * 0 + needed)
+    squares = np.cumsum(np.concatenate([[0.0], np.sum(rows**2, axis=1)]))
+    values = np.linalg.svd(blocks, compute_uv=False)
+    for largest in (1e-3, 1.0, 1e3):
+        clear = _clearly_certified(starts, squares, length, largest)
+        counted = values[:, needed - 1] > LINK_TOLERANCE * np.maximum(values[:, 0], largest)
+        assert not np.any(clear & ~counted)
+        assert clear.sum() > 0.4 * counted.sum()
