@@ -134,7 +134,7 @@ class _Running:
         pools = {"requests": self.pool}
         if self.worker is not None:
             pools["jobs"] = self.worker.pool
-        return PoolReadings(pools), Cached(JobReadings(self.database))
+        return PoolReadings(pools), Cached(JobReadings(self.database, self.queue))
 
     def close(self) -> None:
         """End everything, the processes first, each whatever happens to the others."""

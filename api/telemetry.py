@@ -27,7 +27,7 @@ OFF: TelemetryConfig = {
 """The argument that exports nothing."""
 
 _ENDPOINTS = ("OTEL_EXPORTER_OTLP_TRACES_ENDPOINT", "OTEL_EXPORTER_OTLP_ENDPOINT")
-_LAST_EXPORT_S = 3.0
+_EXPORT_S = 3.0
 
 _log = logging.getLogger("syncplan.telemetry")
 
@@ -39,7 +39,7 @@ def telemetry_options(settings: Settings) -> TelemetryConfig:
     """
     if not settings.telemetry:
         return OFF
-    _require_exporters()
+    _prepare_exporters()
     return {"auto_configure": True, "exclude": lambda scope: scope.get("path") in PROBES}
 
 
@@ -52,7 +52,7 @@ def export_spans(settings: Settings) -> Callable[[], None]:
     """
     if not settings.telemetry:
         return lambda: None
-    _require_exporters()
+    _prepare_exporters()
     if not any(map(os.environ.get, _ENDPOINTS)) or _switched_off():
         _log.warning("no spans are exported: %s is not set", _ENDPOINTS[-1])
         return lambda: None
@@ -68,18 +68,20 @@ def export_spans(settings: Settings) -> Callable[[], None]:
         # whoever collects them may be away
         sender = threading.Thread(target=provider.shutdown, daemon=True, name="last-spans")
         sender.start()
-        sender.join(_LAST_EXPORT_S)
+        sender.join(_EXPORT_S)
 
     return send_last
 
 
-def _require_exporters() -> None:
+def _prepare_exporters() -> None:
     missing = [name for name in EXPORTERS if not _installed(name)]
     if missing:
         raise InputError(
             f"needs {' and '.join(missing)}, not installed here; install with: {REMEDY}",
             key="SYNCPLAN_TELEMETRY",
         )
+    # a process that ends sends what is left, of each signal, and its collector may be away
+    os.environ.setdefault("OTEL_EXPORTER_OTLP_TIMEOUT", f"{_EXPORT_S:g}")
 
 
 def _switched_off() -> bool:

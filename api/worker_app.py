@@ -33,6 +33,8 @@ def create_worker_app(
         counts,
         PlanReader(database),
     )
-    app.state.metrics.watch(PoolReadings({"jobs": worker.pool}), Cached(JobReadings(database)))
+    app.state.metrics.watch(
+        PoolReadings({"jobs": worker.pool}), Cached(JobReadings(database, worker.queue))
+    )
     app.include_router(health_routes.router)
     return app

@@ -22,8 +22,10 @@ export PYTHON
 
 folder=$(mktemp -d)
 server=
+worker=
 finish() {
     [ -z "$server" ] || kill -KILL "$server" 2>/dev/null || true
+    [ -z "$worker" ] || kill -KILL "$worker" 2>/dev/null || true
     rm -rf "$folder"
 }
 trap finish EXIT
@@ -115,6 +117,29 @@ if grep -q compiling "$folder/said"; then
     echo "the kernels of the image are not used" >&2
     exit 1
 fi
+
+echo "steps: worker"
+# it starts only if the packages that export telemetry are there
+worker_port=$("$bin/python" -c 'import socket; s = socket.create_server(("127.0.0.1", 0))
+print(s.getsockname()[1])')
+export SYNCPLAN_TELEMETRY=true SYNCPLAN_WORKER_PORT=$worker_port
+if [ "$(id -u)" = 0 ]; then
+    setpriv --reuid=65534 --regid=65534 --clear-groups \
+        "$bin/syncplan" worker 2>"$folder/worker-log" &
+else
+    "$bin/syncplan" worker 2>"$folder/worker-log" &
+fi
+worker=$!
+for ((tries = 0; ; tries++)); do
+    unprivileged "$bin/python" "$folder/syncplan/share/healthcheck.py" "$worker_port" \
+        2>/dev/null && break
+    [ "$tries" -lt 60 ] && kill -0 "$worker" 2>/dev/null ||
+        { cat "$folder/worker-log" >&2; echo "no worker that is ready" >&2; exit 1; }
+    sleep 0.5
+done
+kill -TERM "$worker"
+wait "$worker" || { cat "$folder/worker-log" >&2; echo "the worker did not end well" >&2; exit 1; }
+worker=
 
 echo "steps: stop"
 kill -TERM "$server"

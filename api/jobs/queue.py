@@ -6,6 +6,7 @@ another's. Within a partition the parts with the lowest number come first.
 
 import logging
 from collections.abc import Iterable
+from datetime import UTC, datetime
 
 from dbos import DBOS, DBOSClient, EnqueueOptions
 from sqlalchemy import Connection
@@ -126,6 +127,20 @@ class JobQueue:
         if version is not None:
             options["app_version"] = version
         self.client.enqueue_in_transaction(connection, options, *arguments)
+
+    def oldest(self) -> datetime | None:
+        """Return when the part was entered that has waited longest; None if none waits."""
+        found = self.client.list_workflows(
+            status="ENQUEUED",
+            queue_name=PARTS_QUEUE,
+            application_name=APPLICATION,
+            load_input=False,
+            load_output=False,
+            limit=1,
+        )
+        if not found or found[0].created_at is None:
+            return None
+        return datetime.fromtimestamp(found[0].created_at / 1000.0, UTC)
 
     def drop(self, job_id: str) -> None:
         """Take what waits of a job that has ended out of the queue, where it comes to nothing."""

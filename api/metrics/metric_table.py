@@ -100,6 +100,12 @@ _ENTRIES = (
         "Parts of running jobs without a result",
         of="service",
     ),
+    MetricEntry(
+        "syncplan_parts_oldest_queued_seconds",
+        "gauge",
+        "Age of the part that has waited longest for a worker, 0 if none waits",
+        of="service",
+    ),
     MetricEntry("syncplan_workers", "gauge", "Workers, by version", ("version",), of="service"),
     MetricEntry(
         "syncplan_heartbeat_age_seconds",

@@ -3,12 +3,21 @@
 import json
 import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import httpx2
 import pytest
+from sqlalchemy import update
 
+from api.jobs.queue import JobQueue
 from api.metrics import METRICS, MetricEntry
+from api.storage import executors, job_records
+from api.storage.clock import earlier
+from api.storage.database import open_database
+from api.storage.tables import jobs
+from api.watching.job_readings import JobReadings
+from tests.tools.processes import PATIENCE_S
 from tests.tools.serving import ROOT
 
 DASHBOARD: dict[str, Any] = json.loads((ROOT / "docker" / "grafana" / "syncplan.json").read_text())
@@ -96,3 +105,37 @@ def test_a_running_server_exposes_all_of_it(ann: httpx2.Client) -> None:
     assert len(every) > 15
     for name in every:
         assert re.sub(r"_(bucket|sum|count)$", "", name) in types or name in types, name
+
+
+def test_what_waits_is_counted_with_its_age(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'syncplan.db'}"
+    database, queue = open_database(url), JobQueue(url)
+    readings = JobReadings(database, queue)
+    try:
+        assert readings()["syncplan_jobs_oldest_queued_seconds"] == {(): 0.0}
+        assert readings()["syncplan_parts_oldest_queued_seconds"] == {(): 0.0}
+        with database.writing() as connection:
+            executors.beat(connection, "one", "1+2")
+            for kind in ("sweep", "validation"):
+                row = job_records.add_job(
+                    connection, "ann", job_records.NewJob(kind, "{}", 1, None, None)
+                )
+                queue.add_job(connection, row.id, "ann")
+                # an hour ago, by its row and as a worker finds it
+                connection.execute(
+                    update(jobs)
+                    .where(jobs.c.id == row.id)
+                    .values(created_at=earlier(row.created_at, 3600.0))
+                )
+        found = readings()
+    finally:
+        queue.close()
+        database.close()
+    assert found["syncplan_jobs"]["queued",] == 2
+    assert found["syncplan_jobs"]["running",] == 0
+    assert found["syncplan_jobs_unfinished"]["sweep", "queued"] == 1
+    assert found["syncplan_jobs_unfinished"]["refinement", "queued"] == 0
+    assert 3600.0 <= found["syncplan_jobs_oldest_queued_seconds"][()] < 3600.0 + PATIENCE_S
+    assert 0.0 < found["syncplan_parts_oldest_queued_seconds"][()] < PATIENCE_S
+    assert found["syncplan_workers"] == {("1+2",): 1}
+    assert 0.0 <= found["syncplan_heartbeat_age_seconds"]["one",] < PATIENCE_S

@@ -1,6 +1,7 @@
 """Telemetry: off by default, on where the settings ask for it and its packages are there."""
 
 import importlib.util
+import os
 from typing import Any
 
 import pytest
@@ -11,6 +12,8 @@ from opentelemetry import metrics, trace
 from api.settings import load_settings
 from api.telemetry import EXPORTERS, telemetry_options
 from syncplan.errors import InputError
+
+TIMEOUT = "OTEL_EXPORTER_OTLP_TIMEOUT"
 
 
 class Told(Exception):  # noqa: N818
@@ -62,8 +65,20 @@ def test_a_missing_exporter_is_told_with_its_remedy(
     assert "\n" not in text
 
 
+@pytest.mark.parametrize(("given", "kept"), [(None, "3"), ("20", "20")])
+def test_a_collector_that_is_away_holds_up_no_end(
+    monkeypatch: pytest.MonkeyPatch, given: str | None, kept: str
+) -> None:
+    """The exporters try for 10 s each otherwise, and the server's end waits for them."""
+    settings = load_settings(telemetry=True)
+    monkeypatch.setattr(os, "environ", {} if given is None else {TIMEOUT: given})
+    telemetry_options(settings)
+    assert os.environ[TIMEOUT] == kept
+
+
 def test_telemetry_sees_requests_but_no_probes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", _find())
+    monkeypatch.setenv(TIMEOUT, "1")
     options = telemetry_options(load_settings(telemetry=True))
     assert options["auto_configure"]
     app = FastAPI(
