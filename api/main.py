@@ -84,6 +84,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         most_streams=settings.max_streams,
         is_ending=app.state.ending.is_set,
     )
+    app.state.metrics.watch(lambda: {"syncplan_streams": {(): app.state.watch.streams}})
     try:
         yield
     finally:

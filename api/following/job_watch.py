@@ -63,7 +63,8 @@ class JobWatch:
     @property
     def streams(self) -> int:
         """Number of open streams."""
-        return self._streams.total()
+        # at once: metrics read it from another thread
+        return sum(list(self._streams.values()))
 
     def close(self) -> None:
         """End all streams and give up what is being read."""

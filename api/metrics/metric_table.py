@@ -80,6 +80,7 @@ _ENTRIES = (
         "Connections and requests refused before the application, by reason",
         ("reason",),
     ),
+    MetricEntry("syncplan_streams", "gauge", "Open streams of events"),
     MetricEntry("syncplan_jobs", "gauge", "Jobs in each state", ("state",), of="service"),
     MetricEntry(
         "syncplan_jobs_unfinished",

@@ -17,7 +17,8 @@ from api.storage.clock import earlier
 from api.storage.database import open_database
 from api.storage.tables import jobs
 from api.watching.job_readings import JobReadings
-from tests.tools.processes import PATIENCE_S
+from tests.tools.processes import PATIENCE_S, wait_until
+from tests.tools.scenarios import document
 from tests.tools.serving import ROOT
 
 DASHBOARD: dict[str, Any] = json.loads((ROOT / "docker" / "grafana" / "syncplan.json").read_text())
@@ -139,3 +140,22 @@ def test_what_waits_is_counted_with_its_age(tmp_path: Path) -> None:
     assert 0.0 < found["syncplan_parts_oldest_queued_seconds"][()] < PATIENCE_S
     assert found["syncplan_workers"] == {("1+2",): 1}
     assert 0.0 <= found["syncplan_heartbeat_age_seconds"]["one",] < PATIENCE_S
+
+
+def test_streams_are_counted_while_they_are_open(ann: httpx2.Client) -> None:
+    plan = ann.post("/v1/plans", json=document()).json()["id"]
+    job = ann.post(f"/v1/plans/{plan}/validations", json={"trials": 90_000}).headers["location"]
+    before = open_streams(ann)
+    with ann.stream("GET", f"{job}/events", headers={"accept": "text/event-stream"}) as stream:
+        # kept: an iterator that is gone closes the stream
+        lines = stream.iter_lines()
+        next(lines)
+        assert open_streams(ann) == before + 1
+        ann.post(f"{job}/cancel").raise_for_status()
+    wait_until(lambda: open_streams(ann) == before)
+
+
+def open_streams(http: httpx2.Client) -> float:
+    """The number of open streams that a server shows."""
+    (number,) = re.findall(r"^syncplan_streams (\S+)$", http.get("/metrics").text, re.MULTILINE)
+    return float(number)
