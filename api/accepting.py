@@ -1,7 +1,7 @@
 """Taking connections from a listening socket, whatever becomes of file descriptors meanwhile.
 
-uvloop closes the listening socket for good when there is no descriptor left, and asyncio logs a
-trace for each try; here the service says so now and then, and goes on.
+When there is no descriptor left, uvloop closes new connections without a word, and asyncio logs a
+trace for each try; here the log says so now and then, clients are told, and it goes on.
 """
 
 import asyncio

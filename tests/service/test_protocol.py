@@ -1,10 +1,13 @@
 """HTTP below the application: what no route ever sees is answered with a problem as well."""
 
+import contextlib
 import json
 import socket
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
+from fastapi import Request, Response
 
 from api.connections import ConnectionLimits
 from api.refusals import LARGEST_HEAD_BYTES
@@ -95,3 +98,148 @@ def test_what_was_asked_before_the_nonsense_is_answered(port: int) -> None:
     said = _said(port, b"GET / HTTP/1.1\r\n" + HOST + b"\r\nnonsense\r\n\r\n")
     assert said.startswith(b"HTTP/1.1 200 OK")
     assert said.count(b"HTTP/1.1") == 1
+
+
+EXCHANGES = {
+    "plain": (b"GET / HTTP/1.1\r\n" + HOST + b"\r\n", [200]),
+    "head": (b"HEAD /nowhere HTTP/1.1\r\n" + HOST + b"\r\n", [404]),
+    "pipelined": (3 * (b"GET / HTTP/1.1\r\n" + HOST + b"\r\n"), [200, 200, 200]),
+    "body": (
+        b"POST / HTTP/1.1\r\nContent-Type: application/json\r\n"
+        + HOST
+        + b'Content-Length: 8\r\n\r\n{"a": 1}GET / HTTP/1.1\r\n'
+        + HOST
+        + b"\r\n",
+        [200, 200],
+    ),
+    "trailers": (
+        b"POST / HTTP/1.1\r\nContent-Type: application/json\r\nTransfer-Encoding: chunked\r\n"
+        + HOST
+        + b'\r\n4;x=y\r\n{"a"\r\n4\r\n: 1}\r\n0\r\nX-Trailer: z\r\n\r\nGET / HTTP/1.1\r\n'
+        + HOST
+        + b"\r\n",
+        [200, 200],
+    ),
+    "continue": (
+        b"POST / HTTP/1.1\r\nContent-Type: application/json\r\nExpect: 100-continue\r\n"
+        + HOST
+        + b'Content-Length: 8\r\n\r\n{"a": 1}',
+        [100, 200],
+    ),
+    "nonsense": (b"GET / HTTP/1.1\r\n" + HOST + b"\r\nnonsense\r\n\r\n", [200]),
+}
+"""Bytes and the statuses they are answered with."""
+
+
+def _statuses(said: bytes) -> list[int]:
+    return [int(one[:3]) for one in said.split(b"HTTP/1.1 ")[1:]]
+
+
+@pytest.mark.parametrize("name", EXCHANGES)
+def test_requests_are_read_wherever_they_are_cut(port: int, name: str) -> None:
+    sent, statuses = EXCHANGES[name]
+    for cut in range(1, len(sent), 3):
+        answers = len(statuses)
+        assert _statuses(_said(port, sent[:cut], sent[cut:], answers=answers)) == statuses, cut
+
+
+def test_what_is_read_byte_by_byte_is_the_same(port: int) -> None:
+    for sent, statuses in EXCHANGES.values():
+        pieces = [sent[k : k + 1] for k in range(len(sent))]
+        assert _statuses(_said(port, *pieces, answers=len(statuses))) == statuses
+
+
+def test_trailers_are_no_headers_of_the_request(seen: int) -> None:
+    trailer = b"X-Late: yes\r\nAuthorization: Bearer late\r\n"
+    head = b"POST /headers HTTP/1.1\r\nTransfer-Encoding: chunked\r\n" + HOST
+    said = _said(seen, head + b"\r\n2\r\n{}\r\n0\r\n" + trailer + b"\r\n", answers=1)
+    assert json.loads(said.partition(b"\r\n\r\n")[2]) == ["transfer-encoding", "host"]
+
+
+@pytest.fixture(scope="module")
+def seen() -> Iterator[int]:
+    app = bare_app()
+
+    @app.post("/headers")
+    async def names(request: Request) -> list[str]:
+        await request.body()
+        return [name.decode() for name, _ in request.scope["headers"]]
+
+    with served(app, ConnectionLimits(), ws="none") as number:
+        yield number
+
+
+@contextlib.contextmanager
+def _limited(**limits: float) -> Iterator[int]:
+    """A port where the limits are these, and else beyond what a busy machine takes."""
+    app = bare_app()
+
+    @app.get("/")
+    def nothing() -> None: ...
+
+    @app.get("/healthz")
+    def health() -> None: ...
+
+    @app.post("/")
+    async def read(body: dict[str, int]) -> int:
+        return len(body)
+
+    @app.post("/refused")
+    async def refused() -> Response:
+        return Response(status_code=403)
+
+    patient = dict.fromkeys(("head_s", "body_s", "answer_s", "idle_s"), PATIENCE_S)
+    given: dict[str, Any] = {**patient, **limits}
+    with served(app, ConnectionLimits(**given), ws="none") as number:
+        yield number
+
+
+@pytest.fixture(scope="module")
+def hurried() -> Iterator[int]:
+    with _limited(head_s=0.2, body_s=0.2, idle_s=0.2) as number:
+        yield number
+
+
+@pytest.mark.parametrize(
+    ("sent", "statuses"),
+    [
+        (b"", []),
+        (b"G", [408]),
+        (b"GET / HTTP/1.1\r\n" + HOST + b"\r\n", [200]),
+        (b"GET / HTTP/1.1\r\n" + HOST + b"\r\nGET", [200]),
+        (b"POST / HTTP/1.1\r\n" + HOST + b"Content-Length: 9\r\n\r\n{", [408]),
+        (b"POST /refused HTTP/1.1\r\n" + HOST + b"Content-Length: 9\r\n\r\n{", [403]),
+    ],
+)
+def test_what_does_not_come_in_time_is_answered_once(
+    hurried: int, sent: bytes, statuses: list[int]
+) -> None:
+    assert _statuses(_said(hurried, sent)) == statuses
+
+
+def test_a_head_that_comes_later_has_its_own_time() -> None:
+    whole = b"GET / HTTP/1.1\r\n" + HOST + b"\r\n"
+    with (
+        _limited(head_s=0.2) as number,
+        socket.create_connection(("127.0.0.1", number), timeout=PATIENCE_S) as connection,
+    ):
+        connection.sendall(whole)
+        assert connection.recv(65536).startswith(b"HTTP/1.1 200 ")
+        connection.sendall(whole[:9])
+        assert connection.recv(65536).startswith(b"HTTP/1.1 408 ")
+
+
+def test_the_reserve_answers_probes_and_closes() -> None:
+    with _limited(total=2, per_address=2) as number, contextlib.ExitStack() as held:
+
+        def asked(path: bytes) -> bytes:
+            return _said(number, b"GET " + path + b" HTTP/1.1\r\n" + HOST + b"\r\n")
+
+        for _ in range(2):
+            held.enter_context(socket.create_connection(("127.0.0.1", number)))
+        # the last one taken has an answer, so those before it are counted
+        assert _statuses(asked(b"/healthz")) == [200]
+        said = asked(b"/")
+        assert _problem(said)["status"] == 503
+        assert b"retry-after: 1" in said
+        assert _statuses(_said(number, b"")) == [503]

@@ -206,3 +206,27 @@ def test_other_databases_are_refused_without_their_passwords(
     text = _refused(monkeypatch, "SYNCPLAN_DATABASE_URL", url)
     assert told in text
     assert "hush-hush" not in text
+
+
+@pytest.mark.parametrize(
+    ("given", "hosts"),
+    [
+        ("", ()),
+        ("plans.example", ("plans.example",)),
+        (" Plans.Example , 192.0.2.7,::1,", ("plans.example", "192.0.2.7", "::1")),
+    ],
+)
+def test_further_hosts_are_names_separated_by_commas(
+    monkeypatch: pytest.MonkeyPatch, given: str, hosts: tuple[str, ...]
+) -> None:
+    monkeypatch.setenv("SYNCPLAN_ALLOWED_HOSTS", given)
+    assert load_settings().allowed_hosts == hosts
+
+
+@pytest.mark.parametrize("given", ["http://plans.example", "plans.example:8000", "*", "a b"])
+def test_a_host_with_more_than_a_name_is_refused(
+    monkeypatch: pytest.MonkeyPatch, given: str
+) -> None:
+    monkeypatch.setenv("SYNCPLAN_ALLOWED_HOSTS", given)
+    with pytest.raises(InputError, match=r"SYNCPLAN_ALLOWED_HOSTS: .*must be a name or an address"):
+        load_settings()

@@ -20,9 +20,14 @@ from tests.tools.processes import PATIENCE_S, wait_until
 BODY_LIMIT = 1000
 
 
-def bare_app() -> FastAPI:
-    """Return an application without routes that answers and logs as the service does."""
+def bare_app(inner: Any = None, **options: Any) -> FastAPI:
+    """Return an application without routes that answers and logs as the service does.
+
+    `inner` is a middleware to add inside, with its options.
+    """
     app = FastAPI(max_body_size=BODY_LIMIT)
+    if inner is not None:
+        app.add_middleware(inner, **options)
     install_handlers(app)
     app.add_middleware(RequestLog)
     return app

@@ -1,0 +1,114 @@
+"""Connections as they are counted: in all, by address, and those in the reserve."""
+
+import resource
+from collections.abc import Iterator
+
+import pytest
+
+from api.connections import (
+    LARGEST_RESERVE,
+    ConnectionLimits,
+    Connections,
+    limits_of_connections,
+)
+from api.descriptors import raise_limit
+from api.settings import load_settings
+
+
+class _Client:
+    """A guest that notes whether it was turned away."""
+
+    def __init__(self, network: str = "here", engaged: bool = False) -> None:
+        self.network = network
+        self.engaged = engaged
+        self.turned_away = False
+
+    def turn_away(self) -> None:
+        self.turned_away = True
+
+
+def _full(total: int = 3, per_address: int = 3) -> tuple[Connections, list[_Client]]:
+    connections = Connections(ConnectionLimits(total=total, per_address=per_address))
+    guests = [_Client() for _ in range(min(total, per_address))]
+    assert all(map(connections.enter, guests))
+    return connections, guests
+
+
+def test_beyond_all_there_is_the_reserve_until_somebody_leaves() -> None:
+    connections, guests = _full(total=3)
+    late = _Client("elsewhere")
+    assert not connections.enter(late)
+    assert not connections.promote(late)
+    connections.leave(guests[0])
+    assert connections.promote(late)
+    assert not connections.promote(late)
+    assert connections.number == 3
+
+
+def test_an_address_has_a_share_and_others_the_rest() -> None:
+    connections, guests = _full(total=5, per_address=2)
+    assert not connections.enter(_Client())
+    assert connections.enter(_Client("elsewhere"))
+    connections.leave(guests[0])
+    assert connections.enter(_Client())
+
+
+def test_a_full_reserve_turns_away_the_oldest_that_waits() -> None:
+    connections, _ = _full()
+    busy, *silent = [_Client("elsewhere", engaged=k == 0) for k in range(LARGEST_RESERVE)]
+    assert not any(map(connections.enter, (busy, *silent)))
+    assert not connections.enter(_Client("elsewhere"))
+    assert [one.turned_away for one in (busy, *silent[:2])] == [False, True, False]
+    assert connections.number == 3 + LARGEST_RESERVE
+
+
+def test_a_reserve_where_all_are_being_answered_turns_away_who_comes() -> None:
+    connections, _ = _full()
+    busy = [_Client("elsewhere", engaged=True) for _ in range(LARGEST_RESERVE)]
+    late = _Client("elsewhere")
+    assert not any(map(connections.enter, (*busy, late)))
+    assert late.turned_away
+    assert not any(one.turned_away for one in busy)
+    assert connections.number == 3 + LARGEST_RESERVE
+
+
+def test_whoever_leaves_twice_is_counted_once() -> None:
+    connections, guests = _full()
+    for one in (*guests, *guests, _Client()):
+        connections.leave(one)
+    assert connections.number == 0
+
+
+@pytest.mark.parametrize(
+    ("descriptors", "given", "total", "per_address"),
+    [
+        (100_000, {}, 4096, 2048),
+        (1024, {}, 768, 384),
+        (200, {}, 32, 16),
+        (1024, {"max_connections": 10}, 10, 5),
+        (1024, {"max_connections_per_address": 10}, 768, 10),
+        (1024, {"max_connections": 1}, 1, 1),
+    ],
+)
+def test_limits_follow_from_settings_and_descriptors(
+    descriptors: int, given: dict[str, int], total: int, per_address: int
+) -> None:
+    limits = limits_of_connections(load_settings(**given), descriptors)
+    assert (limits.total, limits.per_address) == (total, per_address)
+
+
+@pytest.fixture
+def restored() -> Iterator[None]:
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    yield
+    resource.setrlimit(resource.RLIMIT_NOFILE, before)
+
+
+@pytest.mark.usefixtures("restored")
+def test_the_limit_of_descriptors_is_raised_to_what_is_allowed() -> None:
+    _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (512, hard))
+    allowed = min(hard, 65_536) if hard != resource.RLIM_INFINITY else 65_536
+    assert raise_limit() == allowed
+    assert resource.getrlimit(resource.RLIMIT_NOFILE)[0] == allowed
+    assert raise_limit() == allowed

@@ -1,0 +1,81 @@
+"""Whose pages may ask a service without keys: names, addresses, and what reads like them."""
+
+import socket
+
+import pytest
+from fastapi.testclient import TestClient
+
+from api.hosts import LocalOnly, host_name, names_here
+from tests.tools.api_apps import bare_app
+
+SERVER = "192.0.2.7"
+
+
+def _status(*names: str, host: str, origin: str | None = None) -> int:
+    app = bare_app(LocalOnly, names=names)
+
+    @app.get("/")
+    def nothing() -> None: ...
+
+    headers = {"host": host, **({} if origin is None else {"origin": origin})}
+    return TestClient(app, base_url=f"http://{SERVER}").get("/", headers=headers).status_code
+
+
+@pytest.mark.parametrize(
+    ("written", "name"),
+    [
+        ("localhost", "localhost"),
+        ("LocalHost:8000", "localhost"),
+        ("localhost.", "localhost"),
+        ("127.0.0.1:80", "127.0.0.1"),
+        ("[::1]", "::1"),
+        ("[::1]:8000", "::1"),
+        ("", ""),
+        (":8000", ""),
+    ],
+)
+def test_a_host_is_known_by_its_name(written: str, name: str) -> None:
+    assert host_name(written) == name
+
+
+@pytest.mark.parametrize("host", ["localhost", "127.1.2.3:9", "[::1]:9", "[::ffff:127.0.0.1]"])
+def test_loopback_is_this_machine(host: str) -> None:
+    assert _status(host=host) == 200
+    assert _status(host=host, origin=f"http://{host}") == 200
+
+
+@pytest.mark.parametrize(
+    "host",
+    ["", "plans.example", "localhost.plans.example", "127.0.0.1.example", "192.0.2.8", "[::2]"],
+)
+def test_any_other_host_is_refused(host: str) -> None:
+    assert _status(host=host) == 421
+
+
+def test_the_address_that_was_reached_is_this_machine() -> None:
+    assert _status(host=SERVER) == 200
+    assert _status(host=f"{SERVER}:80", origin=f"http://{SERVER}:80") == 200
+
+
+def test_names_that_are_given_are_accepted_and_no_others() -> None:
+    assert _status("Plans.Example", host="plans.example:443", origin="https://plans.example") == 200
+    assert _status("plans.example", host="plans.example", origin="https://evil.example") == 403
+    assert _status("plans.example", host="x.plans.example") == 421
+
+
+@pytest.mark.parametrize(
+    "origin",
+    ["null", "", "evil.example", "http://", "://localhost", "https://localhost.evil.example"],
+)
+def test_an_origin_that_names_no_host_of_here_is_refused(origin: str) -> None:
+    assert _status(host="localhost", origin=origin) == 403
+
+
+def test_beyond_loopback_the_name_of_the_machine_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(socket, "gethostname", lambda: "Rover")
+    assert names_here(["127.0.0.1", "[::1]"], []) == {"127.0.0.1", "::1"}
+    assert names_here(["localhost"], ["a.example"]) == {"localhost", "a.example"}
+    assert names_here(["0.0.0.0"], []) == {"rover"}
+    assert names_here(["192.0.2.7"], []) == {"rover", "192.0.2.7"}
+    assert names_here(["plans.example"], []) == {"rover", "plans.example"}
+    assert names_here([""], []) == {"rover"}
