@@ -2,7 +2,8 @@
 
 Thin over syncplan, which does all the numbers. Modules, each using only those before it:
 
-    addresses, keys, settings          which clients are one, what an operator can set
+    addresses, keys, key_file          which clients are one, keys as an operator lists them
+    settings                           what an operator can set
     shares                             one of several HTTP processes: its part of the limits
     seldom_logs, security_headers      few lines for many cases; what every answer carries
     logs, problems.*, metrics.*        JSON lines, RFC 9457 documents, Prometheus

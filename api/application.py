@@ -35,7 +35,7 @@ def without_routes(settings: Settings, *, tally: JobTally | None = None, **optio
     app.state.key_throttle = KeyThrottle(settings.max_refused_keys)
     app.state.metrics = Metrics(tally)
     app.state.ending = Ending()
-    if not settings.api_keys:
+    if not settings.asks_for_keys:
         names = names_here((settings.host, settings.worker_host), settings.allowed_hosts)
         app.add_middleware(LocalOnly, names=names)
     install_handlers(app)

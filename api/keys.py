@@ -2,10 +2,11 @@
 
 import hashlib
 import re
+from collections.abc import Iterable
 
 from pydantic import BaseModel, ConfigDict, SecretStr
 
-__all__ = ["ApiKey", "check_keys", "parsed_keys"]
+__all__ = ["ApiKey", "check_keys", "keys_of_lines", "parsed_keys"]
 
 SHORTEST_KEY = 16
 _KEY = re.compile(r"[!-+\--~]+")
@@ -32,25 +33,47 @@ def parsed_keys(text: str) -> tuple[ApiKey, ...]:
     return tuple(keys)
 
 
-def check_keys(keys: tuple[ApiKey, ...]) -> None:
+def keys_of_lines(text: str) -> tuple[ApiKey, ...]:
+    """Return the keys of a file: NAME:KEY a line; empty lines and those with # in front are none.
+
+    Raises ValueError, by line and without the key.
+    """
+    keys = {}
+    for number, line in enumerate(text.splitlines(), 1):
+        entry = line.strip()
+        if entry and not entry.startswith("#"):
+            name, colon, key = entry.partition(":")
+            if not colon:
+                raise ValueError(f"line {number} has no colon; give NAME:KEY, one a line")
+            keys[f"line {number}"] = ApiKey(name=name, key=SecretStr(key))
+    _check(keys.items(), "give NAME:KEY, one a line")
+    return tuple(keys.values())
+
+
+def check_keys(keys: Iterable[ApiKey]) -> None:
     """Raise ValueError if a key can't serve; by place, for what reads as a name may be a key."""
-    names: dict[str, int] = {}
-    secrets: dict[str, int] = {}
-    for place, entry in enumerate(keys, 1):
+    _check(
+        ((f"entry {place}", entry) for place, entry in enumerate(keys, 1)),
+        "give NAME:KEY or KEY, separated by commas",
+    )
+
+
+def _check(keys: Iterable[tuple[str, ApiKey]], remedy: str) -> None:
+    seen: dict[str, tuple[str, str]] = {}
+    for place, entry in keys:
         key = entry.key.get_secret_value()
         if not _NAME.fullmatch(entry.name):
             raise ValueError(
-                f"the name of key {place} must be 1 to 64 letters, digits, '.', '_' or '-'; "
-                "give NAME:KEY or KEY, separated by commas"
+                f"the name of {place} must be 1 to 64 letters, digits, '.', '_' or '-'; {remedy}"
             )
         if len(key) < SHORTEST_KEY or not _KEY.fullmatch(key):
             raise ValueError(
-                f"key {place} must be {SHORTEST_KEY} or more printable ASCII characters without "
-                "blanks and commas; give NAME:KEY or KEY, separated by commas"
+                f"the key of {place} must be {SHORTEST_KEY} or more printable ASCII characters "
+                f"without blanks and commas; {remedy}"
             )
-        for what, value, seen in (("name", entry.name, names), ("key", key, secrets)):
-            if value in seen:
-                raise ValueError(
-                    f"entries {seen[value]} and {place} have the same {what}; give each its own"
-                )
-            seen[value] = place
+        first, owner = seen.setdefault(key, (place, entry.name))
+        if owner != entry.name:
+            raise ValueError(
+                f"{first} and {place} have the same key and other names; "
+                "a name may have several keys, a key one name"
+            )

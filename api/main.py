@@ -82,6 +82,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     app.state.watch = JobWatch(
         running.database,
         most_streams=settings.max_streams,
+        keyring=app.state.keyring,
         is_ending=app.state.ending.is_set,
     )
     app.state.metrics.watch(lambda: {"syncplan_streams": {(): app.state.watch.streams}})

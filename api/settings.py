@@ -60,6 +60,10 @@ class Settings(BaseSettings):
         default=(),
         description="keys that clients may present: NAME:KEY or KEY, separated by commas",
     )
+    api_keys_file: Path | None = Field(
+        default=None,
+        description="file of further keys, NAME:KEY a line; changes count within a second",
+    )
     insecure: bool = Field(default=False, description="listen beyond this machine without a key")
     allowed_hosts: Annotated[tuple[str, ...], NoDecode] = Field(
         default=(),
@@ -189,6 +193,11 @@ class Settings(BaseSettings):
         return _sqlite_address(self.data_dir / "syncplan.db")
 
     @property
+    def asks_for_keys(self) -> bool:
+        """Whether requests need a key."""
+        return bool(self.api_keys) or self.api_keys_file is not None
+
+    @property
     def process_count(self) -> int:
         """How many child processes compute."""
         return usable_cores() if self.processes is None else self.processes
@@ -200,9 +209,11 @@ class Settings(BaseSettings):
             return self.task_memory_bytes
         return max((usable_memory() or 0) // self.process_count, LEAST_TASK_MEMORY_BYTES)
 
-    @checked("data_dir")
+    @checked("data_dir", "api_keys_file")
     @classmethod
-    def _absolute(cls, value: Path) -> Path:
+    def _absolute(cls, value: Path | None) -> Path | None:
+        if value is None:
+            return None
         path = os.path.expanduser(value)
         if path.startswith("~"):
             raise ValueError("has no home folder to start from; give an absolute path")

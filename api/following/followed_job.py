@@ -19,9 +19,16 @@ MOST_RECENT = 50
 
 @dataclass(slots=True, eq=False)
 class Follower:
-    """Someone who follows a job; `seen` is the number of the last event that was sent."""
+    """Someone who follows a job.
+
+    Attributes
+    ----------
+    key : digest of the key that the stream was asked for with
+    seen : number of the last event that was sent
+    """
 
     owner: str
+    key: bytes
     job_id: str
     seen: int
     ended: bool = False

@@ -20,6 +20,7 @@ from sqlalchemy import Connection
 
 from api.following.followed_job import MOST_RECENT, FollowedJob, Follower, sent
 from api.problems import TooManyRequests
+from api.security import Keyring
 from api.storage.database import Database, unavailable
 from api.storage.events import JobHead, events_after, heads_of, newest_events
 
@@ -44,13 +45,21 @@ class JobWatch:
     Parameters
     ----------
     most_streams : that an owner may have open
+    keyring : a stream ends when its key does
     is_ending : whether the server is about to end, and with it all streams
     """
 
     def __init__(
-        self, database: Database, *, most_streams: int, is_ending: Callable[[], bool]
+        self,
+        database: Database,
+        *,
+        most_streams: int,
+        keyring: Keyring,
+        is_ending: Callable[[], bool],
     ) -> None:
         self._database = database
+        self._keyring = keyring
+        self._keys_version = keyring.version
         self._most_streams = most_streams
         self._is_ending = is_ending
         self._jobs: dict[str, FollowedJob] = {}
@@ -150,10 +159,13 @@ class JobWatch:
             self._end_all()
 
     async def _tick(self) -> None:
-        """End the streams with the server, whatever the reader waits for."""
+        """End the streams with the server or their keys, whatever the reader waits for."""
         while self._jobs:
             if self._is_ending():
                 self._end_all()
+            if self._keyring.version != self._keys_version:
+                self._keys_version = self._keyring.version
+                self._end_all(lambda one: not self._keyring.admits(one.owner, one.key))
             await asyncio.sleep(_LOOK_EVERY_S)
 
     async def _reading(
@@ -178,9 +190,9 @@ class JobWatch:
         self._away = error is not None
         return None if error is not None else reading.result()
 
-    def _end_all(self) -> None:
+    def _end_all(self, which: Callable[[Follower], bool] = lambda _: True) -> None:
         for job in self._jobs.values():
-            for follower in job.followers:
+            for follower in filter(which, job.followers):
                 follower.ended = True
             job.wake()
 

@@ -18,7 +18,7 @@ from api.problems import Conflict, NotFound, TooManyRequests, problem_responses
 from api.responses import Job, JobPage, job_answer
 from api.routes.paging import Before, Limit, page_and_next
 from api.routes.plan_routes import Identifier, find_or_refuse
-from api.security import CurrentOwner
+from api.security import CurrentKey, CurrentOwner
 from api.service import CurrentService, CurrentWatch, Service
 from api.storage import job_queries, job_records
 from api.storage.clock import earlier, moment
@@ -126,6 +126,7 @@ def read_job(row: Owned) -> Job:
 async def follow_job(
     row: Owned,
     owner: CurrentOwner,
+    key: CurrentKey,
     watch: CurrentWatch,
     last_event_id: Annotated[
         str,
@@ -138,7 +139,7 @@ async def follow_job(
 
     It also ends with the server; send Last-Event-ID to continue where it ended.
     """
-    return EventStream(watch, Follower(owner, row.id, int(last_event_id)))
+    return EventStream(watch, Follower(owner, key, row.id, int(last_event_id)))
 
 
 @router.post(

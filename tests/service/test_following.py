@@ -13,6 +13,8 @@ from api.following import job_watch
 from api.following.followed_job import MOST_RECENT, Follower
 from api.following.job_watch import JobWatch
 from api.problems import TooManyRequests
+from api.security import Keyring
+from api.settings import load_settings
 from api.storage.database import Database, open_database
 from api.storage.job_records import NewJob, add_job, change, end_job
 from api.storage.tables import jobs
@@ -58,7 +60,12 @@ def run(database: Database, test: Callable[[JobWatch], Awaitable[None]], **optio
     """Run a test with a watch, which is closed at the end."""
 
     async def within() -> None:
-        given = {"most_streams": 1000, "is_ending": lambda: False, **options}
+        given = {
+            "most_streams": 1000,
+            "keyring": Keyring(load_settings()),
+            "is_ending": lambda: False,
+            **options,
+        }
         watch = JobWatch(database, **given)
         try:
             async with asyncio.timeout(PATIENCE_S):
@@ -71,7 +78,7 @@ def run(database: Database, test: Callable[[JobWatch], Awaitable[None]], **optio
 
 async def numbers(watch: JobWatch, job_id: str, seen: int = 0) -> AsyncGenerator[int, None]:
     """Yield the numbers of a new follower's events."""
-    follower = Follower("ann", job_id, seen)
+    follower = Follower("ann", b"", job_id, seen)
     with watch.following(follower):
         async for text in watch.events(follower):
             for line in text.decode().splitlines():
@@ -240,9 +247,9 @@ def test_an_owner_has_a_limit_and_gets_its_places_back(database: Database, job: 
         streams = [numbers(watch, job) for _ in range(2)]
         for one in streams:
             await anext(one)
-        with pytest.raises(TooManyRequests), watch.following(Follower("ann", job, 0)):
+        with pytest.raises(TooManyRequests), watch.following(Follower("ann", b"", job, 0)):
             pass
-        with watch.following(Follower("bob", job, 0)):
+        with watch.following(Follower("bob", b"", job, 0)):
             assert watch.streams == 3
         await streams[0].aclose()
         assert await anext(numbers(watch, job)) == 1

@@ -1,7 +1,10 @@
 """Keys and owners: who is let in, what the document says of it, where the service may listen."""
 
+import hashlib
 import hmac
+import re
 import socket
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -45,6 +48,108 @@ def test_each_key_stands_for_its_owner() -> None:
 def test_anything_else_is_refused(presented: str | None) -> None:
     with pytest.raises(Unauthorized):
         Keyring(_settings()).owner_of(presented)
+
+
+def test_an_owner_may_have_several_keys() -> None:
+    keyring = Keyring(_settings(api_keys=f"ops:{OPS},ops:{LAB}"))
+    assert keyring.owner_of(OPS) == keyring.owner_of(LAB) == "ops"
+
+
+# --- a file of keys -----------------------------------------------------------------------------
+
+
+@pytest.fixture
+def listed(tmp_path: Path) -> Path:
+    """A file with one key."""
+    path = tmp_path / "keys"
+    path.write_text(f"# who may ask\n\n  ops:{OPS}\n")
+    path.chmod(0o600)
+    return path
+
+
+class Clock:
+    """A clock that stands still until it is told to go on."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def test_a_file_is_read_again_when_it_changes_and_at_most_once_a_second(listed: Path) -> None:
+    clock = Clock()
+    keyring = Keyring(load_settings(api_keys_file=listed), clock)
+    assert keyring.owner_of(OPS) == "ops"
+    before = keyring.version
+    listed.write_text(f"ops:{LAB}\n")
+    clock.now = 0.9
+    assert keyring.owner_of(OPS) == "ops"
+    clock.now = 1.1
+    assert keyring.owner_of(LAB) == "ops"
+    with pytest.raises(Unauthorized):
+        keyring.owner_of(OPS)
+    assert keyring.version == before + 1
+    assert keyring.admits("ops", hashlib.sha256(LAB.encode()).digest())
+    for owner, key in (("ops", OPS), ("lab", LAB)):
+        assert not keyring.admits(owner, hashlib.sha256(key.encode()).digest())
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        ("", "has no key; give NAME:KEY"),
+        ("# none\n", "has no key; give NAME:KEY"),
+        (f"ops:{OPS}\n{LAB}\n", "line 2 has no colon"),
+        (f"# keys\no ps:{OPS}", "the name of line 2 must be"),
+        ("ops:short-secre", "the key of line 1 must be 16 or more"),
+        (f"ops:{OPS}\nlab:{OPS}", "line 1 and line 2 have the same key and other names"),
+        (f"mine:{LAB}", "has a key of SYNCPLAN_API_KEYS under another name"),
+        (b"\xff\xfe", "is not UTF-8"),
+        (b"#" * (2**20 + 1), "is larger than 1048576 bytes"),
+        (None, "can't be read: No such file or directory"),
+    ],
+)
+def test_a_file_that_can_not_serve_keeps_the_keys_of_before_and_is_logged_once(
+    listed: Path, content: str | bytes | None, told: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    clock = Clock()
+    given = f"lab:{LAB}" if "SYNCPLAN_API_KEYS" in told else None
+    keyring = Keyring(load_settings(api_keys=given, api_keys_file=listed), clock)
+    if content is None:
+        listed.unlink()
+    else:
+        listed.write_bytes(content if isinstance(content, bytes) else content.encode())
+    for _ in range(3):
+        clock.now += 2.0
+        assert keyring.owner_of(OPS) == "ops"
+    (entry,) = [one.getMessage() for one in caplog.records if one.levelname == "ERROR"]
+    assert entry.startswith(f"the keys of before stay: {listed}: {told}")
+    assert OPS not in caplog.text
+    assert "short-secre" not in caplog.text
+    # at the start there are no keys of before
+    with pytest.raises(InputError, match=re.escape(told)) as caught:
+        Keyring(load_settings(api_keys=given, api_keys_file=listed))
+    assert "\n" not in str(caught.value)
+    # and once it is mended it counts again
+    listed.write_text(f"ops:{OPS}9")
+    clock.now += 2.0
+    assert keyring.owner_of(f"{OPS}9") == "ops"
+
+
+@pytest.mark.parametrize(("mode", "warned"), [(0o600, False), (0o640, False), (0o644, True)])
+def test_a_file_that_everybody_may_read_is_warned_of(
+    listed: Path, mode: int, warned: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    listed.chmod(mode)
+    Keyring(load_settings(api_keys_file=listed))
+    assert ("chmod 600" in caplog.text) is warned
+
+
+def test_a_file_and_the_variable_hold_good_together(listed: Path) -> None:
+    keyring = Keyring(load_settings(api_keys=f"lab:{LAB},ops:{OPS}", api_keys_file=listed))
+    assert (keyring.owner_of(OPS), keyring.owner_of(LAB)) == ("ops", "lab")
+    refuse_exposure(load_settings(host="0.0.0.0", api_keys_file=listed))
 
 
 def test_without_keys_everybody_is_the_local_owner() -> None:

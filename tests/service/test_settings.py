@@ -135,15 +135,14 @@ def test_keys_have_names_and_a_bare_key_keeps_its_name_for_good(
 @pytest.mark.parametrize(
     ("keys", "told"),
     [
-        ("ops:short-secre", "key 1 must be 16 or more printable ASCII characters"),
-        (f"ops:{KEY},short-secre", "key 2 must be 16 or more"),
-        (f"ops:{KEY},ops:{OTHER}", "entries 1 and 2 have the same name"),
-        (f"ops:{KEY},lab:{OTHER},{KEY}", "entries 1 and 3 have the same key"),
-        (f":{KEY}", "the name of key 1 must be"),
-        (f"o p:{KEY}", "the name of key 1 must be"),
-        (f"{KEY}:ops", "key 1 must be 16 or more"),
-        (f"ops:{KEY}\u00e9", "key 1 must be 16 or more"),
-        (f"ops:{KEY} {KEY}", "key 1 must be 16 or more"),
+        ("ops:short-secre", "the key of entry 1 must be 16 or more printable ASCII characters"),
+        (f"ops:{KEY},short-secre", "the key of entry 2 must be 16 or more"),
+        (f"ops:{KEY},lab:{OTHER},{KEY}", "entry 1 and entry 3 have the same key and other names"),
+        (f":{KEY}", "the name of entry 1 must be"),
+        (f"o p:{KEY}", "the name of entry 1 must be"),
+        (f"{KEY}:ops", "the key of entry 1 must be 16 or more"),
+        (f"ops:{KEY}\u00e9", "the key of entry 1 must be 16 or more"),
+        (f"ops:{KEY} {KEY}", "the key of entry 1 must be 16 or more"),
     ],
 )
 def test_keys_that_can_not_serve_are_refused_and_never_shown(
