@@ -133,10 +133,10 @@ class _Running:
 
     def readings(self) -> tuple[Source, ...]:
         """Return what each scrape reads of this process and its database."""
-        pools = {"requests": self.pool}
+        depths = {"requests": self.pool.depth}
         if self.worker is not None:
-            pools["jobs"] = self.worker.pool
-        return PoolReadings(pools), Cached(JobReadings(self.database, self.queue))
+            depths["jobs"] = self.worker.pool.depth
+        return PoolReadings(depths), Cached(JobReadings(self.database, self.queue))
 
     def close(self) -> None:
         """End everything, the processes first, each whatever happens to the others."""

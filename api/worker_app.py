@@ -34,7 +34,7 @@ def create_worker_app(
         PlanReader(database),
     )
     app.state.metrics.watch(
-        PoolReadings({"jobs": worker.pool}), Cached(JobReadings(database, worker.queue))
+        PoolReadings({"jobs": worker.pool.depth}), Cached(JobReadings(database, worker.queue))
     )
     app.include_router(health_routes.router)
     return app

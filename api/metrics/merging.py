@@ -63,4 +63,6 @@ def _one(found: Collected) -> Metric:
 
 
 def _reduction(name: str) -> Callable[[Iterable[float]], float]:
+    if name in METRICS and METRICS[name].over == "max":
+        return max
     return min if name in _EARLIEST or name.endswith("_created") else sum

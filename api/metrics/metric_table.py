@@ -40,6 +40,7 @@ class MetricEntry:
     of : a figure of the process that is read, to be summed over processes; or one of the whole
         service, which each process reads from the database alike
     buckets : upper bounds, of a histogram
+    over : whether values of several processes are added up, or the largest is taken
     """
 
     name: str
@@ -48,6 +49,7 @@ class MetricEntry:
     labels: tuple[str, ...] = ()
     of: Literal["process", "service"] = "process"
     buckets: tuple[float, ...] = ()
+    over: Literal["sum", "max"] = "sum"
 
     @property
     def exposed(self) -> str:
@@ -150,6 +152,7 @@ _ENTRIES = (
         "gauge",
         "Age of the task that has waited longest in a pool, 0 if none waits",
         ("pool",),
+        over="max",
     ),
     MetricEntry(
         "syncplan_pool_children_started",

@@ -1,22 +1,22 @@
 """Child processes and their tasks, pool by pool."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
-from api.computing.pool import Pool
+from api.computing.pool_depth import PoolDepth
 from api.metrics import Readings
 
 __all__ = ["PoolReadings"]
 
 
 class PoolReadings:
-    """A source of the figures of this process's pools, by their names."""
+    """A source of the figures of this process's pools, whose depths are asked for by name."""
 
-    def __init__(self, pools: Mapping[str, Pool]) -> None:
-        self._pools = pools
+    def __init__(self, depths: Mapping[str, Callable[[], PoolDepth]]) -> None:
+        self._depths = depths
 
     def __call__(self) -> Readings:
         """Return what the pools do now."""
-        found = {name: pool.depth() for name, pool in self._pools.items()}
+        found = {name: depth() for name, depth in self._depths.items()}
         tasks: dict[tuple[str, ...], float] = {}
         for name, depth in found.items():
             tasks[name, "running"] = depth.running
