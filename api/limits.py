@@ -3,9 +3,16 @@
 from dataclasses import dataclass
 
 from syncplan.errors import InputError
+from syncplan.planning.expected_work import ExpectedWork, work_of
 from syncplan.scenario.specification import Scenario
 
-__all__ = ["RequestLimits", "check_at_most", "check_size", "check_trials"]
+__all__ = ["RequestLimits", "check_at_most", "check_run_work", "check_size", "check_trials"]
+
+_REMEDY = "use a shorter range_m, a longer sample_time_s, a shorter run or fewer vehicles"
+MOST_BOUND_WORK = 5e10
+"""Most work of a plan's bound: a core does 0.5 to 1e9 of it in a second, and a request has 20 s."""
+MOST_TRIAL_WORK = 2e11
+"""Most work of a trial: seventeen measure a run, and a part of a job has an hour."""
 
 TRIALS_OF_VEHICLES = 10
 """A run may hold this many times as many trials of one vehicle as it may hold trials."""
@@ -23,6 +30,7 @@ class RequestLimits:
     run_s : s, length of a run
     refine_s : s, time of a refinement
     sweep_values : rows of a sweep
+    sightings : in all samples of a run, as expected from circles and ranges
     """
 
     vehicles: int
@@ -31,6 +39,7 @@ class RequestLimits:
     run_s: float
     refine_s: float
     sweep_values: int
+    sightings: int
 
 
 def check_at_most(key: str, value: float, limit: float, unit: str = "") -> None:
@@ -46,6 +55,42 @@ def check_size(scenario: Scenario, limits: RequestLimits) -> None:
     check_at_most("formation", scenario.size, limits.vehicles, " vehicles")
     for key, length in (("duration_s", scenario.duration_s), ("window_s", scenario.window)):
         check_at_most(key, length / scenario.sample_time, limits.samples, " samples")
+    _check_plan_work(scenario, limits)
+
+
+def check_run_work(scenario: Scenario, duration: float, limits: RequestLimits) -> None:
+    """Raise InputError if a trial of the filter over `duration` s is more than a task can do."""
+    work = work_of(scenario, duration)
+    if work is not None:
+        _check_sightings(scenario, work, limits)
+        _check_work(work, MOST_TRIAL_WORK)
+
+
+def _check_plan_work(scenario: Scenario, limits: RequestLimits) -> None:
+    work = work_of(scenario)
+    # without the bound, no sample is looked at
+    if work is not None and work.bounded:
+        _check_sightings(scenario, work, limits)
+        _check_work(work, MOST_BOUND_WORK)
+
+
+def _check_sightings(scenario: Scenario, work: ExpectedWork, limits: RequestLimits) -> None:
+    if work.sightings > limits.sightings:
+        raise InputError(
+            f"about {work.sightings:.2g} sightings expected of {scenario.size} vehicles; this "
+            f"service takes up to {limits.sightings:.2g} in a run; {_REMEDY}",
+            key="sensor",
+        )
+
+
+def _check_work(work: ExpectedWork, limit: float) -> None:
+    if work.pass_work > limit:
+        raise InputError(
+            f"about {work.sightings:.2g} sightings expected, whose filter takes "
+            f"{work.pass_work:.2g} operations, sightings times squared size of the state; this "
+            f"service takes up to {limit:.2g}; {_REMEDY}",
+            key="sensor",
+        )
 
 
 def check_trials(trials: int, vehicles: int, limits: RequestLimits) -> None:

@@ -52,6 +52,7 @@ def limits_of(settings: Settings) -> RequestLimits:
         run_s=settings.max_run_s,
         refine_s=settings.max_refine_s,
         sweep_values=settings.max_sweep_values,
+        sightings=settings.max_sightings,
     )
 
 

@@ -111,6 +111,10 @@ class Settings(BaseSettings):
         default=600.0, description="longest search of a refinement, in seconds"
     )
     max_sweep_values: Count = Field(default=50, description="most values in a sweep")
+    max_sightings: Count = Field(
+        default=5_000_000,
+        description="most sightings in a run, as expected from circles and ranges",
+    )
     plan_timeout_s: Seconds = Field(
         default=20.0, description="longest time to compute a plan, in seconds"
     )

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 from pydantic import Field
 
 from api.job_kinds.job_kind import JobRequest
-from api.limits import RequestLimits, check_at_most
+from api.limits import RequestLimits, check_at_most, check_run_work
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import (
     LARGEST_SEED,
@@ -48,6 +48,7 @@ class FilterRequest(JobRequest):
         length = scenario.duration_s if self.duration_s is None else self.duration_s
         check_at_most("duration_s", length, limits.run_s, " s")
         check_at_most("duration_s", length / scenario.sample_time, limits.samples, " samples")
+        check_run_work(scenario, length, limits)
         with _our_keys():
             steps_in_run(length, scenario.sample_time, scenario.period, scenario.size)
 

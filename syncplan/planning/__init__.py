@@ -16,6 +16,7 @@ start_up_checks     findings on the start
 verdict_checks      the table of checks
 judged_plan         the plan: a judged team and the verdict
 judgement           orbits to plan
+expected_work       how much work a scenario will be
 planner             scenario to plan
 derived_keys        keys of plan files that follow from others
 written_records     how the orbits of a plan file were found

@@ -9,9 +9,6 @@ from tests.tools.api_servers import problem, serving, speaking
 from tests.tools.processes import family, wait_until
 from tests.tools.scenarios import document, shared_circles
 
-CROWD = {"SYNCPLAN_MAX_SIGHTINGS": "1000000000"}
-"""Lets through what is refused by its estimated cost."""
-
 
 def _ended(http: httpx2.Client, at: str) -> dict[str, Any]:
     last: dict[str, Any] = {}
@@ -35,7 +32,7 @@ def _largest(processes: list[int]) -> int:
 
 def test_a_plan_that_needs_too_much_memory_is_refused_with_the_limit(tmp_path: Path) -> None:
     limit = 350 * 2**20
-    settings = {**CROWD, "SYNCPLAN_TASK_MEMORY_BYTES": str(limit)}
+    settings = {"SYNCPLAN_TASK_MEMORY_BYTES": str(limit)}
     with serving(tmp_path, "ann", **settings) as server, speaking(server, "ann") as ann:
         assert ann.post("/v1/plans", json=document()).status_code == 201
         refused = problem(ann.post("/v1/plans", json=shared_circles(9)), 422)
@@ -46,8 +43,10 @@ def test_a_plan_that_needs_too_much_memory_is_refused_with_the_limit(tmp_path: P
 
 
 def test_a_row_of_a_sweep_that_takes_too_long_fails_with_the_limit(tmp_path: Path) -> None:
-    settings = {**CROWD, "SYNCPLAN_JOB_TASK_S": "2"}
-    with serving(tmp_path, "ann", **settings) as server, speaking(server, "ann") as ann:
+    with (
+        serving(tmp_path, "ann", SYNCPLAN_JOB_TASK_S="2") as server,
+        speaking(server, "ann") as ann,
+    ):
         sweep = {"scenario": shared_circles(8), "range_m": [50.0], "trials": 1}
         answer = ann.post("/v1/sweeps", json=sweep)
         assert answer.status_code == 202, answer.text
@@ -55,3 +54,17 @@ def test_a_row_of_a_sweep_that_takes_too_long_fails_with_the_limit(tmp_path: Pat
         assert job["state"] == "failed"
         assert "2 s" in job["error"]["detail"]
         assert "fewer vehicles" in job["error"]["detail"]
+
+
+def test_what_would_take_minutes_is_refused_before_it_is_begun(tmp_path: Path) -> None:
+    crowd = shared_circles(19)
+    asked: dict[str, dict[str, Any]] = {
+        "/v1/plans": crowd,
+        "/v1/previews": crowd,
+        "/v1/sweeps": {"scenario": crowd, "range_m": [50.0, 60.0], "trials": 10},
+    }
+    with serving(tmp_path, "ann") as server, speaking(server, "ann") as ann:
+        for path, body in asked.items():
+            refused = problem(ann.post(path, json=body), 422)
+            assert "sightings expected" in refused.detail, path
+            assert "takes up to" in refused.detail

@@ -44,9 +44,7 @@ def test_an_owner_has_a_limited_number_of_requests_and_leaves_room_for_others(
 def test_a_request_is_given_up_on_time_though_it_waited(tmp_path: Path) -> None:
     limit = 6.0
     with (
-        serving(
-            tmp_path, "ann", SYNCPLAN_PLAN_TIMEOUT_S=str(limit), SYNCPLAN_MAX_SIGHTINGS="10000000"
-        ) as server,
+        serving(tmp_path, "ann", SYNCPLAN_PLAN_TIMEOUT_S=str(limit)) as server,
         speaking(server, "ann") as ann,
     ):
         ann.post("/v1/plans", json=document())

@@ -36,7 +36,13 @@ from tests.tools.processes import PATIENCE_S, alive, command, family, wait_until
 from tests.tools.scenarios import FILES, example, shared_circles
 
 LIMITS = RequestLimits(
-    vehicles=200, samples=20_000, trials=100_000, run_s=1e5, refine_s=600.0, sweep_values=50
+    vehicles=200,
+    samples=20_000,
+    trials=100_000,
+    run_s=1e5,
+    refine_s=600.0,
+    sweep_values=50,
+    sightings=5_000_000,
 )
 GRID = (FILES / "paper-grid-same.yaml").read_bytes()
 

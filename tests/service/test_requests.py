@@ -1,6 +1,7 @@
 """What may be asked for: limits of the service, and what stands for what was left out."""
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
@@ -9,9 +10,16 @@ from api.computing.tasks import checked_request, made_plan
 from api.limits import RequestLimits
 from syncplan.errors import InputError
 from tests.tools.record_examples import SCENARIO
+from tests.tools.scenarios import shared_circles
 
 LIMITS = RequestLimits(
-    vehicles=10, samples=1000, trials=100, run_s=1000.0, refine_s=5.0, sweep_values=3
+    vehicles=10,
+    samples=1000,
+    trials=100,
+    run_s=1000.0,
+    refine_s=5.0,
+    sweep_values=3,
+    sightings=50_000,
 )
 
 
@@ -48,3 +56,26 @@ def test_trials_beyond_the_limit_are_refused() -> None:
     fewer = replace(LIMITS, trials=20)
     with pytest.raises(InputError, match=r"trials: 21 trials asked for.* up to 20"):
         checked_request("validation", b'{"trials": 21}', "json", fewer, _plan())
+
+
+CROWD = shared_circles(19)
+SWEEP = json.dumps({"scenario": CROWD, "range_m": [50.0], "trials": 1}).encode()
+ASKED: dict[str, Callable[[RequestLimits], object]] = {
+    "plan": lambda limits: made_plan(json.dumps(CROWD).encode(), "json", limits, False),
+    "sweep": lambda limits: checked_request("sweep", SWEEP, "json", limits, None),
+}
+
+
+@pytest.mark.parametrize("ask", ASKED.values(), ids=ASKED)
+def test_work_is_estimated_before_it_is_begun(ask: Callable[[RequestLimits], object]) -> None:
+    limits = replace(LIMITS, vehicles=200, samples=20_000, sightings=5_000_000)
+    with pytest.raises(InputError, match=r"sightings expected.*takes up to.*range_m"):
+        ask(limits)
+
+
+def test_a_run_may_hold_as_many_sightings_as_the_service_takes() -> None:
+    limits = replace(LIMITS, samples=20_000, run_s=1e5)
+    plan = made_plan(json.dumps(SCENARIO).encode(), "json", limits, False).text
+    checked_request("validation", b'{"trials": 1}', "json", limits, plan)
+    with pytest.raises(InputError, match="sightings expected"):
+        checked_request("validation", b'{"trials": 1}', "json", replace(limits, sightings=5), plan)

@@ -1,0 +1,50 @@
+"""Work expected from circles and ranges alone, beside what a plan then holds."""
+
+import numpy as np
+import pytest
+
+from syncplan.planning.expected_work import work_of
+from syncplan.planning.planner import plan
+from syncplan.planning.validation import trial_run
+from syncplan.scenario.loading import scenario_from
+from tests.tools.scenarios import FILES, document, example, shared_circles
+
+NAMES = sorted(path.stem for path in FILES.glob("*.yaml"))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_sightings_expected_are_about_those_of_the_plan(name: str) -> None:
+    scenario = example(name)
+    work = work_of(scenario)
+    assert work is not None
+    run = trial_run(plan(scenario, bound="never", pilot=False), trials=1)
+    assert 0.7 < work.sightings / len(run.sightings.observers) < 1.5
+    assert work.pass_work == pytest.approx(work.sightings * (3 * scenario.size) ** 2)
+    assert work.bounded
+
+
+def test_vehicles_that_share_circles_see_each_other_at_every_sample() -> None:
+    scenario = scenario_from(shared_circles(2))
+    work = work_of(scenario)
+    run = trial_run(plan(scenario, bound="never", pilot=False), trials=1)
+    assert work is not None
+    assert 1.0 <= work.sightings / len(run.sightings.observers) < 1.5
+
+
+def test_a_landmark_is_in_range_for_the_share_that_geometry_says() -> None:
+    # D = 40, R = 20, r = 30: in range while cos tau >= (1600 + 400 - 900) / 1600
+    scenario = scenario_from(
+        document(
+            formation={"centers_m": [[0.0, 0.0], [1000.0, 0.0]]},
+            landmarks_m=[[40.0, 0.0]],
+            sensor={"range_m": 30.0, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1},
+        )
+    )
+    work = work_of(scenario, 100.0)
+    assert work is not None
+    assert work.sightings == pytest.approx(1000 * np.arccos(1100 / 1600) / np.pi)
+
+
+def test_nothing_is_expected_where_centres_are_yet_to_be_found() -> None:
+    scenario = scenario_from(document(formation={"count": 3, "links": [["v1", "v2"]]}))
+    assert work_of(scenario) is None
