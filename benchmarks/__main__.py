@@ -66,24 +66,26 @@ def write_table(figures: list[Figure], readme: Path) -> None:
     """Put the table between the markers of `readme`. Raises ValueError where they are missing."""
     rows = [["", "Measured", "Target"]]
     rows += [[figure.what, figure.text, figure.target_text] for figure in figures]
-    table = _markdown(rows, ["---", "---:", "---"])
-    _write_between(BEGIN, END, f"Measured on {machine()}.\n\n{table}", readme)
+    table = markdown(rows, ["---", "---:", "---"])
+    write_between(BEGIN, END, f"Measured on {machine()}.\n\n{table}", readme)
 
 
 def write_errors(errors: objectives.Errors, readme: Path) -> None:
     """As `write_table`, for the errors by objective."""
     rows = objectives.rows(errors)
-    table = _markdown(rows, ["---"] * len(rows[0]))
-    _write_between(BEGIN_ERRORS, END_ERRORS, table, readme)
+    table = markdown(rows, ["---"] * len(rows[0]))
+    write_between(BEGIN_ERRORS, END_ERRORS, table, readme)
 
 
-def _markdown(rows: list[list[str]], rule: list[str]) -> str:
+def markdown(rows: list[list[str]], rule: list[str]) -> str:
+    """Return a table of Markdown: its head first, and the line below it."""
     header = "|" + "|".join(rule) + "|"
     lines = [f"| {' | '.join(row)} |" for row in rows]
     return "\n".join([lines[0], header, *lines[1:]])
 
 
-def _write_between(begin: str, end: str, block: str, readme: Path) -> None:
+def write_between(begin: str, end: str, block: str, readme: Path) -> None:
+    """Put a block between two lines of `readme`. Raises ValueError where they are missing."""
     text = readme.read_text(encoding="utf-8")
     before, found, rest = text.partition(begin)
     _, ended, after = rest.partition(end)
@@ -100,7 +102,7 @@ if __name__ == "__main__":
     print_figures(measured)
     _announce("objectives")
     errors = objectives.main()
-    print(_markdown(objectives.rows(errors), ["---"] * (1 + len(errors))))
+    print(markdown(objectives.rows(errors), ["---"] * (1 + len(errors))))
     if wanted.write:
         write_table(measured, README)
         write_errors(errors, README)

@@ -1,0 +1,256 @@
+"""The service under load, beside another checkout of it: the two take turns in one run.
+
+Plans read a second with one and with two HTTP processes; plans made a second by eight clients
+beside the library in as many processes; previews beside plans; and what a busy owner, with a
+thousand requests and twenty long jobs, costs another one.
+
+    python benchmarks/service_load.py [--base PATH] [--write]
+"""
+
+import argparse
+import contextlib
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import numpy as np
+
+from benchmarks.__main__ import README, machine, markdown, write_between
+from benchmarks.busy_owner import BesideBusy, beside_a_busy_owner
+from benchmarks.load_clients import Request, ask, load, serving
+from syncplan.runtime.cores import usable_cores
+from tests.tools.scenarios import example
+
+BEGIN, END = "<!-- load: python benchmarks/service_load.py --write -->", "<!-- end of load -->"
+HEAD = ["", "before", "now", "now / before"]
+HERE = Path(__file__).resolve().parents[1]
+ROUNDS = 3
+READ_S, PLAN_S, LIBRARY_S = 4.0, 8.0, 8.0
+CLIENTS = 8
+PREVIEWS = 40
+
+_LIBRARY = """
+import sys, time
+from api.computing.tasks import made_plan
+from api.service import limits_of
+from api.settings import load_settings
+body = sys.stdin.buffer.read()
+limits = limits_of(load_settings())
+for _ in range(5):
+    made_plan(body, "json", limits, False)
+print(flush=True)
+count, end = 0, time.perf_counter() + float(sys.argv[1])
+while time.perf_counter() < end:
+    made_plan(body, "json", limits, False)
+    count += 1
+print(count)
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A figure of this checkout, and of the base where there is one and it has the figure."""
+
+    what: str
+    unit: str
+    base: float | None
+    now: float
+
+    @property
+    def cells(self) -> list[str]:
+        """What was measured, before, now, and the one over the other."""
+        before = "" if self.base is None else f"{self.base:,.4g} {self.unit}".strip()
+        ratio = "" if not self.base else f"{self.now / self.base:.2f}"
+        return [self.what, before, f"{self.now:,.4g} {self.unit}".strip(), ratio]
+
+
+def _p(taken: Sequence[float], percent: float) -> float:
+    """A percentile in ms of times in s."""
+    return 1e3 * float(np.percentile(taken, percent))
+
+
+# --- figures ------------------------------------------------------------------------------------
+
+
+def reads(base: Path | None, body: bytes) -> list[Row]:
+    """Return plans read a second, best of rounds in which the services take turns."""
+    with contextlib.ExitStack() as last_first:
+        services = {"now": (HERE, ()), "two": (HERE, ("--http-processes", "2"))}
+        if base is not None:
+            services["base"] = (base, ())
+        ports = {
+            name: last_first.enter_context(serving(path, "--no-worker", *arguments))
+            for name, (path, arguments) in services.items()
+        }
+        plan = {name: _planned(port, body) for name, port in ports.items()}
+        wanted = {name: Request("GET", f"/v1/plans/{plan[name]}") for name in ports}
+        best = dict.fromkeys(ports, (0.0, 0.0))
+        for _ in range(1 + ROUNDS):
+            for name, port in ports.items():
+                taken = load(port, wanted[name], CLIENTS, READ_S)
+                best[name] = max(best[name], (len(taken) / READ_S, _p(taken, 95.0)))
+    before = best.get("base", (None, None))
+    return [
+        Row("GET /v1/plans/{id}, one process", "/s", before[0], best["now"][0]),
+        Row("GET /v1/plans/{id}, one process, p95", "ms", before[1], best["now"][1]),
+        Row("GET /v1/plans/{id}, two processes", "/s", None, best["two"][0]),
+        Row("two processes over one", "x", None, best["two"][0] / best["now"][0]),
+    ]
+
+
+def _planned(port: int, body: bytes) -> str:
+    status, plan = ask(port, Request("POST", "/v1/plans", body))
+    if status != 201:
+        raise RuntimeError(f"answered with {status}: {plan}")
+    return str(plan["id"])
+
+
+def plans(base: Path | None, body: bytes) -> list[Row]:
+    """Return plans made a second over HTTP and by the library, best of rounds that take turns.
+
+    As many processes compute as there are cores, less one for the service and its clients.
+    """
+    size = max(1, usable_cores() - 1)
+    checkouts = {"now": HERE} if base is None else {"base": base, "now": HERE}
+    best: dict[tuple[str, str], float] = {}
+    taken: dict[str, list[float]] = {name: [] for name in checkouts}
+    with contextlib.ExitStack() as last_first:
+        ports = {
+            name: last_first.enter_context(
+                serving(path, "--no-worker", SYNCPLAN_PROCESSES=str(size))
+            )
+            for name, path in checkouts.items()
+        }
+        for _ in range(ROUNDS):
+            for name, path in checkouts.items():
+                found = load(ports[name], Request("POST", "/v1/plans", body), CLIENTS, PLAN_S)
+                taken[name] += found
+                _keep_best(best, (name, "http"), len(found) / PLAN_S)
+                _keep_best(best, (name, "library"), by_the_library(path, body, size))
+
+    def row(what: str, unit: str, of: Callable[[str], float]) -> Row:
+        return Row(what, unit, None if base is None else of("base"), of("now"))
+
+    return [
+        row(f"POST /v1/plans, {CLIENTS} clients", "/s", lambda name: best[name, "http"]),
+        row(f"the library in {size} processes", "/s", lambda name: best[name, "library"]),
+        row(
+            "share of a request outside the library",
+            "%",
+            lambda name: 100.0 * (1.0 - best[name, "http"] / best[name, "library"]),
+        ),
+        row("POST /v1/plans, p50", "ms", lambda name: _p(taken[name], 50.0)),
+        row("POST /v1/plans, p95", "ms", lambda name: _p(taken[name], 95.0)),
+    ]
+
+
+def _keep_best(best: dict[tuple[str, str], float], name: tuple[str, str], value: float) -> None:
+    best[name] = max(best.get(name, 0.0), value)
+
+
+def by_the_library(checkout: Path, body: bytes, processes: int) -> float:
+    """Return the plans a second that processes make that do nothing else than children do."""
+    running = [
+        subprocess.Popen(
+            [sys.executable, "-c", _LIBRARY, str(LIBRARY_S)],
+            cwd=checkout,
+            env={**os.environ, "PYTHONPATH": str(checkout), "OPENBLAS_NUM_THREADS": "1"},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+        )
+        for _ in range(processes)
+    ]
+    for one in running:
+        assert one.stdin is not None
+        one.stdin.write(body)
+        one.stdin.close()
+    made = 0
+    for one in running:
+        assert one.stdout is not None
+        made += int(one.stdout.read())
+        one.wait()
+    return made / LIBRARY_S
+
+
+def previews(base: Path | None, body: bytes) -> list[Row]:
+    """Return the median time of a plan and of previews, from one client."""
+    paths = {
+        "POST /v1/plans": "/v1/plans",
+        "POST /v1/previews": "/v1/previews",
+        "POST /v1/previews?quick=true": "/v1/previews?quick=true",
+    }
+    checkouts = [HERE] if base is None else [base, HERE]
+    found: dict[tuple[str, Path], list[float]] = {}
+    with contextlib.ExitStack() as last_first:
+        ports = {
+            one: last_first.enter_context(serving(one, "--no-worker", SYNCPLAN_PROCESSES="1"))
+            for one in checkouts
+        }
+        for _ in range(PREVIEWS):
+            for checkout in checkouts:
+                for what, path in paths.items():
+                    began = time.perf_counter()
+                    ask(ports[checkout], Request("POST", path, body))
+                    found.setdefault((what, checkout), []).append(time.perf_counter() - began)
+    return [
+        Row(
+            f"{what}, one client, p50",
+            "ms",
+            None if base is None else _p(found[what, base], 50.0),
+            _p(found[what, HERE], 50.0),
+        )
+        for what in paths
+    ]
+
+
+def fairness(base: Path | None, body: bytes) -> list[Row]:
+    """Return what one owner's thousand requests and twenty long jobs cost another owner."""
+    now = beside_a_busy_owner(HERE, body)
+    before = None if base is None else beside_a_busy_owner(base, body)
+
+    def row(what: str, unit: str, of: Callable[[BesideBusy], float]) -> Row:
+        return Row(what, unit, None if before is None else of(before), of(now))
+
+    return [
+        row("a plan alone, p95", "ms", lambda found: _p(found.alone_s, 95.0)),
+        row("a plan beside a busy owner, p95", "ms", lambda found: _p(found.beside_s, 95.0)),
+        row(
+            "one over the other",
+            "x",
+            lambda found: _p(found.beside_s, 95.0) / _p(found.alone_s, 95.0),
+        ),
+        row("a job of 10 trials beside it, until it runs", "s", lambda found: found.job_s),
+    ]
+
+
+PARTS: tuple[Callable[[Path | None, bytes], list[Row]], ...] = (reads, plans, previews, fairness)
+
+
+def main(base: Path | None) -> list[Row]:
+    """Return all rows."""
+    values = example("paper-grid-alternate").model_dump(mode="json", exclude_none=True)
+    body = json.dumps(values).encode()
+    rows: list[Row] = []
+    for part in PARTS:
+        print(f"{part.__name__} ...", file=sys.stderr, flush=True)
+        rows += part(base, body)
+    return rows
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--base", type=Path, help="another checkout to compare with")
+    parser.add_argument("--write", action="store_true", help="rewrite the table in README.md")
+    wanted = parser.parse_args()
+    rows = [row.cells for row in main(wanted.base)]
+    shown = markdown([HEAD, *rows], ["---", "---:", "---:", "---:"])
+    print(shown)
+    if wanted.write:
+        write_between(BEGIN, END, f"Measured on {machine()}.\n\n{shown}", README)
