@@ -85,18 +85,25 @@ CurrentCall = Annotated[Call, Depends(_call)]
 
 
 async def answer_once(
-    call: Call, compute: Callable[[], Awaitable[T]], store: Callable[[Connection, T], Answer]
+    call: Call,
+    compute: Callable[[], Awaitable[T]],
+    store: Callable[[Connection, T], Answer],
+    *,
+    together: bool = False,
 ) -> Response:
     """Return the answer to a request: compute, then store result and answer together.
 
     With an Idempotency-Key that was answered before, that answer. Raises KeyReused where it was
-    given to another request.
+    given to another request. Where `store` meets no lock of others, `together` stores the results
+    of several requests in one transaction.
     """
     if call.key is not None:
         known = await run_in_threadpool(_known, call)
         if known is not None:
             return _response(known)
     value = await compute()
+    if together and call.key is None:
+        return _response(await call.service.writer.write(lambda open_: store(open_, value)))
     return _response(await run_in_threadpool(_stored, call, value, store))
 
 

@@ -29,6 +29,7 @@ from api.settings import Settings, load_settings
 from api.shares import ALONE, Share
 from api.storage.database import open_database
 from api.storage.plan_reader import PlanReader
+from api.storage.plan_writer import PlanWriter
 from api.telemetry import telemetry_options
 from api.watching.job_readings import JobReadings
 from api.watching.pool_readings import PoolReadings
@@ -116,6 +117,7 @@ class _Running:
             most_of_owner=settings.max_requests,
         )
         self.plans = PlanReader(self.database)
+        self.writer = PlanWriter(self.database)
         self.service = Service(
             settings,
             self.database,
@@ -125,6 +127,7 @@ class _Running:
             self.silent_s,
             counts,
             self.plans,
+            self.writer,
         )
 
     def silent_s(self) -> float:
@@ -143,6 +146,6 @@ class _Running:
         with ExitStack() as last_first:
             last_first.callback(self.database.close)
             last_first.callback(self.queue.close)
-            for one in (self.plans, self.guard, self.worker, self.pool):
+            for one in (self.plans, self.writer, self.guard, self.worker, self.pool):
                 if one is not None:
                     last_first.callback(one.close)

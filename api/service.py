@@ -15,6 +15,7 @@ from api.limits import RequestLimits
 from api.settings import Settings
 from api.storage.database import Database
 from api.storage.plan_reader import PlanReader
+from api.storage.plan_writer import PlanWriter
 
 __all__ = ["CurrentService", "CurrentWatch", "Ending", "Service", "limits_of"]
 
@@ -41,6 +42,7 @@ class Service:
     silent_s: Callable[[], float]
     counts: JobCounts
     plans: PlanReader
+    writer: PlanWriter
 
 
 def limits_of(settings: Settings) -> RequestLimits:

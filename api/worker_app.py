@@ -10,6 +10,7 @@ from api.service import Service, limits_of
 from api.settings import Settings
 from api.storage.database import Database
 from api.storage.plan_reader import PlanReader
+from api.storage.plan_writer import PlanWriter
 from api.telemetry import OFF
 from api.watching.job_readings import JobReadings
 from api.watching.pool_readings import PoolReadings
@@ -32,6 +33,7 @@ def create_worker_app(
         lambda: worker.guard.silent_s,
         counts,
         PlanReader(database),
+        PlanWriter(database),
     )
     app.state.metrics.watch(
         PoolReadings({"jobs": worker.pool.depth}), Cached(JobReadings(database, worker.queue))

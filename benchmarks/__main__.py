@@ -1,8 +1,6 @@
 """All benchmarks one after the other: python -m benchmarks [--write]."""
 
 import argparse
-import os
-import platform
 import sys
 from pathlib import Path
 
@@ -22,8 +20,8 @@ from benchmarks import (
     startup,
 )
 from benchmarks import figures as drawings
+from benchmarks.readme_tables import README, machine, markdown, write_between
 
-README = Path(__file__).with_name("README.md")
 BEGIN, END = "<!-- figures: python -m benchmarks --write -->", "<!-- end of figures -->"
 BEGIN_ERRORS, END_ERRORS = "<!-- errors: python -m benchmarks --write -->", "<!-- end of errors -->"
 
@@ -57,11 +55,6 @@ def _announce(name: str) -> None:
     print(f"{name} ...", file=sys.stderr, flush=True)
 
 
-def machine() -> str:
-    """Return the machine in general terms."""
-    return f"{os.cpu_count()} cores, Python {platform.python_version()}"
-
-
 def write_table(figures: list[Figure], readme: Path) -> None:
     """Put the table between the markers of `readme`. Raises ValueError where they are missing."""
     rows = [["", "Measured", "Target"]]
@@ -75,23 +68,6 @@ def write_errors(errors: objectives.Errors, readme: Path) -> None:
     rows = objectives.rows(errors)
     table = markdown(rows, ["---"] * len(rows[0]))
     write_between(BEGIN_ERRORS, END_ERRORS, table, readme)
-
-
-def markdown(rows: list[list[str]], rule: list[str]) -> str:
-    """Return a table of Markdown: its head first, and the line below it."""
-    header = "|" + "|".join(rule) + "|"
-    lines = [f"| {' | '.join(row)} |" for row in rows]
-    return "\n".join([lines[0], header, *lines[1:]])
-
-
-def write_between(begin: str, end: str, block: str, readme: Path) -> None:
-    """Put a block between two lines of `readme`. Raises ValueError where they are missing."""
-    text = readme.read_text(encoding="utf-8")
-    before, found, rest = text.partition(begin)
-    _, ended, after = rest.partition(end)
-    if not found or not ended:
-        raise ValueError(f"{readme.name}: the table goes between the lines {begin} and {end}")
-    readme.write_text(f"{before}{begin}\n\n{block}\n\n{end}{after}", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -22,9 +22,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
 
-from benchmarks.__main__ import README, machine, markdown, write_between
 from benchmarks.busy_owner import BesideBusy, beside_a_busy_owner
 from benchmarks.load_clients import Request, ask, load, serving
+from benchmarks.readme_tables import README, machine, markdown, write_between
 from syncplan.runtime.cores import usable_cores
 from tests.tools.scenarios import example
 

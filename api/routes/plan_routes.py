@@ -60,7 +60,7 @@ async def create_plan(
         headers = {"location": f"/v1/plans/{row.id}", "etag": f'"{row.etag}"'}
         return Answer(call.digest, 201, headers, body_of(row))
 
-    return await answer_once(call, compute, store)
+    return await answer_once(call, compute, store, together=True)
 
 
 @router.get(

@@ -35,6 +35,7 @@ _LISTED = (
     plans.c.observable,
     plans.c.predicted_rms_m,
 )
+_ADD = insert(plans)
 # built once: building a statement takes longer than carrying it out
 _FIND = select(
     plans.c.owner, plans.c.id, plans.c.parent_id, plans.c.created_at, plans.c.etag, plans.c.text
@@ -58,20 +59,19 @@ def add_plan(
         etag=hashlib.sha256(made.text.encode()).hexdigest(),
         text=made.text,
     )
-    connection.execute(
-        insert(plans).values(
-            id=row.id,
-            owner=owner,
-            parent_id=parent_id,
-            created_at=row.created_at,
-            name=made.name,
-            vehicles=made.vehicles,
-            observable=made.observable,
-            predicted_rms_m=made.predicted_rms_m,
-            etag=row.etag,
-            text=row.text,
-        )
-    )
+    values = {
+        "id": row.id,
+        "owner": owner,
+        "parent_id": parent_id,
+        "created_at": row.created_at,
+        "name": made.name,
+        "vehicles": made.vehicles,
+        "observable": made.observable,
+        "predicted_rms_m": made.predicted_rms_m,
+        "etag": row.etag,
+        "text": row.text,
+    }
+    connection.execute(_ADD, values)
     return row
 
 

@@ -1,18 +1,22 @@
 """One thread answers those who wait, in groups; plans are read and stored that way."""
 
 import asyncio
+import sqlite3
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from sqlalchemy import Connection
+from sqlalchemy.exc import OperationalError
 
 from api.plan_texts import PlanText
 from api.storage.database import Database, open_database
 from api.storage.group_thread import GroupThread
 from api.storage.plan_reader import PlanReader
-from api.storage.plan_records import add_plan, delete_plan
+from api.storage.plan_records import PlanRow, add_plan, delete_plan, find_plans, list_plans
+from api.storage.plan_writer import PlanWriter
 from tests.tools.processes import wait_until
 
 MADE = PlanText('{\n "version": "1"\n}\n', "survey", 6, True, 1.5)
@@ -205,3 +209,103 @@ def test_a_reader_takes_one_connection_and_gives_it_back(database: Database) -> 
             assert asyncio.run(reader.find("ann", "x")) is None
         assert database.engine.pool.checkedout() == 1  # type: ignore[attr-defined]
     wait_until(lambda: database.engine.pool.checkedout() == 0)  # type: ignore[attr-defined]
+
+
+# --- stored together ----------------------------------------------------------------------------
+
+
+@contextmanager
+def writing(database: Database) -> Iterator[PlanWriter]:
+    """A writer of plans, ended with the test."""
+    writer = PlanWriter(database)
+    try:
+        yield writer
+    finally:
+        writer.close()
+
+
+def test_plans_of_one_moment_are_stored_in_one_transaction(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    transactions: list[int] = []
+    begin = Database.writing
+
+    @contextmanager
+    def counted(self: Database) -> Iterator[Connection]:
+        transactions.append(1)
+        with begin(self) as connection:
+            yield connection
+
+    async def stored(writer: PlanWriter) -> list[PlanRow]:
+        return await asyncio.gather(
+            *(writer.write(lambda open_: add_plan(open_, "ann", MADE)) for _ in range(8))
+        )
+
+    monkeypatch.setattr(Database, "writing", counted)
+    with writing(database) as writer:
+        rows = asyncio.run(stored(writer))
+    assert len(transactions) == 1
+    with database.reading() as connection:
+        assert find_plans(connection, [("ann", one.id) for one in rows]) == rows
+    assert len({one.id for one in rows}) == 8
+
+
+def test_a_change_that_fails_takes_none_of_the_others_along(database: Database) -> None:
+    def refuse(open_: Connection) -> PlanRow:
+        add_plan(open_, "ann", MADE, plan_id="half")
+        raise KeyError("refused")
+
+    async def stored(writer: PlanWriter) -> list[PlanRow | BaseException]:
+        good = [writer.write(lambda open_: add_plan(open_, "ann", MADE)) for _ in range(3)]
+        return await asyncio.gather(
+            *good[:2], writer.write(refuse), good[2], return_exceptions=True
+        )
+
+    with writing(database) as writer:
+        found = asyncio.run(stored(writer))
+    assert isinstance(found[2], KeyError)
+    kept = [one for one in found if isinstance(one, PlanRow)]
+    assert len(kept) == 3
+    with database.reading() as connection:
+        assert find_plans(connection, [("ann", one.id) for one in kept]) == kept
+        assert len(list_plans(connection, "ann", 10, None)) == 3
+
+
+def test_a_plan_is_answered_only_once_it_is_on_the_disk(database: Database, tmp_path: Path) -> None:
+    other = open_database(f"sqlite:///{tmp_path / 'syncplan.db'}")
+
+    async def stored(writer: PlanWriter) -> bool:
+        row = await writer.write(lambda open_: add_plan(open_, "ann", MADE))
+        with other.reading() as connection:
+            return find_plans(connection, [("ann", row.id)]) == [row]
+
+    with writing(database) as writer:
+        assert asyncio.run(stored(writer))
+    other.close()
+
+
+def test_a_database_that_is_locked_refuses_the_group_once(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tries: list[int] = []
+
+    @contextmanager
+    def locked(self: Database) -> Iterator[Connection]:
+        tries.append(1)
+        raise OperationalError("INSERT", {}, busy)
+        yield
+
+    busy = sqlite3.OperationalError("database is locked")
+    busy.sqlite_errorcode = sqlite3.SQLITE_BUSY
+
+    async def stored(writer: PlanWriter) -> list[PlanRow | BaseException]:
+        return await asyncio.gather(
+            *(writer.write(lambda open_: add_plan(open_, "ann", MADE)) for _ in range(3)),
+            return_exceptions=True,
+        )
+
+    monkeypatch.setattr(Database, "writing", locked)
+    with writing(database) as writer:
+        found = asyncio.run(stored(writer))
+    assert [type(one) for one in found] == [OperationalError] * 3
+    assert len(tries) == 1
