@@ -3,7 +3,14 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-__all__ = ["Fault", "InputError", "NoGoError", "NoSolutionError", "SyncplanError"]
+__all__ = [
+    "Fault",
+    "InputError",
+    "NoGoError",
+    "NoSolutionError",
+    "ProcessEndedError",
+    "SyncplanError",
+]
 
 
 MOST_LINES = 10
@@ -110,3 +117,7 @@ def _in_one_line(*parts: str) -> str:
 
 def _joined(section: str, key: str) -> str:
     return f"{section}.{key}" if key else section
+
+
+class ProcessEndedError(SyncplanError):
+    """A process that computed a share of the result ended before it answered."""

@@ -10,13 +10,15 @@ from typing import Any
 
 from api.computing import renditions, tasks
 from api.computing.time_limit import Alarm, TimeUp
-from syncplan.errors import Fault, InputError, NoGoError, NoSolutionError
+from api.job_kinds.job_kind import FinishedStart, Progress
+from syncplan.errors import Fault, InputError, NoGoError, NoSolutionError, ProcessEndedError
 from syncplan.runtime.child_processes import ChildProcess, connect_to_parent
 from syncplan.runtime.memory import limit_memory
 
 __all__ = [
     "Child",
     "ChildGoneError",
+    "ChildNotStartedError",
     "OutOfMemoryError",
     "TaskFailedError",
     "TooSlowError",
@@ -36,6 +38,10 @@ class ChildGoneError(Exception):
 
 class OutOfMemoryError(Exception):
     """The task needed more memory than it may have."""
+
+
+class ChildNotStartedError(ChildGoneError):
+    """The system had no room for a process just now."""
 
 
 class TaskFailedError(Exception):
@@ -77,7 +83,7 @@ class Child:
         task: str,
         *arguments: Any,
         timeout_s: float | None = None,
-        progress: Callable[[int], None] | None = None,
+        progress: Progress | None = None,
     ) -> Any:
         """Return what the task returns; raises InputError, NoSolutionError or an error of above."""
         deadline = None if timeout_s is None else time.monotonic() + timeout_s + GRACE_S
@@ -125,6 +131,7 @@ def _as_error(kind: str, problem: str, key: str, faults: list[tuple[str, str, st
 _ERRORS: dict[str, type[Exception]] = {
     "no memory": OutOfMemoryError,
     "no time": TooSlowError,
+    "process": ChildGoneError,
     "no solution": NoSolutionError,
     "no go": NoGoError,
 }
@@ -146,12 +153,13 @@ def serve(descriptor: int) -> None:
     gc.freeze()
     connection.send(("ready", None))
 
-    def progress_every() -> Callable[[int], None]:
+    def progress_every() -> Progress:
         last = time.monotonic()
 
-        def report(done: int) -> None:
+        def report(done: int | FinishedStart) -> None:
             nonlocal last
-            if time.monotonic() - last >= _PROGRESS_EVERY_S:
+            # what can be kept is never left out
+            if isinstance(done, FinishedStart) or time.monotonic() - last >= _PROGRESS_EVERY_S:
                 last = time.monotonic()
                 # a message that is cut off would be the last one
                 with alarm.paused():
@@ -187,6 +195,8 @@ def _outcome(task: Callable[..., Any], *arguments: Any) -> tuple[str, Any]:
         return "failed", ("no go", str(error), "", [])
     except Exception as error:
         lacking = isinstance(error, MemoryError) or _of_memory(str(error))
+        if isinstance(error, ProcessEndedError) and not lacking:
+            return "failed", ("process", str(error), "", [])
         return "failed", ("no memory" if lacking else "fault", traceback.format_exc(), "", [])
 
 

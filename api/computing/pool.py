@@ -15,13 +15,19 @@ import logging
 import math
 import threading
 import time
-from collections.abc import Callable
 from typing import Any
 
-from api.computing.child import Child, ChildGoneError, OutOfMemoryError, TooSlowError
+from api.computing.child import (
+    Child,
+    ChildGoneError,
+    ChildNotStartedError,
+    OutOfMemoryError,
+    TooSlowError,
+)
 from api.computing.pool_depth import PoolDepth
 from api.computing.tickets import LEAST_RUN_S, GivenUpError, OwnerBusyError, PoolFullError, Ticket
 from api.computing.turns import Turns
+from api.job_kinds.job_kind import Progress
 
 __all__ = ["GivenUpError", "OwnerBusyError", "Pool", "PoolFullError", "Ticket"]
 
@@ -116,7 +122,7 @@ class Pool:
         timeout_s: float | None = None,
         deadline_s: float | None = None,
         retries: int = 1,
-        progress: Callable[[int], None] | None = None,
+        progress: Progress | None = None,
     ) -> Ticket:
         """Hand in a task; raises PoolFullError, OwnerBusyError.
 
@@ -324,7 +330,7 @@ class Pool:
     def _tried(self, ticket: Ticket, child: Child | None) -> tuple[Exception | None, Any]:
         """Return how a task failed in a child, or None and its value."""
         if child is None:
-            return ChildGoneError("no process could be started"), None
+            return ChildNotStartedError("no process could be started"), None
         with self._work:
             if ticket.cancelled.is_set():
                 return GivenUpError(), None

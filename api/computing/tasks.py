@@ -7,7 +7,15 @@ what it set up for the job it served last.
 import time
 from collections.abc import Sequence
 
-from api.job_kinds.job_kind import Batch, JobReport, JobSpec, Progress, TrialTask, WholeTask
+from api.job_kinds.job_kind import (
+    Batch,
+    EarlierWork,
+    JobReport,
+    JobSpec,
+    Progress,
+    TrialTask,
+    WholeTask,
+)
 from api.job_kinds.job_table import JOB_KINDS
 from api.limits import RequestLimits
 from api.plan_texts import PlanText, Syntax, as_plan_text, loaded_body, loaded_plan
@@ -65,11 +73,13 @@ def checked_request(
 # --- jobs ---------------------------------------------------------------------------------------
 
 
-def computed_job(spec: JobSpec, workers: int, progress: Progress) -> PlanText | JobReport:
+def computed_job(
+    spec: JobSpec, earlier: EarlierWork, workers: int, progress: Progress
+) -> PlanText | JobReport:
     """Return the result of a job that is computed whole, by up to `workers` processes."""
     task = JOB_KINDS[spec.kind].task
     assert isinstance(task, WholeTask)
-    return task.compute(spec, workers, progress)
+    return task.compute(spec, earlier, workers, progress)
 
 
 def measured_runs(spec: JobSpec) -> list[tuple[int, float]]:

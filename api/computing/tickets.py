@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from api.computing.child import Child, TooSlowError
+from api.job_kinds.job_kind import Progress
 
 __all__ = ["GivenUpError", "OwnerBusyError", "PoolFullError", "Ticket"]
 
@@ -53,7 +54,7 @@ class Ticket:
     timeout_s: float | None
     deadline: float
     retries: int
-    progress: Callable[[int], None] | None
+    progress: Progress | None
     submitted: float
     give_up: Callable[["Ticket", bool], None]
     future: "Future[Any]" = field(default_factory=Future)

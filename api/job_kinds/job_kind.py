@@ -19,6 +19,8 @@ from syncplan.scenario.quantities import Section
 
 __all__ = [
     "Batch",
+    "EarlierWork",
+    "FinishedStart",
     "JobKind",
     "JobOperation",
     "JobReport",
@@ -29,7 +31,17 @@ __all__ = [
     "WholeTask",
 ]
 
-Progress = Callable[[int], None]
+
+@dataclass(frozen=True, slots=True)
+class FinishedStart:
+    """What a start of a refinement has found, as syncplan.refinement.kept_starts keeps it."""
+
+    number: int
+    data: bytes
+
+
+Progress = Callable[[int | FinishedStart], None]
+"""Takes the work done so far, and what can be kept of it."""
 
 
 class JobRequest(Section):
@@ -78,15 +90,30 @@ class JobReport:
 
 
 @dataclass(frozen=True, slots=True)
+class EarlierWork:
+    """What earlier attempts at a job that is computed whole have left.
+
+    Attributes
+    ----------
+    starts : finished starts by number
+    spent_s : computing time
+    """
+
+    starts: Mapping[int, bytes]
+    spent_s: float
+
+
+@dataclass(frozen=True, slots=True)
 class WholeTask:
     """A task that one worker computes whole.
 
     Attributes
     ----------
-    compute : from the job, the number of processes to use and a callback for progress to the result
+    compute : from the job, earlier work on it, the number of processes to use and a callback for
+        progress to the result
     """
 
-    compute: Callable[[JobSpec, int, Progress], PlanText | JobReport]
+    compute: Callable[[JobSpec, EarlierWork, int, Progress], PlanText | JobReport]
 
 
 @dataclass(frozen=True, slots=True)

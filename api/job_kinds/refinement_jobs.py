@@ -6,6 +6,8 @@ from typing import Annotated, Any, ClassVar, Self
 from pydantic import Field
 
 from api.job_kinds.job_kind import (
+    EarlierWork,
+    FinishedStart,
     JobKind,
     JobOperation,
     JobRequest,
@@ -78,23 +80,28 @@ class RefinementRequest(JobRequest):
         return self.model_dump(exclude_none=True)
 
 
-def _refined(spec: JobSpec, workers: int, progress: Progress) -> PlanText:
+def _refined(spec: JobSpec, earlier: EarlierWork, workers: int, progress: Progress) -> PlanText:
     """Return the refined plan, or the plan itself with the reason why it could not be improved.
 
     Progress counts the starts that must have ended, since others have begun.
     """
     from syncplan.planning.plan_files import plan_of
+    from syncplan.refinement.kept_starts import EarlierSearch
     from syncplan.refinement.refiner import refine
 
     assert spec.plan is not None
     changes = RefinementRequest.model_validate_json(spec.request).changes()
-    begun: set[int] = set()
+    begun = set(earlier.starts)
 
     def heard(start: int, iteration: int, objective: float) -> None:
         begun.add(start)
         progress(max(len(begun) - workers, 0))
 
-    better = refine(plan_of(loaded_plan(spec.plan)), workers=workers, progress=heard, **changes)
+    search = EarlierSearch(
+        earlier.starts, earlier.spent_s, lambda number, data: progress(FinishedStart(number, data))
+    )
+    given = plan_of(loaded_plan(spec.plan))
+    better = refine(given, workers=workers, progress=heard, earlier=search, **changes)
     return as_plan_text(better)
 
 

@@ -5,22 +5,27 @@ A part that can't be computed ends its job, as failed and with the reason.
 
 import asyncio
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import Connection
-
-from api.computing.child import ChildGoneError, OutOfMemoryError, TaskFailedError, TooSlowError
-from api.computing.pool import GivenUpError, Ticket
+from api.computing.child import (
+    ChildGoneError,
+    ChildNotStartedError,
+    OutOfMemoryError,
+    TaskFailedError,
+    TooSlowError,
+)
+from api.computing.pool import GivenUpError, PoolFullError, Ticket
 from api.jobs.dbos_runtime import current, in_transaction
 from api.jobs.part_watch import WatchedPart
+from api.jobs.queue import VERSION
 from api.storage import job_records, part_records
 from api.storage.database import patiently
 from api.storage.part_records import PartHistory
 from syncplan.errors import InputError, NoSolutionError
 
-__all__ = ["MOST_ATTEMPTS", "MOST_DEATHS", "Part", "computed"]
+__all__ = ["MOST_ATTEMPTS", "MOST_DEATHS", "Part", "Submit", "computed"]
 
 MOST_DEATHS = 5
 """How many children may end while they compute one part."""
@@ -29,6 +34,7 @@ MOST_ATTEMPTS = 200
 """How often a part may be begun: workers that are killed with all their children count here."""
 
 _PAUSE_S = 0.5
+_LONGEST_PAUSE_S = 30.0
 
 _logger = logging.getLogger("syncplan.jobs")
 
@@ -48,14 +54,19 @@ class Part:
     name: str
 
 
-async def computed(part: Part, submit: Callable[[WatchedPart, PartHistory], Ticket]) -> Any:
+Submit = Callable[[WatchedPart, PartHistory], Awaitable[Ticket]]
+"""Hands a part's task in, knowing what became of the part so far."""
+
+
+async def computed(part: Part, submit: Submit) -> Any:
     """Return what the task of a part returns; None where its job has ended, or fails with it.
 
-    `submit` hands the task in.
+    `submit` hands the task in, each time that it is tried.
     """
     try:
         return await _tried(part, submit)
-    except GivenUpError:
+    except (GivenUpError, PoolFullError):
+        # its job has ended, or the pool is closed
         await _stay_if_closing(part)
     except _FailedError as failed:
         document = dict(failed.document)
@@ -69,42 +80,57 @@ async def computed(part: Part, submit: Callable[[WatchedPart, PartHistory], Tick
     return None
 
 
-async def _tried(part: Part, submit: Callable[[WatchedPart, PartHistory], Ticket]) -> Any:
+async def _tried(part: Part, submit: Submit) -> Any:
+    pause_s = _PAUSE_S
     while True:
         history = await in_transaction(
-            lambda connection: part_records.begin_part(connection, part.job_id, part.number)
+            lambda connection: part_records.begin_part(
+                connection, part.job_id, part.number, VERSION
+            )
         )
+        if history is None:
+            return None
         if history.attempts > MOST_ATTEMPTS:
             raise _internal(f"{part.name} was begun {MOST_ATTEMPTS} times and never finished")
         try:
             return await _tried_once(part, history, submit)
+        except ChildNotStartedError as error:
+            # no fault of the part's
+            _logger.error("%s of job %s waits: %s", part.name, part.job_id, error)
+            await _withdraw(part)
+            await asyncio.sleep(pause_s)
+            pause_s = min(2.0 * pause_s, _LONGEST_PAUSE_S)
         except ChildGoneError as error:
             await _stay_if_closing(part)
-            deaths = await in_transaction(
-                lambda connection: part_records.count_death(connection, part.job_id, part.number)
-            )
-            _logger.error(
-                "a process computing %s of job %s ended, the %d. time: %s",
-                part.name,
-                part.job_id,
-                deaths,
-                error,
-            )
-            if deaths >= MOST_DEATHS:
-                raise _internal(
-                    f"{MOST_DEATHS} processes ended while they computed {part.name}: killed, or "
-                    "out of memory; ask for less, or give the workers more memory"
-                ) from None
+            await _count_death(part, error)
             await asyncio.sleep(_PAUSE_S)
 
 
-async def _tried_once(
-    part: Part, history: PartHistory, submit: Callable[[WatchedPart, PartHistory], Ticket]
-) -> Any:
+async def _count_death(part: Part, error: ChildGoneError) -> None:
+    """Count that a child ended at a part; raises the job's failure if that was once too often."""
+    deaths = await in_transaction(
+        lambda connection: part_records.count_death(connection, part.job_id, part.number)
+    )
+    _logger.error(
+        "a process computing %s of job %s ended (%d of %d): %s",
+        part.name,
+        part.job_id,
+        deaths,
+        MOST_DEATHS,
+        error,
+    )
+    if deaths >= MOST_DEATHS:
+        raise _internal(
+            f"{MOST_DEATHS} processes ended while they computed {part.name}: killed, or out of "
+            "memory; ask for less, or give the workers more memory"
+        )
+
+
+async def _tried_once(part: Part, history: PartHistory, submit: Submit) -> Any:
     runtime = current()
     outcome = "failed"
     with runtime.watch.over(part.job_id, part.number) as watched:
-        watched.ticket = submit(watched, history)
+        watched.ticket = await submit(watched, history)
         try:
             value = await asyncio.wrap_future(watched.ticket.future)
             outcome = "done"
@@ -171,12 +197,13 @@ def _too_large(part: Part) -> _FailedError:
 
 async def _stay_if_closing(part: Part) -> None:
     """Never return in a process that is about to end: another one continues the workflow."""
-    if not current().closing.is_set():
-        return
-
-    def withdraw(connection: Connection) -> None:
-        part_records.withdraw_part(connection, part.job_id, part.number)
-
-    await in_transaction(withdraw)
+    if current().closing.is_set():
+        await _withdraw(part)
     while current().closing.is_set():
         await asyncio.sleep(1.0)
+
+
+async def _withdraw(part: Part) -> None:
+    await in_transaction(
+        lambda connection: part_records.withdraw_part(connection, part.job_id, part.number)
+    )

@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from api.computing.pool import Ticket
+from api.job_kinds.job_kind import FinishedStart
 from api.storage import batch_records, part_records
 from api.storage.database import Database, unavailable
 
@@ -32,25 +33,24 @@ class WatchedPart:
     ----------
     ticket : of its task in the pool; None before it is handed in
     number : of the part; progress is that of a batch where it is not below zero
-    starts : finished starts of a refinement that are not entered yet, as (number, data)
+    starts : finished starts of a refinement that are not entered yet
     """
 
     job_id: str
     number: int
     ticket: Ticket | None = None
     done: int = 0
-    starts: list[tuple[int, bytes]] = field(default_factory=list)
+    starts: list[FinishedStart] = field(default_factory=list)
     _noted_done: int = 0
     _noted_at: float | None = None
     _noting: threading.Lock = field(default_factory=threading.Lock)
 
-    def take(self, done: int) -> None:
-        """Take the progress that the child reports."""
-        self.done = max(self.done, done)
-
-    def take_start(self, number: int, data: bytes) -> None:
-        """Take what a start of a refinement has found."""
-        self.starts.append((number, data))
+    def take(self, done: int | FinishedStart) -> None:
+        """Take what the child reports; called from another thread."""
+        if isinstance(done, FinishedStart):
+            self.starts.append(done)
+        else:
+            self.done = max(self.done, done)
 
     def note(self, database: Database, *, over: bool = False) -> None:
         """Enter what is new; all of it at the end."""
@@ -63,8 +63,8 @@ class WatchedPart:
                 if done > self._noted_done:
                     number = self.number if self.number >= 0 else None
                     batch_records.note_progress(connection, self.job_id, done, number)
-                for number, data in starts:
-                    part_records.keep_start(connection, self.job_id, number, data)
+                for start in starts:
+                    part_records.keep_start(connection, self.job_id, start.number, start.data)
                 if seconds > 0.0:
                     part_records.add_seconds(connection, self.job_id, self.number, seconds)
             del self.starts[: len(starts)]

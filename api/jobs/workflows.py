@@ -13,17 +13,16 @@ Names of workflows and queues are in the database of every job begun: they stay 
 """
 
 import asyncio
-from collections.abc import Callable
 
 from dbos import DBOS
 from sqlalchemy import Connection
 
 from api.computing.pool import Ticket
-from api.job_kinds.job_kind import JobReport, TrialTask
+from api.job_kinds.job_kind import EarlierWork, JobReport, Progress, TrialTask
 from api.job_kinds.job_table import JOB_KINDS
 from api.jobs.batching import batches_of
 from api.jobs.dbos_runtime import current, in_transaction
-from api.jobs.part_computing import Part, computed
+from api.jobs.part_computing import Part, Submit, computed
 from api.jobs.part_watch import WatchedPart
 from api.jobs.queue import (
     BATCH_WORKFLOW,
@@ -34,7 +33,7 @@ from api.jobs.queue import (
     conclusion_id,
 )
 from api.plan_texts import PlanText
-from api.storage import batch_records, job_queries, job_records
+from api.storage import batch_records, job_queries, job_records, part_records
 from api.storage.clock import moment, new_id
 from api.storage.job_queries import BegunJob
 from api.storage.part_records import BEGINNING, CONCLUSION, PartHistory
@@ -157,30 +156,40 @@ async def _compute_whole(job: BegunJob) -> None:
     runtime = current()
     # processes of its own, beside those at work for others
     workers = max(runtime.settings.process_count - runtime.pool.busy, 1)
-    result = await computed(
-        Part(job.spec.id, BEGINNING, f"the {JOB_KINDS[job.spec.kind].title}"),
-        _task(job, "computed_job", job.spec, workers, with_progress=True),
-    )
-    await _succeed(job, result)
 
-
-def _task(
-    job: BegunJob, task: str, *arguments: object, with_progress: bool = False
-) -> Callable[[WatchedPart, PartHistory], Ticket]:
-    """How a task of a job is handed in; a child that dies is for the part to count."""
-    runtime = current()
-
-    def submit(watched: WatchedPart, _history: PartHistory) -> Ticket:
-        return runtime.pool.submit(
-            task,
-            *arguments,
-            owner=job.owner,
-            timeout_s=runtime.settings.job_task_s,
-            retries=0,
-            progress=watched.take if with_progress else None,
+    async def submit(watched: WatchedPart, history: PartHistory) -> Ticket:
+        # each time: an attempt that died has left some
+        starts = await in_transaction(
+            lambda connection: part_records.finished_starts(connection, job.spec.id)
         )
+        earlier = EarlierWork(starts, history.computed_s)
+        return _submitted(job, "computed_job", job.spec, earlier, workers, progress=watched.take)
+
+    kind = JOB_KINDS[job.spec.kind].title
+    await _succeed(job, await computed(Part(job.spec.id, BEGINNING, f"the {kind}"), submit))
+
+
+def _task(job: BegunJob, task: str, *arguments: object, with_progress: bool = False) -> Submit:
+    """How a task of a job is handed in."""
+
+    async def submit(watched: WatchedPart, _history: PartHistory) -> Ticket:
+        progress = watched.take if with_progress else None
+        return _submitted(job, task, *arguments, progress=progress)
 
     return submit
+
+
+def _submitted(job: BegunJob, task: str, *arguments: object, progress: Progress | None) -> Ticket:
+    """A task of a job, handed in; a child that dies is for the part to count."""
+    runtime = current()
+    return runtime.pool.submit(
+        task,
+        *arguments,
+        owner=job.owner,
+        timeout_s=runtime.settings.job_task_s,
+        retries=0,
+        progress=progress,
+    )
 
 
 async def _succeed(job: BegunJob, result: PlanText | JobReport | None) -> None:

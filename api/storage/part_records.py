@@ -49,12 +49,21 @@ class PartHistory:
     computed_s: float
 
 
-def begin_part(connection: Connection, job_id: str, number: int) -> PartHistory:
-    """Count an attempt at a part of a job that runs and return its history."""
+def begin_part(
+    connection: Connection, job_id: str, number: int, version: str
+) -> PartHistory | None:
+    """Count an attempt at a part and return its history.
+
+    None if its job does not run any more, is another version's, or has no such batch.
+    """
     # one after the other, where two workers begin the same part
-    connection.execute(select(jobs.c.id).where(jobs.c.id == job_id).with_for_update())
+    job = select(jobs.c.id).where(
+        jobs.c.id == job_id, jobs.c.state.in_(UNFINISHED), jobs.c.version == version
+    )
+    if connection.execute(job.with_for_update()).first() is None:
+        return None
     history = _change(connection, job_id, number, attempts=job_parts.c.attempts + 1)
-    if history is not None:
+    if history is not None or number >= 0:
         return history
     row = {"run": 0, "first_trial": 0, "trials": 0, "done": 0, "attempts": 1}
     connection.execute(insert(job_parts).values(job_id=job_id, number=number, **row))

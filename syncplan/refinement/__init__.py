@@ -20,5 +20,6 @@ starting_points      where the starts begin
 ipopt                the stages solved one after the other
 exact_search         a last search by the exact measure
 parallel_starts      all starts, here or in child processes
+kept_starts          finished starts as bytes, to go on from
 refiner              the refinement of a plan
 """

@@ -10,7 +10,7 @@ import queue
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from typing import Any
@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.errors import SyncplanError
+from syncplan.errors import ProcessEndedError
 from syncplan.refinement.exact_search import improved_nearby
 from syncplan.refinement.ipopt import SolverProgress, SolverRun, StagedSolver, Steering
 from syncplan.refinement.measures import NO_STANDING, Measurement, Standing, measure
@@ -68,6 +68,7 @@ class Attempt:
 
 
 Report = Callable[[int, SolverProgress], None]
+Found = Callable[[Attempt], None]
 
 
 def attempt(task: RefineTask, solver: StagedSolver, start: int, steering: Steering) -> Attempt:
@@ -105,35 +106,62 @@ def run_starts(
     workers: int,
     time_limit: float,
     report: Report | None = None,
+    found: Found | None = None,
+    earlier: Sequence[Attempt] = (),
 ) -> tuple[list[Attempt], bool]:
     """Return the attempts of all starts, by number, and whether Ctrl-C cut them short.
 
     After `time_limit` s, and on Ctrl-C, solvers stop and return the best they have; starts that
-    have not begun are left out.
+    have not begun are left out. `found` is called with each attempt that is made; `earlier` ones
+    are not made again.
     """
     deadline = time.monotonic() + time_limit
-    if min(workers, starts) <= 1:
-        return _run_here(task, starts, deadline, report)
-    return _run_in_children(task, starts, min(workers, starts), deadline, report)
+    done = {one.start: one for one in earlier}
+    waiting = [start for start in range(starts) if start not in done]
+
+    def take(made: Attempt) -> None:
+        done[made.start] = made
+        if found is not None:
+            found(made)
+
+    run = _run_in_children if min(workers, len(waiting)) > 1 else _run_here
+    interrupted = bool(waiting) and run(
+        _StartsToRun(task, waiting, done, deadline, report, take), workers
+    )
+    return [done[start] for start in sorted(done)], interrupted
 
 
-def _run_here(
-    task: RefineTask, starts: int, deadline: float, report: Report | None
-) -> tuple[list[Attempt], bool]:
-    done: list[Attempt] = []
-    solver = StagedSolver(task.problem)
+@dataclass(frozen=True, slots=True)
+class _StartsToRun:
+    """The starts that wait, those that are done, and who hears of them."""
+
+    task: RefineTask
+    waiting: list[int]
+    done: Mapping[int, Attempt]
+    deadline: float
+    report: Report | None
+    take: Found
+
+    def over(self) -> bool:
+        """Whether no further start begins; the first one does, however late it is."""
+        return bool(self.done) and time.monotonic() >= self.deadline
+
+
+def _run_here(search: _StartsToRun, _workers: int) -> bool:
+    solver = StagedSolver(search.task.problem)
+    report = search.report
     with _interruption() as interrupted:
-        for start in range(starts):
-            if interrupted.is_set() or (done and time.monotonic() >= deadline):
+        for start in search.waiting:
+            if interrupted.is_set() or search.over():
                 break
 
             def pass_on(progress: SolverProgress, number: int = start) -> None:
                 if report is not None:
                     report(number, progress)
 
-            steering = Steering(deadline, interrupted.is_set, pass_on)
-            done.append(attempt(task, solver, start, steering))
-        return done, interrupted.is_set()
+            steering = Steering(search.deadline, interrupted.is_set, pass_on)
+            search.take(attempt(search.task, solver, start, steering))
+        return interrupted.is_set()
 
 
 @contextlib.contextmanager
@@ -205,25 +233,21 @@ class _Child:
         self.messages.put((self.number, "gone", None))
 
 
-def _run_in_children(
-    task: RefineTask, starts: int, workers: int, deadline: float, report: Report | None
-) -> tuple[list[Attempt], bool]:
+def _run_in_children(search: _StartsToRun, workers: int) -> bool:
     messages: queue.Queue[Any] = queue.Queue()
-    waiting = list(range(starts))
-    done: dict[int, Attempt] = {}
+    waiting = search.waiting[:]
     children: list[_Child] = []
     busy: set[int] = set()
 
     def give(child: _Child) -> None:
-        left = deadline - time.monotonic()
-        if waiting and (left > 0.0 or not (done or busy)):
-            child.send((waiting.pop(0), left))
+        if waiting and not (search.over() or (busy and time.monotonic() >= search.deadline)):
+            child.send((waiting.pop(0), search.deadline - time.monotonic()))
             busy.add(child.number)
 
     with _interruption() as interrupted:
         try:
-            for number in range(workers):
-                children.append(_Child(number, task, messages))
+            for number in range(min(workers, len(waiting))):
+                children.append(_Child(number, search.task, messages))
                 give(children[-1])
             stopping = False
             while busy:
@@ -236,20 +260,20 @@ def _run_in_children(
                     number, kind, value = messages.get(timeout=0.05)
                 except queue.Empty:
                     continue
-                if kind == "progress" and report is not None:
-                    report(*value)
+                if kind == "progress" and search.report is not None:
+                    search.report(*value)
                 elif kind == "done":
-                    done[value.start] = value
+                    search.take(value)
                     busy.discard(number)
                     give(children[number])
                 elif kind == "gone" and number in busy:
-                    raise SyncplanError(
+                    raise ProcessEndedError(
                         f"a process of the refinement ended: {children[number].process.complaint()}"
                     )
         finally:
             for child in children:
                 child.process.end()
-        return [done[start] for start in sorted(done)], interrupted.is_set()
+        return interrupted.is_set()
 
 
 def serve_tasks(descriptor: int) -> None:

@@ -36,6 +36,7 @@ from syncplan.synchronisation.phases import synchronise
 
 if TYPE_CHECKING:
     from syncplan.refinement.ipopt import SolverProgress
+    from syncplan.refinement.kept_starts import EarlierSearch
     from syncplan.refinement.parallel_starts import Attempt
 
 __all__ = ["RefineProgress", "options_for", "refine"]
@@ -60,6 +61,7 @@ def refine(
     workers: int | None = None,
     bound: BoundChoice = "auto",
     progress: RefineProgress | None = None,
+    earlier: "EarlierSearch | None" = None,
     **changes: Any,
 ) -> Plan:
     """Return the best plan found near `subject`: never worse, and violating nothing it met.
@@ -69,9 +71,10 @@ def refine(
 
     `options` default to the scenario's `refine` section; `changes` replace some of its keys
     (objective="logdet", starts=1, ...; see RefineOptions). `workers` is the number of processes,
-    by default one a core; it changes no result. `bound` is that of `plan`. The plan's `refinement`
-    records the search. Where nothing better was found, the record says why, and the plan is the
-    input.
+    by default one a core; it changes no result. `earlier` is what an interrupted search has kept:
+    its starts are not made again, and the result is that of a search never interrupted. `bound` is
+    that of `plan`. The plan's `refinement` records the search. Where nothing better was found, the
+    record says why, and the plan is the input.
 
     Raises InputError for options that cannot be used, and NoSolutionError, naming the constraints,
     where they conflict.
@@ -87,7 +90,7 @@ def refine(
     predict = problem.objective.predicted or bound_is_affordable(given.team, problem.duration)
     before = measure(problem, given.orbits, predict=predict)
     case = _Case(given, chosen, problem, before, predict)
-    attempts, cut_short = _search(case, workers, progress)
+    attempts, cut_short = _search(case, workers, progress, earlier)
     return _best(case, attempts, cut_short, bound)
 
 
@@ -128,16 +131,20 @@ class _Case:
 
 
 def _search(
-    case: _Case, workers: int | None, progress: RefineProgress | None
+    case: _Case,
+    workers: int | None,
+    progress: RefineProgress | None,
+    earlier: "EarlierSearch | None",
 ) -> tuple[list["Attempt"], bool]:
     """Attempts from all starts, and whether the search was cut short.
 
     If only the window bound keeps them from passing, all start once more with it as a constraint.
     """
+    from syncplan.refinement.kept_starts import keeper, kept_attempts
     from syncplan.refinement.objective_forms import FORMS
     from syncplan.refinement.parallel_starts import RefineTask, run_starts, searched_nearby
 
-    began = time.monotonic()
+    began = time.monotonic() - (0.0 if earlier is None else earlier.spent_s)
     problem, options, before = case.problem, case.options, case.before
     in_units = FORMS[problem.objective.name].in_units
     task = RefineTask(
@@ -153,17 +160,23 @@ def _search(
         if progress is not None:
             progress(start, at.iteration, in_units(problem, at.objective))
 
-    def run(one: RefineTask) -> tuple[list["Attempt"], bool]:
+    def run(one: RefineTask, first: int) -> tuple[list["Attempt"], bool]:
         left = max(options.time_limit_s - (time.monotonic() - began), 0.0)
         return run_starts(
-            one, options.starts, workers=workers or usable_cores(), time_limit=left, report=report
+            one,
+            options.starts,
+            workers=workers or usable_cores(),
+            time_limit=left,
+            report=report,
+            found=keeper(earlier, first),
+            earlier=kept_attempts(earlier, one, range(first, first + options.starts)),
         )
 
-    attempts, interrupted = run(task)
+    attempts, interrupted = run(task, 0)
     over = interrupted or time.monotonic() - began >= options.time_limit_s
     if not over and _stopped_by_window_bound(attempts, before):
         limited = replace(problem, window_limit=before.figures.window_bound)
-        again, interrupted = run(replace(task, problem=limited))
+        again, interrupted = run(replace(task, problem=limited), options.starts)
         attempts += [replace(one, start=one.start + options.starts) for one in again]
     if not interrupted:
         attempts, interrupted = searched_nearby(task, attempts, began + options.time_limit_s)

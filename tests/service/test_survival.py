@@ -10,7 +10,6 @@ import signal
 import tempfile
 import threading
 import time
-from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import count
@@ -21,6 +20,7 @@ import httpx2
 import pytest
 
 import syncplan
+from tests.tools.busy_children import at_work, busy, on_duty
 from tests.tools.full_disk import fill, small_disk
 from tests.tools.processes import PATIENCE_S, wait_until
 from tests.tools.scenarios import example
@@ -58,43 +58,6 @@ def address(request: pytest.FixtureRequest) -> str | None:
     if request.param == "sqlite":
         return None
     return new_database(request.getfixturevalue("postgres"))
-
-
-def at_work(site: Site, process: Process) -> set[int]:
-    """Children of a process that compute, or would if they were let, for most of half a second."""
-    seen: Counter[int] = Counter()
-    for _ in range(5):
-        seen.update(one for one in site.family(process) if _runs(one))
-        time.sleep(0.1)
-    return {one for one, times in seen.items() if times >= 3}
-
-
-def _runs(process: int) -> bool:
-    """Whether a thread of a process is running or waits for its turn to."""
-    for one in Path(f"/proc/{process}/task").glob("*/stat"):
-        with contextlib.suppress(OSError):
-            if one.read_text().rpartition(")")[2].split()[0] == "R":
-                return True
-    return False
-
-
-def busy(site: Site, process: Process, number: int = 1) -> set[int]:
-    """Children of a process, once that many of them compute."""
-    found: set[int] = set()
-
-    def enough() -> bool:
-        found.clear()
-        found.update(at_work(site, process))
-        return len(found) >= number
-
-    wait_until(enough, otherwise=site.logs)
-    return found
-
-
-def on_duty(site: Site, number: int) -> None:
-    """Wait until that many workers have started."""
-    log = site.folder / "worker.log"
-    wait_until(lambda: log.read_text().count('"syncplan.worker"') >= number, otherwise=site.logs)
 
 
 def warm(site: Site, process: Process) -> None:

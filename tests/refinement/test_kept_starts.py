@@ -1,0 +1,71 @@
+"""A refinement that is interrupted and goes on comes to what one comes to that never was."""
+
+import json
+
+import pytest
+
+from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import plan
+from syncplan.refinement.kept_starts import EarlierSearch
+from syncplan.refinement.refiner import refine
+from syncplan.reports.plan_report import plan_document
+from syncplan.runtime.files import as_text
+from tests.tools.scenarios import small
+
+STARTS = 3
+
+
+@pytest.fixture(scope="module")
+def pair() -> Plan:
+    return plan(small(landmarks_m=[[0.0, 40.0], [70.0, 40.0]]))
+
+
+@pytest.fixture(scope="module")
+def whole(pair: Plan) -> tuple[str, dict[int, bytes]]:
+    """The document of a search that is never interrupted, and what it keeps."""
+    return searched(pair, {})
+
+
+def searched(
+    pair: Plan, finished: dict[int, bytes], workers: int = 1, spent_s: float = 0.0
+) -> tuple[str, dict[int, bytes]]:
+    kept: dict[int, bytes] = {}
+    earlier = EarlierSearch(finished, spent_s, kept.__setitem__)
+    better = refine(
+        pair,
+        vary=["phases", "centers"],
+        starts=STARTS,
+        seed=1,
+        workers=workers,
+        earlier=earlier,
+    )
+    return as_text(plan_document(better).as_json()), kept
+
+
+def test_keeping_changes_nothing(pair: Plan, whole: tuple[str, dict[int, bytes]]) -> None:
+    better = refine(pair, vary=["phases", "centers"], starts=STARTS, seed=1, workers=1)
+    assert as_text(plan_document(better).as_json()) == whole[0]
+    assert sorted(whole[1]) == list(range(STARTS))
+
+
+@pytest.mark.parametrize(("known", "workers"), [([0], 1), ([2], 2), ([0, 1, 2], 1)])
+def test_kept_starts_are_not_made_again_and_the_result_is_the_same(
+    pair: Plan, whole: tuple[str, dict[int, bytes]], known: list[int], workers: int
+) -> None:
+    expected, kept = whole
+    document, made = searched(pair, {k: kept[k] for k in known}, workers)
+    assert document == expected
+    assert sorted(made) == [k for k in range(STARTS) if k not in known]
+
+
+def test_the_time_that_was_spent_counts(pair: Plan, whole: tuple[str, dict[int, bytes]]) -> None:
+    document, made = searched(pair, {1: whole[1][1]}, spent_s=1e6)
+    record = json.loads(document)["refinement"]
+    assert record["cut_short"]
+    assert [one["start"] for one in record["starts"]] == [1]
+    assert made == {}
+
+
+def test_a_start_that_was_stopped_is_not_kept(pair: Plan) -> None:
+    _, made = searched(pair, {}, spent_s=1e6)
+    assert made == {}
