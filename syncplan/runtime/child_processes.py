@@ -34,6 +34,15 @@ _WITHHELD = re.compile(
 """Variables that children don't get: settings, PostgreSQL's, and what is named like a secret."""
 
 
+_SET = {
+    "OPENBLAS_NUM_THREADS": "1",
+    # glibc: arrays of a task come from memory that the one before has given back
+    "MALLOC_MMAP_THRESHOLD_": str(8 * 2**20),
+    "MALLOC_TRIM_THRESHOLD_": str(24 * 2**20),
+}
+"""Variables that children get instead of their parent's."""
+
+
 class ChildProcess:
     """A running child: `connection` carries messages both ways, any that can be pickled.
 
@@ -66,7 +75,7 @@ class ChildProcess:
                 stdout=errors,
                 stderr=errors,
                 pass_fds=[theirs.fileno(), *keep],
-                env=dict(os.environ) if heir else {**_environment(), "OPENBLAS_NUM_THREADS": "1"},
+                env=dict(os.environ) if heir else {**_environment(), **_SET},
             )
 
     def complaint(self) -> str:
