@@ -145,6 +145,7 @@ echo "steps: stop"
 kill -TERM "$server"
 wait "$server" || { cat "$folder/log" >&2; echo "it did not end in good order" >&2; exit 1; }
 server=
-[ "$(ls "$folder/data")" = syncplan.db ] ||
+# the database and the room it keeps for a full disk
+[ "$(ls "$folder/data")" = $'syncplan.db\nsyncplan.db-reserve' ] ||
     { ls -A "$folder/data" >&2; echo "more than the database was left" >&2; exit 1; }
 echo "steps: done"
