@@ -11,7 +11,7 @@ from typing import Any
 
 import httptools
 from uvicorn.protocols.http.flow_control import HIGH_WATER_LIMIT, FlowControl
-from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
+from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol, RequestResponseCycle
 
 from api import refusals
 from api.addresses import network_of
@@ -71,6 +71,8 @@ class HttpProtocol(HttpToolsProtocol):
         # of a body: what its framing may still take
         self._spare = LARGEST_HEAD_BYTES
         self._held = b""
+        # uvicorn's `cycle` is the last one parsed
+        self._running: RequestResponseCycle | None = None
         self._fault: Refusal | None = None
         self._refused = False
         self.due = NEVER
@@ -94,6 +96,7 @@ class HttpProtocol(HttpToolsProtocol):
     def connection_lost(self, exc: Exception | None) -> None:
         """Forget the connection."""
         self.counted.leave(self)
+        self._abandon()
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
@@ -190,12 +193,12 @@ class HttpProtocol(HttpToolsProtocol):
         """End a connection that is due at `now`, a time in s of the loop's clock, or before."""
         if self.stalled_due <= now and self._stalls(now):
             self.counted.refused("unread", "a client does not read its answer", self._address())
-            self.transport.abort()
+            self._abort()
             return
         if self.due > now:
             return
         if self._refused or self.transport.is_closing():
-            self.transport.abort()
+            self._abort()
         elif not self._in_head and self.flow.read_paused:
             # it is the service that does not read on
             self.due = self._body_due = now + self.limits.body_s
@@ -211,7 +214,7 @@ class HttpProtocol(HttpToolsProtocol):
     def turn_away(self) -> None:
         """Answer that there is no room, unless that is answered already, and close."""
         if self._refused:
-            self.transport.abort()
+            self._abort()
         else:
             self._refuse(refusals.crowd(self.limits), linger=False)
 
@@ -253,6 +256,22 @@ class HttpProtocol(HttpToolsProtocol):
         self._unread, self.stalled_due = unread, now + self.limits.answer_s
         return stalls
 
+    def _start_asgi_task(self, cycle: RequestResponseCycle, app: Any) -> None:
+        self._running = cycle
+        super()._start_asgi_task(cycle, app)
+
+    def _abandon(self) -> None:
+        """Let the application know that nobody waits for its answers; begin with no more."""
+        for cycle in (self._running, *(one for one, _ in self.pipeline)):
+            if cycle is not None and not cycle.response_complete:
+                cycle.disconnected = True
+                cycle.message_event.set()
+        self.pipeline.clear()
+
+    def _abort(self) -> None:
+        self._abandon()
+        self.transport.abort()
+
     def _stop(self, refusal: Refusal) -> None:
         self._fault = refusal
         raise _RefusedError
@@ -277,12 +296,10 @@ class HttpProtocol(HttpToolsProtocol):
                 # what was asked before is answered, and is the last
                 cycle.keep_alive, self.due = False, NEVER
                 return
-            if self.pipeline or cycle.response_started:
+            self._abandon()
+            if cycle.response_started or cycle is not self._running:
                 self._close(now)
                 return
-            # nobody waits for what the application says now
-            cycle.disconnected = True
-            cycle.message_event.set()
         elif not self._in_head:
             # it has its answer, and only its body is at fault
             self._close(now)

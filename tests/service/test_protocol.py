@@ -1,7 +1,9 @@
 """HTTP below the application: what no route ever sees is answered with a problem as well."""
 
+import asyncio
 import contextlib
 import json
+import logging
 import socket
 from collections.abc import Iterator
 from typing import Any
@@ -12,7 +14,7 @@ from fastapi import Request, Response
 from api.connections import ConnectionLimits
 from api.refusals import LARGEST_HEAD_BYTES
 from tests.tools.api_apps import bare_app, served
-from tests.tools.processes import PATIENCE_S
+from tests.tools.processes import PATIENCE_S, wait_until
 
 HOST = b"Host: here\r\n"
 
@@ -243,3 +245,27 @@ def test_the_reserve_answers_probes_and_closes() -> None:
         assert _problem(said)["status"] == 503
         assert b"retry-after: 1" in said
         assert _statuses(_said(number, b"")) == [503]
+
+
+def test_what_waits_behind_an_answer_ends_with_the_nonsense_after_it(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    begun: list[int] = []
+    ended: list[int] = []
+    app = bare_app()
+
+    @app.get("/")
+    async def slow() -> None:
+        begun.append(1)
+        await asyncio.sleep(0.3)
+        ended.append(1)
+
+    with served(app, ConnectionLimits(), ws="none") as number:
+        two = 2 * (b"GET / HTTP/1.1\r\n" + HOST + b"\r\n")
+        assert _statuses(_said(number, two + b"nonsense\r\n\r\n")) == []
+        wait_until(lambda: bool(ended))
+        assert _statuses(_said(number, b"GET /no HTTP/1.1\r\n" + HOST + b"\r\n", answers=1)) == [
+            404
+        ]
+    assert len(begun) == 1
+    assert [one for one in caplog.records if one.levelno >= logging.ERROR] == []
