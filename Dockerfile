@@ -10,7 +10,7 @@
 
 FROM python:3.11-slim AS build
 WORKDIR /source
-COPY requirements.lock pyproject.toml README.md ./
+COPY pyproject.toml README.md ./
 COPY syncplan ./syncplan
 COPY api ./api
 COPY docker ./docker

@@ -6,7 +6,7 @@
 # make docs    set up and build the documentation into build/site, which opens without a server
 # make container-steps    follow the steps of the Dockerfile without a container
 # make benchmarks    measure against peers, side by side
-# make lock    renew requirements.lock
+# make lock    renew requirements.lock, and docker/service.lock, which has the image's part of it
 # make clean   remove the virtual environment and caches
 
 PYTHON ?= python3
@@ -25,10 +25,14 @@ export PIP_DISABLE_PIP_VERSION_CHECK = 1
 # the checks start hundreds of processes: each would compile all modules anew
 unexport PYTHONDONTWRITEBYTECODE
 
-# uv installs in a tenth of pip's time; pip where uv finds no way to the package index
-install = $(BIN)/pip install --quiet $(UV) && \
-	$(BIN)/uv pip install --quiet --python $(BIN)/python --constraint requirements.lock --editable $(1) || \
-	$(BIN)/pip install --quiet --constraint requirements.lock --editable $(1)
+# uv installs in a tenth of pip's time, and checks the hashes that are locked; where it finds no way to
+# the package index, pip does, which takes them for a list alone: all that is locked
+install = sed -n '/^uv==/,/[^\]$$/p' requirements.lock > $(VENV)/uv.lock && \
+	$(BIN)/pip install --quiet --require-hashes --requirement $(VENV)/uv.lock && \
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --constraint requirements.lock \
+		--build-constraint requirements.lock --editable $(1) || \
+	{ $(BIN)/pip install --quiet --require-hashes --requirement requirements.lock && \
+	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable $(1); }
 
 .PHONY: demo serve check check-all docs postgresql chromium container-steps benchmarks lock clean
 
@@ -117,10 +121,16 @@ $(VENV)/.docs: $(BIN)/python pyproject.toml requirements.lock
 	$(call install,'.[api,client,docs]')
 	touch $@ $(VENV)/.api $(VENV)/.run
 
+# what builds the project is locked too
+BUILD   := 'hatchling>=1.26,<2' 'editables>=0.5,<1'
+compile = $(BIN)/uv pip compile --quiet --no-header --no-annotate --no-emit-index-url --no-emit-find-links \
+	--generate-hashes --python-version 3.11 --output-file $(1) $(2) pyproject.toml -
+
 lock: $(BIN)/python
 	$(BIN)/pip install --quiet $(UV)
-	$(BIN)/uv pip compile --quiet --no-header --no-annotate --no-emit-index-url --no-emit-find-links --all-extras \
-		--python-version 3.11 --output-file requirements.lock pyproject.toml
+	printf '%s\n' $(BUILD) $(UV) | $(call compile,requirements.lock,--all-extras)
+	cp requirements.lock docker/service.lock
+	printf '%s\n' $(BUILD) | $(call compile,docker/service.lock,--extra telemetry)
 
 clean:
 	rm -rf $(VENV) .import_linter_cache .mypy_cache .pytest_cache .ruff_cache .hypothesis .schemathesis build dist

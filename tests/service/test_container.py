@@ -47,6 +47,30 @@ def test_all_that_is_copied_is_there_and_not_ignored() -> None:
     assert {"api", "syncplan"} <= packages
 
 
+LOCKS = {name: (ROOT / name).read_text() for name in ("requirements.lock", "docker/service.lock")}
+
+
+def _pins(lock: str) -> dict[str, str]:
+    """Each pin of a lock with the text of its hashes; nothing else may be in it."""
+    entries = re.findall(
+        r"^([a-z0-9.-]+==\S+)((?: \\\n    --hash=sha256:[0-9a-f]{64})*)\n", lock, re.M
+    )
+    assert sum(len(pin) + len(hashes) + 1 for pin, hashes in entries) == len(lock)
+    return dict(entries)
+
+
+@pytest.mark.parametrize("lock", LOCKS)
+def test_every_library_that_is_locked_has_its_hashes(lock: str) -> None:
+    assert all(hashes for hashes in _pins(LOCKS[lock]).values())
+
+
+def test_the_image_has_the_versions_that_are_tested() -> None:
+    everything, served = (_pins(lock) for lock in LOCKS.values())
+    assert served.items() <= everything.items()
+    assert {"fastapi", "hatchling"} <= {pin.partition("==")[0] for pin in served}
+    assert len(served) < len(everything)
+
+
 def test_the_image_serves_as_a_user_without_rights() -> None:
     told = dict(LAST_STAGE)
     assert told["USER"] == "syncplan"
