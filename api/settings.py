@@ -149,6 +149,12 @@ class Settings(BaseSettings):
     keep_jobs_s: Seconds = Field(
         default=7 * 86400.0, description="how long ended jobs are kept, in seconds"
     )
+    keep_plans_s: Seconds | None = Field(
+        default=None, description="how long plans are kept, in seconds; for ever if not given"
+    )
+    max_plans: Count = Field(
+        default=20_000, description="most stored plans of one key before no more can be posted"
+    )
     keep_answers_s: Seconds = Field(
         default=86400.0,
         description="how long an answer is kept under its Idempotency-Key, in seconds",

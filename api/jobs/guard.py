@@ -22,6 +22,7 @@ from api.storage.clock import earlier
 from api.storage.database import Database, unavailable
 from api.storage.ended_jobs import delete_jobs, ended_before
 from api.storage.kept_answers import forget_answers
+from api.storage.plan_records import forget_plans
 
 __all__ = ["Guard"]
 
@@ -40,6 +41,7 @@ class Guard:
     at_work : the workflows that this process is at, as they come and go
     heartbeat_s, dead_after_s : between heartbeats; without one until a process is dead
     keep_jobs_s, keep_answers_s : how long ended jobs and given answers are kept
+    keep_plans_s : how long plans are kept; for ever if None
     version_grace_s : how long jobs wait for a worker of the version that began them
     job_over : called with each job that is failed
     """
@@ -55,6 +57,7 @@ class Guard:
         dead_after_s: float,
         keep_jobs_s: float,
         keep_answers_s: float,
+        keep_plans_s: float | None = None,
         version_grace_s: float,
         job_over: Callable[[str], None] = lambda _job_id: None,
         clock: Callable[[], float] = time.monotonic,
@@ -68,6 +71,7 @@ class Guard:
         self._dead_after_s = dead_after_s
         self._keep_jobs_s = keep_jobs_s
         self._keep_answers_s = keep_answers_s
+        self._keep_plans_s = keep_plans_s
         self._clock = clock
         # what runs no jobs leaves those of other versions to workers
         grace_s = None if executor_id is None else version_grace_s
@@ -192,3 +196,5 @@ class Guard:
         with self._database.writing() as connection:
             forget_answers(connection, earlier(time, self._keep_answers_s))
             delete_jobs(connection, old)
+            if self._keep_plans_s is not None:
+                forget_plans(connection, earlier(time, self._keep_plans_s))

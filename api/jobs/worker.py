@@ -135,6 +135,7 @@ def guard_of(
         dead_after_s=settings.dead_after_s,
         keep_jobs_s=settings.keep_jobs_s,
         keep_answers_s=settings.keep_answers_s,
+        keep_plans_s=settings.keep_plans_s,
         version_grace_s=settings.version_grace_s,
         job_over=counts.job_over,
     )

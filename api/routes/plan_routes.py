@@ -10,13 +10,13 @@ from api.callers import computed
 from api.idempotency import CurrentCall, answer_once
 from api.negotiation import accepts
 from api.plan_texts import PlanText
-from api.problems import NotFound, PreconditionFailed, problem_responses
+from api.problems import NotFound, PreconditionFailed, StorageFull, problem_responses
 from api.responses import PlanPage, PlanSummary, StoredPlan
 from api.routes.paging import Before, Limit, page_and_next
 from api.security import CurrentOwner
 from api.service import CurrentService, Service
 from api.storage.kept_answers import Answer
-from api.storage.plan_records import PlanRow, add_plan, body_of, delete_plan, list_plans
+from api.storage.plan_records import PlanRow, add_plan, body_of, delete_plan, has_room, list_plans
 
 __all__ = ["Identifier", "find_or_refuse", "router"]
 
@@ -56,6 +56,9 @@ async def create_plan(
         return made
 
     def store(connection: Connection, made: PlanText) -> Answer:
+        most = call.service.settings.max_plans
+        if not has_room(connection, call.owner, most):
+            raise StorageFull(f"you have {most} stored plans, the most allowed; delete some")
         row = add_plan(connection, call.owner, made)
         headers = {"location": f"/v1/plans/{row.id}", "etag": f'"{row.etag}"'}
         return Answer(call.digest, 201, headers, body_of(row))

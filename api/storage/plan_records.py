@@ -6,13 +6,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import Connection, bindparam, delete, insert, select
+from sqlalchemy import Connection, bindparam, delete, func, insert, select
 
 from api.plan_texts import PlanText
 from api.storage.clock import moment, new_id
 from api.storage.tables import plans
 
-__all__ = ["PlanRow", "add_plan", "body_of", "delete_plan", "find_plans", "list_plans"]
+__all__ = [
+    "PlanRow",
+    "add_plan",
+    "body_of",
+    "delete_plan",
+    "find_plans",
+    "forget_plans",
+    "has_room",
+    "list_plans",
+]
+
+_FORGOTTEN_AT_ONCE = 100
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,6 +107,21 @@ def list_plans(
 def delete_plan(connection: Connection, owner: str, plan_id: str) -> None:
     """Delete an owner's plan, if it is there."""
     connection.execute(delete(plans).where(plans.c.id == plan_id, plans.c.owner == owner))
+
+
+def has_room(connection: Connection, owner: str, most: int) -> bool:
+    """Return whether an owner has fewer than `most` plans."""
+    counted = select(plans.c.id).where(plans.c.owner == owner).limit(most).subquery()
+    return connection.execute(select(func.count()).select_from(counted)).scalar_one() < most
+
+
+def forget_plans(connection: Connection, older_than: str) -> None:
+    """Delete the oldest plans, a hundred at most, as far as they were made before a time."""
+    # by identifiers, which are ordered by time: nothing else is indexed
+    oldest = select(plans.c.id, plans.c.created_at).order_by(plans.c.id).limit(_FORGOTTEN_AT_ONCE)
+    old = [one for one, created_at in connection.execute(oldest) if created_at < older_than]
+    if old:
+        connection.execute(delete(plans).where(plans.c.id.in_(old)))
 
 
 def body_of(row: PlanRow) -> str:

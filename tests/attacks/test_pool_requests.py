@@ -7,6 +7,7 @@ from tests.tools.api_servers import problem, serving, speaking
 from tests.tools.plain_http import answered, asking
 from tests.tools.processes import family, wait_until
 from tests.tools.scenarios import document, shared_circles
+from tests.tools.serving import QUICK
 
 FLOOD = 60
 
@@ -75,3 +76,20 @@ def test_what_clients_who_went_away_asked_for_is_not_computed(tmp_path: Path) ->
         assert waited < 5 * (time.monotonic() - began)
         # nor were processes killed and begun by the dozen
         assert len(set(family(server.popen.pid)) - set(children)) <= 3
+
+
+def test_an_owner_stores_a_limited_number_of_plans_until_they_expire(tmp_path: Path) -> None:
+    settings = {**QUICK, "SYNCPLAN_MAX_PLANS": "3", "SYNCPLAN_KEEP_PLANS_S": "5"}
+    with (
+        serving(tmp_path, "ann eve", **settings) as server,
+        speaking(server, "ann") as ann,
+        speaking(server, "eve") as eve,
+    ):
+        answers = [ann.post("/v1/plans", json=document()) for _ in range(4)]
+        assert [one.status_code for one in answers] == [201, 201, 201, 507]
+        assert "3 stored plans" in problem(answers[3], 507).detail
+        assert eve.post("/v1/plans", json=document()).status_code == 201
+        assert ann.post("/v1/previews", json=document()).status_code == 200
+        assert ann.delete(answers[0].headers["location"]).status_code == 204
+        assert ann.post("/v1/plans", json=document()).status_code == 201
+        wait_until(lambda: ann.get("/v1/plans").json()["items"] == [])

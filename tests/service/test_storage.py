@@ -28,7 +28,15 @@ from api.storage.kept_answers import (
     keep_answer,
 )
 from api.storage.migrations import MIGRATIONS
-from api.storage.plan_records import add_plan, body_of, delete_plan, find_plans, list_plans
+from api.storage.plan_records import (
+    add_plan,
+    body_of,
+    delete_plan,
+    find_plans,
+    forget_plans,
+    has_room,
+    list_plans,
+)
 from api.storage.tables import answers, job_parts, schema_version
 from api.storage.tables import executors as executor_rows
 from api.storage.write_check import WriteCheck
@@ -485,3 +493,20 @@ def test_room_is_kept_to_open_a_database_on_a_full_disk(tmp_path: Path) -> None:
     assert release_reserve(path)
     assert not reserve.exists()
     assert not release_reserve(path)
+
+
+def test_an_owner_has_room_until_the_most_plans_are_stored(connection: Connection) -> None:
+    for number in range(3):
+        assert has_room(connection, "ann", 3), number
+        add_plan(connection, "ann", MADE)
+    assert not has_room(connection, "ann", 3)
+    assert has_room(connection, "eve", 3)
+
+
+def test_plans_are_forgotten_by_their_age_alone(connection: Connection) -> None:
+    rows = [add_plan(connection, owner, MADE) for owner in ("ann", "eve", "ann")]
+    forget_plans(connection, rows[0].created_at)
+    assert len(list_plans(connection, "ann", 10, None)) == 2
+    forget_plans(connection, rows[2].created_at)
+    assert [one["id"] for one in list_plans(connection, "ann", 10, None)] == [rows[2].id]
+    assert list_plans(connection, "eve", 10, None) == []
