@@ -84,12 +84,13 @@ def refine(
     if options is not None and not isinstance(options, RefineOptions):
         raise InputError("must be RefineOptions; give single keys by name", key="options")
     given = planned(subject, bound=bound)
+    began = time.monotonic()
     chosen = options_for(given.scenario, options, changes)
     problem = problem_of(given, chosen)
     refuse_conflicts(given, problem, chosen)
     predict = problem.objective.predicted or bound_is_affordable(given.team, problem.duration)
     before = measure(problem, given.orbits, predict=predict)
-    case = _Case(given, chosen, problem, before, predict)
+    case = _Case(given, chosen, problem, before, predict, began)
     attempts, cut_short = _search(case, workers, progress, earlier)
     return _best(case, attempts, cut_short, bound)
 
@@ -118,13 +119,17 @@ def options_for(
 
 @dataclass(frozen=True, slots=True)
 class _Case:
-    """A plan, the problem that it poses, and its own measurement, with the bound if `predict`."""
+    """A plan, the problem that it poses, and its own measurement, with the bound if `predict`.
+
+    The time of the search counts from `began` (monotonic), so it includes that measurement.
+    """
 
     given: Plan
     options: RefineOptions
     problem: RefineProblem
     before: Measurement
     predict: bool
+    began: float
 
 
 # --- search ---------------------------------------------------------------------------------------
@@ -144,7 +149,7 @@ def _search(
     from syncplan.refinement.objective_forms import FORMS
     from syncplan.refinement.parallel_starts import RefineTask, run_starts, searched_nearby
 
-    began = time.monotonic() - (0.0 if earlier is None else earlier.spent_s)
+    began = case.began - (0.0 if earlier is None else earlier.spent_s)
     problem, options, before = case.problem, case.options, case.before
     in_units = FORMS[problem.objective.name].in_units
     task = RefineTask(

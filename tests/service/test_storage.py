@@ -37,7 +37,7 @@ from api.storage.plan_records import (
     has_room,
     list_plans,
 )
-from api.storage.tables import answers, job_parts, schema_version
+from api.storage.tables import answers, job_parts, plans, schema_version
 from api.storage.tables import executors as executor_rows
 from api.storage.write_check import WriteCheck
 from syncplan.errors import InputError
@@ -505,8 +505,11 @@ def test_an_owner_has_room_until_the_most_plans_are_stored(connection: Connectio
 
 def test_plans_are_forgotten_by_their_age_alone(connection: Connection) -> None:
     rows = [add_plan(connection, owner, MADE) for owner in ("ann", "eve", "ann")]
-    forget_plans(connection, rows[0].created_at)
+    for day, row in enumerate(rows, 1):
+        made_at = f"2026-01-0{day}T00:00:00.000000Z"
+        connection.execute(update(plans).where(plans.c.id == row.id).values(created_at=made_at))
+    forget_plans(connection, "2026-01-01T00:00:00.000000Z")
     assert len(list_plans(connection, "ann", 10, None)) == 2
-    forget_plans(connection, rows[2].created_at)
+    forget_plans(connection, "2026-01-03T00:00:00.000000Z")
     assert [one["id"] for one in list_plans(connection, "ann", 10, None)] == [rows[2].id]
     assert list_plans(connection, "eve", 10, None) == []
