@@ -14,8 +14,8 @@ KEPT_S = 1.0
 class Cached:
     """A source whose readings, or whose failure, hold for `kept_s`; one thread at a time reads.
 
-    So scrapes cost the database no more than one reading a second, and one that waits for a
-    database that is away costs a thread, not one for each scrape.
+    So scrapes cost the database no more than one reading a second. While a reading takes long,
+    the others get the last one: a database that hangs costs one thread, not one for each scrape.
     """
 
     def __init__(
@@ -29,20 +29,26 @@ class Cached:
         self._kept_s = kept_s
         self._clock = clock
         self._lock = threading.Lock()
-        self._until = -1.0
-        self._readings: Readings = {}
-        self._failure: Exception | None = None
+        self._until: float | None = None
+        self._last: Readings | Exception = {}
 
     def __call__(self) -> Readings:
-        """Return readings that are at most `kept_s` old; raises what reading raised."""
-        with self._lock:
-            if self._clock() >= self._until:
-                self._readings, self._failure = {}, None
-                try:
-                    self._readings = self._source()
-                except Exception as error:
-                    self._failure = error
-                self._until = self._clock() + self._kept_s
-            if self._failure is not None:
-                raise self._failure
-            return self._readings
+        """Return the newest readings there are; raises what reading raised."""
+        # the first one is waited for
+        if self._lock.acquire(blocking=self._until is None):
+            try:
+                if self._until is None or self._clock() >= self._until:
+                    self._last = self._read()
+                    self._until = self._clock() + self._kept_s
+            finally:
+                self._lock.release()
+        last = self._last
+        if isinstance(last, Exception):
+            raise last
+        return last
+
+    def _read(self) -> Readings | Exception:
+        try:
+            return self._source()
+        except Exception as error:
+            return error

@@ -15,6 +15,7 @@ from api.problems import TooManyRequests
 from api.watching.pool_readings import PoolReadings
 from api.watching.readings_cache import Cached
 from tests.tools.api_apps import bare_app
+from tests.tools.processes import PATIENCE_S
 
 Samples = dict[tuple[str, tuple[tuple[str, str], ...]], float]
 
@@ -175,6 +176,27 @@ def test_scrapes_read_a_source_once_a_second() -> None:
     for now[0] in (100.0, 100.9, 101.0, 101.9, 102.0):
         seen.append(_samples(metrics).get(("syncplan_processes_busy", ())))
     assert seen == [1, 1, None, None, 3]
+
+
+def test_scrapes_do_not_wait_for_one_that_hangs() -> None:
+    now, hanging, goes_on = [0.0], threading.Event(), threading.Event()
+
+    def source() -> Readings:
+        if now[0] > 0.0:
+            hanging.set()
+            assert goes_on.wait(PATIENCE_S)
+        return {"syncplan_processes_busy": {(): 1 + now[0]}}
+
+    cached = Cached(source, kept_s=1.0, clock=lambda: now[0])
+    assert cached() == {"syncplan_processes_busy": {(): 1}}
+    now[0] = 5.0
+    first = threading.Thread(target=cached)
+    first.start()
+    assert hanging.wait(PATIENCE_S)
+    assert cached() == {"syncplan_processes_busy": {(): 1}}
+    goes_on.set()
+    first.join()
+    assert cached() == {"syncplan_processes_busy": {(): 6}}
 
 
 def test_refusals_count_by_status_and_reason() -> None:

@@ -1,0 +1,63 @@
+"""Scrapes of the metrics while the database hangs: they hold up neither each other nor requests."""
+
+import tempfile
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import httpx2
+import psycopg
+import pytest
+
+from api.storage.database import BUSY_S
+from tests.tools.processes import PATIENCE_S
+from tests.tools.serving import Postgres, Server, running, settings_of
+
+SCRAPES = 60
+"""More than the 40 threads that answer requests."""
+
+pytestmark = pytest.mark.long
+
+
+@pytest.fixture
+def postgres() -> Iterator[Postgres]:
+    # pytest's own folders are closed to PostgreSQL's user
+    with tempfile.TemporaryDirectory() as folder:
+        started = Postgres(Path(folder) / "postgres")
+        yield started
+        started.stop()
+
+
+def test_scrapes_of_a_locked_table_leave_room_for_requests(
+    postgres: Postgres, tmp_path: Path
+) -> None:
+    """A backup or a migration locks tables; each scrape used to wait for them in a thread."""
+    settings = settings_of(tmp_path / "data", postgres.url)
+    server = Server(tmp_path / "log", "--no-worker", port=None, **settings)
+
+    def asked(path: str) -> tuple[int, float]:
+        began = time.monotonic()
+        status = httpx2.get(f"{server.url}{path}", timeout=PATIENCE_S).status_code
+        return status, time.monotonic() - began
+
+    with (
+        running(server),
+        psycopg.connect(postgres.url) as other,
+        ThreadPoolExecutor(SCRAPES + 1) as clients,
+    ):
+        # the first readings, and what they load
+        assert asked("/metrics")[0] == 200
+        time.sleep(1.1)
+        other.execute("LOCK TABLE jobs IN ACCESS EXCLUSIVE MODE")
+        scrapes = [clients.submit(asked, "/metrics") for _ in range(SCRAPES)]
+        time.sleep(0.5)
+        status, took_s = asked("/v1/plans")
+        answers = [one.result() for one in scrapes]
+        other.rollback()
+    print(f"a list of plans took {took_s:.2f} s, scrapes {max(s for _, s in answers):.2f} s")
+    assert status == 200
+    assert {one for one, _ in answers} == {200}
+    # what waits for the table waits so long
+    assert took_s < BUSY_S
+    assert max(seconds for _, seconds in answers) < BUSY_S
