@@ -4,7 +4,7 @@ Plans read a second with one and with two HTTP processes; plans made a second by
 beside the library in as many processes; previews beside plans; and what a busy owner, with a
 thousand requests and twenty long jobs, costs another one.
 
-    python benchmarks/service_load.py [--base PATH] [--write]
+    python benchmarks/service_load.py [--base PATH] [--parts reads ...] [--write]
 """
 
 import argparse
@@ -230,26 +230,35 @@ def fairness(base: Path | None, body: bytes) -> list[Row]:
     ]
 
 
-PARTS: tuple[Callable[[Path | None, bytes], list[Row]], ...] = (reads, plans, previews, fairness)
+PARTS: dict[str, Callable[[Path | None, bytes], list[Row]]] = {
+    "reads": reads,
+    "plans": plans,
+    "previews": previews,
+    "fairness": fairness,
+}
+"""What is measured, in order, by the name that asks for it alone."""
 
 
-def main(base: Path | None) -> list[Row]:
-    """Return all rows."""
+def main(base: Path | None = None, parts: Sequence[str] = tuple(PARTS)) -> list[Row]:
+    """Return the rows of these parts; each is printed as it comes."""
     values = example("paper-grid-alternate").model_dump(mode="json", exclude_none=True)
     body = json.dumps(values).encode()
     rows: list[Row] = []
-    for part in PARTS:
-        print(f"{part.__name__} ...", file=sys.stderr, flush=True)
-        rows += part(base, body)
+    for part in parts:
+        found = PARTS[part](base, body)
+        for row in found:
+            print(*row.cells, sep="  |  ", file=sys.stderr, flush=True)
+        rows += found
     return rows
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--base", type=Path, help="another checkout to compare with")
+    parser.add_argument("--parts", nargs="+", choices=PARTS, default=list(PARTS))
     parser.add_argument("--write", action="store_true", help="rewrite the table in README.md")
     wanted = parser.parse_args()
-    rows = [row.cells for row in main(wanted.base)]
+    rows = [row.cells for row in main(wanted.base, wanted.parts)]
     shown = markdown([HEAD, *rows], ["---", "---:", "---:", "---:"])
     print(shown)
     if wanted.write:
