@@ -17,7 +17,7 @@ from api.storage.database import Database
 from api.storage.plan_reader import PlanReader
 from api.storage.plan_writer import PlanWriter
 
-__all__ = ["CurrentService", "CurrentWatch", "Ending", "Service", "limits_of"]
+__all__ = ["CurrentService", "CurrentWatch", "Ending", "Service", "limits_of", "service_of"]
 
 Ending = Event
 """Set once the server is about to end, so that what would go on for long comes to its end too."""
@@ -58,9 +58,14 @@ def limits_of(settings: Settings) -> RequestLimits:
     )
 
 
-async def _service(request: Request) -> Service:
+def service_of(request: Request) -> Service:
+    """Return the service of a request; a dependency takes longer."""
     service: Service = request.app.state.service
     return service
+
+
+async def _service(request: Request) -> Service:
+    return service_of(request)
 
 
 CurrentService = Annotated[Service, Depends(_service)]

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Header, Path, Query, Response
+from fastapi import APIRouter, Depends, Header, Path, Query, Request, Response
 from sqlalchemy import Connection
 from starlette.concurrency import run_in_threadpool
 
@@ -14,7 +14,7 @@ from api.problems import NotFound, PreconditionFailed, StorageFull, problem_resp
 from api.responses import PlanPage, PlanSummary, StoredPlan
 from api.routes.paging import Before, Limit, page_and_next
 from api.security import CurrentOwner
-from api.service import CurrentService, Service
+from api.service import CurrentService, Service, service_of
 from api.storage.kept_answers import Answer
 from api.storage.plan_records import PlanRow, add_plan, body_of, delete_plan, has_room, list_plans
 
@@ -97,13 +97,13 @@ def read_plans(
     },
 )
 async def read_plan(
+    request: Request,
     plan_id: Identifier,
-    service: CurrentService,
     owner: CurrentOwner,
     if_none_match: Annotated[str | None, Header(alias="If-None-Match", description=_TAGS)] = None,
 ) -> Response:
     """The plan, byte for byte as it was made; plans never change."""
-    row = await find_or_refuse(service, owner, plan_id)
+    row = await find_or_refuse(service_of(request), owner, plan_id)
     headers = {"etag": f'"{row.etag}"', "cache-control": "private, no-cache"}
     if if_none_match is not None and _names(if_none_match, row.etag):
         return Response(status_code=304, headers=headers)

@@ -127,5 +127,6 @@ def forget_plans(connection: Connection, older_than: str) -> None:
 def body_of(row: PlanRow) -> str:
     """Return the plan's own bytes with id, created_at and parent_id added at its top."""
     added = {"id": row.id, "created_at": row.created_at, "parent_id": row.parent_id}
-    opening = json.dumps(added, indent=1)[: -len("\n}")]
-    return f"{opening},{row.text[1:]}"
+    # as json.dumps with indent=1 writes it, which takes ten times as long
+    lines = [f' "{name}": {json.dumps(value)},' for name, value in added.items()]
+    return "\n".join(["{", *lines]) + row.text[1:]
