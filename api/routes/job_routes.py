@@ -267,7 +267,7 @@ def _refuse_more_seconds(connection: Connection, call: Call) -> None:
     spent_s = computed_seconds(connection, call.owner, since)
     if spent_s >= most_s:
         raise TooManyRequests(
-            f"your jobs of the last 24 hours have computed for {spent_s:.0f} s, the most allowed "
-            f"is {most_s:.0f} s; wait for older ones to pass out of the 24 hours",
+            f"your jobs of the last 24 hours have computed for {spent_s:.1f} s, the most allowed "
+            f"is {most_s:g} s; wait for older ones to pass out of the 24 hours",
             retry_after_s=_RETRY_AFTER_SECONDS_S,
         )

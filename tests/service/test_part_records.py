@@ -1,0 +1,140 @@
+"""Parts of jobs: how often each is begun, what it took, which version's it is, what is kept."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from sqlalchemy import Connection, func, select
+
+from api.job_kinds.job_kind import Batch, JobReport
+from api.storage import batch_records, job_queries, job_records, part_records
+from api.storage.clock import earlier, moment
+from api.storage.database import open_database
+from api.storage.part_records import BEGINNING, PartHistory
+from api.storage.tables import job_parts, job_starts
+from api.storage.waiting_jobs import begin_anew, jobs_that_wait
+
+VERSION = "1.0+1"
+BATCHES = [Batch(0, 0, 32), Batch(0, 32, 8)]
+
+
+@pytest.fixture
+def connection(tmp_path: Path) -> Iterator[Connection]:
+    database = open_database(f"sqlite:///{tmp_path / 'syncplan.db'}")
+    with database.writing() as opened:
+        yield opened
+    database.close()
+
+
+def begun(connection: Connection, owner: str = "ann") -> str:
+    """A job that this version has begun."""
+    new = job_records.NewJob("validation", "{}", 40, "plan", "text")
+    job_id = job_records.add_job(connection, owner, new).id
+    assert job_queries.start_job(connection, job_id, VERSION)
+    return job_id
+
+
+def test_any_version_begins_a_job_and_no_other_one_works_on_it(connection: Connection) -> None:
+    job_id = begun(connection)
+    assert job_queries.begun_job(connection, job_id, VERSION)
+    assert job_queries.start_job(connection, job_id, "2.0+1") is None
+    assert job_queries.begun_job(connection, job_id, "2.0+1") is None
+    assert part_records.begin_part(connection, job_id, BEGINNING, "2.0+1") is None
+    assert part_records.worked_on(connection, {job_id}, VERSION) == {job_id}
+    assert part_records.worked_on(connection, {job_id}, "2.0+1") == set()
+
+
+def test_attempts_deaths_and_seconds_of_a_part_add_up(connection: Connection) -> None:
+    job_id = begun(connection)
+    assert part_records.begin_part(connection, job_id, BEGINNING, VERSION) == PartHistory(1, 0, 0.0)
+    assert part_records.count_death(connection, job_id, BEGINNING) == 1
+    part_records.add_seconds(connection, job_id, BEGINNING, 2.5)
+    assert part_records.begin_part(connection, job_id, BEGINNING, VERSION) == PartHistory(2, 1, 2.5)
+    part_records.withdraw_part(connection, job_id, BEGINNING)
+    assert part_records.begin_part(connection, job_id, BEGINNING, VERSION) == PartHistory(2, 1, 2.5)
+
+
+def test_parts_that_are_no_batches_are_not_among_them(connection: Connection) -> None:
+    job_id = begun(connection)
+    part_records.begin_part(connection, job_id, BEGINNING, VERSION)
+    assert not batch_records.is_divided(connection, job_id)
+    assert batch_records.divide_job(connection, job_id, BATCHES)
+    part_records.begin_part(connection, job_id, part_records.CONCLUSION, VERSION)
+    assert len(batch_records.finished_batches(connection, job_id)) == 2
+    assert batch_records.unfinished_batches(connection, job_id, 9) == [(0, 0), (1, 1)]
+
+
+def test_no_batch_is_begun_that_is_not_there(connection: Connection) -> None:
+    job_id = begun(connection)
+    assert part_records.begin_part(connection, job_id, 7, VERSION) is None
+    job_records.end_job(connection, job_id, "cancelled")
+    assert part_records.begin_part(connection, job_id, BEGINNING, VERSION) is None
+    assert connection.execute(select(func.count()).select_from(job_parts)).scalar() == 0
+
+
+def test_the_next_batch_to_enter_is_found_whatever_order_they_end_in(
+    connection: Connection,
+) -> None:
+    job_id = begun(connection)
+    batch_records.divide_job(connection, job_id, [Batch(0, 8 * k, 8) for k in range(5)])
+    batch_records.keep_batch(connection, job_id, 1, b"data")
+    assert batch_records.unfinished_batches(connection, job_id, 1, skipped=1) == [(2, 2)]
+    batch_records.keep_batch(connection, job_id, 0, b"data")
+    assert batch_records.unfinished_batches(connection, job_id, 1, skipped=1) == [(3, 3)]
+    assert batch_records.unfinished_batches(connection, job_id, 1, skipped=3) == []
+
+
+def test_a_job_begun_anew_elsewhere_takes_nothing_from_before(connection: Connection) -> None:
+    job_id = begun(connection)
+    batch_records.divide_job(connection, job_id, BATCHES)
+    batch_records.keep_batch(connection, job_id, 0, b"old")
+    part_records.keep_start(connection, job_id, 0, b"old")
+    (job,) = jobs_that_wait(connection)
+    assert begin_anew(connection, job, "2.0+1", keep=False)
+    # whoever looked at the same moment comes too late
+    assert not begin_anew(connection, job, "3.0+1", keep=False)
+    assert part_records.finished_starts(connection, job_id) == {}
+    late = batch_records.divide_job(connection, job_id, BATCHES, begun=0)
+    assert not late
+    moved = job_queries.start_job(connection, job_id, "2.0+1")
+    assert moved is not None
+    assert moved.begun == 1
+    assert batch_records.divide_job(connection, job_id, BATCHES, moved.begun)
+    # a process that wakes up late
+    batch_records.keep_batch(connection, job_id, 1, b"late")
+    entered = batch_records.unfinished_batches(connection, job_id, 9)
+    assert [turn for _, turn in entered] == [0, 1]
+    assert {number for number, _ in entered}.isdisjoint({0, 1})
+
+
+def test_a_job_begun_anew_by_its_own_version_goes_on(connection: Connection) -> None:
+    job_id = begun(connection)
+    batch_records.divide_job(connection, job_id, BATCHES)
+    batch_records.keep_batch(connection, job_id, 0, b"data")
+    (job,) = jobs_that_wait(connection)
+    assert begin_anew(connection, job, VERSION, keep=True)
+    assert job_queries.start_job(connection, job_id, VERSION)
+    assert batch_records.unfinished_batches(connection, job_id, 9) == [(1, 1)]
+
+
+def test_starts_are_kept_once_and_go_with_their_job(connection: Connection) -> None:
+    job_id = begun(connection)
+    part_records.keep_start(connection, job_id, 3, b"first")
+    part_records.keep_start(connection, job_id, 3, b"second")
+    part_records.keep_start(connection, job_id, 1, b"other")
+    assert part_records.finished_starts(connection, job_id) == {1: b"other", 3: b"first"}
+    job_records.end_job(connection, job_id, "succeeded", report=JobReport("report"))
+    assert connection.execute(select(func.count()).select_from(job_starts)).scalar() == 0
+
+
+def test_the_seconds_of_an_owner_are_those_of_a_day(connection: Connection) -> None:
+    now = moment(connection)
+    for owner, seconds in (("ann", 5.0), ("ann", 7.0), ("bob", 100.0)):
+        job_id = begun(connection, owner)
+        part_records.begin_part(connection, job_id, BEGINNING, VERSION)
+        part_records.add_seconds(connection, job_id, BEGINNING, seconds)
+    job_records.end_job(connection, job_id, "cancelled")
+    assert part_records.computed_seconds(connection, "ann", now) == 12.0
+    assert part_records.computed_seconds(connection, "bob", earlier(now, 3600.0)) == 100.0
+    assert part_records.computed_seconds(connection, "bob", earlier(now, -3600.0)) == 0.0
+    assert part_records.computed_seconds(connection, "eve", now) == 0.0
