@@ -172,7 +172,7 @@ class Settings(BaseSettings):
         default=3600.0, description="longest time to compute a part of a job, in seconds"
     )
     max_job_seconds: Seconds = Field(
-        default=7 * 86400.0,
+        default=30 * 86400.0,
         description="most computing time of one key's jobs in 24 hours, in seconds",
     )
     version_grace_s: Seconds = Field(

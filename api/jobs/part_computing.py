@@ -47,11 +47,13 @@ class Part:
     ----------
     number : of its row; see api.storage.part_records
     name : as messages call it
+    limit_s : s that it may take
     """
 
     job_id: str
     number: int
     name: str
+    limit_s: float
 
 
 Submit = Callable[[WatchedPart, PartHistory], Awaitable[Ticket]]
@@ -149,9 +151,9 @@ async def _tried_once(part: Part, history: PartHistory, submit: Submit) -> Any:
             raise _FailedError("Bad input", str(error), errors=faults) from None
         except NoSolutionError as error:
             raise _FailedError("No solution", str(error)) from None
-        except TooSlowError as error:
+        except TooSlowError:
             _logger.error("%s of job %s took too long", part.name, part.job_id)
-            raise _too_slow(part, error) from None
+            raise _too_slow(part) from None
         except OutOfMemoryError:
             _logger.error("%s of job %s needed too much memory", part.name, part.job_id)
             raise _too_large(part) from None
@@ -177,11 +179,10 @@ def _internal(detail: str) -> _FailedError:
     return _FailedError("Internal fault", detail)
 
 
-def _too_slow(part: Part, error: TooSlowError) -> _FailedError:
-    limit_s = current().settings.job_task_s
+def _too_slow(part: Part) -> _FailedError:
     return _FailedError(
         "Too slow",
-        f"{part.name} took longer than the {limit_s:g} s that a part of a job may take here "
+        f"{part.name} took longer than the {part.limit_s:g} s that a part of a job may take here "
         "(SYNCPLAN_JOB_TASK_S); ask for fewer vehicles, shorter runs or less time",
     )
 

@@ -41,6 +41,9 @@ from api.storage.plan_records import add_plan
 
 __all__ = ["begin_job", "compute_batch", "conclude_job"]
 
+_BEYOND_OWN_LIMIT = 2.0
+"""A job computed whole may take so many times as long as it may be asked to, at least."""
+
 _AHEAD = 256
 """How many batches of a job are in the queue at most."""
 
@@ -92,7 +95,8 @@ async def _divide(job: BegunJob) -> None:
     batches = []
     if not await in_transaction(lambda connection: batch_records.is_divided(connection, job_id)):
         runs = await computed(
-            Part(job_id, BEGINNING, "measuring"), _task(job, "measured_runs", job.spec)
+            Part(job_id, BEGINNING, "measuring", _limit_s(job)),
+            _task(job, "measured_runs", job.spec),
         )
         if runs is None:
             return
@@ -114,7 +118,7 @@ async def _compute_batch(job: BegunJob, number: int) -> None:
         return
     name = f"the batch of trials {batch.first_trial} to {batch.first_trial + batch.trials - 1}"
     data = await computed(
-        Part(job_id, number, name),
+        Part(job_id, number, name, _limit_s(job)),
         _task(job, "computed_batch", job.spec, batch, with_progress=True),
     )
     if data is None:
@@ -147,7 +151,8 @@ async def _conclude(job: BegunJob) -> None:
         lambda connection: batch_records.finished_batches(connection, job_id)
     )
     result = await computed(
-        Part(job_id, CONCLUSION, "the report"), _task(job, "concluded_job", job.spec, batches)
+        Part(job_id, CONCLUSION, "the report", _limit_s(job)),
+        _task(job, "concluded_job", job.spec, batches),
     )
     await _succeed(job, result)
 
@@ -166,7 +171,9 @@ async def _compute_whole(job: BegunJob) -> None:
         return _submitted(job, "computed_job", job.spec, earlier, workers, progress=watched.take)
 
     kind = JOB_KINDS[job.spec.kind].title
-    await _succeed(job, await computed(Part(job.spec.id, BEGINNING, f"the {kind}"), submit))
+    await _succeed(
+        job, await computed(Part(job.spec.id, BEGINNING, f"the {kind}", _limit_s(job)), submit)
+    )
 
 
 def _task(job: BegunJob, task: str, *arguments: object, with_progress: bool = False) -> Submit:
@@ -186,10 +193,18 @@ def _submitted(job: BegunJob, task: str, *arguments: object, progress: Progress 
         task,
         *arguments,
         owner=job.owner,
-        timeout_s=runtime.settings.job_task_s,
+        timeout_s=_limit_s(job),
         retries=0,
         progress=progress,
     )
+
+
+def _limit_s(job: BegunJob) -> float:
+    """How long a part of a job may take; a job computed whole has a limit of its own, too."""
+    settings = current().settings
+    if isinstance(JOB_KINDS[job.spec.kind].task, TrialTask):
+        return settings.job_task_s
+    return max(settings.job_task_s, _BEYOND_OWN_LIMIT * settings.max_refine_s)
 
 
 async def _succeed(job: BegunJob, result: PlanText | JobReport | None) -> None:
