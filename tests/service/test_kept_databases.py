@@ -1,0 +1,91 @@
+"""Databases that released versions have left: all that was there is served, what waited is done.
+
+`tests.tools.record_database` has made them.
+"""
+
+import gzip
+import json
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import psycopg
+import pytest
+
+from tests.tools.record_database import ASKED, HALF_DONE, IDEMPOTENCY, QUEUED, states_of
+from tests.tools.serving import ROOT, Postgres
+from tests.tools.survival import (
+    Site,
+    new_database,
+    quick,
+    refinement,
+    sweep_of_ranges,
+    validation,
+)
+
+KEPT = ROOT / "tests" / "data" / "version-1"
+UNFINISHED = ("queued", "running")
+
+
+@pytest.fixture(scope="module")
+def postgres() -> Iterator[Postgres]:
+    with tempfile.TemporaryDirectory() as folder:
+        started = Postgres(Path(folder) / "postgres")
+        yield started
+        started.stop()
+
+
+def kept(name: str) -> bytes:
+    """A file that was kept."""
+    return gzip.decompress((KEPT / name).read_bytes())
+
+
+def restored(kind: str, tmp_path: Path, request: pytest.FixtureRequest) -> Site:
+    """A service, not yet started, on what was kept."""
+    settings = {
+        # what has ended was kept long ago
+        "SYNCPLAN_KEEP_JOBS_S": "1e9",
+        "SYNCPLAN_KEEP_ANSWERS_S": "1e9",
+        # jobs of a version that nobody runs any more need not wait for it
+        "SYNCPLAN_VERSION_GRACE_S": "0.5",
+    }
+    if kind == "sqlite":
+        data = tmp_path / "data"
+        data.mkdir()
+        data.joinpath("syncplan.db").write_bytes(kept("sqlite.db.gz"))
+        return quick(tmp_path, **settings)
+    address = new_database(request.getfixturevalue("postgres"))
+    lines = kept("postgresql.sql.gz").decode().splitlines()
+    with psycopg.connect(address, autocommit=True) as connection:
+        # those that begin so are for psql
+        connection.execute("\n".join(one for one in lines if not one.startswith("\\")).encode())
+    return quick(tmp_path, address, **settings)
+
+
+@pytest.mark.parametrize("kind", ["sqlite", pytest.param("postgresql", marks=pytest.mark.long)])
+def test_the_database_of_version_1_is_served_and_its_jobs_are_finished(
+    kind: str, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    said: dict[str, Any] = json.loads(kept(f"{kind}.json.gz"))
+    with restored(kind, tmp_path, request) as site:
+        before = states_of(site.database)
+        assert {state for state, _ in before.values()} == {
+            *UNFINISHED,
+            "succeeded",
+            "failed",
+            "cancelled",
+        }
+        assert before[said["half_done"]][1] > 0
+        site.serve("--no-worker")
+        for path, answer in said["answers"].items():
+            assert site.ask("GET", path, headers=ASKED).text == answer, path
+        repeated = said["repeated"]
+        again = site.ask("POST", repeated["path"], json=repeated["body"], headers=IDEMPOTENCY)
+        assert (again.status_code, again.text) == (202, repeated["answer"])
+        site.work()
+        orders = [validation(**QUEUED), refinement(0), sweep_of_ranges(20, 3)]
+        site.jobs = dict(zip(said["queued"], orders, strict=True))
+        site.jobs[said["half_done"]] = validation(**HALF_DONE)
+        site.see_results()
+        site.see_nothing_left()
