@@ -95,7 +95,10 @@ def test_the_parts_of_the_composition(services: Any) -> None:
     assert services["worker"]["deploy"]["replicas"] == 2
     assert "ports" not in services["database"]
     assert "pg_isready" in services["database"]["healthcheck"]["test"]
-    assert services["database"]["volumes"] == ["database:/var/lib/postgresql/data"]
+    assert services["database"]["volumes"] == [
+        "database:/var/lib/postgresql/data",
+        "./docker/database.sql:/docker-entrypoint-initdb.d/database.sql:ro",
+    ]
     for name in ("serve", "worker"):
         assert services[name]["depends_on"] == {"database": {"condition": "service_healthy"}}
         names = {key.removeprefix(PREFIX) for key in services[name]["environment"]}

@@ -80,14 +80,16 @@ class Server(Process):
 class Postgres:
     """A PostgreSQL of the test's own, on a free port of this machine."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, superuser: str = "syncplan") -> None:
         self._programs = _postgres_programs()
         self._folder = folder
         self._port = free_port()
-        self.url = f"postgresql://syncplan@127.0.0.1:{self._port}/postgres"
+        self.url = f"postgresql://{superuser}@127.0.0.1:{self._port}/postgres"
         folder.mkdir(parents=True, exist_ok=True)
         self._user = _unprivileged(folder)
-        self._run("initdb", "--auth=trust", "--username=syncplan", "--no-sync", "-D", self._data)
+        self._run(
+            "initdb", "--auth=trust", f"--username={superuser}", "--no-sync", "-D", self._data
+        )
         self.start()
 
     @property
