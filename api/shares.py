@@ -26,6 +26,7 @@ _DIVIDED = (
     "max_plan_queue",
     "max_refused_keys",
     "max_requests",
+    "max_streams",
 )
 """Limits of the whole service, of which each process keeps its part."""
 
