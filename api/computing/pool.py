@@ -5,10 +5,9 @@
               cancel: left out                        cancel: killed, and started anew
               deadline: left out                      time limit: killed, and started anew
 
-The thread that started a child outlives it, because the kernel ends a child with that thread. One
-more thread watches deadlines. It also starts an extra child for an owner that has waited for
-PATIENCE_S with nothing running while every child is busy, so long tasks of one owner never block
-another; such a child serves owners with nothing running and ends once it has been idle.
+The thread that started a child outlives it, as the kernel ends a child with that thread. One more
+thread watches deadlines, and starts an extra child for an owner that waits with nothing running
+while all are busy; it serves such owners alone, and ends once it has been idle.
 """
 
 import logging
@@ -76,6 +75,7 @@ class Pool:
         self._turns: Turns[Ticket] = Turns()
         self._running: set[Ticket] = set()
         self._starting: set[Child] = set()
+        self._idle_since: dict[str, float] = {}
         self._extra = 0
         self._children = 0
         self._closed = False
@@ -228,14 +228,10 @@ class Pool:
 
     def _blocks(self, now: float) -> bool:
         """Whether an owner with nothing running has waited too long, and a child may be added."""
-        return (
-            len(self._running) >= self.size + self._extra
-            and self._extra < self.size
-            and any(
-                now - self._turns.first_of(owner).submitted > PATIENCE_S
-                for owner in self._turns.idle_owners()
-            )
-        )
+        if len(self._running) < self.size + self._extra or self._extra >= self.size:
+            return False
+        first = [(self._turns.first_of(one).submitted, one) for one in self._turns.idle_owners()]
+        return any(now - max(at, self._idle_since.get(one, 0.0)) > PATIENCE_S for at, one in first)
 
     def _start_extra(self) -> None:
         self._extra += 1
@@ -261,6 +257,7 @@ class Pool:
                 with self._work:
                     self._running.discard(ticket)
                     self._turns.done(ticket.owner)
+                    self._idle_since[ticket.owner] = time.monotonic()
                     self._work.notify_all()
             if child is not None and child.memory - child.first_memory > LARGEST_GROWTH_BYTES:
                 child.end()

@@ -1,12 +1,16 @@
 """Turns of owners: one with many tasks delays another by one task, and nobody starves."""
 
+import time
 from collections import Counter
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from api.computing.child import Child
+from api.computing.pool import Pool
 from api.computing.turns import Turns
+from tests.tools.processes import PATIENCE_S
 
 OWNERS = ["a", "b", "c", "d"]
 
@@ -101,3 +105,25 @@ def test_a_full_queue_loses_the_newest_task_of_the_longest(own: int, displaced: 
     turns = filled(a=5, b=own)
     assert turns.displaced_by("b") == displaced
     assert turns.displaced_by("a") is None
+
+
+def test_owners_whose_short_tasks_take_turns_need_no_extra_process(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    begun: list[Child] = []
+
+    def begin(self: Child, **_: object) -> None:
+        begun.append(self)
+        self.killed, self.first_memory, self.memory = False, 0, 0
+
+    monkeypatch.setattr(Child, "__init__", begin)
+    monkeypatch.setattr(Child, "wait_until_ready", lambda self: None)
+    monkeypatch.setattr(Child, "call", lambda *_, **__: time.sleep(0.01))
+    monkeypatch.setattr(Child, "end", lambda self: None)
+    pool = Pool(1, background=False)
+    # the last ones wait longer than an owner that is blocked would
+    tickets = [pool.submit("short", owner=owner) for _ in range(150) for owner in ("ann", "eve")]
+    for ticket in tickets:
+        ticket.future.result(timeout=PATIENCE_S)
+    pool.close()
+    assert len(begun) == 1
