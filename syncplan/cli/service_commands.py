@@ -4,9 +4,9 @@ import contextlib
 import importlib.util
 import logging
 import os
+import queue
 import signal
 import socket
-import threading
 from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, NoReturn
@@ -142,9 +142,10 @@ def _worker(
     refuse_exposure(settings, worker=True)
     configure_logs(settings.log_level)
     database = open_database(settings.database)
-    stop = threading.Event()
+    # no Event: set by a handler while this thread begins to wait for it, it would wait for itself
+    stop: queue.SimpleQueue[None] = queue.SimpleQueue()
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
+        signal.signal(number, lambda *_: stop.put(None))
     with contextlib.ExitStack() as last_first:
         last_first.callback(database.close)
         listening = None
@@ -161,9 +162,9 @@ def _work(
     settings: "Settings",
     database: "Database",
     listening: socket.socket | None,
-    stop: threading.Event,
+    stop: "queue.SimpleQueue[None]",
 ) -> None:
-    """Work on jobs, and answer on a socket if there is one, until `stop` is set."""
+    """Work on jobs, and answer on a socket if there is one, until `stop` holds something."""
     from api.jobs.job_counts import JobCounts
     from api.jobs.worker import Worker
     from api.metrics import JobTally
@@ -187,7 +188,7 @@ def _work(
     if listening is not None:
         served = served_beside(create_worker_app(settings, database, worker, counts), listening)
     with served:
-        stop.wait()
+        stop.get()
     worker.close()
     send_last_spans()
 

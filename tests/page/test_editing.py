@@ -303,6 +303,8 @@ def test_what_is_typed_at_one_go_is_one_step_to_undo(visit: Visit) -> None:
 
 def test_escape_takes_a_drag_back(visit: Visit) -> None:
     page = visit.page
+    # on its way v4 may lose the link it needs, if a preview is as quick as that
+    visit.expect_complaints("422")
     box = handle(page, "v4").bounding_box()
     assert box is not None
     page.mouse.move(box["x"] + 15, box["y"] + 15)

@@ -94,10 +94,13 @@ def test_a_circle_that_is_dragged_beyond_the_map_stops_at_its_edge_with_its_ring
 
 def test_a_landmark_that_is_dragged_beyond_the_map_stops_at_its_edge(visit: Visit) -> None:
     page = visit.page
-    east = _view(page)["x"][1]
+    view = _view(page)
+    west, east = view["x"]
     drag(page, "L1", (900.0, 0.0))
     visit.settle()
-    assert float(page.get_by_label("East (m)", exact=True).input_value()) <= east
+    # a preview that comes in between may shift the map by less than a pixel
+    pixel = (east - west) / view["width"]
+    assert float(page.get_by_label("East (m)", exact=True).input_value()) <= east + pixel
     assert _is_within(page, "L1")
 
 
