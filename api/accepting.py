@@ -1,7 +1,7 @@
 """Taking connections from a listening socket, whatever becomes of file descriptors meanwhile.
 
 When there is no descriptor left, uvloop closes new connections without a word, and asyncio logs a
-trace for each try; here the log says so now and then, clients are told, and it goes on.
+trace for each try; here the log says so now and then, clients get an answer, and it goes on.
 """
 
 import asyncio
@@ -35,7 +35,7 @@ async def accept_connections(
 ) -> None:
     """Give every connection a protocol, until cancelled; `listening` is to be closed thereafter.
 
-    While there are no descriptors, a spare one lets connections be told `refusal` and closed.
+    While there are no descriptors, a spare one answers connections with `refusal` and closes them.
     Where other processes take connections from the socket as well, `gives_way` says whether
     one of them should have the next.
     """

@@ -56,27 +56,27 @@ def serve_by_processes(settings: Settings, listening: socket.socket) -> bool:
 
     Returns whether they could start. Call it from the main thread, with which they end.
     """
-    with _told_to_end() as told:
+    with _end_signalled() as signalled:
         supervisor = _Supervisor(settings, listening)
         try:
-            return supervisor.run(told)
+            return supervisor.run(signalled)
         finally:
             supervisor.close()
 
 
 @contextlib.contextmanager
-def _told_to_end() -> Iterator[socket.socket]:
+def _end_signalled() -> Iterator[socket.socket]:
     """A socket that can be read from once a signal has come that ends the service."""
-    told, tell = socket.socketpair()
-    tell.setblocking(False)
+    received, sender = socket.socketpair()
+    sender.setblocking(False)
 
     def end(number: int, frame: object) -> None:
         with contextlib.suppress(OSError):
-            tell.send(b"!")
+            sender.send(b"!")
 
     before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
-    with told, tell:
-        yield told
+    with received, sender:
+        yield received
         for number, handler in before.items():
             signal.signal(number, handler)
 
@@ -98,15 +98,15 @@ class _Supervisor:
             "sampled": self._sampled,
         }
 
-    def run(self, told: socket.socket) -> bool:
-        """Keep the processes until `told` can be read; return False if one can't begin at all."""
+    def run(self, signalled: socket.socket) -> bool:
+        """Keep the processes until `signalled` can be read; False if one can't begin at all."""
         while True:
             for member in self._members:
                 if member.process is None and member.due <= time.monotonic():
                     self._start(member)
             members = {one.process.connection: one for one in self._members if one.process}
-            for found in wait([*members, told], self._patience_s()):
-                if found is told:
+            for found in wait([*members, signalled], self._patience_s()):
+                if found is signalled:
                     return True
                 if not self._hear(members[found]):  # type: ignore[index]
                     return False
