@@ -6,7 +6,7 @@ from typing import Any
 import httpx2
 
 from tests.tools.api_servers import problem, serving, speaking
-from tests.tools.processes import family, wait_until
+from tests.tools.processes import family, memory_given_back, wait_until
 from tests.tools.scenarios import document, shared_circles
 
 
@@ -35,7 +35,8 @@ def test_a_plan_that_needs_too_much_memory_is_refused_with_the_limit(tmp_path: P
     settings = {"SYNCPLAN_TASK_MEMORY_BYTES": str(limit)}
     with serving(tmp_path, "ann", **settings) as server, speaking(server, "ann") as ann:
         assert ann.post("/v1/plans", json=document()).status_code == 201
-        refused = problem(ann.post("/v1/plans", json=shared_circles(9)), 422)
+        with memory_given_back(server.popen.pid):
+            refused = problem(ann.post("/v1/plans", json=shared_circles(9)), 422)
         assert "350 MiB of memory" in refused.detail
         assert "fewer vehicles" in refused.detail
         assert ann.post("/v1/plans", json=document()).status_code == 201
@@ -50,7 +51,8 @@ def test_a_row_of_a_sweep_that_takes_too_long_fails_with_the_limit(tmp_path: Pat
         sweep = {"scenario": shared_circles(8), "range_m": [50.0], "trials": 1}
         answer = ann.post("/v1/sweeps", json=sweep)
         assert answer.status_code == 202, answer.text
-        job = _ended(ann, answer.headers["location"])
+        with memory_given_back(server.popen.pid):
+            job = _ended(ann, answer.headers["location"])
         assert job["state"] == "failed"
         assert "2 s" in job["error"]["detail"]
         assert "fewer vehicles" in job["error"]["detail"]
@@ -65,6 +67,7 @@ def test_what_would_take_minutes_is_refused_before_it_is_begun(tmp_path: Path) -
     }
     with serving(tmp_path, "ann") as server, speaking(server, "ann") as ann:
         for path, body in asked.items():
-            refused = problem(ann.post(path, json=body), 422)
+            with memory_given_back(server.popen.pid):
+                refused = problem(ann.post(path, json=body), 422)
             assert "sightings expected" in refused.detail, path
             assert "takes up to" in refused.detail

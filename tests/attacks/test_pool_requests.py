@@ -5,7 +5,7 @@ from pathlib import Path
 
 from tests.tools.api_servers import problem, serving, speaking
 from tests.tools.plain_http import answered, asking
-from tests.tools.processes import family, wait_until
+from tests.tools.processes import family, memory_given_back, wait_until
 from tests.tools.scenarios import document, shared_circles
 from tests.tools.serving import QUICK
 
@@ -15,7 +15,10 @@ FLOOD = 60
 def test_an_owner_with_many_requests_delays_another_by_one(tmp_path: Path) -> None:
     with serving(tmp_path, "ann eve") as server, speaking(server, "ann") as ann:
         ann.post("/v1/plans", json=document())
-        with asking(server, "eve", "/v1/plans", shared_circles(2), FLOOD) as flood:
+        with (
+            memory_given_back(server.popen.pid),
+            asking(server, "eve", "/v1/plans", shared_circles(2), FLOOD) as flood,
+        ):
             wait_until(lambda: answered(flood) >= 1)
             answer = ann.post("/v1/plans", json=document())
             assert answer.status_code == 201, answer.text
@@ -33,7 +36,10 @@ def test_an_owner_has_a_limited_number_of_requests_and_leaves_room_for_others(
         speaking(server, "eve") as eve,
     ):
         ann.post("/v1/plans", json=document())
-        with asking(server, "eve", "/v1/plans", shared_circles(4), 5 + FLOOD) as flood:
+        with (
+            memory_given_back(server.popen.pid),
+            asking(server, "eve", "/v1/plans", shared_circles(4), 5 + FLOOD) as flood,
+        ):
             wait_until(lambda: answered(flood) >= FLOOD)
             refused = eve.post("/v1/plans", json=document())
             assert "5 requests in work" in problem(refused, 429).detail
@@ -49,7 +55,10 @@ def test_a_request_is_given_up_on_time_though_it_waited(tmp_path: Path) -> None:
         speaking(server, "ann") as ann,
     ):
         ann.post("/v1/plans", json=document())
-        with asking(server, "ann", "/v1/plans", shared_circles(8), 1) as first:
+        with (
+            memory_given_back(server.popen.pid),
+            asking(server, "ann", "/v1/plans", shared_circles(8), 1) as first,
+        ):
             # the second gets its turn before its time is over, and not all of that time again
             time.sleep(limit / 2)
             began = time.monotonic()
@@ -63,10 +72,11 @@ def test_what_clients_who_went_away_asked_for_is_not_computed(tmp_path: Path) ->
     with serving(tmp_path, "ann eve") as server, speaking(server, "ann") as ann:
         ann.post("/v1/plans", json=document())
         children = family(server.popen.pid)
-        for _ in range(2):
-            with asking(server, "ann", "/v1/plans", shared_circles(4), FLOOD // 2):
-                # all have been read: an answer to a later request says so
-                assert ann.get("/v1/plans").status_code == 200
+        with memory_given_back(server.popen.pid):
+            for _ in range(2):
+                with asking(server, "ann", "/v1/plans", shared_circles(4), FLOOD // 2):
+                    # all have been read: an answer to a later request says so
+                    assert ann.get("/v1/plans").status_code == 200
         # computed, they would take minutes
         began = time.monotonic()
         assert ann.post("/v1/plans", json=document()).status_code == 201

@@ -3,13 +3,25 @@
 import contextlib
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
-__all__ = ["PATIENCE_S", "alive", "command", "family", "memory", "wait_until", "worked"]
+__all__ = [
+    "PATIENCE_S",
+    "alive",
+    "command",
+    "family",
+    "memory",
+    "memory_given_back",
+    "wait_until",
+    "worked",
+]
 
 PATIENCE_S = 300.0
 """How long to wait for what comes true in a few seconds, in s: the machine may have other work."""
+
+LARGEST_GROWTH = 1.1
+"""Share of the memory held before an attack that may be held after it."""
 
 _TICKS = os.sysconf("SC_CLK_TCK")
 
@@ -53,6 +65,16 @@ def memory(process: int) -> int:
     """Return the bytes of memory that a process holds (RSS)."""
     pages = int(Path(f"/proc/{process}/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE")
+
+
+@contextlib.contextmanager
+def memory_given_back(process: int) -> Iterator[None]:
+    """Fail if a process holds a tenth more memory after what is done within than before."""
+    before = memory(process)
+    yield
+    after = memory(process)
+    growth = f"{before / 2**20:.0f} MiB before, {after / 2**20:.0f} MiB after"
+    assert after < LARGEST_GROWTH * before, growth
 
 
 def worked(process: int) -> float:

@@ -1,4 +1,4 @@
-"""Connections as an attacker makes them: bytes as they are, many at once, and a server's memory."""
+"""Connections as an attacker makes them: bytes as they are, many at once."""
 
 import contextlib
 import socket
@@ -8,7 +8,7 @@ from pathlib import Path
 from tests.tools.processes import PATIENCE_S
 from tests.tools.serving import Server
 
-__all__ = ["Said", "connected", "crowd_of", "holds", "rss_mb", "said_to"]
+__all__ = ["Said", "connected", "crowd_of", "holds", "said_to"]
 
 
 class Said:
@@ -60,13 +60,6 @@ def crowd_of(server: Server, number: int, greeting: bytes = b"") -> Iterator[lis
                 one.sendall(greeting)
             crowd.append(one)
         yield crowd
-
-
-def rss_mb(server: Server) -> float:
-    """Return the memory in MB that the server's own process holds."""
-    status = Path(f"/proc/{server.popen.pid}/status").read_text()
-    line = next(line for line in status.splitlines() if line.startswith("VmRSS"))
-    return int(line.split()[1]) / 1024.0
 
 
 def holds(server: Server, port: int) -> bool:
