@@ -33,6 +33,7 @@ Packages, each using only those before it; each lists its modules
 -----------------------------------------------------------------
     arrays            types of arrays
     errors            the errors raised on purpose
+    phrases           words for many things
     runtime           cores and threads, child processes, files written whole
     results           what each result can be turned into: a file, a data frame, HTML
     scenario          what the user says, read and checked

@@ -110,6 +110,10 @@ class NoSolutionError(SyncplanError):
     exit_code = 4
 
 
+class ProcessEndedError(SyncplanError):
+    """A process that computed a share of the result ended before it answered."""
+
+
 def _in_one_line(*parts: str) -> str:
     text = ": ".join(part for part in parts if part)
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
@@ -117,7 +121,3 @@ def _in_one_line(*parts: str) -> str:
 
 def _joined(section: str, key: str) -> str:
     return f"{section}.{key}" if key else section
-
-
-class ProcessEndedError(SyncplanError):
-    """A process that computed a share of the result ended before it answered."""

@@ -5,6 +5,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from syncplan.phrases import listed
 from syncplan.planning.lost_parts import phrase_of
 from syncplan.reports.loss_schemas import RemainingTeam, WhatIfDocument
 
@@ -59,10 +60,8 @@ def _critical(document: WhatIfDocument) -> str:
         return f"{judged} losses judged"
     if not document.critical:
         return f"none of {judged} losses ends observability"
-    named = ", ".join(_lost(names) for names in document.critical[:MOST_NAMED])
-    more = len(document.critical) - MOST_NAMED
-    rest = f" and {more} more" if more > 0 else ""
-    return f"[red]{len(document.critical)} critical[/] of {judged}: {escape(named)}{rest}"
+    named = listed([_lost(names) for names in document.critical], MOST_NAMED)
+    return f"[red]{len(document.critical)} critical[/] of {judged}: {escape(named)}"
 
 
 def _metres(value: float | None) -> str:

@@ -6,6 +6,7 @@ from rich.markup import escape
 
 from syncplan.cli.fitted_tables import FittedTable
 from syncplan.cli.verdict_lines import show_findings, show_verdict
+from syncplan.phrases import listed
 from syncplan.placement.centers import Placement
 from syncplan.planning.figures_of_merit import ROWS
 from syncplan.planning.swept_keys import swept_key
@@ -55,7 +56,7 @@ def show_plan(document: PlanDocument, console: Console) -> None:
         console.print(_refinement_table(document.refinement))
         held = document.refinement.active_constraints
         if held:
-            console.print(f"held by: {escape(', '.join(held[:MOST_NAMED]))}")
+            console.print(f"held by: {escape(listed(held, MOST_NAMED))}")
     if document.verdict is not None:
         show_findings(document.verdict, console)
 

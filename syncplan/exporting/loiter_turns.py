@@ -13,7 +13,6 @@ What ArduPilot makes of them:
 """
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -29,6 +28,7 @@ from syncplan.exporting.mission_items import (
     waypoint_item,
 )
 from syncplan.orbits.circles import position
+from syncplan.phrases import listed
 
 __all__ = ["loiter_missions", "snapped_radii"]
 
@@ -133,7 +133,7 @@ def _radius_notes(flight: Flight) -> list[str]:
         drift = 2.0 * math.pi * (radii[worst] / stored[worst] - 1.0)
         notes.append(
             f"ArduPilot stores radii in {'tens of' if stored[worst] > 255 else 'whole'} metres: "
-            f"{_listed([flight.names[k] for k in cut])} would fly smaller circles "
+            f"{listed([flight.names[k] for k in cut], _NAMED)} would fly smaller circles "
             f"({flight.names[worst]} {stored[worst]:g} m instead of {radii[worst]:g} m) and, at "
             f"the commanded speed, be up to {drift:.2g} rad ahead after each turn; snap the radii, "
             "or fly waypoints"
@@ -141,7 +141,7 @@ def _radius_notes(flight: Flight) -> list[str]:
     large = [flight.names[k] for k in np.flatnonzero(radii > WHOLE_METRES_UP_TO)]
     if large:
         notes.append(
-            f"{_listed(large)}: older ArduPilot stores no radius above 255 m; "
+            f"{listed(large, _NAMED)}: older ArduPilot stores no radius above 255 m; "
             "check yours, or fly waypoints"
         )
     return notes
@@ -164,9 +164,10 @@ def _rate_notes(flight: Flight) -> list[str]:
     if slow.size:
         most = float(needed.max())
         beyond = f"; its range ends at {LARGEST_ACCELERATION:g}" * (most > LARGEST_ACCELERATION)
+        named = [flight.names[k] for k in slow]
         notes.append(
             f"Copter circles with at most half its acceleration in waypoint flight, WPNAV_ACCEL: "
-            f"{_listed([flight.names[k] for k in slow])} would turn too slowly at its default of "
+            f"{listed(named, _NAMED)} would turn too slowly at its default of "
             f"{ACCELERATION:g} m/s^2; set {most:.3g} m/s^2 or more{beyond}"
         )
     return notes
@@ -176,8 +177,3 @@ def _too_large(radius: float) -> str:
     return (
         f"{radius:g}: ArduPilot's loiter turns have at most {TENS_UP_TO:g} m; fly waypoints instead"
     )
-
-
-def _listed(names: Sequence[str]) -> str:
-    rest = len(names) - _NAMED
-    return ", ".join(names[:_NAMED]) + (f" and {rest} more" if rest > 0 else "")

@@ -17,6 +17,7 @@ from syncplan.orbits.circles import Orbits, perpendicular, position, unit
 from syncplan.orbits.graphs import components
 from syncplan.orbits.separation import circle_gaps
 from syncplan.orbits.team import Team
+from syncplan.phrases import listed
 
 __all__ = ["UnobservableMode", "lost_bearing", "name_modes"]
 
@@ -334,7 +335,7 @@ def _who(naming: _Naming, part: list[int]) -> str:
         return "everything"
     named = [naming.names[k] for k in part]
     if len(named) > _MOST_NAMED:
-        return f"{', '.join(named[:_MOST_NAMED])} and {len(named) - _MOST_NAMED} more"
+        return listed(named, _MOST_NAMED)
     return ", ".join(named[:-1]) + (" and " if len(named) > 1 else "") + named[-1]
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from syncplan.phrases import listed
 from syncplan.planning.findings import MOST_NAMED, Cure, Finding
 from syncplan.planning.judged_team import JudgedTeam
 
@@ -34,16 +35,12 @@ def fragile_links(judged: JudgedTeam) -> Iterator[Finding]:
     )
     if not fragile:
         return
-    each = ", ".join(
-        f"{names[item.a]}-{names[item.b]} by {item.tolerance / rate:.3g} s"
-        for item in fragile[:MOST_NAMED]
-    )
-    more = f" and {len(fragile) - MOST_NAMED} more" if len(fragile) > MOST_NAMED else ""
+    each = [f"{names[item.a]}-{names[item.b]} by {item.tolerance / rate:.3g} s" for item in fragile]
     yield Finding(
         "link-fragile",
         "warning",
-        f"a vehicle that is late loses {each}{more}; less than {limit:.3g} s, 1 % of a period, is "
-        "little to keep to",
+        f"a vehicle that is late loses {listed(each, MOST_NAMED)}; less than {limit:.3g} s, 1 % of "
+        "a period, is little to keep to",
         tuple(dict.fromkeys(names[k] for item in fragile for k in (item.a, item.b))),
         Cure("a longer range, nearer circles, or refinement with a larger margin"),
     )

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from syncplan.orbits.losses import Loss
+from syncplan.phrases import listed
 from syncplan.planning.findings import Cure, Finding
 from syncplan.planning.judged_team import JudgedTeam
 
@@ -50,6 +51,5 @@ def _phrases(judged: JudgedTeam, losses: Sequence[Loss]) -> list[str]:
 
 
 def _sentence(phrases: list[str]) -> str:
-    more = len(phrases) - MOST_NAMED
-    listed = ", ".join(phrases[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
-    return f"losing {'any one of ' if len(phrases) > 1 else ''}{listed} ends observability"
+    named = listed(phrases, MOST_NAMED)
+    return f"losing {'any one of ' if len(phrases) > 1 else ''}{named} ends observability"

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from syncplan.phrases import listed
 from syncplan.planning.findings import Cure, Finding
 from syncplan.planning.judged_team import JudgedTeam
 from syncplan.planning.start_up import (
@@ -43,13 +44,12 @@ def start_up(judged: JudgedTeam) -> Iterator[Finding]:
         return
     names, noise = judged.scenario.vehicle_names, judged.noise
     worst = late[np.argsort(-ratios[late], kind="stable")]
-    each = ", ".join(_beside(found.trials, names, int(k)) for k in worst[:MOST_NAMED])
-    more = f" and {len(worst) - MOST_NAMED} more" if len(worst) > MOST_NAMED else ""
+    each = listed([_beside(found.trials, names, int(k)) for k in worst], MOST_NAMED)
     yield Finding(
         "start-up",
         "warning",
         f"from initial_sigma {noise.position_sigma:g} m and {noise.heading_sigma:g} rad the filter "
-        f"may not settle: {_trials(found.trials)} found {each}{more}; {why}",
+        f"may not settle: {_trials(found.trials)} found {each}; {why}",
         tuple(names[k] for k in late),
         _cure(found),
     )

@@ -10,6 +10,7 @@ from syncplan.errors import InputError
 from syncplan.estimation.filter_options import FilterChanges, FilterOptions, options_with
 from syncplan.orbits.circles import position
 from syncplan.orbits.graphs import bottleneck
+from syncplan.phrases import listed
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.planner import plan
 from syncplan.planning.swept_keys import SWEPT_KEYS, swept_key
@@ -47,9 +48,8 @@ class Sweep(Result, list[ValidatedRow]):
 
     def __repr__(self) -> str:
         """Return one line: the key and its values."""
-        labels = ", ".join(row.label for row in self[:8])
-        more = f" and {len(self) - 8} more" if len(self) > 8 else ""
-        return f"<{type(self).__name__} of {self.name}: {labels}{more}>"
+        labels = listed([row.label for row in self], 8)
+        return f"<{type(self).__name__} of {self.name}: {labels}>"
 
 
 def sweep(
