@@ -93,7 +93,10 @@ def ask(port: int, request: Request) -> tuple[int, Any]:
 
 
 def load(port: int, request: Request, clients: int, seconds: float) -> list[float]:
-    """Return the seconds each request took, from processes that each ask again when answered."""
+    """Return the seconds each request took, from processes that each ask again when answered.
+
+    Raises RuntimeError for an answer that is not 2xx, and OSError where the service is away.
+    """
     context = multiprocessing.get_context("fork")
     start, found = context.Event(), context.SimpleQueue()
     processes = [
@@ -103,13 +106,23 @@ def load(port: int, request: Request, clients: int, seconds: float) -> list[floa
     for one in processes:
         one.start()
     start.set()
-    taken = [one for _ in processes for one in found.get()]
+    taken = [found.get() for _ in processes]
     for one in processes:
         one.join()
-    return taken
+    for answered in taken:
+        if isinstance(answered, Exception):
+            raise answered
+    return [one for answered in taken for one in answered]
 
 
 def _client(port: int, sent: bytes, seconds: float, start: Any, found: Any) -> None:
+    try:
+        found.put(_asked(port, sent, seconds, start))
+    except (OSError, RuntimeError) as error:
+        found.put(error)
+
+
+def _asked(port: int, sent: bytes, seconds: float, start: Any) -> list[float]:
     taken: list[float] = []
     with socket.create_connection(("127.0.0.1", port), timeout=LONGEST_S) as connection:
         start.wait()
@@ -118,17 +131,23 @@ def _client(port: int, sent: bytes, seconds: float, start: Any, found: Any) -> N
             connection.sendall(sent)
             _read_answer(connection)
             taken.append(time.perf_counter() - began)
-    found.put(taken)
+    return taken
 
 
-def _read_answer(connection: Any) -> None:
+def _read_answer(connection: socket.socket) -> None:
     """Read one answer with a Content-Length; as little work as there can be."""
     got = b""
     while (end := got.find(b"\r\n\r\n")) < 0:
-        got += connection.recv(65536)
+        got += _more(connection)
     if got[9:10] != b"2":
         raise RuntimeError(f"answered with {got[:200]!r}")
     at = got.lower().index(b"content-length:") + len(b"content-length:")
     missing = int(got[at : got.index(b"\r", at)]) + end + 4 - len(got)
     while missing > 0:
-        missing -= len(connection.recv(65536))
+        missing -= len(_more(connection))
+
+
+def _more(connection: socket.socket) -> bytes:
+    if more := connection.recv(65536):
+        return more
+    raise ConnectionResetError("closed within an answer")

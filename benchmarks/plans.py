@@ -41,7 +41,7 @@ PARTS = {
     "plan": "plan and its text",
     "bound": "posterior bound and start-up index",
     "connectivity": "connectivity period",
-    "losses": "single points of failure",
+    "losses": "search for single points of failure",
     "preview": "preview with the map",
     "quick": "quick preview with the map",
 }

@@ -66,9 +66,13 @@ class Row:
     @property
     def cells(self) -> list[str]:
         """What was measured, before, now, and the one over the other."""
-        before = "" if self.base is None else f"{self.base:,.4g} {self.unit}".strip()
-        ratio = "" if not self.base else f"{self.now / self.base:.2f}"
-        return [self.what, before, f"{self.now:,.4g} {self.unit}".strip(), ratio]
+        before = "" if self.base is None else self._text(self.base)
+        ratio = f"{self.now / self.base:.2f}" if self.base is not None and self.base > 0.0 else ""
+        return [self.what, before, self._text(self.now), ratio]
+
+    def _text(self, value: float) -> str:
+        """A value with its unit, to four digits at least."""
+        return f"{value:,.0f} {self.unit}" if value >= 1e3 else f"{value:.4g} {self.unit}"
 
 
 def _p(taken: Sequence[float], percent: float) -> float:
