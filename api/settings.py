@@ -116,7 +116,8 @@ class Settings(BaseSettings):
         description="most sightings in a run, as expected from circles and ranges",
     )
     plan_timeout_s: Seconds = Field(
-        default=20.0, description="longest time to compute a plan, in seconds"
+        default=20.0,
+        description="longest time from a request's body to its answer, in seconds",
     )
     max_queued_jobs: Count = Field(default=20, description="most unfinished jobs of one key")
     max_plan_queue: Count = Field(

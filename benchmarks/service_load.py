@@ -161,7 +161,10 @@ def plans(base: Path | None, body: bytes) -> list[Row]:
 
 
 def by_the_library(checkout: Path, body: bytes, processes: int) -> float:
-    """Return the plans a second that processes make that do nothing else than children do."""
+    """Return the plans a second that processes make which do what children do and nothing else.
+
+    They keep no memory from plan to plan, as children do: they are a user's own.
+    """
     running = [
         subprocess.Popen(
             [sys.executable, "-c", _LIBRARY, str(LIBRARY_S)],

@@ -99,7 +99,7 @@ class ChildProcess:
         self._errors.close()
 
     def kill(self, *, wait: bool = True) -> None:
-        """End the process at once, whatever it is doing, and wait until it has ended."""
+        """End the process at once, whatever it is doing; with `wait`, return when it has ended."""
         with contextlib.suppress(ProcessLookupError):
             self.process.kill()
         if wait:
