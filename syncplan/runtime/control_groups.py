@@ -26,7 +26,8 @@ def groups_of(proc: Path, controller: str) -> Iterator[Path]:
         # ... root mount options [fields] - type source options
         place, _, filesystem = line.partition(" - ")
         root, mount = place.split()[3:5]
-        kind, _, options = filesystem.split(maxsplit=2)
+        # the source may be empty
+        kind, *_, options = filesystem.split()
         wanted = "" if kind == "cgroup2" else controller
         if not kind.startswith("cgroup") or (wanted and wanted not in options.split(",")):
             continue

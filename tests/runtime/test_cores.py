@@ -58,6 +58,15 @@ def test_the_tightest_group_above_decides(tmp_path: Path) -> None:
     assert usable_cores(place) == 3
 
 
+def test_a_mount_without_a_source_is_passed_over(tmp_path: Path) -> None:
+    top = tmp_path / "cgroup"
+    group(top / "service", cpu_max="200000 100000")
+    place = process(
+        tmp_path, "0::/service", "/ /scratch rw - tmpfs  rw", f"/ {top} rw - cgroup2 cgroup2 rw"
+    )
+    assert usable_cores(place) == 2
+
+
 def test_a_container_sees_its_own_group_as_the_topmost(tmp_path: Path) -> None:
     top = group(tmp_path / "cgroup", cpu_max="400000 100000")
     group(top / "inner", cpu_max="200000 100000")
