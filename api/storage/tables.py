@@ -86,10 +86,8 @@ jobs = Table(
 )
 
 
-def _job_id(*, primary_key: bool = True) -> "Column[str]":
-    return Column(
-        "job_id", String(36), ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=primary_key
-    )
+def _job_id() -> "Column[str]":
+    return Column("job_id", String(36), ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True)
 
 
 job_results = Table(
