@@ -37,7 +37,10 @@ class Backlog:
 
 
 def backlog_of(connection: Connection) -> Backlog:
-    """Return how much work there is now; indices bound what it costs to the unfinished jobs."""
+    """Return how much work there is now.
+
+    One pass over an index counts all jobs; the rest reads those that have not ended.
+    """
     states = select(jobs.c.state, func.count()).group_by(jobs.c.state)
     kinds = (
         select(jobs.c.kind, jobs.c.state, func.count())

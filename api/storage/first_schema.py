@@ -1,4 +1,9 @@
-"""The tables as schema version 1 had them: where every database began. They are never changed."""
+"""The tables as schema version 1 had them: a copy of them, frozen on purpose.
+
+Every database begins with these, and `api.storage.migrations` brings it forward from here. Tables
+shared with `api.storage.tables` would change with those of today, and a new database would then
+differ from one that was upgraded.
+"""
 
 from sqlalchemy import (
     Boolean,
