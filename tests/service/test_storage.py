@@ -72,8 +72,7 @@ def wrong_clock(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(time, "time", lambda: real() + ahead)
     monkeypatch.setattr(time, "time_ns", lambda: real_ns() + ahead * 10**9)
-    for module in ("api.storage.clock", "api.storage.tables"):
-        monkeypatch.setattr(f"{module}.datetime", Ahead, raising=False)
+    monkeypatch.setattr("api.storage.clock.datetime", Ahead)
 
 
 def job(connection: Connection, owner: str = "ann", work: int = 40) -> str:
@@ -121,7 +120,7 @@ def test_the_database_dates_rows_whatever_the_clock_of_a_process(connection: Con
     assert earlier(after, 3600.0) < before
 
 
-def test_what_by_anyone_alive_is_not_old_yet_is_kept(connection: Connection) -> None:
+def test_a_time_has_come_once_every_living_worker_has_seen_it(connection: Connection) -> None:
     executors.beat(connection, "one", "1")
     executors.beat(connection, "ahead", "1")
     ahead = earlier(moment(connection), -8 * 86400.0)
