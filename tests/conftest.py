@@ -1,11 +1,13 @@
 """Fixtures that several test files use, and how many cases properties are tested on."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
 
 from syncplan.cli import command_line
+from tests.tools.serving import Postgres, own_postgres
 
 # The first is for `make check`: the same few cases each time, however busy the machine is.
 # `make check-all` chooses the second: fresh cases, and many of them. What they find is written
@@ -35,3 +37,19 @@ def run(capsys: pytest.CaptureFixture[str]) -> Any:
         return stopped.value.code, out, err
 
     return call
+
+
+@pytest.fixture(scope="session")
+def postgres() -> Iterator[Postgres]:
+    """A PostgreSQL for all tests of this process; each makes databases of its own in it."""
+    with own_postgres() as started:
+        yield started
+
+
+@pytest.fixture
+def address(request: pytest.FixtureRequest) -> str | None:
+    """Where an empty PostgreSQL database is, of "postgresql"; None of "sqlite"."""
+    if request.param == "sqlite":
+        return None
+    server: Postgres = request.getfixturevalue("postgres")
+    return server.new_database()

@@ -1,7 +1,5 @@
 """Twenty long jobs of one owner do not hold up a short job of another."""
 
-import tempfile
-from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,20 +10,10 @@ import pytest
 from tests.tools.api_servers import serving, speaking
 from tests.tools.processes import memory_given_back, wait_until
 from tests.tools.scenarios import example
-from tests.tools.serving import Postgres
-from tests.tools.survival import new_database
 
 LONG_JOBS = 20
 PATIENCE_S = 100.0
 """For a job that takes a second or, where a process is started for it, a few."""
-
-
-@pytest.fixture(scope="module")
-def postgres() -> Iterator[Postgres]:
-    with tempfile.TemporaryDirectory() as folder:
-        started = Postgres(Path(folder) / "postgres")
-        yield started
-        started.stop()
 
 
 def long_job(number: int, plan_id: str, scenario: dict[str, Any]) -> tuple[str, dict[str, Any]]:
@@ -44,13 +32,15 @@ def succeeded(http: httpx2.Client, job: str) -> bool:
     return bool(shown["state"] == "succeeded")
 
 
-@pytest.mark.parametrize("database", ["sqlite", pytest.param("postgresql", marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "address", ["sqlite", pytest.param("postgresql", marks=pytest.mark.long)], indirect=True
+)
 def test_twenty_long_jobs_do_not_hold_up_a_short_one_of_another(
-    database: str, tmp_path: Path, request: pytest.FixtureRequest
+    address: str | None, tmp_path: Path
 ) -> None:
     settings = {"SYNCPLAN_PROCESSES": "2"}
-    if database == "postgresql":
-        settings["SYNCPLAN_DATABASE_URL"] = new_database(request.getfixturevalue("postgres"))
+    if address is not None:
+        settings["SYNCPLAN_DATABASE_URL"] = address
     scenario = example("paper-grid-same").model_dump(mode="json", exclude_none=True)
     with (
         serving(tmp_path, "ann bob", **settings) as server,

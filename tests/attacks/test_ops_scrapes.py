@@ -1,8 +1,6 @@
 """Scrapes of the metrics while the database hangs: they hold up neither each other nor requests."""
 
-import tempfile
 import time
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -20,20 +18,12 @@ SCRAPES = 60
 pytestmark = pytest.mark.long
 
 
-@pytest.fixture
-def postgres() -> Iterator[Postgres]:
-    # pytest's own folders are closed to PostgreSQL's user
-    with tempfile.TemporaryDirectory() as folder:
-        started = Postgres(Path(folder) / "postgres")
-        yield started
-        started.stop()
-
-
 def test_scrapes_of_a_locked_table_leave_room_for_requests(
     postgres: Postgres, tmp_path: Path
 ) -> None:
     """A backup or a migration locks tables; each scrape used to wait for them in a thread."""
-    settings = settings_of(tmp_path / "data", postgres.url)
+    address = postgres.new_database()
+    settings = settings_of(tmp_path / "data", address)
     server = Server(tmp_path / "log", "--no-worker", port=None, **settings)
 
     def asked(path: str) -> tuple[int, float]:
@@ -43,7 +33,7 @@ def test_scrapes_of_a_locked_table_leave_room_for_requests(
 
     with (
         running(server),
-        psycopg.connect(postgres.url) as other,
+        psycopg.connect(address) as other,
         ThreadPoolExecutor(SCRAPES + 1) as clients,
     ):
         # the first readings, and what they load

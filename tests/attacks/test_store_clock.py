@@ -1,27 +1,16 @@
 """A worker whose clock is eight days ahead deletes nothing and puts nothing out of order."""
 
-import tempfile
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from sqlalchemy import create_engine, text
 
 from tests.tools.processes import wait_until
-from tests.tools.serving import Postgres
-from tests.tools.survival import Site, new_database, quick, refinement, validation
+from tests.tools.survival import Site, quick, refinement, validation
 from tests.tools.wrong_clock import AHEAD_S, clock_ahead
 
 END_LONG_AGO = "UPDATE jobs SET ended_at = '2020-01-01T00:00:00.000000Z' WHERE id = :id"
 TOUCH = "UPDATE jobs SET kind = kind WHERE id = :id"
-
-
-@pytest.fixture(scope="module")
-def postgres() -> Iterator[Postgres]:
-    with tempfile.TemporaryDirectory() as folder:
-        started = Postgres(Path(folder) / "postgres")
-        yield started
-        started.stop()
 
 
 def change(site: Site, statement: str, job_id: str) -> int:
@@ -52,13 +41,10 @@ def test_lists_are_in_order_though_a_worker_has_a_wrong_clock(
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("kind", ["sqlite", "postgresql"])
+@pytest.mark.parametrize("address", ["sqlite", "postgresql"], indirect=True)
 def test_results_are_kept_though_a_worker_has_a_wrong_clock(
-    kind: str, tmp_path: Path, request: pytest.FixtureRequest
+    address: str | None, tmp_path: Path
 ) -> None:
-    address = None
-    if kind == "postgresql":
-        address = new_database(request.getfixturevalue("postgres"))
     with quick(tmp_path, address) as site:
         server = site.serve("--no-worker")
         worker = site.work()

@@ -1,8 +1,6 @@
 """A full disk: readiness says what storing says, what is stored is read, also after a restart."""
 
 import contextlib
-import tempfile
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,15 +12,7 @@ from tests.tools.full_disk import fill, no_room, small_disk
 from tests.tools.processes import wait_until
 from tests.tools.scenarios import document
 from tests.tools.serving import Postgres, free_port
-from tests.tools.survival import Site, new_database, quick, validation
-
-
-@pytest.fixture(scope="module")
-def postgres() -> Iterator[Postgres]:
-    with tempfile.TemporaryDirectory() as folder:
-        started = Postgres(Path(folder) / "postgres")
-        yield started
-        started.stop()
+from tests.tools.survival import Site, quick, validation
 
 
 def refused(answer: httpx2.Response, *statuses: int) -> dict[str, Any]:
@@ -71,7 +61,7 @@ def test_readiness_says_that_nothing_can_be_stored(tmp_path: Path) -> None:
 
 @pytest.mark.long
 def test_readiness_says_that_postgresql_is_read_only(tmp_path: Path, postgres: Postgres) -> None:
-    address = new_database(postgres)
+    address = postgres.new_database()
     name = address.rpartition("/")[2]
     with quick(tmp_path, address) as site:
         site.serve("--no-worker")

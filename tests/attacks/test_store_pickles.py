@@ -2,8 +2,6 @@
 
 import base64
 import pickle
-import tempfile
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,8 +10,7 @@ from sqlalchemy import Connection, create_engine, text
 
 from api.jobs.serialization import JSON_ROWS, RefusedRowError, refuse_pickles
 from tests.tools.processes import wait_until
-from tests.tools.serving import Postgres
-from tests.tools.survival import Site, new_database, quick, validation
+from tests.tools.survival import Site, quick, validation
 
 PICKLED = "py_pickle"
 """What DBOS calls rows that hold pickles."""
@@ -27,14 +24,6 @@ class Opens:
 
     def __reduce__(self) -> Any:
         return open, (str(self._path), "w")
-
-
-@pytest.fixture(scope="module")
-def postgres() -> Iterator[Postgres]:
-    with tempfile.TemporaryDirectory() as folder:
-        started = Postgres(Path(folder) / "postgres")
-        yield started
-        started.stop()
 
 
 def plant(site: Site, job_id: str, other_id: str, pickled: str) -> None:
@@ -83,20 +72,18 @@ def _plant_inputs(connection: Connection, schema: str, job_id: str, pickled: str
 
 
 @pytest.mark.parametrize(
-    ("kind", "who"),
+    ("address", "who"),
     [
         ("sqlite", "server"),
         pytest.param("sqlite", "worker", marks=pytest.mark.long),
         pytest.param("postgresql", "server", marks=pytest.mark.long),
         pytest.param("postgresql", "worker", marks=pytest.mark.long),
     ],
+    indirect=["address"],
 )
 def test_a_row_that_holds_a_pickle_runs_nothing(
-    kind: str, who: Literal["server", "worker"], tmp_path: Path, request: pytest.FixtureRequest
+    address: str | None, who: Literal["server", "worker"], tmp_path: Path
 ) -> None:
-    address = None
-    if kind == "postgresql":
-        address = new_database(request.getfixturevalue("postgres"))
     left = tmp_path / "left"
     pickled = base64.b64encode(pickle.dumps(Opens(left))).decode()
     with quick(tmp_path, address) as site:

@@ -1,7 +1,6 @@
 """The documentation is followed block by block; what it is made of is made and looked at."""
 
 import re
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -26,7 +25,7 @@ from syncplan.errors import InputError
 from syncplan.scenario.specification import Scenario
 from tests.tools.browsing import accessibility_faults, chromium
 from tests.tools.likeness import Likeness
-from tests.tools.serving import ROOT, Postgres
+from tests.tools.serving import ROOT, own_postgres
 from tests.tools.walkthrough import DATABASE, Block, Walk, blocks_of
 
 DOCS = ROOT / "docs"
@@ -52,11 +51,8 @@ OF_THE_THEME = ("aria-dialog-name", "landmark-unique", "scrollable-region-focusa
 
 @pytest.fixture
 def database() -> Iterator[str]:
-    # pytest's own folders are closed to PostgreSQL's user
-    with tempfile.TemporaryDirectory() as folder:
-        server = Postgres(Path(folder) / "postgres")
+    with own_postgres() as server:
         yield server.url
-        server.stop()
 
 
 @pytest.mark.parametrize(

@@ -16,13 +16,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
-from tests.tools.serving import Postgres
+from tests.tools.rounds import Round, lost_in
 from tests.tools.survival import (
     Order,
     Site,
     kill_at,
     kill_children_at,
-    new_database,
     quick,
     refinement,
     sweep_of_ranges,
@@ -81,38 +80,23 @@ def victim_of(number: int) -> Literal["server", "worker", "children"]:
 def main(rounds: int = 20, seed: int = 0) -> list[str]:
     """Return and print the rounds in which something was lost; print each as it ends."""
     generator = random.Random(seed)
-    failures: list[str] = []
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        postgres = Postgres(folder / "postgres")
-        try:
-            wholes = []
-            for number in range(3):
-                with quick(folder / f"undisturbed-{number}") as site:
-                    wholes.append(undisturbed(site, number))
-            print("undisturbed:", ", ".join(f"{one:.1f} s" for one in wholes), flush=True)
-            for number in range(2 * rounds):
-                kind = ("SQLite", "PostgreSQL")[number % 2]
-                whole_s = wholes[number % 3]
-                waits_s = [moment(generator, whole_s)]
-                if victim_of(number) == "children":
-                    longest_s = 2.0 * whole_s / CHILDREN
-                    waits_s = [generator.uniform(0.0, longest_s) for _ in range(CHILDREN)]
-                shown = ", ".join(f"{wait_s:.2f}" for wait_s in waits_s)
-                told = f"{number}: {kind}, {victim_of(number)} killed after {shown} s"
-                address = new_database(postgres) if kind == "PostgreSQL" else None
-                try:
-                    with quick(folder / str(number), address) as site:
-                        outcome = survived(site, number, waits_s)
-                except Exception as error:
-                    failures.append(told)
-                    print(f"{told}: {type(error).__name__}: {error}", flush=True)
-                else:
-                    print(f"{told}: {outcome}", flush=True)
-        finally:
-            postgres.stop()
-    print(f"{2 * rounds} rounds, {len(failures)} with a loss {failures}")
-    return failures
+    wholes = []
+    with tempfile.TemporaryDirectory() as folder:
+        for number in range(3):
+            with quick(Path(folder) / str(number)) as site:
+                wholes.append(undisturbed(site, number))
+    print("undisturbed:", ", ".join(f"{one:.1f} s" for one in wholes), flush=True)
+
+    def round_of(number: int) -> Round:
+        victim, whole_s = victim_of(number), wholes[number % 3]
+        waits_s = [moment(generator, whole_s)]
+        if victim == "children":
+            longest_s = 2.0 * whole_s / CHILDREN
+            waits_s = [generator.uniform(0.0, longest_s) for _ in range(CHILDREN)]
+        shown = ", ".join(f"{wait_s:.2f}" for wait_s in waits_s)
+        return f"{victim} killed after {shown} s", lambda site: survived(site, number, waits_s)
+
+    return lost_in(2 * rounds, round_of)
 
 
 if __name__ == "__main__":

@@ -17,13 +17,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 from syncplan import __version__
-from tests.tools.serving import ROOT, Postgres, Process
+from tests.tools.rounds import Round, lost_in
+from tests.tools.serving import ROOT, Process
 from tests.tools.survival import (
     Order,
     Site,
     another_version,
-    new_database,
-    quick,
     refinement,
     sweep_of_ranges,
     validation,
@@ -41,8 +40,8 @@ def orders_of(number: int) -> list[Order]:
     return [validation(1200, 1), *refined, sweep_of_ranges(200, 3)]
 
 
-def upgraded(site: Site, newer: Path, number: int, generator: random.Random) -> float:
-    """Upgrade a site, see that nothing is lost; return seconds from the last kill to the end."""
+def upgraded(site: Site, newer: Path, number: int, generator: random.Random) -> str:
+    """Upgrade a site, see that nothing is lost, and return how long the end took."""
     site.versions = {__version__, NEWER}
     living: list[tuple[Path, Process, Callable[[], Process]]] = []
 
@@ -71,34 +70,19 @@ def upgraded(site: Site, newer: Path, number: int, generator: random.Random) -> 
     for job_id in site.jobs:
         site.wait_for(job_id, "succeeded", "failed", "cancelled")
     site.see_all_done()
-    return time.monotonic() - killed
+    return f"all done {time.monotonic() - killed:.1f} s after the last kill"
 
 
 def main(rounds: int = 5, seed: int = 0) -> list[str]:
     """Return and print the rounds in which something was lost; print each as it ends."""
     generator = random.Random(seed)
-    failures: list[str] = []
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        newer = another_version(folder / "newer", NEWER)
-        postgres = Postgres(folder / "postgres")
-        try:
-            for number in range(2 * rounds):
-                kind = ("SQLite", "PostgreSQL")[number % 2]
-                address = new_database(postgres) if kind == "PostgreSQL" else None
-                grace = {"SYNCPLAN_VERSION_GRACE_S": f"{GRACE_S:g}"}
-                try:
-                    with quick(folder / str(number), address, **grace) as site:
-                        ended = upgraded(site, newer, number // 2, generator)
-                except Exception as error:
-                    failures.append(f"{number}: {kind}")
-                    print(f"{number}: {kind}: {type(error).__name__}: {error}", flush=True)
-                else:
-                    print(f"{number}: {kind}: all done {ended:.1f} s after the last", flush=True)
-        finally:
-            postgres.stop()
-    print(f"{2 * rounds} upgrades, {len(failures)} with a loss {failures}")
-    return failures
+    with tempfile.TemporaryDirectory() as folder:
+        newer = another_version(Path(folder), NEWER)
+
+        def round_of(number: int) -> Round:
+            return "upgraded", lambda site: upgraded(site, newer, number // 2, generator)
+
+        return lost_in(2 * rounds, round_of, SYNCPLAN_VERSION_GRACE_S=f"{GRACE_S:g}")
 
 
 if __name__ == "__main__":

@@ -2,14 +2,13 @@
 
 import os
 import subprocess
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 import psycopg
 import pytest
 
-from tests.tools.serving import ROOT, Postgres
+from tests.tools.serving import ROOT, Postgres, own_postgres
 from tests.tools.survival import quick, validation
 
 PASSWORD = "correct 'horse' battery"
@@ -17,10 +16,8 @@ PASSWORD = "correct 'horse' battery"
 
 @pytest.fixture
 def postgres() -> Iterator[Postgres]:
-    with tempfile.TemporaryDirectory() as folder:
-        started = Postgres(Path(folder) / "postgres", superuser="postgres")
+    with own_postgres(superuser="postgres") as started:
         yield started
-        started.stop()
 
 
 @pytest.mark.long

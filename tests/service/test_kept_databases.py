@@ -5,8 +5,6 @@
 
 import gzip
 import json
-import tempfile
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +12,9 @@ import psycopg
 import pytest
 
 from tests.tools.record_database import ASKED, HALF_DONE, IDEMPOTENCY, QUEUED, states_of
-from tests.tools.serving import ROOT, Postgres
+from tests.tools.serving import ROOT
 from tests.tools.survival import (
     Site,
-    new_database,
     quick,
     refinement,
     sweep_of_ranges,
@@ -25,14 +22,6 @@ from tests.tools.survival import (
 )
 
 KEPT = ROOT / "tests" / "data" / "version-1"
-
-
-@pytest.fixture(scope="module")
-def postgres() -> Iterator[Postgres]:
-    with tempfile.TemporaryDirectory() as folder:
-        started = Postgres(Path(folder) / "postgres")
-        yield started
-        started.stop()
 
 
 def kept(name: str) -> bytes:
@@ -54,7 +43,7 @@ def restored(kind: str, tmp_path: Path, request: pytest.FixtureRequest) -> Site:
         data.mkdir()
         data.joinpath("syncplan.db").write_bytes(kept("sqlite.db.gz"))
         return quick(tmp_path, **settings)
-    address = new_database(request.getfixturevalue("postgres"))
+    address = request.getfixturevalue("postgres").new_database()
     lines = kept("postgresql.sql.gz").decode().splitlines()
     with psycopg.connect(address, autocommit=True) as connection:
         # those that begin so are for psql

@@ -1,6 +1,5 @@
 """The schema: each version from the one before, and the newest as the tables say."""
 
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,28 +12,16 @@ from api.storage.first_schema import FIRST_METADATA
 from api.storage.migrations import MIGRATIONS, upgrade
 from api.storage.tables import METADATA, schema_version
 from tests.tools.schemas import schema_of
-from tests.tools.serving import Postgres
-from tests.tools.survival import new_database
 
 EACH = pytest.mark.parametrize(
-    "kind", ["sqlite", pytest.param("postgresql", marks=pytest.mark.long)]
+    "address", ["sqlite", pytest.param("postgresql", marks=pytest.mark.long)], indirect=True
 )
 
 
-@pytest.fixture(scope="module")
-def postgres() -> Iterator[Postgres]:
-    with tempfile.TemporaryDirectory() as folder:
-        started = Postgres(Path(folder) / "postgres")
-        yield started
-        started.stop()
-
-
 @pytest.fixture
-def empty(kind: str, tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Connection]:
+def empty(address: str | None, tmp_path: Path) -> Iterator[Connection]:
     """A transaction on an empty database, of which nothing stays."""
-    url = f"sqlite:///{tmp_path / 'syncplan.db'}"
-    if kind == "postgresql":
-        url = load_settings(database_url=new_database(request.getfixturevalue("postgres"))).database
+    url = load_settings(data_dir=tmp_path, database_url=address).database
     engine = create_engine(url, poolclass=NullPool)
     with engine.connect() as connection:
         yield connection

@@ -8,7 +8,6 @@ import contextlib
 import random
 import signal
 import sqlite3
-import tempfile
 import threading
 import time
 from collections.abc import Iterator
@@ -26,11 +25,10 @@ from tests.tools.busy_children import at_work, busy, on_duty
 from tests.tools.full_disk import fill, small_disk
 from tests.tools.processes import PATIENCE_S, wait_until
 from tests.tools.scenarios import example
-from tests.tools.serving import Postgres, Process
+from tests.tools.serving import Postgres, Process, own_postgres
 from tests.tools.survival import (
     Site,
     kill_at,
-    new_database,
     quick,
     refinement,
     sweep_of_ranges,
@@ -43,23 +41,6 @@ LONG = 100_000
 EACH = pytest.mark.parametrize(
     "address", ["sqlite", pytest.param("postgresql", marks=pytest.mark.long)], indirect=True
 )
-
-
-@pytest.fixture(scope="module")
-def postgres() -> Iterator[Postgres]:
-    # not in pytest's folder, which every session of pytest shuts against other users anew
-    with tempfile.TemporaryDirectory() as folder:
-        started = Postgres(Path(folder) / "postgres")
-        yield started
-        started.stop()
-
-
-@pytest.fixture
-def address(request: pytest.FixtureRequest) -> str | None:
-    """Where an empty PostgreSQL database is; None for SQLite."""
-    if request.param == "sqlite":
-        return None
-    return new_database(request.getfixturevalue("postgres"))
 
 
 def warm(site: Site, process: Process) -> None:
@@ -318,7 +299,7 @@ def every_request(plan_id: str, job_id: str) -> list[tuple[str, str, dict[str, A
 def test_the_database_away_for_ten_seconds_costs_nothing_but_time(
     tmp_path: Path, postgres: Postgres
 ) -> None:
-    with quick(tmp_path, new_database(postgres), SYNCPLAN_DEAD_AFTER_S="8") as site:
+    with quick(tmp_path, postgres.new_database(), SYNCPLAN_DEAD_AFTER_S="8") as site:
         server = site.serve()
         worker, ending = site.work(), site.work()
         plan_id = site.hand_in_plan()
@@ -410,13 +391,13 @@ def test_a_full_disk_under_sqlite_is_told_and_waited_out(tmp_path: Path, disk: P
 
 
 @pytest.mark.long
-def test_a_full_disk_under_postgresql_is_told_and_waited_out(
-    tmp_path: Path, disk: Path, postgres: Postgres
-) -> None:
-    # the tables alone are on the small disk: a server that can't write its log stops by itself
-    address = new_database(postgres, postgres.folder_for(disk / "tables"))
-    with quick(tmp_path, address) as site:
-        see_full_disk_waited_out(site, disk)
+def test_a_full_disk_under_postgresql_is_told_and_waited_out(tmp_path: Path, disk: Path) -> None:
+    # a server of its own: its tables go with the small disk
+    with own_postgres() as postgres:
+        # the tables alone are there: a server that can't write its log stops by itself
+        address = postgres.new_database(postgres.folder_for(disk / "tables"))
+        with quick(tmp_path, address) as site:
+            see_full_disk_waited_out(site, disk)
 
 
 @pytest.mark.long

@@ -24,10 +24,9 @@ from typing import Any
 from sqlalchemy import create_engine, text
 
 from tests.tools.processes import wait_until
-from tests.tools.serving import Postgres
+from tests.tools.serving import own_postgres
 from tests.tools.survival import (
     Site,
-    new_database,
     quick,
     refinement,
     sweep_of_ranges,
@@ -119,16 +118,12 @@ def main(folder: Path) -> None:
             source.close()
             content = small.read_bytes()
         _keep(folder, "sqlite", "db", content, said)
-    with tempfile.TemporaryDirectory() as scratch:
-        server = Postgres(Path(scratch) / "postgres")
-        try:
-            address = new_database(server)
-            with quick(Path(scratch) / "site", address) as site:
-                said = record(site)
-            dump = ["pg_dump", "--no-owner", "--no-privileges", "--inserts", address]
-            content = subprocess.run(dump, check=True, capture_output=True).stdout
-        finally:
-            server.stop()
+    with own_postgres() as server, tempfile.TemporaryDirectory() as scratch:
+        address = server.new_database()
+        with quick(Path(scratch) / "site", address) as site:
+            said = record(site)
+        dump = ["pg_dump", "--no-owner", "--no-privileges", "--inserts", address]
+        content = subprocess.run(dump, check=True, capture_output=True).stdout
         _keep(folder, "postgresql", "sql", content, said)
 
 

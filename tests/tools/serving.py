@@ -6,10 +6,13 @@ import shutil
 import socket
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from uuid import uuid4
 
 import httpx2
+import psycopg
 
 from tests.tools.processes import PATIENCE_S, wait_until
 
@@ -106,6 +109,20 @@ class Postgres:
         """Stop the server at once: connections are cut."""
         self._run("pg_ctl", "-D", self._data, "-m", "immediate", *_WAITING, "stop")
 
+    def new_database(self, folder: Path | None = None) -> str:
+        """Return the address of a new, empty database, its tables in a folder if one is given.
+
+        `folder_for` makes such a folder.
+        """
+        name = f"syncplan_{uuid4().hex}"
+        with psycopg.connect(self.url, autocommit=True) as connection:
+            if folder is None:
+                connection.execute(f"CREATE DATABASE {name}")
+            else:
+                connection.execute(f"CREATE TABLESPACE {name} LOCATION '{folder}'")
+                connection.execute(f"CREATE DATABASE {name} TABLESPACE {name}")
+        return self.url.rpartition("/")[0] + f"/{name}"
+
     def folder_for(self, folder: Path) -> Path:
         """Make a folder that PostgreSQL may write to, and return it."""
         folder.mkdir()
@@ -124,6 +141,18 @@ class Postgres:
             group=self._user,
             extra_groups=None if self._user is None else [],
         )
+
+
+@contextlib.contextmanager
+def own_postgres(superuser: str = "syncplan") -> Iterator[Postgres]:
+    """A running PostgreSQL in a folder of its own, stopped at the end."""
+    # not in pytest's folder, which every session of pytest shuts against other users anew
+    with tempfile.TemporaryDirectory() as folder:
+        started = Postgres(Path(folder) / "postgres", superuser)
+        try:
+            yield started
+        finally:
+            started.stop()
 
 
 def _postgres_programs() -> Path:

@@ -17,7 +17,6 @@ from typing import Any, Literal, Self
 from uuid import uuid4
 
 import httpx2
-import psycopg
 from dbos import DBOSClient
 
 from api.jobs.queue import APPLICATION
@@ -33,7 +32,7 @@ from syncplan.reports.validation_report import sweep_document, validation_docume
 from syncplan.runtime.files import as_text
 from tests.tools.processes import PATIENCE_S, wait_until
 from tests.tools.scenarios import FILES, document, example, small
-from tests.tools.serving import QUICK, ROOT, Postgres, Process, Server, settings_of
+from tests.tools.serving import QUICK, ROOT, Process, Server, settings_of
 from tests.tools.wrong_clock import clock_ahead
 
 _GRID = (FILES / "paper-grid-same.yaml").read_text()
@@ -344,21 +343,6 @@ class Site:
         )
 
 
-def new_database(postgres: Postgres, folder: Path | None = None) -> str:
-    """Return the address of an empty database of its own, its tables in a folder if one is given.
-
-    Whoever PostgreSQL runs as must own the folder.
-    """
-    name = f"syncplan_{uuid4().hex}"
-    with psycopg.connect(postgres.url, autocommit=True) as connection:
-        if folder is None:
-            connection.execute(f"CREATE DATABASE {name}")
-        else:
-            connection.execute(f"CREATE TABLESPACE {name} LOCATION '{folder}'")
-            connection.execute(f"CREATE DATABASE {name} TABLESPACE {name}")
-    return postgres.url.rpartition("/")[0] + f"/{name}"
-
-
 def kill_at(
     site: Site,
     orders: Sequence[Order],
@@ -427,11 +411,10 @@ def another_version(folder: Path, version: str) -> Path:
     for package in ("syncplan", "api"):
         # compiled kernels come along: their times stay
         shutil.copytree(ROOT / package, folder / package)
-    for module, given in (("syncplan/__init__.py", f'__version__ = "{__version__}"'),):
-        file = folder / module
-        text = file.read_text()
-        assert text.count(given) == 1, module
-        file.write_text(text.replace(given, given.partition(" = ")[0] + f' = "{version}"'))
+    file = folder / "syncplan" / "__init__.py"
+    given, text = f'__version__ = "{__version__}"', file.read_text()
+    assert text.count(given) == 1, file
+    file.write_text(text.replace(given, f'__version__ = "{version}"'))
     return folder
 
 
