@@ -25,8 +25,8 @@ export PIP_DISABLE_PIP_VERSION_CHECK = 1
 # the checks start hundreds of processes: each would compile all modules anew
 unexport PYTHONDONTWRITEBYTECODE
 
-# uv installs in a tenth of pip's time, and checks the hashes that are locked; where it finds no way to
-# the package index, pip does, which takes them for a list alone: all that is locked
+# uv installs in a tenth of pip's time and checks the locked hashes. Where uv can't reach the package
+# index, pip installs; it checks the hashes of a whole list alone, so it takes all that is locked
 install = sed -n '/^uv==/,/[^\]$$/p' requirements.lock > $(VENV)/uv.lock && \
 	$(BIN)/pip install --quiet --require-hashes --requirement $(VENV)/uv.lock && \
 	$(BIN)/uv pip install --quiet --python $(BIN)/python --constraint requirements.lock \
@@ -53,7 +53,8 @@ check: chromium $(VENV)/.dev
 	OPENBLAS_NUM_THREADS=1 $(TESTS) --no-loadscope-reorder -m "not long"
 
 check-all: postgresql check
-	$(TESTS) -m long
+	@# test by test: the survival tests, kept together, would go on long after all others have ended
+	$(TESTS) --dist worksteal -m long
 	$(TESTS) -m hypothesis --hypothesis-profile=fresh-cases
 	@# each search is one process: as many at once as there are cores, what each prints together
 	OPENBLAS_NUM_THREADS=1 $(MAKE) --no-print-directory --output-sync --jobs $(CORES) $(SEARCHES:%=search-%)
