@@ -311,7 +311,8 @@ def test_the_database_away_for_ten_seconds_costs_nothing_but_time(
         on_duty(site, 2)
         with ThreadPoolExecutor() as pool:
             followed = pool.submit(site.events, jobs[0])
-            time.sleep(0.5)
+            streams = "\nsyncplan_streams 1.0\n"
+            wait_until(lambda: streams in site.ask("GET", "/metrics").text, otherwise=site.logs)
             postgres.stop()
             away = time.monotonic()
             try:
