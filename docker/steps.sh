@@ -5,15 +5,14 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-unprivileged() { "$@"; }
-if [ "$(id -u)" = 0 ]; then
-    unprivileged() { setpriv --reuid=65534 --regid=65534 --clear-groups "$@"; }
-fi
+# in front of a command; not a function, which in the background would be a shell around it
+unprivileged=()
+[ "$(id -u)" != 0 ] || unprivileged=(setpriv --reuid=65534 --regid=65534 --clear-groups)
 
 # an interpreter that the unprivileged user may run as well
 for candidate in "${PYTHON:-python3}" /usr/bin/python3; do
     PYTHON=$(command -v "$candidate") || continue
-    unprivileged "$PYTHON" -c 'import sys, ensurepip; sys.exit(sys.version_info < (3, 11))' \
+    "${unprivileged[@]}" "$PYTHON" -c 'import sys, ensurepip; sys.exit(sys.version_info < (3, 11))' \
         2>/dev/null && break
     PYTHON=
 done
@@ -55,16 +54,28 @@ mkdir -m 700 "$folder/cache" "$folder/data"
 [ "$(id -u)" != 0 ] || chown 65534:65534 "$folder/cache" "$folder/data"
 bin=$folder/syncplan/bin
 export HOME=$folder/data NUMBA_CACHE_DIR=$folder/cache SYNCPLAN_DATA_DIR=$folder/data
-SYNCPLAN_PORT=$("$bin/python" -c 'import socket; s = socket.create_server(("127.0.0.1", 0))
-print(s.getsockname()[1])')
+free_port() {
+    "$bin/python" -c 'import socket; print(socket.create_server(("127.0.0.1", 0)).getsockname()[1])'
+}
+# PROCESS LOG [PORT]: wait until it says that it is ready
+await_ready() {
+    for ((tries = 0; ; tries++)); do
+        "${unprivileged[@]}" "$bin/python" "$folder/syncplan/share/healthcheck.py" "${@:3}" \
+            2>/dev/null && break
+        [ "$tries" -lt 60 ] && kill -0 "$1" 2>/dev/null ||
+            { cat "$2" >&2; echo "it is not ready" >&2; exit 1; }
+        sleep 0.5
+    done
+}
+SYNCPLAN_PORT=$(free_port)
 export SYNCPLAN_PORT SYNCPLAN_HOST=0.0.0.0
 scenario=$PWD/examples/scenarios/paper-grid-same.yaml
 cd "$folder/data"
-unprivileged "$bin/python" "$folder/syncplan/share/warm_up.py"
+"${unprivileged[@]}" "$bin/python" "$folder/syncplan/share/warm_up.py"
 [ -n "$(ls "$folder/cache")" ] || { echo "no kernels in the cache" >&2; exit 1; }
 
 echo "steps: no keys, no service"
-if refusal=$(unprivileged "$bin/syncplan" serve 2>&1); then
+if refusal=$("${unprivileged[@]}" "$bin/syncplan" serve 2>&1); then
     echo "it listens to everybody without keys" >&2
     exit 1
 fi
@@ -72,20 +83,9 @@ case $refusal in *SYNCPLAN_API_KEYS*) ;; *) echo "$refusal" >&2; exit 1 ;; esac
 
 echo "steps: serve"
 key=$("$bin/python" -c 'import secrets; print(secrets.token_hex(24))')
-# the process itself, not a shell around it, is what is stopped below
-if [ "$(id -u)" = 0 ]; then
-    SYNCPLAN_API_KEYS=check:$key setpriv --reuid=65534 --regid=65534 --clear-groups \
-        "$bin/syncplan" serve 2>"$folder/log" &
-else
-    SYNCPLAN_API_KEYS=check:$key "$bin/syncplan" serve 2>"$folder/log" &
-fi
+SYNCPLAN_API_KEYS=check:$key "${unprivileged[@]}" "$bin/syncplan" serve 2>"$folder/log" &
 server=$!
-for ((tries = 0; ; tries++)); do
-    unprivileged "$bin/python" "$folder/syncplan/share/healthcheck.py" 2>/dev/null && break
-    [ "$tries" -lt 60 ] && kill -0 "$server" 2>/dev/null ||
-        { cat "$folder/log" >&2; echo "no sign of life" >&2; exit 1; }
-    sleep 0.5
-done
+await_ready "$server" "$folder/log"
 
 echo "steps: plan"
 "$bin/python" - "$key" "$scenario" <<'PYTHON'
@@ -110,9 +110,9 @@ for asset in ("", "assets/main.js", "assets/plotly.min.js", "assets/examples/pap
     with build_opener(ProxyHandler({})).open(f"{service}/{asset}", timeout=30.0) as answer:
         assert answer.status == 200, asset
 PYTHON
-unprivileged "$bin/syncplan" plan - <"$scenario" | "$bin/python" -c \
+"${unprivileged[@]}" "$bin/syncplan" plan - <"$scenario" | "$bin/python" -c \
     'import json, sys; assert len(json.load(sys.stdin)["vehicles"]) == 6'
-unprivileged "$bin/syncplan" validate - --trials 16 <"$scenario" 2>"$folder/said" >/dev/null
+"${unprivileged[@]}" "$bin/syncplan" validate - --trials 16 <"$scenario" 2>"$folder/said" >/dev/null
 if grep -q compiling "$folder/said"; then
     echo "the kernels of the image are not used" >&2
     exit 1
@@ -120,23 +120,11 @@ fi
 
 echo "steps: worker"
 # it starts only if the packages that export telemetry are there
-worker_port=$("$bin/python" -c 'import socket; s = socket.create_server(("127.0.0.1", 0))
-print(s.getsockname()[1])')
-export SYNCPLAN_TELEMETRY=true SYNCPLAN_WORKER_PORT=$worker_port
-if [ "$(id -u)" = 0 ]; then
-    setpriv --reuid=65534 --regid=65534 --clear-groups \
-        "$bin/syncplan" worker 2>"$folder/worker-log" &
-else
-    "$bin/syncplan" worker 2>"$folder/worker-log" &
-fi
+worker_port=$(free_port)
+SYNCPLAN_TELEMETRY=true SYNCPLAN_WORKER_PORT=$worker_port \
+    "${unprivileged[@]}" "$bin/syncplan" worker 2>"$folder/worker-log" &
 worker=$!
-for ((tries = 0; ; tries++)); do
-    unprivileged "$bin/python" "$folder/syncplan/share/healthcheck.py" "$worker_port" \
-        2>/dev/null && break
-    [ "$tries" -lt 60 ] && kill -0 "$worker" 2>/dev/null ||
-        { cat "$folder/worker-log" >&2; echo "no worker that is ready" >&2; exit 1; }
-    sleep 0.5
-done
+await_ready "$worker" "$folder/worker-log" "$worker_port"
 kill -TERM "$worker"
 wait "$worker" || { cat "$folder/worker-log" >&2; echo "the worker did not end well" >&2; exit 1; }
 worker=
