@@ -7,7 +7,7 @@ from sqlalchemy import Connection
 from starlette.concurrency import run_in_threadpool
 
 from api.callers import computed
-from api.following.event_stream import EVENT_CONTENT, EventStream
+from api.following.event_stream import EventStream
 from api.following.followed_job import Follower
 from api.idempotency import Call, CurrentCall, EmptyCall, answer_once
 from api.job_kinds.job_kind import JobKind
@@ -121,7 +121,7 @@ def read_job(row: Owned) -> Job:
     dependencies=[Depends(accepts("text/event-stream"))],
     operation_id="followJob",
     summary="Follow a job",
-    responses={200: {"content": EVENT_CONTENT}, **problem_responses(401, 404, 406, 422, 429, 503)},
+    responses=problem_responses(401, 404, 406, 422, 429, 503),
 )
 async def follow_job(
     row: Owned,
