@@ -15,7 +15,7 @@ from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol, RequestResp
 
 from api import refusals
 from api.addresses import network_of
-from api.connections import NEVER, ConnectionLimits, Connections
+from api.connections import NEVER, Connections
 from api.refusals import LARGEST_HEAD_BYTES, Refusal
 
 __all__ = ["HttpProtocol"]
@@ -57,11 +57,9 @@ class HttpProtocol(HttpToolsProtocol):
     spoken; a request to change to them is answered like any other.
     """
 
-    def __init__(
-        self, *arguments: Any, connections: Connections | None = None, **options: Any
-    ) -> None:
+    def __init__(self, *arguments: Any, connections: Connections, **options: Any) -> None:
         super().__init__(*arguments, **options)
-        self.counted = Connections(ConnectionLimits()) if connections is None else connections
+        self.counted = connections
         self.limits = self.counted.limits
         self.network = ""
         self._admitted = True
