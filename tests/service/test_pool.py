@@ -23,8 +23,9 @@ from api.computing.child import (
 from api.computing.pool import GivenUpError, OwnerBusyError, Pool, PoolFullError, Ticket
 from api.job_kinds.job_kind import Batch, JobSpec
 from api.jobs.batching import batches_of
-from api.limits import RequestLimits
 from api.plan_texts import PlanText
+from api.service import limits_of
+from api.settings import load_settings
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.trials import CHUNK_TRIALS
 from syncplan.planning.planner import plan
@@ -35,15 +36,7 @@ from syncplan.runtime.files import as_text
 from tests.tools.processes import PATIENCE_S, alive, command, family, wait_until
 from tests.tools.scenarios import FILES, example, shared_circles
 
-LIMITS = RequestLimits(
-    vehicles=200,
-    samples=20_000,
-    trials=100_000,
-    run_s=1e5,
-    refine_s=600.0,
-    sweep_values=50,
-    sightings=5_000_000,
-)
+LIMITS = limits_of(load_settings())
 GRID = (FILES / "paper-grid-same.yaml").read_bytes()
 
 
