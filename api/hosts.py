@@ -7,7 +7,7 @@ its own, so with keys nothing is asked here.
 
 import ipaddress
 import socket
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import lru_cache
 
 from starlette.types import ASGIApp, Receive, Scope, Send
@@ -19,6 +19,9 @@ __all__ = ["LocalOnly", "host_name", "names_here"]
 
 _LOCAL = frozenset({"localhost"})
 _LONGEST_SHOWN = 80
+_LONGEST = 320
+"""Bytes of the longest host or origin that is looked at: a name has up to 253."""
+
 _MOST_KEPT = 1024
 """Spellings of hosts whose answer is kept."""
 
@@ -37,12 +40,12 @@ class LocalOnly:
         self.app = app
         known = _LOCAL.union(name.lower() for name in names)
 
-        @lru_cache(maxsize=_MOST_KEPT)
+        @_kept
         def accepted(host: bytes, own: str) -> bool:
             name = host_name(host.decode("latin-1"))
             return name in known or _is_here(name, own)
 
-        @lru_cache(maxsize=_MOST_KEPT)
+        @_kept
         def accepted_origin(origin: bytes, own: str) -> bool:
             scheme, separator, host = origin.partition(b"://")
             return bool(scheme and separator) and accepted(host, own)
@@ -66,6 +69,12 @@ def host_name(host: str) -> str:
     if host.startswith("["):
         return host[1:].partition("]")[0].lower()
     return host.partition(":")[0].removesuffix(".").lower()
+
+
+def _kept(judge: Callable[[bytes, str], bool]) -> Callable[[bytes, str], bool]:
+    """Whether a value is accepted, kept for the next time; a larger one than any is not kept."""
+    judged = lru_cache(maxsize=_MOST_KEPT)(judge)
+    return lambda value, own: len(value) <= _LONGEST and judged(value, own)
 
 
 def _is_here(name: str, own: str) -> bool:

@@ -1,11 +1,15 @@
 """Whose pages may ask a service without keys: names, addresses, and what reads like them."""
 
+import asyncio
 import socket
+import tracemalloc
+from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
 
 from api.hosts import LocalOnly, host_name, names_here
+from api.problems import ForeignPage, WrongHost
 from tests.tools.api_apps import bare_app
 
 SERVER = "192.0.2.7"
@@ -69,6 +73,27 @@ def test_names_that_are_given_are_accepted_and_no_others() -> None:
 )
 def test_an_origin_that_names_no_host_of_here_is_refused(origin: str) -> None:
     assert _status(host="localhost", origin=origin) == 403
+
+
+@pytest.mark.parametrize("header", [b"host", b"origin"])
+def test_large_hosts_leave_no_memory(header: bytes) -> None:
+    async def untouched(*_: Any) -> Any: ...
+
+    guard = LocalOnly(untouched, ())
+
+    async def ask() -> None:
+        for number in range(500):
+            value = b"http://%d." % number + b"x" * 10_000
+            scope = {"type": "http", "headers": [(header, value)]}
+            with pytest.raises((WrongHost, ForeignPage)):
+                await guard(scope, untouched, untouched)
+
+    tracemalloc.start()
+    try:
+        asyncio.run(ask())
+        assert tracemalloc.get_traced_memory()[0] < 500 * 2000
+    finally:
+        tracemalloc.stop()
 
 
 def test_beyond_loopback_the_name_of_the_machine_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
