@@ -1,6 +1,7 @@
 """A file of API keys that may be changed while the service runs."""
 
 import logging
+import os
 import stat
 from pathlib import Path
 
@@ -29,8 +30,8 @@ class KeyFile:
 
         Raises InputError, once for each change, if it can't be read or a line is no key.
         """
-        content, last = self._content(), self._last
-        self._last = content
+        content, mode = self._read()
+        last, self._last = self._last, content
         if content == last:
             return None
         if isinstance(content, str):
@@ -43,22 +44,22 @@ class KeyFile:
             ) from None
         except ValueError as error:
             raise InputError(str(error), source=str(self.path)) from None
-        self._warn_of_readers()
+        self._warn_of_readers(mode)
         return keys
 
-    def _content(self) -> bytes | str:
-        """What is in the file, or in words why that can't be known."""
+    def _read(self) -> tuple[bytes | str, int]:
+        """What is in the file, or in words why that can't be known, and who may read it."""
         try:
             with self.path.open("rb") as file:
                 content = file.read(_LARGEST_BYTES + 1)
+                mode = stat.S_IMODE(os.fstat(file.fileno()).st_mode)
         except OSError as error:
-            return f"can't be read: {error.strerror or error}"
+            return f"can't be read: {error.strerror or error}", 0
         if len(content) > _LARGEST_BYTES:
-            return f"is larger than {_LARGEST_BYTES} bytes; give NAME:KEY, one a line"
-        return content
+            return f"is larger than {_LARGEST_BYTES} bytes; give NAME:KEY, one a line", mode
+        return content, mode
 
-    def _warn_of_readers(self) -> None:
-        mode = stat.S_IMODE(self.path.stat().st_mode)
+    def _warn_of_readers(self, mode: int) -> None:
         if mode & (stat.S_IROTH | stat.S_IWOTH):
             _log.warning(
                 "%s: every user of this machine may read or change it (mode %o); chmod 600 it",

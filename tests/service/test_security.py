@@ -11,7 +11,9 @@ import pytest
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
+from api import key_file
 from api.key_throttle import KeyThrottle
+from api.keys import ApiKey, keys_of_lines
 from api.problems import Unauthorized
 from api.security import CurrentOwner, Keyring, refuse_exposure
 from api.settings import Settings, load_settings
@@ -144,6 +146,17 @@ def test_a_file_that_everybody_may_read_is_warned_of(
     listed.chmod(mode)
     Keyring(load_settings(api_keys_file=listed))
     assert ("chmod 600" in caplog.text) is warned
+
+
+def test_a_file_that_goes_while_it_is_read_serves_until_the_next_look(
+    listed: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def read_last(text: str) -> tuple[ApiKey, ...]:
+        listed.unlink()
+        return keys_of_lines(text)
+
+    monkeypatch.setattr(key_file, "keys_of_lines", read_last)
+    assert Keyring(load_settings(api_keys_file=listed)).owner_of(OPS) == "ops"
 
 
 def test_a_file_and_the_variable_hold_good_together(listed: Path) -> None:
