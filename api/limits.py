@@ -10,9 +10,9 @@ __all__ = ["RequestLimits", "check_at_most", "check_run_work", "check_size", "ch
 
 _REMEDY = "use a shorter range_m, a longer sample_time_s, a shorter run or fewer vehicles"
 MOST_BOUND_WORK = 5e10
-"""Most work of a plan's bound: a core does 0.5 to 1e9 of it in a second, and a request has 20 s."""
+"""Most work of a plan's bound: a core does 0.3e9 to 4e9 a second, and a request has 20 s."""
 MOST_TRIAL_WORK = 2e11
-"""Most work of a trial: seventeen measure a run, and a part of a job has an hour."""
+"""Most work of a trial: a job begins with 17 of them, to learn its pace, in one part of an hour."""
 
 TRIALS_OF_VEHICLES = 10
 """A run may hold this many times as many trials of one vehicle as it may hold trials."""

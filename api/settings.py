@@ -119,12 +119,12 @@ class Settings(BaseSettings):
         default=20.0,
         description="longest time from a request's body to its answer, in seconds",
     )
-    max_queued_jobs: Count = Field(default=20, description="most unfinished jobs of one key")
+    max_queued_jobs: Count = Field(default=20, description="most unfinished jobs of one owner")
     max_plan_queue: Count = Field(
-        default=256, description="most requests waiting for a process, of all keys together"
+        default=256, description="most requests waiting for a process, of all owners together"
     )
     max_requests: Count = Field(
-        default=64, description="most requests of one key that wait for a process or compute"
+        default=64, description="most requests of one owner that wait for a process or compute"
     )
     max_streams: Count = Field(
         default=100, description="most event streams that one owner may have open"
@@ -154,7 +154,7 @@ class Settings(BaseSettings):
         default=None, description="how long plans are kept, in seconds; for ever if not given"
     )
     max_plans: Count = Field(
-        default=20_000, description="most stored plans of one key before no more can be posted"
+        default=20_000, description="most stored plans of one owner before no more can be posted"
     )
     keep_answers_s: Seconds = Field(
         default=86400.0,
@@ -174,7 +174,7 @@ class Settings(BaseSettings):
     )
     max_job_seconds: Seconds = Field(
         default=30 * 86400.0,
-        description="most computing time of one key's jobs in 24 hours, in seconds",
+        description="most computing time of one owner's jobs in 24 hours, in seconds",
     )
     version_grace_s: Seconds = Field(
         default=600.0,
