@@ -11,9 +11,8 @@ from api.job_kinds.job_table import JOB_KINDS, plurals
 from api.negotiation import accepts
 from api.problems import Conflict, NotFound, problem_responses
 from api.responses import FigureValues, Preview
-from api.routes.job_routes import Owned
+from api.routes.job_routes import Owned, report_or_refuse
 from api.routes.plan_routes import Identifier, find_or_refuse
-from api.storage import job_queries
 from api.storage.kept_answers import Answer
 from syncplan.errors import InputError
 from syncplan.plotting.figure_table import FIGURES, always_there
@@ -109,14 +108,7 @@ async def read_job_figure(
     if row.state != "succeeded" or not JOB_KINDS[row.kind].has_figures:
         kinds = plurals(lambda kind: kind.has_figures)
         raise Conflict(f"the job is a {row.kind}, {row.state}; {kinds} that succeeded have figures")
-
-    def report() -> str | None:
-        with caller.service.database.reading() as connection:
-            return job_queries.report_of(connection, row.id)
-
-    text = await run_in_threadpool(report)
-    if text is None:
-        raise NotFound(f"the result of job {row.id} was deleted")
+    text = await run_in_threadpool(report_or_refuse, caller.service, row)
     return await _drawn(caller, "report_figure", text, row.kind, figure, theme)
 
 

@@ -28,7 +28,7 @@ from api.storage.part_records import computed_seconds
 from api.storage.plan_records import body_of
 from syncplan.reports.job_contract import JobState
 
-__all__ = ["Owned", "router"]
+__all__ = ["Owned", "report_or_refuse", "router"]
 
 router = APIRouter(tags=["jobs"])
 
@@ -195,9 +195,7 @@ async def read_result(row: Owned, service: CurrentService, owner: CurrentOwner) 
         plan = await find_or_refuse(service, owner, row.result_plan_id)
         headers = {"content-location": f"/v1/plans/{plan.id}", "etag": f'"{plan.etag}"'}
         return Response(body_of(plan), headers=headers, media_type="application/json")
-    report = await run_in_threadpool(_report_of, service, row.id)
-    if report is None:
-        raise NotFound(f"the result of job {row.id} was deleted")
+    report = await run_in_threadpool(report_or_refuse, service, row)
     return Response(report, media_type="application/json")
 
 
@@ -224,9 +222,13 @@ def read_trials(row: Owned, service: CurrentService) -> Response:
     return Response(trials, media_type="application/octet-stream")
 
 
-def _report_of(service: Service, job_id: str) -> str | None:
+def report_or_refuse(service: Service, row: JobRow) -> str:
+    """Return the report of a job that succeeded; raises NotFound once it is deleted."""
     with service.database.reading() as connection:
-        return job_queries.report_of(connection, job_id)
+        report = job_queries.report_of(connection, row.id)
+    if report is None:
+        raise NotFound(f"the result of job {row.id} was deleted")
+    return report
 
 
 async def _submit(call: Call, kind: JobKind, plan_id: str | None) -> Response:
