@@ -29,6 +29,7 @@ _BEARER = HTTPBearer(
     scheme_name="ApiKey",
     description="One of the keys that the service was given; not needed where it has none.",
 )
+_Credentials = Annotated[HTTPAuthorizationCredentials | None, Depends(_BEARER)]
 
 _LOOK_EVERY_S = 1.0
 
@@ -44,6 +45,7 @@ class Keyring:
 
     def __init__(self, settings: Settings, clock: Callable[[], float] = time.monotonic) -> None:
         path = settings.api_keys_file
+        self._asks = settings.asks_for_keys
         self._given = settings.api_keys
         self._file = None if path is None else KeyFile(path)
         self._clock = clock
@@ -80,10 +82,6 @@ class Keyring:
         if owner is None:
             raise Unauthorized
         return owner
-
-    @property
-    def _asks(self) -> bool:
-        return bool(self._given) or self._file is not None
 
     def _look(self) -> None:
         """Read the file again if it has changed."""
@@ -125,10 +123,7 @@ def _digest(key: str) -> bytes:
     return hashlib.sha256(key.encode(errors="surrogatepass")).digest()
 
 
-async def _current_owner(
-    request: Request,
-    credentials: Annotated[HTTPAuthorizationCredentials | None, Depends(_BEARER)],
-) -> str:
+async def _current_owner(request: Request, credentials: _Credentials) -> str:
     keyring: Keyring = request.app.state.keyring
     if credentials is None:
         owner = keyring.owner_of(None)
@@ -137,7 +132,6 @@ async def _current_owner(
         address = request.client.host if request.client else ""
         owner = _owner_at(address, credentials.credentials, keyring, throttle)
     request.state.owner = owner
-    request.state.key_digest = _digest(credentials.credentials if credentials else "")
     return owner
 
 
@@ -157,9 +151,8 @@ CurrentOwner = Annotated[str, Depends(_current_owner)]
 """Parameter type of a route: the owner whose key came with the request, or 401."""
 
 
-async def _current_key(request: Request, _owner: CurrentOwner) -> bytes:
-    digest: bytes = request.state.key_digest
-    return digest
+async def _current_key(_owner: CurrentOwner, credentials: _Credentials) -> bytes:
+    return _digest(credentials.credentials if credentials else "")
 
 
 CurrentKey = Annotated[bytes, Depends(_current_key)]
