@@ -53,7 +53,9 @@ def export_spans(settings: Settings) -> Callable[[], None]:
     if not settings.telemetry:
         return lambda: None
     _prepare_exporters()
-    if not any(map(os.environ.get, _ENDPOINTS)) or _switched_off():
+    if _switched_off():
+        return lambda: None
+    if not any(map(os.environ.get, _ENDPOINTS)):
         _log.warning("no spans are exported: %s is not set", _ENDPOINTS[-1])
         return lambda: None
     from opentelemetry.exporter.otlp.proto.http.trace_exporter import OTLPSpanExporter

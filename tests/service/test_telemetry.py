@@ -10,7 +10,7 @@ from fastapi.testclient import TestClient
 from opentelemetry import metrics, trace
 
 from api.settings import load_settings
-from api.telemetry import EXPORTERS, telemetry_options
+from api.telemetry import EXPORTERS, export_spans, telemetry_options
 from syncplan.errors import InputError
 
 TIMEOUT = "OTEL_EXPORTER_OTLP_TIMEOUT"
@@ -74,6 +74,23 @@ def test_a_collector_that_is_away_holds_up_no_end(
     monkeypatch.setattr(os, "environ", {} if given is None else {TIMEOUT: given})
     telemetry_options(settings)
     assert os.environ[TIMEOUT] == kept
+
+
+@pytest.mark.parametrize(
+    ("given", "warned"),
+    [({}, True), ({"OTEL_SDK_DISABLED": "true"}, False), ({"OTEL_TRACES_EXPORTER": "none"}, False)],
+)
+def test_a_worker_without_an_endpoint_says_so_unless_traces_are_switched_off(
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    given: dict[str, str],
+    warned: bool,
+) -> None:
+    settings = load_settings(telemetry=True)
+    monkeypatch.setattr(importlib.util, "find_spec", _find())
+    monkeypatch.setattr(os, "environ", given)
+    export_spans(settings)()
+    assert ("OTEL_EXPORTER_OTLP_ENDPOINT is not set" in caplog.text) is warned
 
 
 def test_telemetry_sees_requests_but_no_probes(monkeypatch: pytest.MonkeyPatch) -> None:
