@@ -3,6 +3,7 @@
 Thin over syncplan, which does all the numbers. Modules, each using only those before it:
 
     addresses, keys, key_file          which clients are one, keys as an operator lists them
+    database_addresses                 where plans and jobs are kept, as an operator writes it
     settings                           what an operator can set
     shares                             one of several HTTP processes: its part of the limits
     seldom_logs, security_headers      few lines for many cases; what every answer carries

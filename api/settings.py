@@ -9,9 +9,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, ValidationInfo
 from pydantic import field_validator as checked
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
-from sqlalchemy.engine import URL, make_url
-from sqlalchemy.exc import ArgumentError
 
+from api.database_addresses import checked_address, sqlite_address
 from api.keys import ApiKey, check_keys, parsed_keys
 from syncplan.errors import InputError
 from syncplan.runtime.cores import usable_cores
@@ -20,7 +19,6 @@ from syncplan.runtime.memory import usable_memory
 __all__ = ["ApiKey", "Settings", "load_settings"]
 
 PREFIX = "SYNCPLAN_"
-_POSTGRES = {"postgres", "postgresql", "postgresql+psycopg"}
 _SECRET = {"api_keys"}
 _VALUE_LENGTH = 100
 LEAST_TASK_MEMORY_BYTES = 2**30
@@ -201,7 +199,7 @@ class Settings(BaseSettings):
         """The address of the database for SQLAlchemy; PostgreSQL through psycopg 3."""
         if self.database_url is not None:
             return self.database_url
-        return _sqlite_address(self.data_dir / "syncplan.db")
+        return sqlite_address(self.data_dir / "syncplan.db")
 
     @property
     def asks_for_keys(self) -> bool:
@@ -233,7 +231,7 @@ class Settings(BaseSettings):
     @checked("database_url")
     @classmethod
     def _known_database(cls, value: str | None) -> str | None:
-        return None if value is None else _database_address(value)
+        return None if value is None else checked_address(value)
 
     @checked("api_keys", mode="before")
     @classmethod
@@ -319,27 +317,3 @@ def _data_home() -> Path:
         return Path(os.environ.get("LOCALAPPDATA") or "~/AppData/Local")
     given = os.environ.get("XDG_DATA_HOME", "")
     return Path(given if os.path.isabs(given) else "~/.local/share")
-
-
-def _database_address(value: str) -> str:
-    try:
-        url = make_url(value)
-    except (ArgumentError, ValueError):
-        raise ValueError(_allowed("can't be read as an address")) from None
-    if url.drivername in _POSTGRES:
-        if not url.database:
-            raise ValueError(_allowed("names no database"))
-        return url.set(drivername="postgresql+psycopg").render_as_string(hide_password=False)
-    if url.drivername != "sqlite":
-        raise ValueError(_allowed("is neither SQLite nor PostgreSQL"))
-    if url.host or url.query or not url.database or url.database == ":memory:":
-        raise ValueError(_allowed("names no file, or more than a file"))
-    return _sqlite_address(Path(os.path.abspath(os.path.expanduser(url.database))))
-
-
-def _allowed(problem: str) -> str:
-    return f"{problem}; allowed are sqlite:///FILE and postgresql://USER:PASSWORD@HOST:PORT/NAME"
-
-
-def _sqlite_address(path: Path) -> str:
-    return URL.create("sqlite", database=str(path)).render_as_string(hide_password=False)
