@@ -9,6 +9,7 @@ for all; where it is full, an owner with a short queue takes a place of the one 
 (P. E. McKenney, "Stochastic fairness queueing", INFOCOM 1990).
 """
 
+import itertools
 from collections import Counter, deque
 from collections.abc import Iterator
 from typing import Generic, TypeVar
@@ -26,8 +27,9 @@ class Turns(Generic[T]):
     def __init__(self) -> None:
         self._waiting: dict[str, deque[T]] = {}
         self._running: Counter[str] = Counter()
-        # in the order of their latest turns
-        self._served: dict[str, None] = {}
+        # the numbers of their latest turns, lowest first
+        self._served: dict[str, int] = {}
+        self._numbers = itertools.count(1)
 
     def __len__(self) -> int:
         """Number of tasks that wait."""
@@ -68,13 +70,12 @@ class Turns(Generic[T]):
         owners = self.idle_owners() if idle_owners else list(self._waiting)
         if not owners:
             return None
-        turn = {owner: number for number, owner in enumerate(self._served, 1)}
-        owner = min(owners, key=lambda one: (self._running[one], turn.get(one, 0)))
+        owner = min(owners, key=lambda one: (self._running[one], self._served.get(one, 0)))
         task = self._waiting[owner].popleft()
         self._tidy(owner)
         self._running[owner] += 1
         self._served.pop(owner, None)
-        self._served[owner] = None
+        self._served[owner] = next(self._numbers)
         if len(self._served) > _OWNERS_REMEMBERED:
             del self._served[next(iter(self._served))]
         return task
