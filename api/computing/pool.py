@@ -90,17 +90,6 @@ class Pool:
         for thread in self._threads:
             thread.start()
 
-    @property
-    def busy(self) -> int:
-        """Number of processes that compute something."""
-        return len(self._running)
-
-    @property
-    def waiting(self) -> int:
-        """Number of tasks that wait for their turn."""
-        with self._work:
-            return len(self._turns)
-
     def depth(self) -> PoolDepth:
         """Return how much work there is now."""
         with self._work:

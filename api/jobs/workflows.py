@@ -160,7 +160,7 @@ async def _conclude(job: BegunJob) -> None:
 async def _compute_whole(job: BegunJob) -> None:
     runtime = current()
     # processes of its own, beside those at work for others
-    workers = max(runtime.settings.process_count - runtime.pool.busy, 1)
+    workers = max(runtime.settings.process_count - runtime.pool.depth().running, 1)
 
     async def submit(watched: WatchedPart, history: PartHistory) -> Ticket:
         # each time: an attempt that died has left some

@@ -312,7 +312,7 @@ def test_a_task_that_waited_too_long_for_its_turn_is_refused(pool: Pool, made: P
         waiting.future.result(timeout=PATIENCE_S)
     # it did not wait for its turn
     assert begun(first)
-    assert pool.waiting == 0
+    assert pool.depth().waiting == 0
     first.cancel()
 
 
