@@ -20,13 +20,13 @@ from api.computing.child import (
     Child,
     ChildGoneError,
     ChildNotStartedError,
-    OutOfMemoryError,
-    TooSlowError,
+    TaskFailedError,
 )
 from api.computing.pool_depth import PoolDepth
 from api.computing.tickets import LEAST_RUN_S, GivenUpError, OwnerBusyError, PoolFullError, Ticket
 from api.computing.turns import Turns
 from api.job_kinds.job_kind import Progress
+from syncplan.errors import InputError, NoGoError, NoSolutionError
 
 __all__ = ["GivenUpError", "OwnerBusyError", "Pool", "PoolFullError", "Ticket"]
 
@@ -38,7 +38,9 @@ PATIENCE_S = 1.0
 _IDLE_S = 5.0
 _LOOK_EVERY_S = 0.1
 _PAUSE_S = 0.2
-_ENDING = (ChildGoneError, OutOfMemoryError, TooSlowError)
+
+_KEEPS_CHILD = (GivenUpError, InputError, NoGoError, NoSolutionError, TaskFailedError)
+"""After these a child waits for the next task; after any other it may still answer this one."""
 
 _logger = logging.getLogger("syncplan.pool")
 
@@ -127,9 +129,10 @@ class Pool:
         )
         with self._work:
             displaced = self._room_for(owner)
+            if self._is_idle():
+                self._clock.notify_all()
             self._turns.add(owner, ticket)
             self._work.notify_all()
-            self._clock.notify_all()
         if displaced is not None:
             displaced.settle(PoolFullError())
         # a caller that cancels the future waits no longer
@@ -177,15 +180,13 @@ class Pool:
     def _give_up(self, ticket: Ticket, spare: bool) -> None:
         now = time.monotonic()
         with self._work:
-            ticket.cancelled.set()
+            ticket.settle(GivenUpError())
             self._turns.remove(ticket.owner, ticket)
             if not spare:
                 ticket.killed_at = now
             elif ticket.began is not None:
                 ticket.killed_at = ticket.began + LEAST_RUN_S
             self._kill_if_due(ticket, now)
-            self._clock.notify_all()
-        ticket.settle(GivenUpError())
 
     def _kill_if_due(self, ticket: Ticket, now: float) -> None:
         """Kill the process of a task; under the lock, so that it is still at this task."""
@@ -198,8 +199,7 @@ class Pool:
         """Give up what is past its deadline, and help owners that are blocked."""
         while True:
             with self._clock:
-                idle = not len(self._turns) and not self._running
-                self._clock.wait(None if idle else _LOOK_EVERY_S)
+                self._clock.wait(None if self._is_idle() else _LOOK_EVERY_S)
                 if self._closed:
                     return
                 now = time.monotonic()
@@ -211,9 +211,12 @@ class Pool:
                     if ticket.deadline <= now:
                         late.append(ticket)
                 if self._blocks(now):
-                    self._start_extra()
+                    self._start_extra(now)
             for ticket in late:
                 ticket.settle(ticket.late())
+
+    def _is_idle(self) -> bool:
+        return not self._turns and not self._running
 
     def _blocks(self, now: float) -> bool:
         """Whether an owner with nothing running has waited too long, and a child may be added."""
@@ -222,11 +225,17 @@ class Pool:
         first = [(self._turns.first_of(one).submitted, one) for one in self._turns.idle_owners()]
         return any(now - max(at, self._idle_since.get(one, 0.0)) > PATIENCE_S for at, one in first)
 
-    def _start_extra(self) -> None:
-        self._extra += 1
+    def _start_extra(self, now: float) -> None:
         thread = threading.Thread(target=self._serve_extra, daemon=True, name="child-extra")
+        try:
+            thread.start()
+        except RuntimeError as error:
+            _logger.error("no thread could be started: %s", error)
+            # tried again once they have waited as long again
+            self._idle_since.update(dict.fromkeys(self._turns.idle_owners(), now))
+            return
+        self._extra += 1
         self._threads.append(thread)
-        thread.start()
 
     def _serve_extra(self) -> None:
         self._serve(extra=True)
@@ -271,7 +280,9 @@ class Pool:
         return None
 
     def _started(self) -> Child | None:
-        """A new child, ready for tasks; None where the system has no room for one just now."""
+        """A new child, ready for tasks; None if the system has no room for one, or once closed."""
+        if self._closed:
+            return None
         try:
             child = Child(
                 background=self._background,
@@ -303,10 +314,11 @@ class Pool:
         for attempt in range(ticket.retries + 1):
             child = child or self._started()
             error, value = self._tried(ticket, child)
-            if child is not None and (child.killed or isinstance(error, _ENDING)):
+            kept = error is None or isinstance(error, _KEEPS_CHILD)
+            if child is not None and (child.killed or not kept):
                 child.end()
                 child = None
-            if not isinstance(error, ChildGoneError) or ticket.cancelled.is_set():
+            if not isinstance(error, ChildGoneError) or ticket.future.done():
                 break
             if attempt < ticket.retries:
                 time.sleep(_PAUSE_S)
@@ -318,7 +330,7 @@ class Pool:
         if child is None:
             return ChildNotStartedError("no process could be started"), None
         with self._work:
-            if ticket.cancelled.is_set():
+            if ticket.future.done():
                 return GivenUpError(), None
             ticket.child = child
             ticket.began = time.monotonic()

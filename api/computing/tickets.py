@@ -2,7 +2,6 @@
 
 import contextlib
 import math
-import threading
 from collections.abc import Callable
 from concurrent.futures import Future, InvalidStateError
 from dataclasses import dataclass, field
@@ -37,6 +36,8 @@ class OwnerBusyError(PoolFullError):
 class Ticket:
     """A task handed in: `future` holds its result; `cancel` gives it up wherever it is.
 
+    A task whose future is done before it has ended is not begun, or begun again.
+
     Attributes
     ----------
     owner : whose turn it takes
@@ -58,7 +59,6 @@ class Ticket:
     submitted: float
     give_up: Callable[["Ticket", bool], None]
     future: "Future[Any]" = field(default_factory=Future)
-    cancelled: threading.Event = field(default_factory=threading.Event)
     child: Child | None = None
     began: float | None = None
     killed_at: float = math.inf

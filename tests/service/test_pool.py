@@ -5,6 +5,8 @@ import os
 import signal
 import subprocess
 import sys
+import threading
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
@@ -177,6 +179,17 @@ def test_a_task_that_takes_too_long_is_stopped(pool: Pool, made: PlanText) -> No
     assert pool.call("made_plan", GRID, "yaml", LIMITS, False) == made
 
 
+def test_no_task_gets_the_answer_of_one_that_nobody_heard_out(pool: Pool, made: PlanText) -> None:
+    def refuse(done: object) -> None:
+        raise ValueError("not heard out")
+
+    spec = spec_of(made, pool, trials=20_000)
+    ticket = pool.submit("computed_batch", spec, Batch(0, 0, 20_000), progress=refuse)
+    with pytest.raises(ValueError, match="not heard out"):
+        ticket.future.result(timeout=PATIENCE_S)
+    assert pool.call("made_plan", GRID, "yaml", LIMITS, False) == made
+
+
 def test_a_task_whose_process_dies_is_done_by_another(pool: Pool, made: PlanText) -> None:
     spec = spec_of(made, pool, trials=1600, duration_s=200.0)
     ticket = pool.submit("computed_batch", spec, Batch(0, 0, 1600))
@@ -283,6 +296,14 @@ def test_a_pool_outlives_a_system_without_room_for_a_process(
     pool.close()
 
 
+def test_a_pool_that_closes_starts_no_process(made: PlanText) -> None:
+    pool = Pool(1, background=True)
+    running = long_flight(pool, made)
+    wait_until(lambda: begun(running))
+    pool.close()
+    assert pool.depth().started == 1
+
+
 def test_a_caller_who_went_away_harms_nobody(pool: Pool, made: PlanText) -> None:
     first = long_flight(pool, made)
     waiting = pool.submit("made_plan", GRID, "yaml", LIMITS, False)
@@ -321,6 +342,50 @@ def test_a_task_past_its_deadline_fails_though_it_runs(pool: Pool, made: PlanTex
     ticket = pool.submit("computed_batch", spec, Batch(0, 0, 100_000), deadline_s=0.5)
     with pytest.raises(TooSlowError):
         ticket.future.result(timeout=PATIENCE_S)
+    assert pool.call("made_plan", GRID, "yaml", LIMITS, False) == made
+
+
+def test_a_task_past_its_deadline_is_not_begun_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    begun: list[str] = []
+
+    def die(self: Child, task: str, **_: Any) -> None:
+        begun.append(task)
+        time.sleep(0.5)
+        raise ChildGoneError
+
+    pool = Pool(1, background=False)
+    try:
+        pool.call("ready")
+        monkeypatch.setattr(Child, "call", die)
+        with pytest.raises(TooSlowError):
+            pool.submit("late", deadline_s=0.3).future.result(timeout=PATIENCE_S)
+        with pytest.raises(ChildGoneError):
+            pool.submit("other", retries=0).future.result(timeout=PATIENCE_S)
+    finally:
+        pool.close()
+    assert begun == ["late", "other"]
+
+
+def test_deadlines_hold_though_the_system_has_no_room_for_a_thread(
+    pool: Pool, made: PlanText, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begin = threading.Thread.start
+    refused: list[str] = []
+
+    def refuse(self: threading.Thread) -> None:
+        if self.name == "child-extra":
+            refused.append(self.name)
+            raise RuntimeError("can't start new thread")
+        begin(self)
+
+    monkeypatch.setattr(threading.Thread, "start", refuse)
+    long = long_flight(pool, made, "busy")
+    other = pool.submit("made_plan", GRID, "yaml", LIMITS, False, owner="other", deadline_s=2.5)
+    with pytest.raises(PoolFullError):
+        other.future.result(timeout=PATIENCE_S)
+    assert 1 <= len(refused) <= 2
+    assert pool.depth().processes == 1
+    long.cancel()
     assert pool.call("made_plan", GRID, "yaml", LIMITS, False) == made
 
 
