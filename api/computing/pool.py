@@ -333,7 +333,7 @@ class Pool:
             if ticket.future.done():
                 return GivenUpError(), None
             ticket.child = child
-            ticket.began = time.monotonic()
+            ticket.began, ticket.ended = time.monotonic(), None
             limit = ticket.allowed(ticket.began)
         try:
             value = child.call(
@@ -343,5 +343,5 @@ class Pool:
             return error, None
         finally:
             with self._work:
-                ticket.child = None
+                ticket.child, ticket.ended = None, time.monotonic()
         return None, value

@@ -2,6 +2,7 @@
 
 import contextlib
 import math
+import time
 from collections.abc import Callable
 from concurrent.futures import Future, InvalidStateError
 from dataclasses import dataclass, field
@@ -45,7 +46,7 @@ class Ticket:
     deadline : monotonic time by which there must be an answer, waiting included; or infinite
     retries : how often it is tried again after its process was killed
     give_up : what `cancel` calls
-    submitted, began : monotonic times; `began` when a process that was ready got it
+    submitted, began, ended : monotonic times; `began` when a process that was ready got it
     killed_at : monotonic time at which its process is killed; infinite unless it was given up
     """
 
@@ -61,7 +62,15 @@ class Ticket:
     future: "Future[Any]" = field(default_factory=Future)
     child: Child | None = None
     began: float | None = None
+    ended: float | None = None
     killed_at: float = math.inf
+
+    @property
+    def ran_s(self) -> float:
+        """How long a process has been at it so far (s), or was; 0 before it begins."""
+        if self.began is None:
+            return 0.0
+        return (time.monotonic() if self.ended is None else self.ended) - self.began
 
     def settle(self, error: Exception | None, value: Any = None) -> None:
         """Hand the outcome to the caller, unless it has one or no longer waits."""

@@ -2,7 +2,6 @@
 
 import json
 import logging
-import time
 from datetime import UTC, datetime, timedelta
 
 from api.computing.pool import Ticket
@@ -55,7 +54,7 @@ class JobCounts:
         """Count a part whose task is over; one that never began is none."""
         if ticket is None or ticket.began is None:
             return
-        took_s = time.monotonic() - ticket.began
+        took_s = ticket.ran_s
         part = _UNNUMBERED.get(number, "batch")
         self.tally.part_over(part, outcome, took_s)
         life = self._life(job_id) if spans_wanted() else None

@@ -7,7 +7,6 @@ that have ended or that another version works on.
 
 import logging
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -25,7 +24,7 @@ _NOTE_EVERY_S = 5.0
 _logger = logging.getLogger("syncplan.jobs")
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class WatchedPart:
     """A part that is computed here: what it has reported, and how much of that is entered.
 
@@ -42,7 +41,7 @@ class WatchedPart:
     done: int = 0
     starts: list[FinishedStart] = field(default_factory=list)
     _noted_done: int = 0
-    _noted_at: float | None = None
+    _noted_s: float = 0.0
     _noting: threading.Lock = field(default_factory=threading.Lock)
 
     def take(self, done: int | FinishedStart) -> None:
@@ -55,7 +54,8 @@ class WatchedPart:
     def note(self, database: Database, *, over: bool = False) -> None:
         """Enter what is new; all of it at the end."""
         with self._noting:
-            seconds = self._seconds()
+            ran_s = 0.0 if self.ticket is None else self.ticket.ran_s
+            seconds = ran_s - self._noted_s
             done, starts = self.done, self.starts[:]
             if not (over or done > self._noted_done or starts or seconds >= _NOTE_EVERY_S):
                 return
@@ -68,18 +68,7 @@ class WatchedPart:
                 if seconds > 0.0:
                     part_records.add_seconds(connection, self.job_id, self.number, seconds)
             del self.starts[: len(starts)]
-            self._noted_done = done
-            if self._noted_at is not None:
-                self._noted_at += seconds
-
-    def _seconds(self) -> float:
-        """Computing time since the last note; nothing while the task waits for its turn."""
-        began = None if self.ticket is None else self.ticket.began
-        if began is None:
-            return 0.0
-        if self._noted_at is None:
-            self._noted_at = began
-        return time.monotonic() - self._noted_at
+            self._noted_done, self._noted_s = done, ran_s
 
 
 class PartWatch:

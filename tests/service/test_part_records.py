@@ -1,15 +1,18 @@
 """Parts of jobs: how often each is begun, what it took, which version's it is, what is kept."""
 
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from sqlalchemy import Connection, func, select
 
+from api.computing.pool import Pool
 from api.job_kinds.job_kind import Batch, JobReport
+from api.jobs.part_watch import WatchedPart
 from api.storage import batch_records, job_queries, job_records, part_records
 from api.storage.clock import earlier, moment
-from api.storage.database import open_database
+from api.storage.database import Database, open_database
 from api.storage.part_records import BEGINNING, PartHistory
 from api.storage.tables import job_parts, job_starts
 from api.storage.waiting_jobs import begin_anew, jobs_that_wait
@@ -19,11 +22,16 @@ BATCHES = [Batch(0, 0, 32), Batch(0, 32, 8)]
 
 
 @pytest.fixture
-def connection(tmp_path: Path) -> Iterator[Connection]:
-    database = open_database(f"sqlite:///{tmp_path / 'syncplan.db'}")
+def database(tmp_path: Path) -> Iterator[Database]:
+    opened = open_database(f"sqlite:///{tmp_path / 'syncplan.db'}")
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def connection(database: Database) -> Iterator[Connection]:
     with database.writing() as opened:
         yield opened
-    database.close()
 
 
 def begun(connection: Connection, owner: str = "ann") -> str:
@@ -52,6 +60,26 @@ def test_attempts_deaths_and_seconds_of_a_part_add_up(connection: Connection) ->
     assert part_records.begin_part(connection, job_id, BEGINNING, VERSION) == PartHistory(2, 1, 2.5)
     part_records.withdraw_part(connection, job_id, BEGINNING)
     assert part_records.begin_part(connection, job_id, BEGINNING, VERSION) == PartHistory(2, 1, 2.5)
+
+
+def test_a_database_that_is_away_adds_nothing_to_what_a_part_took(database: Database) -> None:
+    with database.writing() as connection:
+        job_id = begun(connection)
+        part_records.begin_part(connection, job_id, BEGINNING, VERSION)
+    pool = Pool(1, background=False)
+    try:
+        pool.call("ready")
+        part = WatchedPart(job_id, BEGINNING, pool.submit("ready"))
+        assert part.ticket is not None
+        part.ticket.future.result()
+    finally:
+        pool.close()
+    time.sleep(1.0)
+    part.note(database, over=True)
+    with database.writing() as connection:
+        history = part_records.begin_part(connection, job_id, BEGINNING, VERSION)
+    assert history is not None
+    assert 0.0 < history.computed_s < 1.0
 
 
 def test_parts_that_are_no_batches_are_not_among_them(connection: Connection) -> None:
