@@ -25,6 +25,7 @@ import numpy as np
 from benchmarks.busy_owner import BesideBusy, beside_a_busy_owner
 from benchmarks.load_clients import Request, ask, load, serving
 from benchmarks.readme_tables import README, machine, markdown, write_between
+from syncplan.runtime.child_processes import CHILD_VARIABLES
 from syncplan.runtime.cores import usable_cores
 from tests.tools.scenarios import example
 
@@ -163,13 +164,15 @@ def plans(base: Path | None, body: bytes) -> list[Row]:
 def by_the_library(checkout: Path, body: bytes, processes: int) -> float:
     """Return the plans a second that processes make which do what children do and nothing else.
 
-    They keep no memory from plan to plan, as children do: they are a user's own.
+    Those of this checkout keep memory from plan to plan as its children do; those of a base, whose
+    settings for children are not known here, do not.
     """
+    own = CHILD_VARIABLES if checkout == HERE else {"OPENBLAS_NUM_THREADS": "1"}
     running = [
         subprocess.Popen(
             [sys.executable, "-c", _LIBRARY, str(LIBRARY_S)],
             cwd=checkout,
-            env={**os.environ, "PYTHONPATH": str(checkout), "OPENBLAS_NUM_THREADS": "1"},
+            env={**os.environ, "PYTHONPATH": str(checkout), **own},
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
         )

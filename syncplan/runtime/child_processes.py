@@ -18,7 +18,7 @@ import tempfile
 from collections.abc import Sequence
 from multiprocessing.connection import Connection, Pipe
 
-__all__ = ["ChildProcess", "connect_to_parent", "end_with"]
+__all__ = ["CHILD_VARIABLES", "ChildProcess", "connect_to_parent", "end_with"]
 
 _CODE = (
     "import sys; sys.path[:] = {path!r}; from syncplan.runtime.child_processes import end_with; "
@@ -34,7 +34,7 @@ _WITHHELD = re.compile(
 """Variables that children don't get: settings, PostgreSQL's, and what is named like a secret."""
 
 
-_SET = {
+CHILD_VARIABLES = {
     "OPENBLAS_NUM_THREADS": "1",
     # glibc: arrays of a task come from memory that the one before has given back
     "MALLOC_MMAP_THRESHOLD_": str(8 * 2**20),
@@ -75,7 +75,7 @@ class ChildProcess:
                 stdout=errors,
                 stderr=errors,
                 pass_fds=[theirs.fileno(), *keep],
-                env=dict(os.environ) if heir else {**_environment(), **_SET},
+                env=dict(os.environ) if heir else {**_environment(), **CHILD_VARIABLES},
             )
 
     def complaint(self) -> str:
