@@ -8,6 +8,8 @@ import { Sight } from "./sight.js";
 
 const STEP = 0.01;
 const LONG_STEP = 0.05;
+/** By what share of the view the legend's room and a move may change it, and steps stay as they are. */
+const SAME_VIEW = 0.3;
 const TREMOR_PX = 4;
 const SAME_M = 1e-6;
 
@@ -19,6 +21,8 @@ export class FormationMap {
   #legend = byId("map-legend");
   #dragged = null;
   #held = null;
+  /** Width of the view that steps by the arrow keys are a share of. */
+  #stepped = 0;
   #formation = null;
   #sight = new Sight();
   #time = 0;
@@ -205,7 +209,9 @@ export class FormationMap {
     if (!way) return;
     event.preventDefault();
     const { range } = this.#plot._fullLayout.xaxis;
-    const step = Math.abs(range[1] - range[0]) * (event.shiftKey ? LONG_STEP : STEP);
+    const width = Math.abs(range[1] - range[0]);
+    if (Math.abs(width - this.#stepped) > SAME_VIEW * width) this.#stepped = width;
+    const step = this.#stepped * (event.shiftKey ? LONG_STEP : STEP);
     const tidy = 10 ** Math.floor(Math.log10(step));
     const by = Math.round(step / tidy) * tidy;
     const { body } = handle;
