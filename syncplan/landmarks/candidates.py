@@ -78,7 +78,7 @@ def new_sites(
         check_names(scenario.vehicle_names, names)
         check_landmarks(names, [*scenario.landmarks, *sites.values()])
     except PydanticCustomError as error:
-        value = (error.context or {}).get("value")
+        (value,) = (error.context or {}).get("value", (None,))
         shown = "" if value is None else f"{value!r}: "
         raise InputError(f"{shown}{error.message()}", key="candidates_m", source=source) from None
     return sites

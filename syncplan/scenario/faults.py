@@ -62,7 +62,7 @@ def _remedy(fault: dict[str, Any], model: type[BaseModel]) -> tuple[str, str]:
     if kind == "missing":
         return "is missing", ""
     if kind == "rule":
-        value = fault["ctx"].get("value")
+        (value,) = fault["ctx"].get("value", (None,))
         return message, "" if value is None else described(value)
     for old, new in (
         ("Input should be", "must be"),

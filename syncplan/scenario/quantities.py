@@ -173,7 +173,8 @@ StartTime = Annotated[str, BeforeValidator(_rfc3339), AfterValidator(_moment_wit
 def fault(key: str, problem: str, value: Any = None) -> PydanticCustomError:
     """Return the error for a rule that spans keys: `key` is relative to the model it is raised in.
 
-    Braces are doubled because the message is a template.
+    Braces are doubled because the message is a template. The value is held in a tuple: a text by
+    itself would have to be UTF-8, which a lone surrogate is not.
     """
-    context = {"key": key} if value is None else {"key": key, "value": value}
+    context = {"key": key} if value is None else {"key": key, "value": (value,)}
     return PydanticCustomError("rule", as_template(problem), context)

@@ -244,6 +244,7 @@ def test_a_number_must_be_a_sensible_number(key: str, value: object) -> None:
         ),
         ({"start_time": "2026-W20-1T09+00:00"}, "start_time", "RFC 3339"),
         ({"start_time": "yesterday"}, "start_time", "RFC 3339"),
+        ({"start_time": "\ud800"}, "start_time", "RFC 3339"),
         ({"start_time": "2026-05-01T09:00:00"}, "start_time", "time zone"),
         (
             {"orbit": {"radius_m": [20, 10], "speed_mps": 4}},
