@@ -1,10 +1,13 @@
-"""A service in its own processes, one for all modules that ask for it."""
+"""A service in its own processes, one for all modules that ask for it, and empty databases."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import httpx2
 import pytest
+from sqlalchemy import Connection
 
+from api.storage.database import Database, open_database
 from tests.tools.api_servers import serving, speaking
 from tests.tools.serving import Server
 
@@ -21,3 +24,18 @@ def ann(server: Server) -> Iterator[httpx2.Client]:
     """The first owner, who has plans and jobs."""
     with speaking(server, "ann") as http:
         yield http
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Iterator[Database]:
+    """An empty database, in a folder that opening it makes."""
+    opened = open_database(f"sqlite:///{tmp_path / 'folder' / 'syncplan.db'}")
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def connection(database: Database) -> Iterator[Connection]:
+    """A transaction in the empty database, kept where the test passes."""
+    with database.writing() as opened:
+        yield opened

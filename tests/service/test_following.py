@@ -1,8 +1,7 @@
 """Followers of jobs on one reader: order, catching up, outages, rest, and ends."""
 
 import asyncio
-from collections.abc import AsyncGenerator, Awaitable, Callable, Iterator
-from pathlib import Path
+from collections.abc import AsyncGenerator, Awaitable, Callable
 from typing import Any
 
 import pytest
@@ -15,20 +14,12 @@ from api.following.job_watch import JobWatch
 from api.problems import TooManyRequests
 from api.security import Keyring
 from api.settings import load_settings
-from api.storage.database import Database, open_database
+from api.storage.database import Database
 from api.storage.job_records import NewJob, add_job, change, end_job
 from api.storage.tables import jobs
 from tests.tools.processes import PATIENCE_S
 
 NEW = NewJob("validation", "{}", 1000, None, None)
-
-
-@pytest.fixture
-def database(tmp_path: Path) -> Iterator[Database]:
-    """An empty database."""
-    one = open_database(f"sqlite:///{tmp_path}/plans.db")
-    yield one
-    one.close()
 
 
 @pytest.fixture

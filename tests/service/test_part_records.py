@@ -1,10 +1,7 @@
 """Parts of jobs: how often each is begun, what it took, which version's it is, what is kept."""
 
 import time
-from collections.abc import Iterator
-from pathlib import Path
 
-import pytest
 from sqlalchemy import Connection, func, select
 
 from api.computing.pool import Pool
@@ -12,26 +9,13 @@ from api.job_kinds.job_kind import Batch, JobReport
 from api.jobs.part_watch import WatchedPart
 from api.storage import batch_records, job_queries, job_records, part_records
 from api.storage.clock import earlier, moment
-from api.storage.database import Database, open_database
+from api.storage.database import Database
 from api.storage.part_records import BEGINNING, PartHistory
 from api.storage.tables import job_parts, job_starts
 from api.storage.waiting_jobs import begin_anew, jobs_that_wait
 
 VERSION = "1.0+1"
 BATCHES = [Batch(0, 0, 32), Batch(0, 32, 8)]
-
-
-@pytest.fixture
-def database(tmp_path: Path) -> Iterator[Database]:
-    opened = open_database(f"sqlite:///{tmp_path / 'syncplan.db'}")
-    yield opened
-    opened.close()
-
-
-@pytest.fixture
-def connection(database: Database) -> Iterator[Connection]:
-    with database.writing() as opened:
-        yield opened
 
 
 def begun(connection: Connection, owner: str = "ann") -> str:

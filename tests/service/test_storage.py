@@ -3,7 +3,6 @@
 import json
 import re
 import time
-from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -44,19 +43,6 @@ from syncplan.errors import InputError
 
 MADE = PlanText('{\n "version": "1"\n}\n', "survey", 6, True, 1.5)
 BATCHES = [Batch(0, 0, 32), Batch(0, 32, 8)]
-
-
-@pytest.fixture
-def database(tmp_path: Path) -> Iterator[Database]:
-    opened = open_database(f"sqlite:///{tmp_path / 'folder' / 'syncplan.db'}")
-    yield opened
-    opened.close()
-
-
-@pytest.fixture
-def connection(database: Database) -> Iterator[Connection]:
-    with database.writing() as opened:
-        yield opened
 
 
 @pytest.fixture
