@@ -15,7 +15,7 @@ from scipy.sparse import coo_array, csr_array
 from scipy.special import expit, logsumexp
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.observability.rank import NEAREST
+from syncplan.observability.referred_rows import NEAREST
 from syncplan.refinement.nlp import CONTACT_SAMPLES
 from syncplan.refinement.problem import RefineProblem
 from syncplan.refinement.sample_times import samples_of

@@ -37,8 +37,8 @@ __all__ = ["EXTENDED", "correct_lanes", "predict_lanes", "sighting_lanes"]
 
 Work = tuple[Array, Array, Array, Array]
 
-BEARING_KIND = 0
-"""Place of bearings in SIGHTING_KINDS, as the kernel has it."""
+BEARING_KIND, DISTANCE_KIND, COMPASS_KIND = 0, 1, 2
+"""Places in SIGHTING_KINDS, as the kernel has them."""
 
 SMALLEST_SQUARE = 1e-300
 """Least squared distance in m^2: bodies estimated at one place give a row of zeros, not NaN."""
@@ -162,6 +162,42 @@ def bearing_lanes(
 
 
 @compiled
+def distance_lanes(
+    x: Array,
+    observer: int,
+    target: int,
+    landmarks: Array,
+    distances: Array,
+    row: Array,
+    innovation: Array,
+    lanes: Lanes,
+) -> None:
+    """Fill in a distance's innovation and row, as `bearing_lanes` does a bearing's."""
+    n = len(x)
+    for lane in range(len(lanes)):
+        if target < n:
+            dx, dy = x[target, 0, lane], x[target, 1, lane]
+        else:
+            dx, dy = landmarks[target - n, 0], landmarks[target - n, 1]
+        dx -= x[observer, 0, lane]
+        dy -= x[observer, 1, lane]
+        rho = math.sqrt(max(dx * dx + dy * dy, SMALLEST_SQUARE))
+        row[0, lane], row[1, lane], row[2, lane] = -dx / rho, -dy / rho, 0.0
+        innovation[lane] = distances[lane] - rho
+
+
+@compiled
+def heading_lanes(
+    x: Array, observer: int, headings: Array, row: Array, innovation: Array, lanes: Lanes
+) -> None:
+    """Fill in a compass's innovation and row; it has no target, whose part is zero."""
+    for lane in range(len(lanes)):
+        row[0, lane], row[1, lane], row[2, lane] = 0.0, 0.0, 1.0
+        turn = headings[lane] - x[observer, 2, lane]
+        innovation[lane] = turn - 2.0 * math.pi * math.floor((turn + math.pi) / (2.0 * math.pi))
+
+
+@compiled
 def sighting_lanes(
     kind: int,
     x: Array,
@@ -179,6 +215,10 @@ def sighting_lanes(
     """
     if kind == BEARING_KIND:
         bearing_lanes(x, observer, target, landmarks, measured, row, innovation, lanes)
+    elif kind == DISTANCE_KIND:
+        distance_lanes(x, observer, target, landmarks, measured, row, innovation, lanes)
+    elif kind == COMPASS_KIND:
+        heading_lanes(x, observer, measured, row, innovation, lanes)
 
 
 @compiled

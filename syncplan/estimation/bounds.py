@@ -34,7 +34,8 @@ from syncplan.estimation.start_up_index import (
     index_of_run,
     lines_of_sight,
 )
-from syncplan.observability.rank import Observability, sighting_rows
+from syncplan.observability.rank import Observability
+from syncplan.observability.referred_rows import sighting_rows
 from syncplan.orbits.circles import Orbits, perpendicular, phase, unit
 from syncplan.orbits.contacts import Windows
 from syncplan.orbits.sighting_kinds import sigmas_by_kind

@@ -12,7 +12,7 @@ from syncplan.arrays import Array
 from syncplan.estimation.bounds import PosteriorBound, ReferredSystem
 from syncplan.estimation.covariance_kernel import compiled_variances_along
 from syncplan.estimation.referred_run import Run
-from syncplan.observability.rank import sighting_rows
+from syncplan.observability.referred_rows import sighting_rows
 from syncplan.orbits.contacts import Windows
 from syncplan.orbits.losses import Remainder
 from syncplan.orbits.sightings import Sightings, steps_within

@@ -28,8 +28,9 @@ from syncplan.estimation.filter_setup import FilterSetup, Readings, build_setup
 from syncplan.estimation.filter_statistics import empty_series, empty_statistics
 from syncplan.estimation.mrclam import NOBODY, Log
 from syncplan.estimation.trials import Accuracy, MonteCarloResult, accuracy, result_of
+from syncplan.orbits.bearings import BEARING
 from syncplan.orbits.noise import Noise
-from syncplan.orbits.sighting_kinds import BEARING, place_of
+from syncplan.orbits.sighting_kinds import place_of
 from syncplan.results import Result
 from syncplan.scenario.rules import excess
 

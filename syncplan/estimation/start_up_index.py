@@ -21,7 +21,7 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.estimation.foreseen_sightings import Foreseen
-from syncplan.observability.rank import NEAREST
+from syncplan.observability.referred_rows import NEAREST
 from syncplan.orbits.paths import body_paths
 from syncplan.orbits.sighting_kinds import sigmas_by_kind
 from syncplan.orbits.sightings import Sightings, steps_within

@@ -1,5 +1,6 @@
 """Whether the sightings determine every position and heading, why, and what is lost if not.
 
+referred_rows        how each sighting changes with the state at time 0
 rank                 singular values of the windowed matrix
 certificate          the corrected theorem, with its witness
 window_assessment    windows, sightings, rank and certificate of one window

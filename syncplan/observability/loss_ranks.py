@@ -19,13 +19,8 @@ from itertools import pairwise
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.observability.rank import (
-    RANK_TOLERANCE,
-    assess,
-    link_information,
-    sighting_rows,
-    stacked_rows,
-)
+from syncplan.observability.rank import RANK_TOLERANCE, assess, link_information, stacked_rows
+from syncplan.observability.referred_rows import sighting_rows
 from syncplan.observability.window_assessment import Assessment
 from syncplan.orbits.losses import Loss, remainder_of
 

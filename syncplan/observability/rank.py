@@ -1,18 +1,8 @@
 """Windowed observability: the matrix of equations (5)-(9) in closed form, its rank and its gap.
 
-The row of every sighting is referred to the initial state by the closed-form transition, so that it
-has six non-zeros (three for a landmark) and no matrix product is formed. With q the target's
-position relative to the observer, g = dz / dq and dz / dpsi as syncplan.orbits.sighting_kinds has
-them, J a quarter turn counter-clockwise and p(t) - p(0) the way each has gone:
-
-    dz / dp_target     =  g                              and minus that for the observer
-    dz / dpsi_target   =  g . J (p_t(t) - p_t(0))
-    dz / dpsi_observer = -g . J (p_o(t) - p_o(0)) + dz / dpsi
-
-For a bearing, g . J p is q . p / rho^2. Rows are divided by their sigma; positions are in mean
-radii, so all columns are pure numbers. Each link's rows are first reduced to at most six by its own
-singular value decomposition. That is an orthogonal change of the rows: the singular values of the
-whole matrix stay what they are, and nothing is ever squared.
+Its rows are those of syncplan.observability.referred_rows. Each link's rows are first reduced to at
+most six by its own singular value decomposition. That is an orthogonal change of the rows: the
+singular values of the whole matrix stay what they are, and nothing is ever squared.
 """
 
 from collections.abc import Iterator
@@ -22,14 +12,12 @@ from itertools import pairwise
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.orbits.paths import body_paths
-from syncplan.orbits.sighting_kinds import sigmas_by_kind, slopes_by_kind, turns_by_kind
+from syncplan.observability.referred_rows import sighting_rows
 from syncplan.orbits.sightings import Sightings
 from syncplan.orbits.team import Team
 
 __all__ = [
     "LINK_TOLERANCE",
-    "NEAREST",
     "RANK_TOLERANCE",
     "LinkInformation",
     "Observability",
@@ -37,16 +25,12 @@ __all__ = [
     "assess",
     "link_information",
     "pair_rows",
-    "sighting_rows",
     "stacked_rows",
 ]
 
 
 RANK_TOLERANCE = 1e-8
 """A singular value of the whole matrix counts above this share of the largest."""
-
-NEAREST = 1e-3
-"""Sightings from nearer than this share of the mean radius are weighted down."""
 
 VECTORS_LIMIT = 900
 """State dimension above which singular vectors are computed only where rank is lacking."""
@@ -144,42 +128,6 @@ class Observability:
     def min_eigenvalue(self) -> float:
         """Smallest eigenvalue of the windowed information, scaled columns; 0 if unobservable."""
         return float(self.singular_values[-1] ** 2) if self.observable else 0.0
-
-
-def sighting_rows(team: Team, sightings: Sightings, scale: float | None = None) -> Array:
-    """Return (s, 6) rows referred to time 0, over sigma: the observer's three, the target's three.
-
-    Positions in mean radii, or in `scale` m; a landmark's three are zero. A sighting from nearer
-    than NEAREST mean radii is weighted down in proportion: its bearing turns faster than any
-    estimate can follow, and one such row would drown all others in rounding. At distance zero
-    there is no bearing. Equations (5) to (9) of the paper, in closed form.
-    """
-    orbits = team.orbits
-    observers, targets = sightings.observers, sightings.targets
-    # of all samples in turn: sightings share them
-    first = int(sightings.steps.min(initial=0))
-    samples = np.arange(first, int(sightings.steps.max(initial=0)) + 1)
-    tau = samples * (orbits.rate * team.sensors.sample_time)
-    cos, sin = np.stack([np.cos(tau), np.sin(tau)]).take(sightings.steps - first, axis=1)
-    ways = [np.ascontiguousarray(part.T) for part in body_paths(orbits, team.landmarks)]
-    here, here_cos, here_sin = (part.take(observers, axis=1) for part in ways)
-    there, there_cos, there_sin = (part.take(targets, axis=1) for part in ways)
-    q = (there - here) + (there_cos - here_cos) * cos + (there_sin - here_sin) * sin
-    mean_radius = float(orbits.radii.mean())
-    weight = np.minimum(1.0, np.sqrt(q[0] * q[0] + q[1] * q[1]) / (NEAREST * mean_radius))
-    weight /= sigmas_by_kind(team.sensors, sightings.kinds, observers)
-    slope = slopes_by_kind(sightings.kinds, q, weight)
-    own = here_cos * (cos - 1.0) + here_sin * sin
-    other = there_cos * (cos - 1.0) + there_sin * sin
-    unit = mean_radius if scale is None else scale
-    rows = np.empty((len(cos), 6))
-    rows[:, 0] = slope[0] * -unit
-    rows[:, 1] = slope[1] * -unit
-    rows[:, 2] = -(slope[1] * own[0] - slope[0] * own[1]) + turns_by_kind(sightings.kinds) * weight
-    rows[:, 3:5] = -rows[:, :2]
-    rows[:, 5] = slope[1] * other[0] - slope[0] * other[1]
-    rows[targets >= orbits.count, 3:] = 0.0
-    return rows
 
 
 def pair_rows(team: Team, sightings: Sightings, scale: float | None = None) -> Iterator[PairRows]:

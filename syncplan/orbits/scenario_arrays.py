@@ -4,9 +4,11 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.orbits.circles import Orbits
+from syncplan.orbits.error_states import ErrorSigmas
 from syncplan.orbits.noise import Noise
 from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.team import Team
+from syncplan.scenario.disturbances import Wind
 from syncplan.scenario.specification import Scenario, per_vehicle
 
 __all__ = ["radii_of", "sensors_of", "team_of"]
@@ -26,6 +28,13 @@ def sensors_of(scenario: Scenario) -> Sensors:
         boresights=np.radians([sensor.boresight_deg for sensor in sensors]),
         bearing_sigmas=np.array([sensor.bearing_sigma_rad for sensor in sensors]),
         sample_time=scenario.sample_time,
+        range_sigmas=np.array([sensor.range_sigma_m or np.inf for sensor in sensors]),
+        compass_sigmas=_compass_sigmas(scenario),
+        every=np.array(
+            [round((one.interval_s or one.sample_time_s) / one.sample_time_s) for one in sensors]
+        ),
+        detection=np.array([sensor.detection_probability or 1.0 for sensor in sensors]),
+        bearing_bias_sigmas=np.array([one.bearing_bias_sigma_rad or 0.0 for one in sensors]),
     )
 
 
@@ -36,9 +45,28 @@ def team_of(scenario: Scenario, orbits: Orbits) -> Team:
         landmarks=np.array(scenario.landmarks, dtype=float).reshape(-1, 2),
         sensors=sensors_of(scenario),
         noise=Noise(
-            speed_sigma=scenario.motion.speed_sigma_mps,
-            turn_rate_sigma=scenario.motion.turn_rate_sigma_rad_s,
+            speed_sigma=scenario.motion.speed_sigma(scenario.sample_time),
+            turn_rate_sigma=scenario.motion.turn_rate_sigma(scenario.sample_time),
             position_sigma=scenario.initial_sigma.position_m,
             heading_sigma=scenario.initial_sigma.heading_rad,
         ),
+        errors=_errors_of(scenario),
+        obstacles=tuple(np.array(corners, dtype=float) for corners in scenario.obstacles_m or []),
+    )
+
+
+def _compass_sigmas(scenario: Scenario) -> Array:
+    given = scenario.heading_sigma_rad
+    return np.array(per_vehicle(np.inf if given is None else given, scenario.size))
+
+
+def _errors_of(scenario: Scenario) -> ErrorSigmas:
+    motion, wind = scenario.motion, scenario.wind or Wind()
+    return ErrorSigmas(
+        wind=wind.sigma_mps,
+        gust=wind.gust_sigma_mps,
+        gust_time=wind.gust_time_s,
+        speed_scale=motion.speed_scale_sigma or 0.0,
+        turn_rate_bias=motion.turn_rate_bias_sigma_rad_s or 0.0,
+        estimated=tuple(scenario.estimated),
     )

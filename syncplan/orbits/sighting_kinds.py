@@ -5,25 +5,29 @@ heading, a sighting z depends on the poses through q and psi alone:
 
     kind       z                  dz / dq                dz / dpsi
     bearing    atan2(q) - psi     (-q_y, q_x) / rho^2    -1
+    distance   rho                q / rho                 0
+    compass    psi                0                       1
 
-A further kind, such as the distance rho with slope q / rho, is a further member of SIGHTING_KINDS,
-at its end. Sightings refer to kinds by their place in the table.
+A compass has no target: its sightings name the observer as their target.
+
+A further kind is a module beside `bearings` and a further member of SIGHTING_KINDS, at its end.
+Sightings refer to kinds by their place in the table.
 """
-
-from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
+from syncplan.orbits.bearings import BEARING
+from syncplan.orbits.compasses import COMPASS
+from syncplan.orbits.distances import DISTANCE
 from syncplan.orbits.sensors import Sensors
+from syncplan.orbits.sighting_kind import SightingKind
 
 __all__ = [
-    "BEARING",
     "SIGHTING_KINDS",
-    "SightingKind",
     "kinds_measured",
     "measured_by_kind",
+    "of_targets",
     "place_of",
     "sigmas_by_kind",
     "slopes_by_kind",
@@ -31,48 +35,7 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True, slots=True)
-class SightingKind:
-    """What one kind of sighting measures.
-
-    Attributes
-    ----------
-    sigma_name : attribute of Sensors that holds its standard deviations, (n,) by observer;
-        infinite where a vehicle's sensor does not measure this kind
-    unit : of the sighting and its standard deviation
-    measured : of q (2, ...) m and psi (...) rad, the noiseless sighting; angles are not wrapped
-    slopes : of q (2, ...) m and weights (...), each weight times dz / dq, (2, ...); 0 at q = 0
-    by_heading : dz / dpsi
-    """
-
-    sigma_name: str
-    unit: str
-    measured: Callable[[Array, Array], Array]
-    slopes: Callable[[Array, Array], Array]
-    by_heading: float
-
-    def sigmas(self, sensors: Sensors) -> Array:
-        """Return (n,) standard deviations by observer; infinite where there is no such sensor."""
-        found: Array = getattr(sensors, self.sigma_name)
-        return found
-
-
-def _bearings(q: Array, heading: Array) -> Array:
-    return np.asarray(np.arctan2(q[1], q[0]) - heading)
-
-
-def _bearing_slopes(q: Array, weights: Array) -> Array:
-    squared = q[0] * q[0] + q[1] * q[1]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        toward = q * (weights / squared)
-    toward[:, squared == 0.0] = 0.0
-    return np.stack([-toward[1], toward[0]])
-
-
-BEARING = SightingKind("bearing_sigmas", "rad", _bearings, _bearing_slopes, by_heading=-1.0)
-"""Direction in which the target appears, from the observer's heading, in rad."""
-
-SIGHTING_KINDS = {"bearing": BEARING}
+SIGHTING_KINDS = {"bearing": BEARING, "distance": DISTANCE, "compass": COMPASS}
 """By name."""
 
 
@@ -84,6 +47,11 @@ def place_of(kind: SightingKind) -> int:
 def kinds_measured(sensors: Sensors) -> Flags:
     """Return (n, K): whether each vehicle's sensor measures each of the K kinds."""
     return np.stack([kind.sigmas(sensors) != np.inf for kind in SIGHTING_KINDS.values()], axis=1)
+
+
+def of_targets(kinds: Index) -> Flags:
+    """Return (s,) whether each sighting is one of a target, not of the vehicle itself."""
+    return np.array([kind.of_target for kind in SIGHTING_KINDS.values()])[kinds]
 
 
 def sigmas_by_kind(sensors: Sensors, kinds: Index, observers: Index) -> Array:

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 from syncplan.arrays import Array, Index, short_repr
 from syncplan.orbits.circles import Orbits
+from syncplan.orbits.error_states import NO_ERRORS, ErrorSigmas
 from syncplan.orbits.noise import Noise
 from syncplan.orbits.sensors import Sensors
 
@@ -18,13 +19,16 @@ class Team:
     ----------
     orbits : of the vehicles
     landmarks : (m, 2) m
-    sensors, noise : of the vehicles
+    sensors, noise, errors : of the vehicles
+    obstacles : polygons that block sight, each (k, 2) m, corners in order, not closed
     """
 
     orbits: Orbits
     landmarks: Array
     sensors: Sensors
     noise: Noise
+    errors: ErrorSigmas = NO_ERRORS
+    obstacles: tuple[Array, ...] = ()
 
     __repr__ = short_repr
 
@@ -68,3 +72,8 @@ class WithTeam:
     def noise(self) -> Noise:
         """The team's noise."""
         return self.team.noise
+
+    @property
+    def errors(self) -> ErrorSigmas:
+        """The team's lasting errors."""
+        return self.team.errors

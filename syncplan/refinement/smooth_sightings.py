@@ -20,8 +20,8 @@ import casadi as ca
 import numpy as np
 
 from syncplan.arrays import Array, Index
+from syncplan.orbits.bearings import BEARING
 from syncplan.orbits.sensors import Sensors
-from syncplan.orbits.sighting_kinds import BEARING
 from syncplan.refinement.sample_times import SampleTimes
 
 __all__ = [
@@ -40,7 +40,7 @@ ANCHOR_SUMS = 6
 """A landmark has no heading: c c^T (3), c h (2), h h."""
 
 _NEAREST_SQUARED = 1e-6
-"""NEAREST of syncplan.observability.rank, squared: keeps bearings from turning infinitely fast."""
+"""The square of referred_rows.NEAREST: keeps bearings from turning infinitely fast."""
 
 ROUNDED_ANGLE = 1e-6
 """rad^2, added to the square of an angle whose absolute value has to be smooth."""

@@ -8,7 +8,8 @@ objectives           what a refinement can improve
 refine_options       what a refinement may change, and to what end
 areas                polygons that circles stay within or clear of
 rules                conditions between keys that JSON Schema cannot state
-models               the sections of a scenario
+models               the sections of a scenario: circles, formation, sensor
+disturbances         what disturbs vehicles and readings, what of it the filter estimates
 formations           shapes by name, their centres and neighbours
 specification        the scenario as a whole
 other_documents      what is neither scenario nor plan, by its name

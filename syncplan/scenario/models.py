@@ -1,4 +1,4 @@
-"""The sections of a scenario: circles, formation, sensor and noise, each checked by itself.
+"""The sections of a scenario: circles, formation and sensor, each checked by itself.
 
 Keys carry their unit in their name. Unknown keys are errors, numbers are finite, and every
 message names the key, its value and what is allowed.
@@ -27,8 +27,6 @@ from syncplan.scenario.quantities import (
 __all__ = [
     "MAX_VEHICLES",
     "Formation",
-    "InitialSigma",
-    "Motion",
     "Orbit",
     "Sensor",
 ]
@@ -41,7 +39,6 @@ SPEED_AGREEMENT = 1e-6
 
 Rate = Annotated[float, Field(ge=1e-6, le=1e4)]
 Speed = Annotated[float, Field(ge=1e-9, le=1e6)]
-Sigma = Annotated[float, Field(ge=0, le=1e3)]
 
 
 def _given(*keys: str, absent: Iterable[str] = ()) -> dict[str, Any]:
@@ -253,7 +250,7 @@ def _check_team_size(formation: Formation, info: ValidationInfo) -> None:
 
 
 class Sensor(Section):
-    """What a vehicle sees of others and of landmarks: bearings, within range and field of view."""
+    """What a vehicle sees of others and of landmarks, within range and field of view."""
 
     range_m: Length = Field(description="Largest distance seen", examples=[50.0])
     fov_deg: Annotated[float, Field(gt=0, le=360)] = Field(
@@ -268,30 +265,47 @@ class Sensor(Section):
         default=0.05, description="Standard deviation of a bearing", examples=[0.1]
     )
     sample_time_s: Annotated[float, Field(ge=1e-6, le=1e6)] = Field(
-        default=0.1, description="Time between samples, common to all vehicles", examples=[0.1]
+        default=0.1,
+        description="Time between samples of the filter and its motion readings, common to all "
+        "vehicles",
+        examples=[0.1],
+    )
+    interval_s: Annotated[float, Field(ge=1e-6, le=1e6)] | None = Field(
+        default=None,
+        description="Time between sightings of one target, a multiple of sample_time_s, which it "
+        "is if not given",
+        examples=[0.5],
+    )
+    detection_probability: Annotated[float, Field(gt=0, le=1)] | None = Field(
+        default=None,
+        description="Share of the sightings within range and view that are made; all if not given",
+        examples=[0.9],
+    )
+    range_sigma_m: Annotated[float, Field(ge=1e-6, le=1e6)] | None = Field(
+        default=None,
+        description="Standard deviation of a distance, where each sighting measures it too",
+        examples=[0.3],
+    )
+    bearing_bias_sigma_rad: Annotated[float, Field(ge=0, le=math.pi)] | None = Field(
+        default=None,
+        description="Standard deviation of the sensor's own bearing error, constant in a run; no "
+        "such error if not given",
+        examples=[0.02],
     )
 
-
-class Motion(Section):
-    """Noise of the motion readings, per sample."""
-
-    speed_sigma_mps: Sigma = Field(
-        default=0.1, description="Standard deviation of a speed reading", examples=[0.1]
-    )
-    turn_rate_sigma_rad_s: Sigma = Field(
-        default=0.01, description="Standard deviation of a turn-rate reading", examples=[0.01]
-    )
-
-
-class InitialSigma(Section):
-    """How well each vehicle knows its pose at time 0."""
-
-    position_m: Annotated[float, Field(ge=1e-6, le=1e6)] = Field(
-        default=5.0, description="Standard deviation of each coordinate", examples=[5.0]
-    )
-    heading_rad: Annotated[float, Field(ge=1e-6, le=100)] = Field(
-        default=0.1, description="Standard deviation of the heading", examples=[0.1]
-    )
+    @model_validator(mode="after")
+    def _whole_interval(self) -> Self:
+        if self.interval_s is None:
+            return self
+        samples = self.interval_s / self.sample_time_s
+        if round(samples) < 1 or abs(samples - round(samples)) > 1e-6 * samples:
+            raise fault(
+                "interval_s",
+                f"is not a multiple of sample_time_s, {self.sample_time_s:g} s; sightings are made "
+                "at samples",
+                self.interval_s,
+            )
+        return self
 
 
 def _spread(values: list[float], count: int) -> list[float]:

@@ -8,9 +8,17 @@ from pydantic import Field, model_validator
 
 from syncplan.results import Result
 from syncplan.scenario.chunked_validation import Many
+from syncplan.scenario.disturbances import (
+    EstimableName,
+    Filter,
+    InitialSigma,
+    Motion,
+    Wind,
+    check_estimated,
+)
 from syncplan.scenario.formations import SHAPES
 from syncplan.scenario.georeference import GeoOrigin
-from syncplan.scenario.models import Formation, InitialSigma, Motion, Orbit, Sensor
+from syncplan.scenario.models import Formation, Orbit, Sensor
 from syncplan.scenario.quantities import (
     ListedOrNamed,
     OneOrMany,
@@ -39,6 +47,7 @@ __all__ = ["Scenario", "per_vehicle"]
 T = TypeVar("T")
 
 Duration = Annotated[float, Field(gt=0, le=1e9)]
+CompassSigma = Annotated[float, Field(ge=1e-6, le=math.pi)]
 
 
 class Scenario(Result, Section):
@@ -53,7 +62,17 @@ class Scenario(Result, Section):
         examples=[[[190.0, 0.0], [190.0, 70.0]]],
     )
     sensor: OneOrMany[Sensor] = Field(description="One sensor for all, or one per vehicle")
+    heading_sigma_rad: OneOrMany[CompassSigma] | None = Field(
+        default=None,
+        description="Standard deviation of a compass, read at every sample, one value or one per "
+        "vehicle; no compass if not given",
+        examples=[0.05],
+    )
     motion: Motion = Field(default_factory=Motion)
+    wind: Wind | None = Field(default=None, description="Wind or current; none if not given")
+    filter: Filter | None = Field(
+        default=None, description="What the filter estimates beside the poses"
+    )
     initial_sigma: InitialSigma = Field(default_factory=InitialSigma)
     duration_s: Duration = Field(
         default=200.0, description="Length of the run that errors are predicted for", examples=[200]
@@ -85,6 +104,12 @@ class Scenario(Result, Section):
         description="Polygons that no path may pass through; a circle may go round one",
         examples=[[[[100.0, 20.0], [110.0, 20.0], [105.0, 30.0]]]],
     )
+    obstacles_m: Many[Polygon] | None = Field(
+        default=None,
+        description="Polygons that block sight; what blocks paths is keep_out_m, and one polygon "
+        "may stand in both",
+        examples=[[[[100.0, 30.0], [110.0, 30.0], [105.0, 40.0]]]],
+    )
     limits: Limits | None = Field(default=None, description="What the vehicles can do")
     refine: RefineOptions | None = Field(
         default=None, description="How a plan is refined; defaults where not given"
@@ -108,6 +133,7 @@ class Scenario(Result, Section):
                 "orbit.direction": orbit.direction,
                 "orbit.desync_rad": orbit.desync_rad,
                 "sensor": self.sensor,
+                "heading_sigma_rad": self.heading_sigma_rad,
                 "formation.names": formation.names,
             },
             self.size,
@@ -121,6 +147,7 @@ class Scenario(Result, Section):
         )
         check_landmarks(self.landmark_names, self.landmarks)
         check_polygons(self._polygons)
+        check_estimated(self.filter.estimate if self.filter else "auto", self.error_sigmas)
         if self.limits is not None:
             check_limits(self.limits, self.refine, orbit.rate, radii, self.vehicle_names)
         check_link_names(formation.links or [], self.vehicle_names)
@@ -212,11 +239,37 @@ class Scenario(Result, Section):
         ]
 
     @property
+    def error_sigmas(self) -> dict[EstimableName, float]:
+        """What errors there are beside noise, by name: the largest sigma of each."""
+        motion, wind = self.motion, self.wind or Wind()
+        sigmas: dict[EstimableName, float] = {
+            "wind": wind.sigma_mps,
+            "speed_scale": motion.speed_scale_sigma or 0.0,
+            "turn_rate_bias": motion.turn_rate_bias_sigma_rad_s or 0.0,
+            "bearing_bias": max(one.bearing_bias_sigma_rad or 0.0 for one in self.sensors),
+            "gusts": wind.gust_sigma_mps,
+        }
+        return {name: sigma for name, sigma in sigmas.items() if sigma > 0.0}
+
+    @property
+    def estimated(self) -> list[EstimableName]:
+        """Those of the errors that are states of the filter."""
+        wanted = self.filter.estimate if self.filter else "auto"
+        if isinstance(wanted, list):
+            return [name for name in self.error_sigmas if name in wanted]
+        return [] if wanted == "none" else list(self.error_sigmas)
+
+    @property
     def _polygons(self) -> dict[str, Polygon]:
         """Every polygon by its key."""
         area = {} if self.area_m is None else {"area_m": self.area_m}
-        kept_out = enumerate(self.keep_out_m or [])
-        return {**area, **{f"keep_out_m[{k}]": polygon for k, polygon in kept_out}}
+        many = {"keep_out_m": self.keep_out_m, "obstacles_m": self.obstacles_m}
+        each = {
+            f"{key}[{k}]": polygon
+            for key, polygons in many.items()
+            for k, polygon in enumerate(polygons or [])
+        }
+        return {**area, **each}
 
     def resolved(self) -> "Scenario":
         """Return the scenario with defaults written out and its shape turned into centres.

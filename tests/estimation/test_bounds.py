@@ -12,7 +12,8 @@ from syncplan.estimation.bounds import (
     steady_bound,
     window_bound,
 )
-from syncplan.observability.rank import assess, link_information, sighting_rows
+from syncplan.observability.rank import assess, link_information
+from syncplan.observability.referred_rows import sighting_rows
 from syncplan.orbits.circles import Orbits, heading, position
 from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.noise import Noise

@@ -6,13 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from syncplan.observability.certificate import DISTINCT_LANDMARKS
-from syncplan.observability.rank import (
-    NEAREST,
-    RANK_TOLERANCE,
-    assess,
-    link_information,
-    sighting_rows,
-)
+from syncplan.observability.rank import RANK_TOLERANCE, assess, link_information
+from syncplan.observability.referred_rows import NEAREST, sighting_rows
 from syncplan.observability.unobservable_modes import name_modes
 from syncplan.observability.window_assessment import assess_team
 from syncplan.orbits.circles import Orbits, heading, position

@@ -1,4 +1,4 @@
-"""Kinds of sighting against finite differences: those there are, and a distance beside them."""
+"""Kinds of sighting against finite differences."""
 
 from dataclasses import fields, replace
 
@@ -7,32 +7,22 @@ import pytest
 
 from syncplan.arrays import Array
 from syncplan.estimation.batched_filter import sighting_lanes
-from syncplan.observability.rank import sighting_rows
+from syncplan.observability.referred_rows import sighting_rows
+from syncplan.orbits.bearings import BEARING
 from syncplan.orbits.circles import heading, position, wrap
+from syncplan.orbits.compasses import COMPASS
 from syncplan.orbits.contacts import find_windows
-from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, SightingKind, place_of
+from syncplan.orbits.distances import DISTANCE
+from syncplan.orbits.sighting_kind import SightingKind
+from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, place_of
 from syncplan.orbits.sightings import sample_sightings
 from syncplan.orbits.team import Team
 from tests.tools.draws import draw_team, sightings_of
 
 
-def _distance_slopes(q: Array, weights: Array) -> Array:
-    return np.asarray(q * (weights / np.hypot(*q)))
-
-
-DISTANCE = SightingKind(
-    sigma_name="ranges",
-    unit="m",
-    measured=lambda q, _: np.hypot(q[0], q[1]),
-    slopes=_distance_slopes,
-    by_heading=0.0,
-)
-KINDS = SIGHTING_KINDS | {"distance": DISTANCE}
-
-
-@pytest.mark.parametrize("name", KINDS)
+@pytest.mark.parametrize("name", SIGHTING_KINDS)
 def test_slopes_are_the_derivative_of_what_is_measured(name: str) -> None:
-    kind, h = KINDS[name], 1e-6
+    kind, h = SIGHTING_KINDS[name], 1e-6
     q, psi = np.random.default_rng(1).normal(size=(2, 50)), np.full(50, 0.3)
     weights = np.linspace(0.5, 2.0, 50)
     slopes = kind.slopes(q, weights)
@@ -55,22 +45,20 @@ def _measured_after(team: Team, kind: SightingKind, a: int, change: Array, time:
     return float(kind.measured(position(orbits, time)[0] - own, ahead))
 
 
-@pytest.mark.parametrize("name", KINDS)
-def test_rows_of_any_kind_are_the_derivative_by_the_observers_pose(
-    name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(SIGHTING_KINDS, "distance", DISTANCE)
-    kind, checked = KINDS[name], 0
+@pytest.mark.parametrize("name", SIGHTING_KINDS)
+def test_rows_of_any_kind_are_the_derivative_by_the_observers_pose(name: str) -> None:
+    kind, checked = SIGHTING_KINDS[name], 0
     for seed in range(40):
         team = draw_team(np.random.default_rng(seed))
-        team = replace(team, landmarks=team.landmarks[:0])
+        team = replace(_with_all_kinds(team), landmarks=team.landmarks[:0])
         seen = sightings_of(team, 30)
         rows = sighting_rows(team, seen, 1.0)
-        chosen = np.flatnonzero((seen.targets == 0) & (seen.kinds == place_of(kind)))
+        of_target = (seen.targets == 0) & (seen.observers != 0) | (not kind.of_target)
+        chosen = np.flatnonzero(of_target & (seen.kinds == place_of(kind)))
         for s in chosen[:: max(len(rows) // 10, 1)]:
             a, time = int(seen.observers[s]), float(seen.steps[s]) * team.sensors.sample_time
             away = position(team.orbits, time)[a] - position(team.orbits, time)[0]
-            if np.hypot(*away) < 0.05 * team.orbits.radii.mean():
+            if kind.of_target and np.hypot(*away) < 0.05 * team.orbits.radii.mean():
                 continue
             steps = np.diag([1e-6 * team.orbits.radii.mean()] * 2 + [1e-6])
             numeric = [
@@ -89,24 +77,62 @@ def test_rows_of_any_kind_are_the_derivative_by_the_observers_pose(
     assert checked > 20
 
 
-def test_each_sighting_is_of_a_kind_that_its_observers_sensor_measures(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_each_sighting_is_of_a_kind_that_its_observers_sensor_measures() -> None:
     team = draw_team(np.random.default_rng(3))
     bearings = sightings_of(team, 30)
     rows = sighting_rows(team, bearings)
-    monkeypatch.setitem(SIGHTING_KINDS, "distance", replace(DISTANCE, sigma_name="boresights"))
-    sigmas = np.full(team.count, np.inf)
-    sigmas[0] = 0.5
-    both = replace(team, sensors=replace(team.sensors, boresights=sigmas))
+    some, none = np.full(team.count, np.inf), np.full(team.count, np.inf)
+    some[0], none[1] = 0.5, 0.1
+    sensors = replace(team.sensors, range_sigmas=some, compass_sigmas=none)
+    both = replace(team, sensors=sensors)
     seen = sample_sightings(find_windows(team), team.orbits.period, both.sensors, 0, 30)
-    distances = seen.kinds == 1
+    distances, headings = seen.kinds == place_of(DISTANCE), seen.kinds == place_of(COMPASS)
     assert set(seen.observers[distances].tolist()) == {0}
     assert distances.sum() == np.sum(bearings.observers == 0) > 0
+    np.testing.assert_array_equal(seen.steps[headings], np.arange(31))
+    assert set(seen.observers[headings].tolist()) == set(seen.targets[headings].tolist()) == {1}
+    kept = ~(distances | headings)
     for field in fields(bearings):
-        kept = getattr(seen, field.name)[~distances]
-        np.testing.assert_array_equal(kept, getattr(bearings, field.name))
-    np.testing.assert_array_equal(sighting_rows(both, seen)[~distances], rows)
+        np.testing.assert_array_equal(
+            getattr(seen, field.name)[kept], getattr(bearings, field.name)
+        )
+    np.testing.assert_array_equal(sighting_rows(both, seen)[kept], rows)
+    order = np.lexsort((seen.kinds, seen.targets, seen.observers, seen.steps))
+    np.testing.assert_array_equal(order, np.arange(len(order)))
+
+
+def test_a_slow_camera_sees_at_multiples_of_its_interval_and_a_compass_at_all_samples() -> None:
+    team = draw_team(np.random.default_rng(3))
+    every = np.arange(team.count) + 1
+    slow = replace(team.sensors, every=every, compass_sigmas=np.array(0.1)).only(every - 1)
+    windows, period = find_windows(team), team.orbits.period
+    seen = sample_sightings(windows, period, slow, 1, 60)
+    full = sample_sightings(windows, period, team.sensors, 1, 60)
+    ready = full.steps % every[full.observers] == 0
+    of_others = seen.kinds == place_of(BEARING)
+    assert 0 < ready.sum() < len(ready)
+    np.testing.assert_array_equal(seen.steps[of_others], full.steps[ready])
+    np.testing.assert_array_equal(seen.targets[of_others], full.targets[ready])
+    assert np.sum(~of_others) == 60 * team.count
+
+
+def test_a_sighting_made_with_some_probability_counts_as_that_share_of_one() -> None:
+    team = _with_all_kinds(draw_team(np.random.default_rng(3)))
+    seen = sightings_of(team, 30)
+    missed = replace(team, sensors=replace(team.sensors, detection=np.full(team.count, 0.49)))
+    share = np.where(seen.kinds == place_of(COMPASS), 1.0, 0.7)
+    rows = sighting_rows(team, seen)
+    np.testing.assert_allclose(sighting_rows(missed, seen), rows * share[:, None], rtol=1e-14)
+
+
+def _with_all_kinds(team: Team) -> Team:
+    """The team with distances and compasses beside its bearings."""
+    sensors = replace(
+        team.sensors,
+        range_sigmas=np.linspace(0.1, 0.4, team.count),
+        compass_sigmas=np.linspace(0.02, 0.05, team.count),
+    )
+    return replace(team, sensors=sensors)
 
 
 @pytest.mark.parametrize("name", SIGHTING_KINDS)

@@ -10,7 +10,7 @@ import pytest
 
 from syncplan.arrays import Array
 from syncplan.estimation.bounds import posterior_bound
-from syncplan.observability.rank import sighting_rows
+from syncplan.observability.referred_rows import sighting_rows
 from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.paths import relative_motion
 from syncplan.orbits.separation import least_distances

@@ -402,7 +402,9 @@ def _predicted(given: Plan) -> Array:
     covariance = np.diag(
         np.tile([sigma.position_m**2, sigma.position_m**2, sigma.heading_rad**2], n)
     )
-    control = np.diag(np.tile([motion.speed_sigma_mps**2, motion.turn_rate_sigma_rad_s**2], n))
+    sample_time = scenario.sample_time
+    speed, turn = motion.speed_sigma(sample_time), motion.turn_rate_sigma(sample_time)
+    control = np.diag(np.tile([speed**2, turn**2], n))
     speeds, turns = orbits.rate * orbits.radii, orbits.rate * orbits.senses
     kept = []
     for k in range(1, number + 1):

@@ -1,0 +1,175 @@
+"""Rows of sightings: how each changes with the state at time 0, in closed form.
+
+The row of every sighting is referred to the initial state by the closed-form transition, so that it
+has six non-zeros (three for a landmark) and no matrix product is formed. With q the target's
+position relative to the observer, g = dz / dq and dz / dpsi as syncplan.orbits.sighting_kinds has
+them, J a quarter turn counter-clockwise and p(t) - p(0) the way each has gone:
+
+    dz / dp_target     =  g                              and minus that for the observer
+    dz / dpsi_target   =  g . J (p_t(t) - p_t(0))
+    dz / dpsi_observer = -g . J (p_o(t) - p_o(0)) + dz / dpsi
+
+For a bearing, g . J p is q . p / rho^2. Rows are divided by their sigma; positions are in mean
+radii, so all columns are pure numbers. A sighting that is made with probability p counts as p of
+one: its row is multiplied by sqrt(p).
+
+A constant error that moves a vehicle by (dp, dpsi) has the entry -g . dp + dz / dpsi dpsi for the
+observer and g . dp for the target: syncplan.orbits.error_states. These columns are in units of the
+error's own sigma.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from syncplan.arrays import Array, Index
+from syncplan.orbits.error_states import ERROR_STATES, StateLayout
+from syncplan.orbits.paths import body_paths
+from syncplan.orbits.sighting_kinds import (
+    SIGHTING_KINDS,
+    of_targets,
+    sigmas_by_kind,
+    slopes_by_kind,
+    turns_by_kind,
+)
+from syncplan.orbits.sightings import Sightings
+from syncplan.orbits.team import Team
+
+__all__ = ["NEAREST", "WideRows", "dense_rows", "sighting_rows", "wide_rows"]
+
+
+NEAREST = 1e-3
+"""Sightings from nearer than this share of the mean radius are weighted down."""
+
+
+@dataclass(frozen=True, slots=True)
+class WideRows:
+    """Rows of sightings by poses and constant errors.
+
+    A column may stand twice in a row, as does that of a wind common to both vehicles: the entries
+    add. Where there is no such state the entry is zero and its column that of some other state.
+
+    Attributes
+    ----------
+    entries : (s, 6 + e) whitened: the observer's three, the target's three, then errors
+    columns : (s, 6 + e) of the team's state
+    """
+
+    entries: Array
+    columns: Index
+
+
+@dataclass(frozen=True, slots=True)
+class _Slopes:
+    """How sightings change, over their sigmas."""
+
+    by_place: Array  # (2, s) of the target's place, 1/m
+    by_heading: Array  # (s,) of the observer's heading
+    weights: Array  # (s,)
+    moved: tuple[Array, Array]  # (2, s) m that observer and target have gone
+
+
+def sighting_rows(team: Team, sightings: Sightings, scale: float | None = None) -> Array:
+    """Return (s, 6) rows referred to time 0, over sigma: the observer's three, the target's three.
+
+    Positions in mean radii, or in `scale` m; a landmark's three are zero. A sighting from nearer
+    than NEAREST mean radii is weighted down in proportion: its bearing turns faster than any
+    estimate can follow, and one such row would drown all others in rounding. At distance zero
+    there is no bearing. Equations (5) to (9) of the paper, in closed form.
+    """
+    return _pose_rows(team, sightings, _slopes(team, sightings), scale)
+
+
+def wide_rows(
+    team: Team, sightings: Sightings, layout: StateLayout, scale: float | None = None
+) -> WideRows:
+    """Return the rows of `sighting_rows` with the columns of the constant errors in a layout.
+
+    Gusts are no constants and have none.
+    """
+    slopes = _slopes(team, sightings)
+    entries = [_pose_rows(team, sightings, slopes, scale)]
+    observers, targets, count = sightings.observers, sightings.targets, team.count
+    among = np.where(targets < count, targets, observers)
+    bodies = np.column_stack([observers, among])
+    columns = [(3 * bodies[:, :, None] + np.arange(3)).reshape(-1, 6)]
+    times = np.asarray(sightings.steps * team.sensors.sample_time, dtype=float)
+    kinds = np.array(list(SIGHTING_KINDS))
+    for name in layout.names:
+        state = ERROR_STATES[name]
+        if not state.constant:
+            continue
+        place = layout.columns[name]
+        shifted = slopes.weights * (kinds[sightings.kinds] == state.shifts)
+        for vehicles, sign in ((observers, -1.0), (among, 1.0)):
+            moves = state.moves(team.orbits, vehicles, times)
+            entry = sign * np.einsum("cs,acs->sa", slopes.by_place, moves[:, :2])
+            if sign < 0.0:
+                entry += (slopes.by_heading * moves[:, 2]).T
+                entry += shifted[:, None]
+            else:
+                entry[targets >= count] = 0.0
+            own = place[vehicles]
+            has = own >= 0
+            entry *= np.where(has, layout.sigmas[np.where(has, own - 3 * count, 0)], 0.0)
+            entries.append(entry)
+            columns.append(np.where(has, own, 3 * vehicles[:, None]))
+    return WideRows(np.concatenate(entries, axis=1), np.concatenate(columns, axis=1))
+
+
+def dense_rows(rows: WideRows, size: int) -> Array:
+    """Return (s, size) the rows in full."""
+    dense = np.zeros((len(rows.entries), size))
+    np.add.at(dense, (np.arange(len(dense))[:, None], rows.columns), rows.entries)
+    return dense
+
+
+def _pose_rows(team: Team, sightings: Sightings, slopes: _Slopes, scale: float | None) -> Array:
+    unit = float(team.orbits.radii.mean()) if scale is None else scale
+    slope, (own, other) = slopes.by_place, slopes.moved
+    rows = np.empty((len(sightings.steps), 6))
+    rows[:, 0] = slope[0] * -unit
+    rows[:, 1] = slope[1] * -unit
+    rows[:, 2] = -(slope[1] * own[0] - slope[0] * own[1]) + slopes.by_heading
+    rows[:, 3:5] = -rows[:, :2]
+    rows[:, 5] = slope[1] * other[0] - slope[0] * other[1]
+    rows[sightings.targets >= team.count, 3:] = 0.0
+    return rows
+
+
+def _slopes(team: Team, sightings: Sightings) -> _Slopes:
+    orbits = team.orbits
+    observers, targets = sightings.observers, sightings.targets
+    # of all samples in turn: sightings share them
+    first = int(sightings.steps.min(initial=0))
+    samples = np.arange(first, int(sightings.steps.max(initial=0)) + 1)
+    tau = samples * (orbits.rate * team.sensors.sample_time)
+    cos, sin = np.stack([np.cos(tau), np.sin(tau)]).take(sightings.steps - first, axis=1)
+    ways = [np.ascontiguousarray(part.T) for part in body_paths(orbits, team.landmarks)]
+    here, here_cos, here_sin = (part.take(observers, axis=1) for part in ways)
+    there, there_cos, there_sin = (part.take(targets, axis=1) for part in ways)
+    q = (there - here) + (there_cos - here_cos) * cos + (there_sin - here_sin) * sin
+    nearest = NEAREST * float(orbits.radii.mean())
+    weight = np.minimum(1.0, np.sqrt(q[0] * q[0] + q[1] * q[1]) / nearest)
+    weight /= sigmas_by_kind(team.sensors, sightings.kinds, observers)
+    _of_those_made(weight, team, sightings)
+    return _Slopes(
+        by_place=slopes_by_kind(sightings.kinds, q, weight),
+        by_heading=turns_by_kind(sightings.kinds) * weight,
+        weights=weight,
+        moved=(
+            here_cos * (cos - 1.0) + here_sin * sin,
+            there_cos * (cos - 1.0) + there_sin * sin,
+        ),
+    )
+
+
+def _of_those_made(weight: Array, team: Team, sightings: Sightings) -> None:
+    """Of sightings that are missed now and then, or have no target, weigh in place."""
+    alone = ~of_targets(sightings.kinds)
+    if alone.any():
+        observers = sightings.observers[alone]
+        weight[alone] = 1.0 / sigmas_by_kind(team.sensors, sightings.kinds[alone], observers)
+    detection = np.where(alone, 1.0, team.sensors.detection[sightings.observers])
+    if np.any(detection < 1.0):
+        weight *= np.sqrt(detection)

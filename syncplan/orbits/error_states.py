@@ -1,0 +1,236 @@
+"""Errors that last: wind, gusts, scales and biases, and how each moves a vehicle.
+
+Noise is new at each sample; these errors are not, so a filter can estimate them, each as states
+beside the poses. With s = t - t0, p the place along the circle, phi the phase, d the sense, omega
+the rate, R the radius, u(phi) = (cos phi, sin phi) and J a quarter turn counter-clockwise, a unit
+of a constant error moves the vehicle by
+
+    wind             (common)  dp = s w
+    speed_scale      (each)    dp = p(t) - p(t0)
+    turn_rate_bias   (each)    dpsi = s
+                               dp = J (s R u(phi(t)) - R / (d omega) [sin phi(t) - sin phi(t0),
+                                                                      cos phi(t0) - cos phi(t)])
+    bearing_bias     (each)    nothing, but adds 1 to each bearing of its observer
+
+Gusts are no constants: each vehicle has its own, a first-order Gauss-Markov process, and
+dp grows by Ts times the gust at each sample. So they have no column here; filter and posterior
+bound carry them from sample to sample.
+
+A speed scale c means that a vehicle moves 1 + c times what it reads, a bias b that it turns b
+faster than it reads, a bearing bias that a bearing reads that much too large.
+
+Source: integration of the unicycle model along a circle, differentiated.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Protocol
+
+import numpy as np
+
+from syncplan.arrays import Array, Index
+from syncplan.orbits.circles import Orbits, perpendicular, unit
+from syncplan.orbits.sensors import Sensors
+
+__all__ = [
+    "ERROR_STATES",
+    "NO_ERRORS",
+    "ErrorSigmas",
+    "ErrorState",
+    "StateLayout",
+    "layout_of",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorSigmas:
+    """Standard deviations of the errors that last; those of bearings stand in Sensors.
+
+    Attributes
+    ----------
+    wind : m/s, of each component of the common, constant wind
+    gust : m/s, of each component of a vehicle's gusts
+    gust_time : s, over which their correlation falls to 1/e
+    speed_scale : of the share by which speed readings are wrong
+    turn_rate_bias : rad/s
+    estimated : names in ERROR_STATES that are states of the filter
+    """
+
+    wind: float = 0.0
+    gust: float = 0.0
+    gust_time: float = 10.0
+    speed_scale: float = 0.0
+    turn_rate_bias: float = 0.0
+    estimated: tuple[str, ...] = ()
+
+
+NO_ERRORS = ErrorSigmas()
+"""Of vehicles whose readings have noise alone."""
+
+
+class Disturbed(Protocol):
+    """What has vehicles, sensors and lasting errors: a team."""
+
+    @property
+    def orbits(self) -> Orbits:
+        """Of the vehicles."""
+
+    @property
+    def sensors(self) -> Sensors:
+        """Of the vehicles."""
+
+    @property
+    def errors(self) -> ErrorSigmas:
+        """Of the vehicles."""
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorState:
+    """An error that lasts, and can be a state of the filter.
+
+    Attributes
+    ----------
+    unit : in words
+    axes : names of its components; one without a name where it is a single number
+    common : whether one value holds for all vehicles
+    constant : whether it stays the same through a run
+    sigma : of a team, the standard deviation of each vehicle's, (n,)
+    moves : of orbits, vehicles (s,) and times (s,) s, by how much a unit of each component moves
+        them until then: (axes, 3, s) m, m, rad
+    shifts : name of the kind of sighting whose values it is added to; empty if none
+    """
+
+    unit: str
+    axes: tuple[str, ...]
+    common: bool
+    constant: bool
+    sigma: Callable[[Disturbed], Array]
+    moves: Callable[[Orbits, Index, Array], Array]
+    shifts: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class StateLayout:
+    """Where the states of a team are: 3 n of poses, then those of the errors named.
+
+    Attributes
+    ----------
+    names : of the errors, in the order of ERROR_STATES
+    columns : by name (n, axes) the column of each vehicle's error, the same for all where it is
+        common; -1 where a vehicle has none
+    sigmas : (size - 3 n,) standard deviation of each further state
+    """
+
+    names: tuple[str, ...]
+    columns: Mapping[str, Index]
+    sigmas: Array
+    count: int
+
+    @property
+    def size(self) -> int:
+        """Number of states."""
+        return 3 * self.count + len(self.sigmas)
+
+    def labels(self, vehicles: Sequence[str]) -> list[str]:
+        """Return what each further state is: `wind x`, `speed scale of v1`."""
+        texts = [""] * len(self.sigmas)
+        for name in self.names:
+            state = ERROR_STATES[name]
+            for vehicle, row in zip(vehicles, self.columns[name], strict=True):
+                for axis, column in zip(state.axes, row.tolist(), strict=True):
+                    words = " ".join(filter(None, [name.replace("_", " "), axis]))
+                    if column >= 0:
+                        whose = "" if state.common else f" of {vehicle}"
+                        texts[column - 3 * self.count] = words + whose
+        return texts
+
+
+def layout_of(team: Disturbed, names: Sequence[str] | None = None) -> StateLayout:
+    """Return where the states of a team are, those of the errors that its filter estimates.
+
+    `names` are others to have as states; those without a sigma are left out.
+    """
+    wanted = team.errors.estimated if names is None else names
+    count = team.orbits.count
+    columns: dict[str, Index] = {}
+    sigmas: list[float] = []
+    for name, state in ERROR_STATES.items():
+        sigma = state.sigma(team)
+        if name not in wanted or not np.any(sigma > 0.0):
+            continue
+        has = np.ones(1, dtype=bool) if state.common else sigma > 0.0
+        axes, begin = len(state.axes), 3 * count + len(sigmas)
+        place = np.full((len(has), axes), -1, dtype=np.int64)
+        place[has] = begin + np.arange(int(has.sum()) * axes).reshape(-1, axes)
+        columns[name] = np.repeat(place, count, axis=0) if state.common else place
+        sigmas += np.repeat(sigma[:1] if state.common else sigma[has], axes).tolist()
+    return StateLayout(tuple(columns), MappingProxyType(columns), np.array(sigmas), count)
+
+
+def _wind(orbits: Orbits, vehicles: Index, times: Array) -> Array:
+    moves = np.zeros((2, 3, len(times)))
+    moves[0, 0] = moves[1, 1] = times
+    return moves
+
+
+def _speed_scale(orbits: Orbits, vehicles: Index, times: Array) -> Array:
+    begin, now = _arms(orbits, vehicles, times)
+    moves = np.zeros((1, 3, len(times)))
+    moves[0, :2] = (now - begin).T
+    return moves
+
+
+def _turn_rate_bias(orbits: Orbits, vehicles: Index, times: Array) -> Array:
+    begin, now = _arms(orbits, vehicles, times)
+    rate = (orbits.senses[vehicles] * orbits.rate)[:, None]
+    # the arms a quarter turn clockwise are (sin, -cos) of the phases
+    passed = -perpendicular(now - begin) / rate
+    moves = np.zeros((1, 3, len(times)))
+    moves[0, :2] = perpendicular(times[:, None] * now - passed).T
+    moves[0, 2] = times
+    return moves
+
+
+def _still(orbits: Orbits, vehicles: Index, times: Array) -> Array:
+    return np.zeros((1, 3, len(times)))
+
+
+def _no_closed_form(orbits: Orbits, vehicles: Index, times: Array) -> Array:
+    raise TypeError("gusts are carried from sample to sample; they have no closed form")
+
+
+def _arms(orbits: Orbits, vehicles: Index, times: Array) -> tuple[Array, Array]:
+    """(s, 2) m from the centre to the vehicle, at time 0 and at each of the times."""
+    radii, phases = orbits.radii[vehicles][:, None], orbits.phases[vehicles]
+    turned = phases + orbits.senses[vehicles] * orbits.rate * times
+    return radii * unit(phases), radii * unit(turned)
+
+
+def _same(name: str) -> Callable[[Disturbed], Array]:
+    def sigma(team: Disturbed) -> Array:
+        return np.full(team.orbits.count, float(getattr(team.errors, name)))
+
+    return sigma
+
+
+def _bearing_bias_sigmas(team: Disturbed) -> Array:
+    return team.sensors.bearing_bias_sigmas
+
+
+_PLANE = ("x", "y")
+
+ERROR_STATES: Mapping[str, ErrorState] = MappingProxyType(
+    {
+        "wind": ErrorState("m/s", _PLANE, True, True, _same("wind"), _wind),
+        "speed_scale": ErrorState("1", ("",), False, True, _same("speed_scale"), _speed_scale),
+        "turn_rate_bias": ErrorState(
+            "rad/s", ("",), False, True, _same("turn_rate_bias"), _turn_rate_bias
+        ),
+        "bearing_bias": ErrorState(
+            "rad", ("",), False, True, _bearing_bias_sigmas, _still, shifts="bearing"
+        ),
+        "gusts": ErrorState("m/s", _PLANE, False, False, _same("gust"), _no_closed_form),
+    }
+)
+"""By name, in the order in which they follow the poses in the state."""

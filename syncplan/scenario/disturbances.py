@@ -1,0 +1,178 @@
+"""What disturbs the vehicles and their readings, and which of it the filter estimates.
+
+Random walks do not depend on how often readings are taken: over a time t the place that is
+integrated from speed readings strays by the random walk times sqrt(t). A standard deviation of each
+reading does: with half the sample time there are twice as many readings to average.
+"""
+
+from collections.abc import Collection, Sequence
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, model_validator
+
+from syncplan.scenario.chunked_validation import Many
+from syncplan.scenario.quantities import Section, fault
+
+__all__ = [
+    "ESTIMABLE",
+    "EstimableName",
+    "Filter",
+    "InitialSigma",
+    "Motion",
+    "Wind",
+    "check_estimated",
+]
+
+Sigma = Annotated[float, Field(ge=0, le=1e3)]
+Positive = Annotated[float, Field(gt=0, le=1e3)]
+
+EstimableName = Literal["wind", "speed_scale", "turn_rate_bias", "bearing_bias", "gusts"]
+"""An error that the filter can have as states."""
+
+ESTIMABLE: dict[EstimableName, str] = {
+    "wind": "wind.sigma_mps",
+    "speed_scale": "motion.speed_scale_sigma",
+    "turn_rate_bias": "motion.turn_rate_bias_sigma_rad_s",
+    "bearing_bias": "sensor.bearing_bias_sigma_rad",
+    "gusts": "wind.gust_sigma_mps",
+}
+"""The key that says how large each is."""
+
+_WALKS = {
+    "position_random_walk_m_sqrt_s": "speed_sigma_mps",
+    "angle_random_walk_rad_sqrt_s": "turn_rate_sigma_rad_s",
+}
+
+
+class Motion(Section):
+    """Errors of the motion readings: noise of each sample, or per root second; constant ones."""
+
+    speed_sigma_mps: Sigma | None = Field(
+        default=0.1,
+        description="Standard deviation of a speed reading, each sample anew",
+        examples=[0.1],
+    )
+    turn_rate_sigma_rad_s: Sigma | None = Field(
+        default=0.01,
+        description="Standard deviation of a turn-rate reading, each sample anew",
+        examples=[0.01],
+    )
+    position_random_walk_m_sqrt_s: Sigma | None = Field(
+        default=None,
+        description="How far the place integrated from speed readings strays in a second, in "
+        "m per root second, instead of speed_sigma_mps: the same at any sample time",
+        examples=[0.03],
+    )
+    angle_random_walk_rad_sqrt_s: Sigma | None = Field(
+        default=None,
+        description="How far the heading integrated from turn rates strays in a second, in "
+        "rad per root second, instead of turn_rate_sigma_rad_s: the same at any sample time",
+        examples=[0.003],
+    )
+    speed_scale_sigma: Annotated[float, Field(ge=0, le=1)] | None = Field(
+        default=None,
+        description="Standard deviation of the share by which a vehicle's speed readings are "
+        "wrong, constant in a run, each vehicle its own; no such error if not given",
+        examples=[0.02],
+    )
+    turn_rate_bias_sigma_rad_s: Sigma | None = Field(
+        default=None,
+        description="Standard deviation of the bias of a vehicle's turn-rate readings, constant "
+        "in a run, each vehicle its own; no such error if not given",
+        examples=[0.005],
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _walk_in_place_of_the_default(cls, keys: Any) -> Any:
+        if not isinstance(keys, dict):
+            return keys
+        keys = dict(keys)
+        for walk, sigma in _WALKS.items():
+            if keys.get(walk) is not None:
+                keys.setdefault(sigma, None)
+            elif sigma in keys and keys[sigma] is None:
+                del keys[sigma]
+        return keys
+
+    @model_validator(mode="after")
+    def _one_noise(self) -> Self:
+        for walk, sigma in _WALKS.items():
+            if getattr(self, walk) is not None and getattr(self, sigma) is not None:
+                raise fault(walk, f"can't be combined with {sigma}; give one of the two")
+        return self
+
+    def speed_sigma(self, sample_time: float) -> float:
+        """Return the standard deviation in m/s of a speed reading taken every `sample_time` s."""
+        return _of_reading(self.speed_sigma_mps, self.position_random_walk_m_sqrt_s, sample_time)
+
+    def turn_rate_sigma(self, sample_time: float) -> float:
+        """Return the standard deviation in rad/s of a turn rate taken every `sample_time` s."""
+        return _of_reading(
+            self.turn_rate_sigma_rad_s, self.angle_random_walk_rad_sqrt_s, sample_time
+        )
+
+
+def _of_reading(sigma: float | None, walk: float | None, sample_time: float) -> float:
+    """`sigma`, or the one whose readings, integrated, stray by `walk` in a second."""
+    return (walk or 0.0) / float(sample_time) ** 0.5 if sigma is None else sigma
+
+
+class InitialSigma(Section):
+    """How well each vehicle knows its pose at time 0."""
+
+    position_m: Annotated[float, Field(ge=1e-6, le=1e6)] = Field(
+        default=5.0, description="Standard deviation of each coordinate", examples=[5.0]
+    )
+    heading_rad: Annotated[float, Field(ge=1e-6, le=100)] = Field(
+        default=0.1, description="Standard deviation of the heading", examples=[0.1]
+    )
+
+
+class Wind(Section):
+    """Wind or current: common to all and constant in a run, and each vehicle's own gusts."""
+
+    sigma_mps: Sigma = Field(
+        default=0.0,
+        description="Standard deviation of each component of the common, constant wind",
+        examples=[1.0],
+    )
+    gust_sigma_mps: Sigma = Field(
+        default=0.0,
+        description="Standard deviation of each component of a vehicle's own gusts, a first-order "
+        "Gauss-Markov process",
+        examples=[0.2],
+    )
+    gust_time_s: Annotated[float, Field(ge=1e-3, le=1e6)] = Field(
+        default=10.0,
+        description="Time over which the correlation of gusts falls to 1/e",
+        examples=[10.0],
+    )
+
+
+class Filter(Section):
+    """What the filter has as states beside the poses."""
+
+    estimate: Literal["auto", "all", "none"] | Many[EstimableName] = Field(
+        default="auto",
+        description="Errors that are states of the filter: auto and all, every one that has a "
+        "sigma; none; or a list of wind, speed_scale, turn_rate_bias, bearing_bias, gusts. What is "
+        "not estimated disturbs the vehicles all the same",
+        examples=["auto"],
+    )
+
+    @model_validator(mode="after")
+    def _each_once(self) -> Self:
+        if isinstance(self.estimate, list) and len(set(self.estimate)) < len(self.estimate):
+            raise fault("estimate", "names one error twice", self.estimate)
+        return self
+
+
+def check_estimated(wanted: Sequence[EstimableName] | str, sigmas: Collection[str]) -> None:
+    """Raise the fault if the filter is to estimate an error that the scenario gives no sigma."""
+    for k, name in enumerate(wanted if not isinstance(wanted, str) else ()):
+        if name not in sigmas:
+            raise fault(
+                f"filter.estimate[{k}]",
+                f"{name} has no sigma; give {ESTIMABLE[name]}, or leave {name} out",
+            )
