@@ -1,7 +1,7 @@
 """Types of NumPy arrays, and pairs as such; docstrings give shapes and units."""
 
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from typing import Any
 
 import numpy as np
@@ -20,10 +20,16 @@ def as_pairs(pairs: Sequence[Sequence[int]]) -> Index:
 
 
 def short_repr(record: Any) -> str:
-    """Return the repr of a dataclass in one line, each array as its shape: `radii=(6,)`."""
+    """Return the repr of a dataclass in one line, each array as its shape: `radii=(6,)`.
+
+    What is as it is where nothing is given is left out.
+    """
     shown = []
     for one in fields(record):
         value = getattr(record, one.name)
+        usual = one.default if one.default_factory is MISSING else one.default_factory()
+        if usual is not MISSING and np.all(value == usual):
+            continue
         text = str(value.shape) if isinstance(value, np.ndarray) else repr(value)
         shown.append(f"{one.name}={text}")
     return f"{type(record).__name__}({', '.join(shown)})"

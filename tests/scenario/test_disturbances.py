@@ -19,8 +19,6 @@ def _keys(**sections: Any) -> dict[str, Any]:
     """The values of paper-grid-same with keys added to its sections."""
     text = (FILES / "paper-grid-same.yaml").read_text()
     values: dict[str, Any] = YAML(typ="safe", pure=True).load(text)
-        (FILES / "paper-grid-same.yaml").read_text()
-    )
     for name, keys in sections.items():
         if isinstance(keys, dict):
             values[name] = {**values.get(name, {}), **keys}
