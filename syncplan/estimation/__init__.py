@@ -3,7 +3,11 @@
 referred_run       noise and rows of a run, referred to time 0
 foreseen_sightings what is known before sightings
 covariances        covariance along a run, referred to time 0
-start_up_index     how far bearings are from linear at the start
+start_up_index     how far sightings are from linear at the start
+referred_system    a team's run, referred to time 0, and its posterior bound
+wide_covariances   covariance along a run whose state has errors beside the poses
+wide_system        a team's run with such errors, and its posterior bound
+periodic_limit     the covariance once it has become periodic
 bounds             Cramer-Rao bounds
 covariance_kernel  covariance along a run, compiled
 loss_bounds        the posterior bound after many losses

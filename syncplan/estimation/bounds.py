@@ -19,94 +19,29 @@ its periodic limit : doubling of the Riccati map, Anderson, "Second-order conver
     algebraic Riccati equations", International Journal of Control 77(8), 2004
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from math import lcm
 
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.errors import NoSolutionError
-from syncplan.estimation.covariances import foreseen_along, variances_along
-from syncplan.estimation.referred_run import Run
-from syncplan.estimation.start_up_index import (
-    StartUpIndex,
-    first_samples,
-    index_of_run,
-    lines_of_sight,
-)
+from syncplan.estimation.periodic_limit import settled_covariance
+from syncplan.estimation.referred_system import PosteriorBound, ReferredSystem
+from syncplan.estimation.wide_system import WideSystem
 from syncplan.observability.rank import Observability
-from syncplan.observability.referred_rows import sighting_rows
-from syncplan.orbits.circles import Orbits, perpendicular, phase, unit
 from syncplan.orbits.contacts import Windows
-from syncplan.orbits.sighting_kinds import sigmas_by_kind
-from syncplan.orbits.sightings import Sightings, sample_sightings, steps_within
+from syncplan.orbits.error_states import layout_of
+from syncplan.orbits.sightings import steps_within
 from syncplan.orbits.team import Team
 
-__all__ = [
-    "PosteriorBound",
-    "ReferredSystem",
-    "arc_noise_gain",
-    "posterior_bound",
-    "steady_bound",
-    "window_bound",
-]
+__all__ = ["posterior_bound", "steady_bound", "window_bound"]
 
 
-_DOUBLINGS = 60
-_SETTLED, _SETTLED_BY_ROUNDING = 1e-12, 1e-8
-_INDEFINITE = (
-    "no posterior bound: the sigmas span too many orders of magnitude for its covariance to stay "
-    "positive definite"
-)
+_ADAPTED = 0.01
+"""Share by which the sample time may change for sightings to repeat."""
 
-
-@dataclass(frozen=True, slots=True)
-class PosteriorBound:
-    """The bound along a run from the initial sigmas.
-
-    Attributes
-    ----------
-    position_variance : (steps + 1, n) m^2, trace of each vehicle's position block at k Ts
-    heading_variance : (steps + 1, n) rad^2
-    start_up : how far from linear its sightings are; None where not asked for
-    """
-
-    position_variance: Array
-    heading_variance: Array
-    start_up: StartUpIndex | None = None
-
-    def until(self, samples: float) -> "PosteriorBound":
-        """Return the bound along the first whole `samples`, or all there are."""
-        end = int(samples + 1e-9) + 1
-        return replace(
-            self,
-            position_variance=self.position_variance[:end],
-            heading_variance=self.heading_variance[:end],
-        )
-
-    def rms_second_half(self) -> Array:
-        """Return (n,) RMS position bound in m over the samples k with 2 k > steps."""
-        steps = len(self.position_variance) - 1
-        return np.asarray(np.sqrt(self.position_variance[steps // 2 + 1 :].mean(axis=0)))
-
-
-def arc_noise_gain(orbits: Orbits, sample_time: float) -> Array:
-    """Return (n, 3, 2) derivatives of a step's (x, y, heading) by speed and turn rate.
-
-    In the frame of the heading at the step's start. With h half the angle turned in a step, the
-    chord is v Ts sinc(h) e(h), here differentiated in closed form.
-    """
-    half = 0.5 * orbits.turn_rates * sample_time
-    sinc = np.sinc(half / np.pi)
-    slope = np.where(np.abs(half) < 1e-4, -half / 3.0, (np.cos(half) - sinc) / _nonzero(half))
-    along = unit(half)
-    across = perpendicular(along)
-    gain = np.zeros((orbits.count, 3, 2))
-    gain[:, :2, 0] = sample_time * sinc[:, None] * along
-    swing = 0.5 * sample_time**2 * orbits.speeds
-    gain[:, :2, 1] = swing[:, None] * (slope[:, None] * along + sinc[:, None] * across)
-    gain[:, 2, 1] = sample_time
-    return gain
+_MOST_PERIODS = 20
+"""After which sightings are taken to repeat, at the latest."""
 
 
 def window_bound(result: Observability) -> Array:
@@ -125,11 +60,14 @@ def posterior_bound(
 ) -> PosteriorBound:
     """Return the posterior bound over `duration` s, sightings at k Ts with k >= 1.
 
+    Errors that the filter estimates are states too, with their sigmas for a start.
     `start_up` adds the start-up index, from the same recursion. Raises NoSolutionError where the
     covariance stops being positive definite in floating point: sigmas that span too many orders
     of magnitude.
     """
-    system = ReferredSystem.along(team, windows, steps_within(duration, team.sensors.sample_time))
+    poses = ReferredSystem.along(team, windows, steps_within(duration, team.sensors.sample_time))
+    layout = layout_of(team)
+    system = WideSystem.widened(poses, layout) if layout.names else poses
     return system.from_start(system.with_index if start_up else system.bound)
 
 
@@ -137,15 +75,14 @@ def steady_bound(team: Team, windows: Windows) -> Array:
     """Return (n,) m: RMS position bound over a period once it has become periodic.
 
     The fixed point of one period's Riccati map, by doubling. The period is rounded to a whole
-    number of samples, at least one, and the sample time adapted. Infinite where the bound never
-    settles: unobservable teams.
+    number of samples, at least one, and the sample time adapted. Where sensors are not ready at
+    every sample, it is as many periods as hold a whole number of all their intervals, nearly.
+    Infinite where the bound never settles: unobservable teams.
     """
-    period = team.orbits.period
-    samples = max(round(period / team.sensors.sample_time), 1)
-    even = replace(team, sensors=replace(team.sensors, sample_time=period / samples))
+    even, samples = _repeating(team)
     system = ReferredSystem.along(even, windows, samples)
     try:
-        covariance = _periodic_covariance(system)
+        covariance = settled_covariance(system)
         if covariance is None:
             return np.full(team.count, np.inf)
         bound = system.bound(covariance)
@@ -156,164 +93,27 @@ def steady_bound(team: Team, windows: Windows) -> Array:
         return np.where(variance >= 0.0, np.sqrt(variance), np.inf)
 
 
-@dataclass(frozen=True, slots=True)
-class ReferredSystem:
-    """A run with all errors referred to time 0: noise added per step, whitened rows.
+def _repeating(team: Team) -> tuple[Team, int]:
+    """The team with a sample time at which all that it does repeats, and after how many samples.
 
-    Attributes
-    ----------
-    run : noise and rows, positions in `scale` m
-    moved : (2, n, steps + 1) displacement since time 0, in `scale` m
-    scale : m, the mean radius
-    team, sightings : in the order of the rows
+    The fewest periods for which the sample time changes by no more than _ADAPTED, or those up to
+    _MOST_PERIODS for which it changes least.
     """
-
-    run: Run
-    moved: Array
-    scale: float
-    team: Team
-    sightings: Sightings
-
-    @classmethod
-    def along(
-        cls,
-        team: Team,
-        windows: Windows,
-        steps: int,
-    ) -> "ReferredSystem":
-        """Return the run of a team over so many steps."""
-        orbits, sample_time = team.orbits, team.sensors.sample_time
-        sightings = sample_sightings(windows, orbits.period, team.sensors, 1, steps)
-        targets = sightings.targets
-        scale = float(orbits.radii.mean())
-        angle = phase(orbits, np.arange(steps + 1) * sample_time).T
-        arm = np.stack([np.cos(angle), np.sin(angle)])
-        moved = (orbits.radii / scale)[:, None] * (arm - arm[..., :1])
-        run = Run(
-            noise=_referred_noise(team, arm, moved, scale),
-            rows=sighting_rows(team, sightings),
-            observers=sightings.observers,
-            targets=np.where(targets < orbits.count, targets, 0),
-            first=sightings.first_of_steps(steps),
-        )
-        return cls(run, moved, scale, team, sightings)
-
-    def from_start(self, bound: Callable[[Array], PosteriorBound]) -> PosteriorBound:
-        """Return what `bound` makes of the covariance of the start.
-
-        Raises NoSolutionError where the covariance does not stay positive definite.
-        """
-        noise = self.team.noise
-        sigma = np.array([noise.position_sigma, noise.position_sigma, noise.heading_sigma])
-        sigma[:2] /= self.scale
-        try:
-            found = bound(np.diag(np.tile(sigma**2, self.run.count)))
-        except np.linalg.LinAlgError:
-            raise NoSolutionError(_INDEFINITE) from None
-        if np.any(found.position_variance < 0.0):
-            raise NoSolutionError(_INDEFINITE)
-        return found
-
-    def bound(self, covariance: Array) -> PosteriorBound:
-        """Return the bound along the run."""
-        return self.carried(variances_along(self.run, covariance))
-
-    def with_index(self, covariance: Array) -> PosteriorBound:
-        """Return the bound along the run with its start-up index."""
-        seen = self.sightings.until(first_samples(self.team))
-        lines = lines_of_sight(self.team, seen, self.scale)
-        sigmas = sigmas_by_kind(self.team.sensors, seen.kinds, seen.observers)
-        variances, foreseen = foreseen_along(self.run, covariance, lines, sigmas**-2.0)
-        index = index_of_run(self.team, seen, foreseen)
-        return replace(self.carried(variances), start_up=index)
-
-    def carried(self, variances: Array) -> PosteriorBound:
-        """Return the bound that variances of errors referred to time 0, (4, n, steps + 1), mean."""
-        position_, x_turn, y_turn, turn = variances
-        east, north = self.moved
-        spread = position_ + 2.0 * (east * y_turn - north * x_turn) + (east**2 + north**2) * turn
-        return PosteriorBound(self.scale**2 * spread.T, turn.T)
+    period, sample_time = team.orbits.period, team.sensors.sample_time
+    together = lcm(*team.sensors.every.tolist())
+    if together == 1:
+        samples = max(round(period / sample_time), 1)
+        return _sampled(team, period / samples), samples
+    best = (np.inf, 1, together)
+    for turns in range(1, _MOST_PERIODS + 1):
+        samples = max(round(turns * period / (sample_time * together)), 1) * together
+        change = abs(turns * period / (samples * sample_time) - 1.0)
+        best = min(best, (change, turns, samples))
+        if change <= _ADAPTED:
+            break
+    _, turns, samples = best
+    return _sampled(team, turns * period / samples), samples
 
 
-def _referred_noise(team: Team, arm: Array, moved: Array, scale: float) -> Array:
-    """(6, n, steps + 1) motion noise of the step that ends at k, referred to time 0, as in Run.
-
-    `arm` and `moved`, (2, n, steps + 1), are directions from the centres and displacements.
-    """
-    orbits, noise = team.orbits, team.noise
-    gain = arc_noise_gain(orbits, team.sensors.sample_time) * np.array(
-        [noise.speed_sigma, noise.turn_rate_sigma]
-    )
-    gain[:, :2] /= scale
-    # the heading where a step starts, a quarter turn from the arm
-    sense = orbits.senses[:, None]
-    ahead = -sense * np.roll(arm[1], 1, axis=-1)
-    left = sense * np.roll(arm[0], 1, axis=-1)
-    total = np.zeros((6, *ahead.shape))
-    for along, across, turn in np.moveaxis(gain, (2, 1), (0, 1))[..., None]:
-        # the turn moves the place at time 0 backwards about the vehicle
-        x = ahead * along - left * across + moved[1] * turn
-        y = left * along + ahead * across - moved[0] * turn
-        for place, product in enumerate((x * x, x * y, x * turn, y * y, y * turn, turn * turn)):
-            total[place] += product
-    total[..., 0] = 0.0
-    return total
-
-
-def _periodic_covariance(system: ReferredSystem) -> Array | None:
-    """Fixed point of one period's map P -> A P (I + C P)^-1 A^T + B, by structured doubling.
-
-    After k doublings B is the covariance 2^k periods after an exact start.
-    """
-    size = 3 * system.run.count
-    a, b, c = _period_map(system, size)
-    last = np.inf
-    for _ in range(_DOUBLINGS):
-        grown = _composed((a, b, c), (a, b, c))
-        change = np.max(np.abs(grown[1] - b))
-        a, b, c = grown
-        if not np.isfinite(change) or np.max(np.abs(b)) > 1e12:
-            return None
-        settled = change / max(float(np.max(np.abs(b))), 1e-300)
-        if settled <= _SETTLED or (settled <= _SETTLED_BY_ROUNDING and change >= last):
-            return 0.5 * (b + b.T)
-        last = change
-    return None
-
-
-def _period_map(system: ReferredSystem, size: int) -> tuple[Array, Array, Array]:
-    run = system.run
-    vehicles = np.arange(run.count)
-    noise, columns = run.noise_blocks, run.columns
-    identity, zero = np.eye(size), np.zeros((size, size))
-    total = (identity, zero, zero)
-    for k in range(1, len(noise)):
-        added = np.zeros((size, size))
-        added.reshape(run.count, 3, run.count, 3)[vehicles, :, vehicles, :] = noise[k]
-        total = _composed(total, (identity, added, zero))
-        begin, end = run.first[k], run.first[k + 1]
-        if begin < end:
-            dense = np.zeros((end - begin, size))
-            np.add.at(
-                dense, (np.arange(end - begin)[:, None], columns[begin:end]), run.rows[begin:end]
-            )
-            total = _composed(total, (identity, zero, dense.T @ dense))
-    return total
-
-
-def _composed(
-    first: tuple[Array, Array, Array], then: tuple[Array, Array, Array]
-) -> tuple[Array, Array, Array]:
-    """The map `first`, then `then`; each is P -> A P (I + C P)^-1 A^T + B.
-
-    With first = then it is the doubling step (Anderson 1978).
-    """
-    a1, b1, c1 = first
-    a2, b2, c2 = then
-    inner = np.linalg.inv(np.eye(len(a1)) + b1 @ c2)
-    middle = a2 @ inner
-    return middle @ a1, b2 + middle @ b1 @ a2.T, c1 + a1.T @ c2 @ inner @ a1
-
-
-def _nonzero(value: Array) -> Array:
-    return np.where(value == 0.0, 1.0, value)
+def _sampled(team: Team, sample_time: float) -> Team:
+    return replace(team, sensors=replace(team.sensors, sample_time=sample_time))

@@ -9,11 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.estimation.bounds import PosteriorBound, ReferredSystem
 from syncplan.estimation.covariance_kernel import compiled_variances_along
 from syncplan.estimation.referred_run import Run
+from syncplan.estimation.referred_system import PosteriorBound, ReferredSystem
+from syncplan.estimation.wide_system import WideSystem
 from syncplan.observability.referred_rows import sighting_rows
 from syncplan.orbits.contacts import Windows
+from syncplan.orbits.error_states import layout_of
 from syncplan.orbits.losses import Remainder
 from syncplan.orbits.sightings import Sightings, steps_within
 from syncplan.orbits.team import Team
@@ -49,6 +51,10 @@ class LossBounds:
         )
         moved = whole.moved[:, left.vehicles]
         system = ReferredSystem(run, moved, whole.scale, left.team, sightings)
+        layout = layout_of(left.team)
+        if layout.names:
+            wide = WideSystem.widened(system, layout)
+            return wide.from_start(wide.bound)
         return system.from_start(
             lambda covariance: system.carried(compiled_variances_along(run, covariance))
         )

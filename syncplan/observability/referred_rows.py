@@ -35,7 +35,7 @@ from syncplan.orbits.sighting_kinds import (
 from syncplan.orbits.sightings import Sightings
 from syncplan.orbits.team import Team
 
-__all__ = ["NEAREST", "WideRows", "dense_rows", "sighting_rows", "wide_rows"]
+__all__ = ["NEAREST", "WideRows", "dense_rows", "error_moves", "sighting_rows", "wide_rows"]
 
 
 NEAREST = 1e-3
@@ -88,7 +88,33 @@ def wide_rows(
     Gusts are no constants and have none.
     """
     slopes = _slopes(team, sightings)
-    entries = [_pose_rows(team, sightings, slopes, scale)]
+    return _wide(team, sightings, layout, slopes, _pose_rows(team, sightings, slopes, scale))
+
+
+def error_moves(
+    team: Team, sightings: Sightings, layout: StateLayout, ways: Array, six: Array
+) -> WideRows:
+    """Return functions of poses with the columns of the constant errors in a layout.
+
+    They are the target's place relative to the observer along `ways`, (2, s) 1/m; `six`, (s, 6),
+    is how the poses at time 0 change them.
+    """
+    none = np.zeros(len(six))
+    slopes = _Slopes(by_place=ways, by_heading=none, weights=none, moved=(none, none))
+    return _wide(team, sightings, layout, slopes, six)
+
+
+def dense_rows(rows: WideRows, size: int) -> Array:
+    """Return (s, size) the rows in full."""
+    dense = np.zeros((len(rows.entries), size))
+    np.add.at(dense, (np.arange(len(dense))[:, None], rows.columns), rows.entries)
+    return dense
+
+
+def _wide(
+    team: Team, sightings: Sightings, layout: StateLayout, slopes: _Slopes, six: Array
+) -> WideRows:
+    entries = [six]
     observers, targets, count = sightings.observers, sightings.targets, team.count
     among = np.where(targets < count, targets, observers)
     bodies = np.column_stack([observers, among])
@@ -115,13 +141,6 @@ def wide_rows(
             entries.append(entry)
             columns.append(np.where(has, own, 3 * vehicles[:, None]))
     return WideRows(np.concatenate(entries, axis=1), np.concatenate(columns, axis=1))
-
-
-def dense_rows(rows: WideRows, size: int) -> Array:
-    """Return (s, size) the rows in full."""
-    dense = np.zeros((len(rows.entries), size))
-    np.add.at(dense, (np.arange(len(dense))[:, None], rows.columns), rows.entries)
-    return dense
 
 
 def _pose_rows(team: Team, sightings: Sightings, slopes: _Slopes, scale: float | None) -> Array:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.orbits.sighting_kind import SightingKind
+from syncplan.orbits.sighting_kind import ACROSS, ALONG, SecondOrder, SightingKind
 
 __all__ = ["BEARING"]
 
@@ -20,5 +20,12 @@ def _bearing_slopes(q: Array, weights: Array) -> Array:
     return np.stack([-toward[1], toward[0]])
 
 
-BEARING = SightingKind("bearing_sigmas", "rad", _bearings, _bearing_slopes, by_heading=-1.0)
+BEARING = SightingKind(
+    "bearing_sigmas",
+    "rad",
+    _bearings,
+    _bearing_slopes,
+    by_heading=-1.0,
+    second_order=SecondOrder((ALONG, ACROSS), np.ones_like),
+)
 """Direction in which the target appears, from the observer's heading, in rad."""

@@ -3,7 +3,7 @@
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.orbits.sighting_kind import SightingKind
+from syncplan.orbits.sighting_kind import ACROSS, SecondOrder, SightingKind
 
 __all__ = ["DISTANCE"]
 
@@ -20,5 +20,16 @@ def _distance_slopes(q: Array, weights: Array) -> Array:
     return np.asarray(toward)
 
 
-DISTANCE = SightingKind("range_sigmas", "m", _distances, _distance_slopes, by_heading=0.0)
+def _half(distances: Array) -> Array:
+    return 0.5 * distances
+
+
+DISTANCE = SightingKind(
+    "range_sigmas",
+    "m",
+    _distances,
+    _distance_slopes,
+    by_heading=0.0,
+    second_order=SecondOrder((ACROSS, ACROSS), _half),
+)
 """Distance from the observer to the target, in m."""

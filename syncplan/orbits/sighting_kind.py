@@ -1,4 +1,12 @@
-"""What one kind of sighting measures, how well, and how it changes with the two poses."""
+"""What one kind of sighting measures, how well, and how it changes with the two poses.
+
+With errors of the target's place relative to the observer, split into a along and b across the line
+of sight at distance rho, what the slopes leave out of a sighting is a product to second order:
+
+    bearing    -(a / rho) (b / rho)
+    distance   rho / 2 (b / rho)^2
+    compass    nothing
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,7 +14,24 @@ from dataclasses import dataclass
 from syncplan.arrays import Array
 from syncplan.orbits.sensors import Sensors
 
-__all__ = ["SightingKind"]
+__all__ = ["ACROSS", "ALONG", "SecondOrder", "SightingKind"]
+
+ALONG, ACROSS = 0, 1
+"""Ways of an error, from the line of sight."""
+
+
+@dataclass(frozen=True, slots=True)
+class SecondOrder:
+    """What the slopes of a sighting leave out: a product of two errors over the distance.
+
+    Attributes
+    ----------
+    ways : of the two errors, ALONG or ACROSS the line of sight
+    size : of distances (...) m, the product's factor, in the sighting's unit
+    """
+
+    ways: tuple[int, int]
+    size: Callable[[Array], Array]
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +48,7 @@ class SightingKind:
     by_heading : dz / dpsi
     of_target : whether it measures something that must be within range and view; otherwise a
         vehicle measures it of itself, at every sample
+    second_order : what the slopes leave out; None where nothing
     """
 
     sigma_name: str
@@ -31,6 +57,7 @@ class SightingKind:
     slopes: Callable[[Array, Array], Array]
     by_heading: float
     of_target: bool = True
+    second_order: SecondOrder | None = None
 
     def sigmas(self, sensors: Sensors) -> Array:
         """Return (n,) standard deviations by observer; infinite where there is no such sensor."""

@@ -6,12 +6,8 @@ import numpy as np
 
 from syncplan.arrays import Index, as_pairs
 from syncplan.errors import NoSolutionError
-from syncplan.estimation.bounds import (
-    PosteriorBound,
-    posterior_bound,
-    steady_bound,
-    window_bound,
-)
+from syncplan.estimation.bounds import posterior_bound, steady_bound, window_bound
+from syncplan.estimation.referred_system import PosteriorBound
 from syncplan.observability.connectivity import connectivity_period
 from syncplan.observability.link_verdicts import landmark_verdicts, vehicle_verdicts
 from syncplan.observability.loss_ranks import decisive_losses

@@ -10,7 +10,7 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.errors import NoSolutionError
-from syncplan.estimation.bounds import PosteriorBound, posterior_bound
+from syncplan.estimation.bounds import posterior_bound
 from syncplan.estimation.pilot import (
     PILOT_SEED,
     PILOT_TRIALS,
@@ -18,6 +18,7 @@ from syncplan.estimation.pilot import (
     pilot_work,
     thinned,
 )
+from syncplan.estimation.referred_system import PosteriorBound
 from syncplan.estimation.start_up_index import StartUpIndex, first_samples
 from syncplan.orbits.contacts import Windows
 from syncplan.orbits.team import Team

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from syncplan.arrays import Index
-from syncplan.estimation.bounds import arc_noise_gain
+from syncplan.estimation.referred_system import arc_noise_gain
 from syncplan.refinement.problem import RefineProblem
 from syncplan.refinement.sample_times import SampleTimes
 

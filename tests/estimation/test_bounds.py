@@ -5,13 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from syncplan.estimation.bounds import (
-    PosteriorBound,
-    arc_noise_gain,
-    posterior_bound,
-    steady_bound,
-    window_bound,
-)
+from syncplan.estimation.bounds import posterior_bound, steady_bound, window_bound
+from syncplan.estimation.referred_system import PosteriorBound, arc_noise_gain
 from syncplan.observability.rank import assess, link_information
 from syncplan.observability.referred_rows import sighting_rows
 from syncplan.orbits.circles import Orbits, heading, position

@@ -10,8 +10,11 @@ from syncplan.estimation import covariances, foreseen_sightings
 from syncplan.estimation.bounds import posterior_bound
 from syncplan.estimation.foreseen_sightings import Asked, Foreseen
 from syncplan.estimation.reference_filter import predict_bearing
-from syncplan.estimation.start_up_index import index_of_run, lines_of_sight
+from syncplan.estimation.start_up_index import index_of_run, lines_of_sight, second_order_terms
 from syncplan.orbits.circles import position
+from syncplan.orbits.compasses import COMPASS
+from syncplan.orbits.distances import DISTANCE
+from syncplan.orbits.sighting_kinds import place_of
 from syncplan.orbits.sightings import Sightings, sample_sightings
 from syncplan.orbits.team import Team
 from syncplan.planning.planner import plan
@@ -46,6 +49,41 @@ def test_eta_is_the_deviation_of_what_a_tangent_leaves_out_of_a_bearing(seed: in
     assert found.value == pytest.approx(np.std(bent), rel=0.02)
     assert (found.observer, found.target) == (0, 2)
     assert found.time == pytest.approx(0.7)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_eta_is_the_deviation_of_what_a_tangent_leaves_out_of_a_distance(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    sensor = {"range_m": 50.0, "bearing_sigma_rad": 0.1, "range_sigma_m": 0.4}
+    team = plan(small(landmarks_m=[[30.0, 55.0]], sensor=sensor), bound="never").team
+    factor = generator.normal(size=(2, 2))
+    spread = factor @ factor.T
+    kinds = np.array([place_of(DISTANCE)])
+    seen = Sightings(np.array([7]), np.array([0]), np.array([2]), kinds)
+    q = team.landmarks[0] - position(team.orbits, 0.7)[0]
+    distance = float(np.hypot(*q))
+    across = np.array([-q[1], q[0]]) / distance
+    terms = second_order_terms(team, seen, 1.0)
+    ways = terms.functions[:, 0, :2]
+    pairs = (ways @ spread @ ways.T)[..., None]
+    found = index_of_run(team, seen, Foreseen(pairs, np.array([1.0 / 0.4**2])))
+    size = np.sqrt(pairs[0, 0] * pairs[1, 1] + pairs[0, 1] ** 2) * np.sqrt(terms.weights) * 0.4
+
+    errors = generator.multivariate_normal(np.zeros(2), spread, 400_000)
+    bent = np.hypot(*(q + errors).T) - distance - errors @ q / distance
+    assert found.value == pytest.approx(np.std(bent), rel=0.03)
+    assert size[0] == pytest.approx(found.value, rel=1e-12)
+    assert found.value == pytest.approx(across @ spread @ across / distance / np.sqrt(2.0))
+
+
+def test_a_compass_leaves_nothing_out() -> None:
+    team = plan(small(heading_sigma_rad=0.1), bound="never").team
+    seen = Sightings(*np.array([[3], [1], [1], [place_of(COMPASS)]]))
+    terms = second_order_terms(team, seen, 20.0)
+    np.testing.assert_array_equal(terms.functions, 0.0)
+    np.testing.assert_array_equal(terms.weights, 0.0)
+    foreseen = Foreseen(np.ones((2, 2, 1)), np.ones(1))
+    assert index_of_run(team, seen, foreseen).value == 0.0
 
 
 def test_along_and_across_add_up_to_the_way_between_the_two() -> None:
@@ -118,7 +156,7 @@ def test_the_index_equals_that_of_the_filter_itself_along_the_plan(
 
 
 def _carried(team: Team, P: np.ndarray, k: int) -> np.ndarray:
-    from syncplan.estimation.bounds import arc_noise_gain
+    from syncplan.estimation.referred_system import arc_noise_gain
     from syncplan.orbits.circles import heading
 
     moved = position(team.orbits, 0.1 * k) - position(team.orbits, 0.1 * (k - 1))

@@ -1,0 +1,192 @@
+"""Bounds with further states against dense recursions in each moment's own state."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from syncplan.arrays import Array
+from syncplan.estimation.bounds import posterior_bound, steady_bound
+from syncplan.estimation.loss_bounds import LossBounds
+from syncplan.estimation.referred_system import ReferredSystem
+from syncplan.estimation.wide_system import WideSystem
+from syncplan.orbits.circles import position
+from syncplan.orbits.error_states import ERROR_STATES, layout_of
+from syncplan.orbits.losses import Loss, remainder_of
+from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
+from syncplan.orbits.team import Team
+from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import plan
+from syncplan.scenario.loading import scenario_from
+from tests.tools.dense_models import dense_covariances, dense_run, start_of
+from tests.tools.scenarios import example
+
+EVERYTHING: dict[str, dict[str, Any]] = {
+    "motion": {"speed_scale_sigma": 0.02, "turn_rate_bias_sigma_rad_s": 0.005},
+    "wind": {"sigma_mps": 1.0, "gust_sigma_mps": 0.2, "gust_time_s": 7.0},
+    "sensor": {
+        "bearing_bias_sigma_rad": 0.02,
+        "range_sigma_m": 0.3,
+        "detection_probability": 0.8,
+        "interval_s": 0.2,
+    },
+}
+"""Every error and every kind of sighting of a target."""
+
+STATES = [(), *((name,) for name in ERROR_STATES), tuple(ERROR_STATES)]
+
+
+def changed(name: str, **keys: Any) -> Plan:
+    """Return the plan of an example with some keys changed, whose sections are merged."""
+    document = example(name).model_dump(exclude_none=True)
+    for key, value in keys.items():
+        merged = isinstance(value, dict)
+        document[key] = {**document.get(key, {}), **value} if merged else value
+    return plan(scenario_from(document), bound="never")
+
+
+@pytest.fixture(scope="module")
+def grid() -> Plan:
+    compasses = [0.05, 0.1, 0.05, 0.2, 0.3, 0.05]
+    return changed("paper-grid-same", heading_sigma_rad=compasses, **EVERYTHING)
+
+
+def _estimating(team: Team, names: tuple[str, ...]) -> Team:
+    return replace(team, errors=replace(team.errors, estimated=names))
+
+
+def _assert_close(found: Array, expected: Array) -> None:
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("names", STATES, ids=lambda names: "-".join(names) or "poses")
+def test_the_posterior_bound_equals_the_recursion_of_the_filters_model(
+    grid: Plan, names: tuple[str, ...]
+) -> None:
+    team, steps = _estimating(grid.team, names), 400
+    found = posterior_bound(team, grid.windows, steps * 0.1)
+    layout, n = layout_of(team), team.count
+    variances = np.array([np.diag(P) for P in dense_covariances(team, layout, steps)])
+    poses = variances[:, : 3 * n].reshape(-1, n, 3)
+    _assert_close(found.position_variance, poses[..., :2].sum(axis=-1))
+    _assert_close(found.heading_variance, poses[..., 2])
+    assert layout.names == names
+    if names:
+        assert found.errors is not None
+        _assert_close(found.errors, variances[:, 3 * n :])
+    else:
+        assert found.errors is None
+
+
+def test_without_errors_the_wide_bound_is_that_of_poses_alone(grid: Plan) -> None:
+    alone = ReferredSystem.along(grid.team, grid.windows, 300)
+    wide = WideSystem.widened(alone, layout_of(grid.team, []))
+    expected, found = alone.from_start(alone.with_index), wide.from_start(wide.with_index)
+    np.testing.assert_allclose(found.position_variance, expected.position_variance, rtol=1e-9)
+    np.testing.assert_allclose(found.heading_variance, expected.heading_variance, rtol=1e-9)
+    assert found.start_up is not None
+    assert expected.start_up is not None
+    assert found.start_up.value == pytest.approx(expected.start_up.value, rel=1e-9)
+    assert found.start_up.observer == expected.start_up.observer
+    assert found.start_up.time == expected.start_up.time
+
+
+def test_many_samples_are_as_good_as_few_at_once(
+    grid: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from syncplan.estimation import wide_covariances, wide_system
+
+    team = _estimating(grid.team, tuple(ERROR_STATES))
+    whole = posterior_bound(team, grid.windows, 15.0, start_up=True)
+    monkeypatch.setattr(wide_system, "_SAMPLES_AT_ONCE", 7)
+    monkeypatch.setattr(wide_covariances, "_ELEMENTS_AT_ONCE", 900.0)
+    parts = posterior_bound(team, grid.windows, 15.0, start_up=True)
+    np.testing.assert_allclose(parts.position_variance, whole.position_variance, rtol=1e-12)
+    assert parts.start_up == whole.start_up
+
+
+def test_states_that_are_known_change_nothing(grid: Plan) -> None:
+    errors = replace(
+        grid.team.errors,
+        wind=1e-9,
+        gust=1e-9,
+        speed_scale=1e-9,
+        turn_rate_bias=1e-9,
+        estimated=("wind", "speed_scale", "turn_rate_bias", "gusts"),
+    )
+    known = posterior_bound(replace(grid.team, errors=errors), grid.windows, 40.0)
+    alone = posterior_bound(_estimating(grid.team, ()), grid.windows, 40.0)
+    np.testing.assert_allclose(known.position_variance, alone.position_variance, rtol=1e-6)
+
+
+def test_scales_and_biases_as_states_raise_the_bound_of_the_grid_as_found_before() -> None:
+    # design.md, 6.2: 1.40 to 1.88 m in an independent prototype
+    made = changed("paper-grid-same", motion=EVERYTHING["motion"], duration_s=200.0)
+    found = posterior_bound(made.team, made.windows, 200.0).rms_second_half()
+    assert np.sqrt(np.mean(found**2)) == pytest.approx(1.88, abs=0.005)
+
+
+def test_the_start_up_index_is_that_of_the_filters_model_with_every_state_and_kind() -> None:
+    made = changed(
+        "mixed-radii-camera",
+        heading_sigma_rad=0.2,
+        initial_sigma={"position_m": 8.0, "heading_rad": 0.2},
+        **EVERYTHING,
+    )
+    team, steps = _estimating(made.team, tuple(ERROR_STATES)), 60
+    layout = layout_of(team)
+    found = posterior_bound(team, made.windows, steps * team.sensors.sample_time, start_up=True)
+    best, where = 0.0, (0, 0, 0.0)
+    P = start_of(team, layout)
+    for k, (F, Q, H, seen) in enumerate(dense_run(team, layout, steps), 1):
+        P = F @ P @ F.T + Q
+        time = k * team.sensors.sample_time
+        bodies = np.concatenate([position(team.orbits, time), team.landmarks])
+        for h, (a, b, kind) in zip(H, seen.tolist(), strict=True):
+            u = P @ h
+            between = np.zeros((2, layout.size))
+            between[:, 3 * a : 3 * a + 2] -= np.eye(2)
+            if b < team.count:
+                between[:, 3 * b : 3 * b + 2] += np.eye(2)
+            q = bodies[b] - bodies[a]
+            rho, name = np.hypot(*q), list(SIGHTING_KINDS)[kind]
+            if name != "compass":
+                axes = np.stack([q, [-q[1], q[0]]]) / rho
+                (rr, rt), (_, tt) = axes @ between @ P @ between.T @ axes.T
+                eta = np.sqrt(rr * tt + rt**2) / rho**2
+                if name == "distance":
+                    eta = tt / (np.sqrt(2.0) * rho)
+                sigma = SIGHTING_KINDS[name].sigmas(team.sensors)[a]
+                value = eta / sigma / np.sqrt(h @ u + 1.0)
+                if value > best:
+                    best, where = value, (a, b, time)
+            P = P - np.outer(u, u) / (h @ u + 1.0)
+    assert found.start_up is not None
+    assert found.start_up.value == pytest.approx(best, rel=1e-8)
+    assert (found.start_up.observer, found.start_up.target) == where[:2]
+    assert found.start_up.time == pytest.approx(where[2])
+
+
+@pytest.mark.parametrize("interval", [0.3, 0.7])
+def test_a_long_run_settles_at_the_steady_bound_with_sightings_now_and_then(
+    interval: float,
+) -> None:
+    made = changed("paper-grid-same", sensor={"interval_s": interval, "range_sigma_m": 1.0})
+    periods = 30
+    run = posterior_bound(made.team, made.windows, periods * made.orbits.period)
+    last = round(5 * made.orbits.period / made.sensors.sample_time)
+    settled = np.sqrt(run.position_variance[-last:].mean(axis=0))
+    np.testing.assert_allclose(settled, steady_bound(made.team, made.windows), rtol=0.01)
+
+
+@pytest.mark.parametrize("loss", [Loss(vehicles=(1,)), Loss(sensors=(2,)), Loss(landmarks=(0,))])
+def test_bounds_after_losses_are_those_of_the_team_that_is_left(grid: Plan, loss: Loss) -> None:
+    plain = replace(grid.team.sensors, compass_sigmas=np.full(6, np.inf))
+    team = replace(_estimating(grid.team, tuple(ERROR_STATES)), sensors=plain)
+    left = remainder_of(team, loss)
+    found = LossBounds.along(team, grid.windows, 40.0).after(left)
+    expected = posterior_bound(left.team, left.windows(grid.windows), 40.0)
+    np.testing.assert_allclose(found.position_variance, expected.position_variance, rtol=1e-9)
+    assert found.errors is not None
+    assert found.errors.shape[1] == layout_of(left.team).size - 3 * left.team.count
