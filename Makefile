@@ -66,13 +66,14 @@ check-all: postgresql check
 
 CORES := $(shell nproc)
 # the longest first
-SEARCHES := start-up consistency clearances refinements phases contract losses counterexamples
+SEARCHES := start-up consistency clearances refinements phases sight-lines contract losses counterexamples
 
 search-start-up:        ARGUMENTS = 40 $(SEED) --trials 100 --missed 0.4 --wrong 0.2
 search-consistency:     ARGUMENTS = 40 $(SEED)
 search-clearances:      ARGUMENTS = 6 $(SEED)
 search-refinements:     ARGUMENTS = 8 $(SEED)
 search-phases:          ARGUMENTS = 200 $(SEED)
+search-sight-lines:     ARGUMENTS = 5000 $(SEED)
 search-contract:        ARGUMENTS = 500 $(SEED)
 search-losses:          ARGUMENTS = 40 $(SEED)
 search-counterexamples: ARGUMENTS = 20000 $(SEED)

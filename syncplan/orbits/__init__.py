@@ -8,6 +8,7 @@ error_states                errors that last, and where the states of a team are
 team                        orbits, landmarks, sensors and noise together
 scenario_arrays             a scenario as arrays, and its team
 trigonometric_polynomials   their real roots, many at once
+sight_lines                 when obstacles stand between
 contacts                    when who sees whom
 separation                  how near circles and vehicles come
 sightings                   contact sampled at k Ts

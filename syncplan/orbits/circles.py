@@ -9,6 +9,8 @@ from syncplan.arrays import Array, Index, short_repr
 
 __all__ = [
     "Orbits",
+    "cross",
+    "dot",
     "heading",
     "perpendicular",
     "phase",
@@ -75,6 +77,16 @@ def unit(angle: ArrayLike) -> Array:
 def perpendicular(vector: Array) -> Array:
     """Return the vectors turned a quarter turn counter-clockwise, shape (..., 2)."""
     return np.stack([-vector[..., 1], vector[..., 0]], axis=-1)
+
+
+def dot(a: Array, b: Array) -> Array:
+    """Return the scalar products (...) of vectors (..., 2)."""
+    return np.asarray(a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1])
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Return (...) how far vectors b turn counter-clockwise from a, |a| |b| sin; both (..., 2)."""
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
 def turned(vectors: Array, angle: float) -> Array:

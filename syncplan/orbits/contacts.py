@@ -8,6 +8,7 @@ never ends, and polynomials that vanish identically.
 
     range                 |q|^2 - r^2 = 0
     edge of the view      q x e(heading + boresight +- fov / 2) = 0
+    obstacles             see sight_lines
 
 For two vehicles of one sense, and for landmarks, second harmonics vanish identically.
 """
@@ -17,9 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index, short_repr
-from syncplan.orbits.circles import Orbits
+from syncplan.orbits.circles import Orbits, cross, dot
 from syncplan.orbits.paths import NO_LANDMARKS, RelativeMotion, directions_at, rays, relative_motion
-from syncplan.orbits.sensors import Sensors
+from syncplan.orbits.sight_lines import SightLines
 from syncplan.orbits.team import Team
 from syncplan.orbits.trigonometric_polynomials import real_roots
 
@@ -72,30 +73,30 @@ class Windows:
 def range_polynomial(motion: RelativeMotion, ranges: Array | float = 0.0) -> Array:
     """Return the (p, 5) coefficients of |q|^2 - range^2 in m^2."""
     offset, cosine, sine = motion.offset, motion.cosine, motion.sine
-    cosine2, sine2 = _dot(cosine, cosine), _dot(sine, sine)
+    cosine2, sine2 = dot(cosine, cosine), dot(sine, sine)
     harmonic = ~motion.circular
     return np.column_stack(
         [
-            _dot(offset, offset) + 0.5 * (cosine2 + sine2) - np.square(ranges),
-            2.0 * _dot(offset, cosine),
-            2.0 * _dot(offset, sine),
+            dot(offset, offset) + 0.5 * (cosine2 + sine2) - np.square(ranges),
+            2.0 * dot(offset, cosine),
+            2.0 * dot(offset, sine),
             0.5 * (cosine2 - sine2) * harmonic,
-            _dot(cosine, sine) * harmonic,
+            dot(cosine, sine) * harmonic,
         ]
     )
 
 
 def _edge_polynomial(motion: RelativeMotion, ray: Array, turned: Array) -> Array:
     """(p, 5) coefficients of q x (ray cos tau + turned sin tau): zero where q is on that line."""
-    cosine_ray, sine_turned = _cross(motion.cosine, ray), _cross(motion.sine, turned)
+    cosine_ray, sine_turned = cross(motion.cosine, ray), cross(motion.sine, turned)
     harmonic = ~motion.circular
     return np.column_stack(
         [
             0.5 * (cosine_ray + sine_turned),
-            _cross(motion.offset, ray),
-            _cross(motion.offset, turned),
+            cross(motion.offset, ray),
+            cross(motion.offset, turned),
             0.5 * (cosine_ray - sine_turned) * harmonic,
-            0.5 * (_cross(motion.cosine, turned) + _cross(motion.sine, ray)) * harmonic,
+            0.5 * (cross(motion.cosine, turned) + cross(motion.sine, ray)) * harmonic,
         ]
     )
 
@@ -134,10 +135,14 @@ def _neighbours(orbits: Orbits, centers: Array, radius: float) -> tuple[Index, I
 
 
 def in_contact(
-    orbits: Orbits, motion: RelativeMotion, sensors: Sensors, observers: Index, tau: Array
+    team: Team, pairs: tuple[Index, Index], tau: Array, lines: SightLines | None = None
 ) -> Flags:
-    """Return (p, k) whether each observer sees its target at tau (p, k) or (k,) rad."""
-    q = motion.at(tau)
+    """Return (p, k) whether the observers of pairs (observers, targets) see them at tau (p, k) rad.
+
+    `lines` are those of the pairs if they are known.
+    """
+    orbits, sensors, (observers, targets) = team.orbits, team.sensors, pairs
+    q = relative_motion(orbits, observers, targets, team.landmarks).at(tau)
     distance = np.hypot(q[..., 0], q[..., 1])
     seen = distance <= sensors.ranges[observers, None] * (1.0 + BOUNDARY_SLACK)
     half = 0.5 * sensors.fields_of_view[observers]
@@ -145,8 +150,11 @@ def in_contact(
     if limited.any():
         tau = np.broadcast_to(tau, distance.shape)
         view = directions_at(orbits, observers, sensors.boresights[observers], tau)
-        ahead = _dot(q, view)
+        ahead = dot(q, view)
         seen &= ~limited[:, None] | (ahead >= (np.cos(half)[:, None] - BOUNDARY_SLACK) * distance)
+    if team.obstacles:
+        lines = lines or SightLines.of(team, observers, targets)
+        seen &= ~lines.blocked(np.broadcast_to(tau, distance.shape), seen)
     return np.asarray(seen)
 
 
@@ -156,17 +164,18 @@ def find_windows(team: Team, pairs: tuple[Index, Index] | None = None) -> Window
     `pairs` restricts the search to given (observers, targets). Boundaries are good to about
     1e-15 times the polynomial's size over its slope there: below 1e-9 s unless the crossing is
     nearly tangent. A window shorter than about 1e-7 of a period, opened by such a near-tangency,
-    may be absent.
+    may be absent. The same holds for the edges that obstacles make.
     """
     orbits, sensors = team.orbits, team.sensors
     a, b = reachable_pairs(orbits, sensors.ranges, team.landmarks) if pairs is None else pairs
-    motion = relative_motion(orbits, a, b, team.landmarks)
-    splits = _splits(orbits, motion, sensors, a, b)
-    return _classified(orbits, motion, sensors, a, b, splits)
+    lines = SightLines.of(team, a, b) if team.obstacles else None
+    return _classified(team, (a, b), _splits(team, (a, b), lines), lines)
 
 
-def _splits(orbits: Orbits, motion: RelativeMotion, sensors: Sensors, a: Index, b: Index) -> Array:
+def _splits(team: Team, pairs: tuple[Index, Index], lines: SightLines | None) -> Array:
     """(p, k) sorted angles where a contact may begin or end; infinite where there are fewer."""
+    orbits, sensors, (a, b) = team.orbits, team.sensors, pairs
+    motion = relative_motion(orbits, a, b, team.landmarks)
     columns = [_range_roots(motion, sensors.ranges, a, b)]
     half = 0.5 * sensors.fields_of_view[a]
     start = motion.offset + motion.cosine
@@ -181,6 +190,8 @@ def _splits(orbits: Orbits, motion: RelativeMotion, sensors: Sensors, a: Index, 
             edge = rays(orbits, who, sensors.boresights[who], side * half[limited])
             edges[limited] = real_roots(_edge_polynomial(part, *edge))
             columns.append(edges)
+    if lines is not None:
+        columns.append(lines.roots())
     splits = np.concatenate(columns, axis=1)
     splits[np.isnan(splits)] = np.inf
     splits.sort(axis=1)
@@ -205,9 +216,10 @@ def _range_roots(motion: RelativeMotion, ranges: Array, a: Index, b: Index) -> A
 
 
 def _classified(
-    orbits: Orbits, motion: RelativeMotion, sensors: Sensors, a: Index, b: Index, splits: Array
+    team: Team, pairs: tuple[Index, Index], splits: Array, lines: SightLines | None
 ) -> Windows:
     """Windows from the class of each interval between neighbouring splits (cyclic)."""
+    rate = team.orbits.rate
     rows, columns = splits.shape
     real = np.isfinite(splits)
     count = real.sum(axis=1)
@@ -216,7 +228,7 @@ def _classified(
     following = np.where(last, splits[:, :1] + 2.0 * np.pi, following)
     middle = np.where(real, 0.5 * (np.where(real, splits, 0.0) + following), 0.0)
     middle[~np.isfinite(middle)] = 0.0
-    seen = in_contact(orbits, motion, sensors, a, middle)
+    seen = in_contact(team, pairs, middle, lines)
     always = (seen | ~real).all(axis=1) & np.where(count == 0, seen[:, 0], True)
     seen &= real
     before = np.column_stack([np.zeros(rows, dtype=bool), seen[:, :-1]])
@@ -230,9 +242,9 @@ def _classified(
     first = np.concatenate([[0], np.cumsum(number + always)])
     row = np.concatenate([np.repeat(np.arange(rows), number), np.flatnonzero(always)])
     order = np.argsort(row, kind="stable")
-    starts = np.concatenate([starts, np.zeros(always.sum())])[order] / orbits.rate
-    ends = np.concatenate([ends, np.full(always.sum(), 2.0 * np.pi)])[order] / orbits.rate
-    return Windows(a, b, first, starts, ends)
+    starts = np.concatenate([starts, np.zeros(always.sum())])[order] / rate
+    ends = np.concatenate([ends, np.full(always.sum(), 2.0 * np.pi)])[order] / rate
+    return Windows(*pairs, first, starts, ends)
 
 
 def _paired_ends(starts: Array, ends: Array, number: Index) -> Array:
@@ -266,11 +278,3 @@ def merge_windows(windows: Array, period: float) -> Array:
     if len(merged) == 1 and merged[0][1] - merged[0][0] >= period:
         return np.array([[0.0, period]])
     return np.array(merged)
-
-
-def _dot(a: Array, b: Array) -> Array:
-    return np.asarray(a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1])
-
-
-def _cross(a: Array, b: Array) -> Array:
-    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])

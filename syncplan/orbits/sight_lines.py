@@ -1,0 +1,257 @@
+"""Sight lines: when polygons stand between an observer and its target.
+
+Both ends of a sight line are trigonometric polynomials of degree one in tau = omega t. Whether the
+open segment between them meets the interior of a polygon can change only where the segment touches
+the boundary and would not meet the interior without: with a corner, or with an end on an edge.
+
+    a corner V on the line     (p_a - V) x (p_b - V) = 0      degree two
+    an end p on an edge V W    (p - V) x (W - V) = 0          degree one
+
+In the first, second harmonics vanish identically for two vehicles of one sense and for landmarks.
+Where a polynomial vanishes identically (two vehicles whose line of sight turns about a corner), the
+change comes with another root: that of the edge's other corner, or of an end on the edge.
+
+A segment that only touches the boundary is free: it may graze a corner, run along a wall or end at
+a landmark mounted on it. One with an end in the interior is blocked. Polygons are simple, concave
+or not. Between the crossings of a line with the edges nothing changes, so the midpoint of each
+piece says whether it runs through the interior. Crossings are counted for the line moved a hair to
+its left and to its right: a piece is in the interior where both are, which needs no special case
+for corners and edges on the line.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from syncplan.arrays import Array, Flags, Index, short_repr
+from syncplan.orbits.circles import cross, dot
+from syncplan.orbits.paths import body_paths
+from syncplan.orbits.team import Team
+from syncplan.orbits.trigonometric_polynomials import real_roots
+
+__all__ = ["SightLines", "crosses_interior", "hidden_landmarks", "obstructible"]
+
+BOUNDARY_SLACK = 1e-12
+"""Of the largest coordinate: nearer than this, a point counts as on the boundary."""
+
+_ROOM = 1e-6
+"""Relative room with which roots are kept that lie at the end of a segment, an edge or a range."""
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class SightLines:
+    """The sight lines of p directed pairs of bodies, u of them without regard to direction.
+
+    Attributes
+    ----------
+    line : (p,) the sight line of each pair; both ways of a pair share one
+    start, end : (3, u, 2) m: offset, cosine and sine of the bodies at either end
+    reach : (u,) m, the larger range of those that look along it
+    obstacles : polygons (k, 2) m, corners in order, not closed
+    near : (u, q) whether each of the q obstacles may stand in the way
+    """
+
+    line: Index
+    start: Array
+    end: Array
+    reach: Array
+    obstacles: tuple[Array, ...]
+    near: Flags
+
+    __repr__ = short_repr
+
+    @classmethod
+    def of(cls, team: Team, a: Index, b: Index) -> "SightLines":
+        """Return the sight lines from vehicles a (p,) to bodies b (p,)."""
+        bodies = team.count + len(team.landmarks)
+        key, line = np.unique(np.minimum(a, b) * bodies + np.maximum(a, b), return_inverse=True)
+        first, second = np.divmod(key, bodies)
+        reach = np.zeros(len(key))
+        np.maximum.at(reach, line, team.sensors.ranges[a])
+        paths = np.stack(body_paths(team.orbits, team.landmarks))
+        start, end = paths[:, first], paths[:, second]
+        near = [_may_cross(corners, start, end) for corners in team.obstacles]
+        return cls(line, start, end, reach, team.obstacles, np.array(near).T)
+
+    def roots(self) -> Array:
+        """Return (p, k) rad: where sight may be lost or regained; NaN where there are fewer."""
+        rows, found = [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
+        for corners, near in zip(self.obstacles, self.near.T, strict=True):
+            chosen = np.flatnonzero(near)
+            if len(chosen):
+                tau = self._roots_at(corners, chosen)
+                kept = np.isfinite(tau)
+                rows.append(np.repeat(chosen, kept.sum(axis=1)))
+                found.append(tau[kept])
+        row, root = np.concatenate(rows), np.concatenate(found)
+        order = np.argsort(row, kind="stable")
+        row, root = row[order], root[order]
+        count = np.bincount(row, minlength=len(self.reach))
+        column = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+        padded = np.full((len(self.reach), int(count.max(initial=0))), np.nan)
+        padded[row, column] = root
+        return np.asarray(padded[self.line])
+
+    def blocked(self, tau: Array, asked: Flags) -> Flags:
+        """Return (p, k) whether an obstacle is in the way at tau (p, k) rad, where `asked`."""
+        found = np.zeros(asked.shape, dtype=bool)
+        for corners, near in zip(self.obstacles, self.near[self.line].T, strict=True):
+            pair, column = np.nonzero(asked & near[:, None] & ~found)
+            if len(pair):
+                line, at = self.line[pair], tau[pair, column]
+                ends = _at(self.start[:, line], at), _at(self.end[:, line], at)
+                found[pair, column] = crosses_interior(corners, *ends)
+        return found
+
+    def _roots_at(self, corners: Array, lines: Index) -> Array:
+        """(l, k) rad: roots at one polygon that may matter, NaN for others."""
+        start, end, reach = self.start[:, lines], self.end[:, lines], self.reach[lines]
+        tau = [_corner_roots(corners, start, end)]
+        tau += [_edge_roots(corners, side) for side in (start, end) if np.any(side[1:])]
+        roots = np.concatenate(tau, axis=1)
+        away = _at(end[:, :, None], roots) - _at(start[:, :, None], roots)
+        far = np.hypot(away[..., 0], away[..., 1]) > reach[:, None] * (1.0 + _ROOM)
+        return np.where(far, np.nan, roots)
+
+
+def obstructible(team: Team, a: Index, b: Index) -> Flags:
+    """Return (p,) whether an obstacle may come between bodies a and b (p,) at any phases."""
+    if not team.obstacles:
+        return np.zeros(len(a), dtype=bool)
+    lines = SightLines.of(team, a, b)
+    return np.asarray(lines.near[lines.line].any(axis=1))
+
+
+def hidden_landmarks(team: Team) -> dict[int, int]:
+    """Return the landmarks in the interior of an obstacle, which nobody can see, and that one."""
+    found: dict[int, int] = {}
+    for number, corners in enumerate(team.obstacles):
+        inside = crosses_interior(corners, team.landmarks, team.landmarks)
+        for landmark in np.flatnonzero(inside).tolist():
+            found.setdefault(landmark, number)
+    return dict(sorted(found.items()))
+
+
+def crosses_interior(corners: Array, start: Array, end: Array) -> Flags:
+    """Return (m,) whether open segments (m, 2) to (m, 2) m meet the interior of a polygon (k, 2).
+
+    A segment of no length does where its point is in the interior.
+    """
+    found = np.zeros(len(start), dtype=bool)
+    largest = np.maximum(np.abs(start), np.abs(end)).max(axis=1, initial=np.abs(corners).max())
+    slack = (BOUNDARY_SLACK * largest)[:, None]
+    way = end - start
+    length = np.hypot(way[:, 0], way[:, 1])
+    still = length == 0.0
+    ahead = np.where(still[:, None], [1.0, 0.0], way / np.where(still, 1.0, length)[:, None])
+    away = corners - start[:, None]
+    along, aside = dot(ahead[:, None], away), cross(ahead[:, None], away)
+    aside[np.abs(aside) <= slack] = 0.0
+    met = (aside.max(axis=1) > 0.0) & (aside.min(axis=1) < 0.0)
+    met &= (along.max(axis=1) >= 0.0) & (along.min(axis=1) <= length)
+    rows = np.flatnonzero(met)
+    row, middle = _inner_pieces(along[rows], aside[rows], length[rows])
+    row = rows[row]
+    deep = _boundary_distance(corners, start[row] + ahead[row] * middle[:, None]) > slack[row, 0]
+    found[row[deep]] = True
+    return found
+
+
+def _inner_pieces(along: Array, aside: Array, length: Array) -> tuple[Index, Array]:
+    """Segments (r,), and how far along them (r,) m their pieces in the interior have their middle.
+
+    `along` and `aside` are (m, k) m, of the corners from the start of segments of `length` (m,) m.
+    """
+    next_along, next_aside = np.roll(along, -1, axis=1), np.roll(aside, -1, axis=1)
+    left = (aside > 0.0) != (next_aside > 0.0)
+    right = (aside < 0.0) != (next_aside < 0.0)
+    crossing = left | right
+    apart = np.where(crossing, aside - next_aside, 1.0)
+    at = np.where(crossing, along + (next_along - along) * (aside / apart), np.inf)
+    order = np.argsort(at, axis=1, kind="stable")
+    at = np.take_along_axis(at, order, axis=1)
+    sides = np.take_along_axis(left + 2 * right, order, axis=1)
+    low = np.maximum(at[:, :-1], 0.0)
+    high = np.minimum(at[:, 1:], length[:, None])
+    inner = np.bitwise_xor.accumulate(sides, axis=1)[:, :-1] == 3
+    row, piece = np.nonzero(inner & (low <= high))
+    return row, 0.5 * (low[row, piece] + high[row, piece])
+
+
+def _boundary_distance(corners: Array, points: Array) -> Array:
+    """(m,) m: how far points (m, 2) are from the nearest edge."""
+    edges = np.roll(corners, -1, axis=0) - corners
+    away = points[:, None] - corners
+    share = np.clip(dot(away, edges) / _squared_lengths(edges), 0.0, 1.0)
+    off = away - share[..., None] * edges
+    return np.asarray(np.hypot(off[..., 0], off[..., 1]).min(axis=1))
+
+
+def _may_cross(corners: Array, start: Array, end: Array) -> Flags:
+    """(u,) whether the hull of the two circles comes near a polygon: no axis separates them."""
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    room = _ROOM * np.abs(corners).max()
+    radii = [np.hypot(side[1, :, 0], side[1, :, 1])[:, None] for side in (start, end)]
+    least = np.minimum(start[0] - radii[0], end[0] - radii[1])
+    most = np.maximum(start[0] + radii[0], end[0] + radii[1])
+    near = np.all((least <= high + room) & (most >= low - room), axis=1)
+    rows = np.flatnonzero(near)
+    way = end[0, rows] - start[0, rows]
+    length = np.hypot(way[:, 0], way[:, 1])
+    # for circles about one point any axis will do
+    aside = cross(way[:, None], corners - start[0, rows][:, None])
+    width = (np.maximum(*radii)[rows, 0] + room) * length
+    near[rows] = (aside.min(axis=1) <= width) & (aside.max(axis=1) >= -width)
+    return np.asarray(near)
+
+
+def _corner_roots(corners: Array, start: Array, end: Array) -> Array:
+    """(l, 4 k) rad: where a corner lies between start and end, NaN for others."""
+    lines, number = start.shape[1], len(corners)
+    a, b = (np.repeat(side[:, :, None], number, axis=2) for side in (start, end))
+    a[0] -= corners
+    b[0] -= corners
+    (a0, ac, as_), (b0, bc, bs) = a, b
+    both_cosine, both_sine = cross(ac, bc), cross(as_, bs)
+    # of one sense: the arms' sines lie to the same side of their cosines
+    harmonic = cross(ac, as_) * cross(bc, bs) < 0.0
+    coefficients = np.stack(
+        [
+            cross(a0, b0) + 0.5 * (both_cosine + both_sine),
+            cross(a0, bc) + cross(ac, b0),
+            cross(a0, bs) + cross(as_, b0),
+            0.5 * (both_cosine - both_sine) * harmonic,
+            0.5 * (cross(ac, bs) + cross(as_, bc)) * harmonic,
+        ],
+        axis=-1,
+    )
+    tau = real_roots(coefficients.reshape(-1, 5)).reshape(lines, number, 4)
+    to_start, to_end = (_at(side[:, :, :, None], tau) for side in (a, b))
+    size = dot(to_start, to_start) + dot(to_end, to_end)
+    between = dot(to_start, to_end) <= _ROOM * size
+    return np.where(between, tau, np.nan).reshape(lines, 4 * number)
+
+
+def _edge_roots(corners: Array, side: Array) -> Array:
+    """(l, 2 k) rad: where bodies on paths (3, l, 2) are on an edge, NaN for others."""
+    edges = np.roll(corners, -1, axis=0) - corners
+    path = np.repeat(side[:, :, None], len(corners), axis=2)
+    path[0] -= corners
+    c0, c1, s1 = cross(path, edges)
+    coefficients = np.stack([c0, c1, s1, np.zeros_like(c0), np.zeros_like(c0)], axis=-1)
+    tau = real_roots(coefficients.reshape(-1, 5)).reshape(*c0.shape, 4)[..., :2]
+    share = dot(_at(path[:, :, :, None], tau), edges[:, None]) / _squared_lengths(edges)[:, None]
+    on_edge = (share >= -_ROOM) & (share <= 1.0 + _ROOM)
+    return np.where(on_edge, tau, np.nan).reshape(len(tau), -1)
+
+
+def _squared_lengths(edges: Array) -> Array:
+    """(k,) m^2; 1 where a corner stands twice."""
+    squared = dot(edges, edges)
+    return np.where(squared > 0.0, squared, 1.0)
+
+
+def _at(path: Array, tau: Array) -> Array:
+    """(..., 2) m: places at tau (...) rad on paths (3, ..., 2)."""
+    cos, sin = np.cos(tau)[..., None], np.sin(tau)[..., None]
+    return np.asarray(path[0] + path[1] * cos + path[2] * sin)

@@ -1,0 +1,218 @@
+"""Sight among obstacles: closed forms, symmetries, and sampling with bisection by Shapely."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from syncplan.arrays import Array
+from syncplan.orbits.circles import Orbits, unit
+from syncplan.orbits.contacts import Windows, find_windows
+from syncplan.orbits.sensors import Sensors
+from syncplan.orbits.sight_lines import crosses_interior, hidden_landmarks, obstructible
+from syncplan.orbits.team import Team
+from tests.tools.draws import NOISE
+from tests.tools.obstructed import compare, draw_obstructed
+
+SQUARE = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]])
+HORSESHOE = np.array(
+    [[0.0, 0.0], [6.0, 0.0], [6.0, 6.0], [4.0, 6.0], [4.0, 2.0], [2.0, 2.0], [2.0, 6.0], [0.0, 6.0]]
+)
+
+
+def _team(orbits: Orbits, *obstacles: Array, landmarks: Array | None = None) -> Team:
+    count = orbits.count
+    sensors = Sensors(
+        np.full(count, 100.0), np.full(count, 7.0), np.zeros(count), np.full(count, 0.1), 0.1
+    )
+    places = np.zeros((0, 2)) if landmarks is None else landmarks
+    return Team(orbits, places, sensors, NOISE, obstacles=obstacles)
+
+
+def _contact(windows: Windows) -> dict[tuple[int, int], float]:
+    """Time in s that each pair is in contact."""
+    return {
+        (int(a), int(b)): float(np.sum(np.diff(windows.of(k), axis=1)))
+        for k, (a, b) in enumerate(zip(windows.observers, windows.targets, strict=True))
+    }
+
+
+@pytest.mark.parametrize("draw", range(40))
+def test_windows_among_obstacles_equal_dense_sampling_with_bisection(draw: int) -> None:
+    found = compare(draw_obstructed(np.random.default_rng([20, draw])))
+    assert not found.mismatches
+    assert found.largest < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("corners", "start", "end", "blocked"),
+    [
+        (SQUARE, (-1, 2), (5, 2), True),
+        (SQUARE, (-1, -1), (5, 5), True),  # along a diagonal, through two corners
+        (SQUARE, (-1, 5), (-1, -5), False),
+        (SQUARE, (-2, 2), (2, 6), False),  # grazes the corner (0, 4)
+        (SQUARE, (-2, 0), (7, 0), False),  # along a wall
+        (SQUARE, (1, 0), (3, 0), False),  # within a wall
+        (SQUARE, (-3, 1), (0, 2), False),  # to the wall, from outside
+        (SQUARE, (5, 1), (0, 2), True),  # to the same place, from behind
+        (SQUARE, (1, 2), (3, 2), True),  # wholly inside
+        (SQUARE, (2, 2), (9, 2), True),  # one end inside
+        (SQUARE, (0, 1), (4, 3), True),  # from wall to wall
+        (SQUARE, (2, 2), (2, 2), True),
+        (SQUARE, (0, 2), (0, 2), False),
+        (SQUARE, (5, 5), (5, 5), False),
+        (SQUARE, (5, 2), (9, 2), False),  # the line would, the segment ends before
+        (HORSESHOE, (3, 9), (3, 3), False),  # into the opening
+        (HORSESHOE, (3, 9), (3, 2), False),
+        (HORSESHOE, (3, 9), (3, 1), True),
+        (HORSESHOE, (2.5, 5), (3.5, 3), False),  # within it
+        (HORSESHOE, (-1, 5), (3, 5), True),  # through one arm
+        (HORSESHOE, (-1, 6), (7, 6), False),  # along the ends of both arms
+        (HORSESHOE, (-1, 2), (7, 2), True),  # through both, along the bottom of the opening
+        (HORSESHOE, (2, 7), (2, 3), False),  # along the inside of an arm
+        (HORSESHOE, (2, 7), (2, 1), True),  # the same, on into the bottom
+        (HORSESHOE, (1, 3), (3, 1), True),  # grazes a hollow corner from within
+    ],
+)
+@pytest.mark.parametrize("turn", [0.0, 0.7, 2.0])
+@pytest.mark.parametrize("twice", [False, True])
+def test_a_segment_is_blocked_where_it_meets_the_interior(
+    corners: Array,
+    start: tuple[float, float],
+    end: tuple[float, float],
+    blocked: bool,
+    turn: float,
+    twice: bool,
+) -> None:
+    axes = np.array([unit(turn), unit(turn + 0.5 * np.pi)])
+    polygon, ends = corners @ axes, np.array([start, end], dtype=float) @ axes
+    if twice:
+        # one corner stands twice, and the last stands on an edge
+        polygon = np.concatenate([polygon[:1], polygon, [0.5 * (polygon[-1] + polygon[0])]])
+    for shift in (0.0, 700.0):
+        for around in (polygon, polygon[::-1]):
+            moved = ends + shift
+            assert crosses_interior(around + shift, moved[:1], moved[1:])[0] == blocked
+            assert crosses_interior(around + shift, moved[1:], moved[:1])[0] == blocked
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3, 1.0])
+def test_a_sight_line_that_turns_about_a_corner_is_blocked_while_it_is_in_the_angle(
+    turn: float,
+) -> None:
+    # opposite each other on a circle about a corner: that corner is on their line for ever
+    corner = np.array([3.0, -2.0])
+    orbits = Orbits(
+        np.array([corner, corner]), np.full(2, 10.0), np.ones(2), np.array([0.4, 0.4 + np.pi]), 1.0
+    )
+    sides = unit(turn + np.array([0.0, 1.0])) * 50.0
+    team = _team(orbits, corner + np.array([[0.0, 0.0], *sides]))
+    windows = find_windows(team)
+    # the line is in the angle of 1 rad twice in a turn
+    for pair in range(2):
+        begins = np.sort((turn + 1.0 - 0.4 + np.pi * np.arange(2)) % (2.0 * np.pi))
+        np.testing.assert_allclose(windows.of(pair)[:, 0], begins, atol=1e-9)
+        np.testing.assert_allclose(np.diff(windows.of(pair), axis=1), np.pi - 1.0, atol=1e-9)
+
+
+def test_a_wall_hides_a_landmark_for_the_angle_it_spans() -> None:
+    # seen from the landmark in the middle of a circle, a wall spans the angle of its near side
+    orbits = Orbits(np.zeros((1, 2)), np.array([10.0]), np.ones(1), np.zeros(1), 1.0)
+    wall = np.array([[4.0, -3.0], [5.0, -3.0], [5.0, 3.0], [4.0, 3.0]])
+    windows = find_windows(_team(orbits, wall, landmarks=np.zeros((1, 2))))
+    half = np.arctan2(3.0, 4.0)
+    np.testing.assert_allclose(windows.of(0), [[half, 2.0 * np.pi - half]], atol=1e-12)
+
+
+def test_a_vehicle_is_hidden_while_it_is_within_an_obstacle() -> None:
+    # it enters and leaves where its circle crosses the wall x = 6; no corner is ever passed
+    orbits = Orbits(np.zeros((1, 2)), np.array([10.0]), np.ones(1), np.zeros(1), 1.0)
+    block = np.array([[6.0, -50.0], [60.0, -50.0], [60.0, 50.0], [6.0, 50.0]])
+    windows = find_windows(_team(orbits, block, landmarks=np.array([[-20.0, 0.0]])))
+    enters = np.arccos(0.6)
+    np.testing.assert_allclose(windows.of(0), [[enters, 2.0 * np.pi - enters]], atol=1e-12)
+
+
+def test_a_landmark_on_a_wall_is_seen_from_before_it_alone() -> None:
+    orbits = Orbits(np.zeros((1, 2)), np.array([10.0]), np.ones(1), np.zeros(1), 1.0)
+    for turn in np.linspace(0.0, 6.0, 13):
+        axes = np.array([unit(turn), unit(turn + 0.5 * np.pi)])
+        wall = np.array([[0.0, -40.0], [1.0, -40.0], [1.0, 40.0], [0.0, 40.0]]) @ axes
+        windows = find_windows(_team(orbits, wall, landmarks=np.array([[0.0, 0.3]]) @ axes))
+        begin = (turn + 0.5 * np.pi) % (2.0 * np.pi)
+        np.testing.assert_allclose(windows.of(0), [[begin, begin + np.pi]], atol=1e-9)
+
+
+@pytest.mark.parametrize("draw", range(40))
+def test_an_obstacle_blocks_both_ways_alike(draw: int) -> None:
+    team = draw_obstructed(np.random.default_rng([21, draw]))
+    sensors = replace(
+        team.sensors,
+        ranges=np.full(team.count, 60.0),
+        fields_of_view=np.full(team.count, 2.0 * np.pi),
+    )
+    windows = find_windows(replace(team, sensors=sensors))
+    way = {
+        (int(a), int(b)): windows.of(k)
+        for k, (a, b) in enumerate(zip(windows.observers, windows.targets, strict=True))
+    }
+    for (a, b), found in way.items():
+        if b < team.count:
+            np.testing.assert_array_equal(found, way[b, a])
+
+
+@pytest.mark.parametrize("draw", range(40))
+def test_windows_turn_and_shift_with_everything(draw: int) -> None:
+    team = draw_obstructed(np.random.default_rng([22, draw]))
+    turn, shift = 0.9, np.array([3.0e4, -1.0e4])
+    axes = np.array([unit(turn), unit(turn + 0.5 * np.pi)])
+    orbits = replace(
+        team.orbits, centers=team.orbits.centers @ axes + shift, phases=team.orbits.phases + turn
+    )
+    moved = replace(
+        team,
+        orbits=orbits,
+        landmarks=team.landmarks @ axes + shift,
+        obstacles=tuple(corners @ axes + shift for corners in team.obstacles),
+    )
+    before, after = _contact(find_windows(team)), _contact(find_windows(moved))
+    assert before.keys() == after.keys()
+    np.testing.assert_allclose(list(after.values()), list(before.values()), atol=1e-5)
+
+
+def test_an_obstacle_far_away_changes_no_byte() -> None:
+    team = draw_obstructed(np.random.default_rng(1))
+    far = np.array([[1e3, 1e3], [1e3 + 5.0, 1e3], [1e3, 1e3 + 5.0]])
+    without = find_windows(replace(team, obstacles=()))
+    beside = find_windows(replace(team, obstacles=(far,)))
+    for name in Windows.__slots__:
+        np.testing.assert_array_equal(getattr(beside, name), getattr(without, name))
+
+
+def test_an_obstacle_only_takes_from_contact() -> None:
+    for draw in range(20):
+        team = draw_obstructed(np.random.default_rng([23, draw]))
+        free, left = find_windows(replace(team, obstacles=())), find_windows(team)
+        for pair, seconds in _contact(left).items():
+            assert seconds <= _contact(free)[pair] + 1e-9
+
+
+def test_landmarks_in_an_obstacle_are_hidden_and_those_on_its_wall_are_not() -> None:
+    landmarks = np.array([[2.0, 2.0], [0.0, 2.0], [4.0, 4.0], [9.0, 9.0], [3.0, 1.0]])
+    orbits = Orbits(np.zeros((1, 2)), np.array([10.0]), np.ones(1), np.zeros(1), 1.0)
+    team = _team(orbits, SQUARE + 100.0, SQUARE, landmarks=landmarks)
+    assert hidden_landmarks(team) == {0: 1, 4: 1}
+    windows = find_windows(team)
+    seen = set(windows.targets[np.diff(windows.first) > 0].tolist())
+    assert seen == {2, 3, 4}
+
+
+def test_only_obstacles_by_the_hull_of_two_circles_may_come_between() -> None:
+    orbits = Orbits(
+        np.array([[0.0, 0.0], [20.0, 20.0]]), np.array([3.0, 5.0]), np.ones(2), np.zeros(2), 1.0
+    )
+    pair = (np.array([0]), np.array([1]))
+    between, beside = SQUARE + 8.0, SQUARE + np.array([14.0, -3.0])
+    assert not obstructible(_team(orbits), *pair)[0]
+    assert obstructible(_team(orbits, beside, between), *pair)[0]
+    assert not obstructible(_team(orbits, beside), *pair)[0]
