@@ -3,6 +3,7 @@
 console             standard output and standard error
 verdict_lines       GO or NO-GO, and findings
 fitted_tables       tables that leave out columns where it is narrow
+state_tables        tables of states that are no poses
 terminal_tables     tables of plans and runs for people
 site_tables         tables of landmark sites
 document_table      kinds of documents, their schemas and how reports are known

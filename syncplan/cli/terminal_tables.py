@@ -5,6 +5,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from syncplan.cli.fitted_tables import FittedTable
+from syncplan.cli.state_tables import further_states_table
 from syncplan.cli.verdict_lines import show_findings, show_verdict
 from syncplan.phrases import listed
 from syncplan.placement.centers import Placement
@@ -51,6 +52,9 @@ def show_plan(document: PlanDocument, console: Console) -> None:
         )
     console.print(_synchronisation(document))
     console.print(_vehicle_table(document))
+    states = further_states_table(document)
+    if states is not None:
+        console.print(states)
     _print_links(document, console)
     if document.refinement is not None:
         console.print(_refinement_table(document.refinement))

@@ -7,6 +7,7 @@ start_up_index     how far sightings are from linear at the start
 referred_system    a team's run, referred to time 0, and its posterior bound
 wide_covariances   covariance along a run whose state has errors beside the poses
 wide_system        a team's run with such errors, and its posterior bound
+considered_errors  what errors cost that the filter does not estimate
 periodic_limit     the covariance once it has become periodic
 bounds             Cramer-Rao bounds
 covariance_kernel  covariance along a run, compiled

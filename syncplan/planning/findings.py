@@ -24,7 +24,7 @@ class Cure:
     """
 
     text: str
-    change: Mapping[str, float] = field(default_factory=dict)
+    change: Mapping[str, float | str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 
-from syncplan.arrays import Array
 from syncplan.observability.certificate import Certificate
 from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.observability.rank import Observability
@@ -12,12 +11,13 @@ from syncplan.orbits.losses import Loss
 from syncplan.orbits.separation import Approach
 from syncplan.orbits.team import Team, WithTeam
 from syncplan.placement.centers import Placement
+from syncplan.planning.predicted_errors import Prediction
 from syncplan.planning.refinement_record import RefinementRecord
 from syncplan.planning.start_up import StartUp
 from syncplan.scenario.specification import Scenario
 from syncplan.synchronisation.phases import Synchronisation
 
-__all__ = ["JudgedTeam", "Prediction", "UnmetLink"]
+__all__ = ["JudgedTeam", "UnmetLink"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,24 +27,6 @@ class UnmetLink:
     a: int
     b: int
     reason: str
-
-
-@dataclass(frozen=True, slots=True)
-class Prediction:
-    """Predicted position errors in m, from the posterior Cramer-Rao bound.
-
-    Attributes
-    ----------
-    rms : (n,) over the second half of the run, or None where not computed
-    steady : (n,) over a period once periodic, infinite if it never is; None where not asked for
-    window : (n,) bound from one window without motion noise; NaN where not determined
-    note : why a figure is missing
-    """
-
-    rms: Array | None
-    steady: Array | None
-    window: Array
-    note: str
 
 
 @dataclass(frozen=True, slots=True, repr=False)

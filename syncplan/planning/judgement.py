@@ -15,13 +15,15 @@ from syncplan.observability.unobservable_modes import name_modes
 from syncplan.observability.window_assessment import Assessment, assess_team
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import Windows, reachable_pairs
+from syncplan.orbits.error_states import ERROR_STATES, layout_of
 from syncplan.orbits.losses import Loss, single_losses
 from syncplan.orbits.scenario_arrays import team_of
 from syncplan.orbits.separation import Approach, closest_approach, pairs_nearer_than
 from syncplan.orbits.team import Team
 from syncplan.planning.distance_limits import TOLERANCE, DistanceLimit, separation_limit
 from syncplan.planning.judged_plan import Plan
-from syncplan.planning.judged_team import Prediction, UnmetLink
+from syncplan.planning.judged_team import UnmetLink
+from syncplan.planning.predicted_errors import Prediction, neglect_of, predicted_states
 from syncplan.planning.start_up import StartUp, start_up_of
 from syncplan.runtime.blas import single_threaded_blas
 from syncplan.scenario.specification import Scenario
@@ -183,7 +185,8 @@ def _too_close(orbits: Orbits, limit: DistanceLimit) -> tuple[Approach, ...]:
 def bound_is_affordable(team: Team, duration: float) -> bool:
     """Return whether the posterior bound is cheap enough to be computed without being asked for."""
     steps = duration / team.sensors.sample_time
-    return steps * (3.0 * team.count) ** 2 * team.count <= BOUND_WORK_LIMIT
+    size = float(layout_of(team, tuple(ERROR_STATES)).size)
+    return steps * size**2 * team.count <= BOUND_WORK_LIMIT
 
 
 def why_no_bound(team: Team, duration: float, bound: BoundChoice) -> str:
@@ -226,8 +229,16 @@ def _predict(
         limit = steady_bound(team, assessed.windows)
         if scenario.window >= team.orbits.period * (1.0 - 1e-9):
             limit = np.where(np.isnan(window), np.inf, limit)
-    rms = None if along is None else along.rms_second_half()
-    return Prediction(rms=rms, steady=limit, window=window, note=note)
+    if along is None:
+        return Prediction(rms=None, steady=limit, window=window, note=note)
+    return Prediction(
+        rms=along.rms_second_half(),
+        steady=limit,
+        window=window,
+        note=note,
+        states=predicted_states(team, along, scenario.vehicle_names),
+        neglect=neglect_of(team, assessed.windows, scenario.duration_s),
+    )
 
 
 def _start_up(

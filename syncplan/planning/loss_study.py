@@ -15,7 +15,7 @@ from syncplan.observability.window_assessment import Assessment, assess_remainde
 from syncplan.orbits.losses import Loss, Remainder, remainder_of
 from syncplan.planning.findings import Verdict
 from syncplan.planning.judged_plan import Plan
-from syncplan.planning.judged_team import JudgedTeam, Prediction
+from syncplan.planning.judged_team import JudgedTeam
 from syncplan.planning.judgement import BoundChoice, judged, listed_pairs, why_no_bound
 from syncplan.planning.lost_parts import (
     lost_together,
@@ -23,6 +23,7 @@ from syncplan.planning.lost_parts import (
     possible_losses,
     scenario_after,
 )
+from syncplan.planning.predicted_errors import Prediction
 from syncplan.planning.subjects import PlanSubject, planned
 from syncplan.planning.verdict_checks import verdict_of
 from syncplan.results import Result

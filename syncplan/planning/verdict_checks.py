@@ -6,6 +6,7 @@ from syncplan.planning.findings import Finding, Verdict
 from syncplan.planning.judged_team import JudgedTeam
 from syncplan.planning.link_checks import fragile_links, lost_links
 from syncplan.planning.loss_checks import single_points_of_failure
+from syncplan.planning.neglect_checks import not_estimated
 from syncplan.planning.observability_checks import near_degenerate, not_certified, unobservable
 from syncplan.planning.path_checks import (
     in_keep_out,
@@ -37,6 +38,7 @@ CHECKS: dict[str, Callable[[JudgedTeam], Iterable[Finding]]] = {
     "link-fragile": fragile_links,
     "start-up": start_up,
     "start-up-worse": start_up_worse,
+    "not-estimated": not_estimated,
     "single-point-of-failure": single_points_of_failure,
     "not-refined": not_refined,
     "cleared": cleared,

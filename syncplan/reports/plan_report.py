@@ -22,6 +22,7 @@ from syncplan.reports.plan_schemas import (
     Link,
     ObservabilityVerdict,
     PlanDocument,
+    PredictedStateError,
     Separation,
     SynchronisationRecord,
     Unobservable,
@@ -78,6 +79,8 @@ def plan_document(plan: Plan) -> PlanDocument:
             else error_prediction(plan.prediction.steady, names)
         ),
         window_bound_m=error_prediction(plan.prediction.window, names),
+        expected_rms_m=_expected(plan, names),
+        predicted_errors=_predicted_states(plan),
         start_up=(
             None if plan.start_up is None else start_up_record(plan.start_up, names, landmarks)
         ),
@@ -268,6 +271,21 @@ def error_prediction(values: Array | None, names: Sequence[str], note: str = "")
         },
         note=note,
     )
+
+
+def _expected(plan: Plan, names: list[str]) -> ErrorPrediction | None:
+    neglect = plan.prediction.neglect
+    if neglect is None or neglect.expected is None:
+        return None
+    return error_prediction(neglect.expected, names)
+
+
+def _predicted_states(plan: Plan) -> list[PredictedStateError] | None:
+    found = [
+        PredictedStateError(state=one.label, unit=one.unit, sigma=one.sigma, predicted_rms=one.rms)
+        for one in plan.prediction.states
+    ]
+    return found or None
 
 
 def _windows(windows: Array) -> list[Window]:

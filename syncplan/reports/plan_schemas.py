@@ -161,6 +161,15 @@ class ErrorPrediction(DocumentPart):
     note: str = ""
 
 
+class PredictedStateError(DocumentPart):
+    """Predicted RMS error of a state of the filter that is no pose."""
+
+    state: str = Field(description="What it is", examples=["wind x", "speed scale of v1"])
+    unit: str = Field(examples=["m/s"])
+    sigma: float = Field(description="Its standard deviation before anything is seen")
+    predicted_rms: float = Field(description="Over the second half of the run, as predicted_rms_m")
+
+
 class SynchronisationRecord(DocumentPart):
     """How the phases were found."""
 
@@ -175,7 +184,9 @@ class SynchronisationRecord(DocumentPart):
 class PlanDocument(VersionedDocument):
     """A plan: orbits, meetings and the verdict on observability."""
 
-    left_out_if_none: ClassVar[frozenset[str]] = frozenset({"refinement", "start_up", "verdict"})
+    left_out_if_none: ClassVar[frozenset[str]] = frozenset(
+        {"expected_rms_m", "predicted_errors", "refinement", "start_up", "verdict"}
+    )
 
     verdict: PlanVerdict | None = Field(
         default=None, description="Go or no-go, with all findings; absent from older files"
@@ -195,6 +206,15 @@ class PlanDocument(VersionedDocument):
     predicted_rms_m: ErrorPrediction
     steady_rms_m: ErrorPrediction | None
     window_bound_m: ErrorPrediction
+    expected_rms_m: ErrorPrediction | None = Field(
+        default=None,
+        description="RMS position error to be expected of the filter, which leaves out errors that "
+        "the scenario states and does not know what they cost; absent where it leaves out none",
+    )
+    predicted_errors: list[PredictedStateError] | None = Field(
+        default=None,
+        description="States of the filter that are no poses; absent where there are none",
+    )
     start_up: StartUpRecord | None = Field(
         default=None,
         description="Whether the filter reaches the predicted error; absent where none is "

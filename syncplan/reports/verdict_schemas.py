@@ -14,7 +14,7 @@ class FindingCure(DocumentPart):
     """What would remedy a finding."""
 
     text: str
-    change: dict[str, float] = Field(
+    change: dict[str, float | str] = Field(
         description="Keys of the scenario, dotted, with the values that cure it; empty where a "
         "person has to choose"
     )

@@ -18,38 +18,20 @@ from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 from syncplan.orbits.team import Team
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.planner import plan
-from syncplan.scenario.loading import scenario_from
 from tests.tools.dense_models import dense_covariances, dense_run, start_of
-from tests.tools.scenarios import example
-
-EVERYTHING: dict[str, dict[str, Any]] = {
-    "motion": {"speed_scale_sigma": 0.02, "turn_rate_bias_sigma_rad_s": 0.005},
-    "wind": {"sigma_mps": 1.0, "gust_sigma_mps": 0.2, "gust_time_s": 7.0},
-    "sensor": {
-        "bearing_bias_sigma_rad": 0.02,
-        "range_sigma_m": 0.3,
-        "detection_probability": 0.8,
-        "interval_s": 0.2,
-    },
-}
-"""Every error and every kind of sighting of a target."""
+from tests.tools.scenarios import EVERYTHING, changed
 
 STATES = [(), *((name,) for name in ERROR_STATES), tuple(ERROR_STATES)]
 
 
-def changed(name: str, **keys: Any) -> Plan:
-    """Return the plan of an example with some keys changed, whose sections are merged."""
-    document = example(name).model_dump(exclude_none=True)
-    for key, value in keys.items():
-        merged = isinstance(value, dict)
-        document[key] = {**document.get(key, {}), **value} if merged else value
-    return plan(scenario_from(document), bound="never")
+def plan_of_changed(name: str, **keys: Any) -> Plan:
+    return plan(changed(name, **keys), bound="never")
 
 
 @pytest.fixture(scope="module")
 def grid() -> Plan:
     compasses = [0.05, 0.1, 0.05, 0.2, 0.3, 0.05]
-    return changed("paper-grid-same", heading_sigma_rad=compasses, **EVERYTHING)
+    return plan_of_changed("paper-grid-same", heading_sigma_rad=compasses, **EVERYTHING)
 
 
 def _estimating(team: Team, names: tuple[str, ...]) -> Team:
@@ -122,13 +104,13 @@ def test_states_that_are_known_change_nothing(grid: Plan) -> None:
 
 def test_scales_and_biases_as_states_raise_the_bound_of_the_grid_as_found_before() -> None:
     # design.md, 6.2: 1.40 to 1.88 m in an independent prototype
-    made = changed("paper-grid-same", motion=EVERYTHING["motion"], duration_s=200.0)
+    made = plan_of_changed("paper-grid-same", motion=EVERYTHING["motion"], duration_s=200.0)
     found = posterior_bound(made.team, made.windows, 200.0).rms_second_half()
     assert np.sqrt(np.mean(found**2)) == pytest.approx(1.88, abs=0.005)
 
 
 def test_the_start_up_index_is_that_of_the_filters_model_with_every_state_and_kind() -> None:
-    made = changed(
+    made = plan_of_changed(
         "mixed-radii-camera",
         heading_sigma_rad=0.2,
         initial_sigma={"position_m": 8.0, "heading_rad": 0.2},
@@ -172,7 +154,7 @@ def test_the_start_up_index_is_that_of_the_filters_model_with_every_state_and_ki
 def test_a_long_run_settles_at_the_steady_bound_with_sightings_now_and_then(
     interval: float,
 ) -> None:
-    made = changed("paper-grid-same", sensor={"interval_s": interval, "range_sigma_m": 1.0})
+    made = plan_of_changed("paper-grid-same", sensor={"interval_s": interval, "range_sigma_m": 1.0})
     periods = 30
     run = posterior_bound(made.team, made.windows, periods * made.orbits.period)
     last = round(5 * made.orbits.period / made.sensors.sample_time)

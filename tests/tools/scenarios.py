@@ -42,3 +42,25 @@ def shared_circles(per_circle: int) -> dict[str, Any]:
         landmarks_m=[[190.0, 0.0], [190.0, 70.0]],
         duration_s=200.0,
     )
+
+
+EVERYTHING: dict[str, dict[str, Any]] = {
+    "motion": {"speed_scale_sigma": 0.02, "turn_rate_bias_sigma_rad_s": 0.005},
+    "wind": {"sigma_mps": 1.0, "gust_sigma_mps": 0.2, "gust_time_s": 7.0},
+    "sensor": {
+        "bearing_bias_sigma_rad": 0.02,
+        "range_sigma_m": 0.3,
+        "detection_probability": 0.8,
+        "interval_s": 0.2,
+    },
+}
+"""Every error and every kind of sighting of a target."""
+
+
+def changed(name: str, **keys: Any) -> Scenario:
+    """Return an example with some keys changed; sections are merged."""
+    base = example(name).model_dump(exclude_none=True)
+    for key, value in keys.items():
+        merged = isinstance(value, dict)
+        base[key] = {**base.get(key, {}), **value} if merged else value
+    return scenario_from(base)

@@ -1,0 +1,130 @@
+"""What plans predict: at any sample time the same, of states that are no poses, and of neglect."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from syncplan.cli.state_tables import further_states_table
+from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import plan
+from syncplan.reports.plan_report import plan_document
+from syncplan.reports.plan_schemas import PlanDocument
+from syncplan.scenario.loading import scenario_from
+from syncplan.scenario.specification import Scenario
+from tests.tools.scenarios import FILES, example, small
+
+ERRORS: dict[str, Any] = {
+    "motion": {"speed_scale_sigma": 0.02},
+    "wind": {"sigma_mps": 0.3},
+    "landmarks_m": [[0.0, 45.0], [70.0, 50.0]],
+    "duration_s": 60.0,
+}
+
+
+def _at_density(scenario: Scenario, share: float) -> Scenario:
+    """The scenario with its noise as random walks, and so much of its sample time."""
+    document = scenario.model_dump(exclude_none=True)
+    sample_time, motion = scenario.sample_time, scenario.motion
+    document["motion"] = {
+        "position_random_walk_m_sqrt_s": motion.speed_sigma(sample_time) * sample_time**0.5,
+        "angle_random_walk_rad_sqrt_s": motion.turn_rate_sigma(sample_time) * sample_time**0.5,
+    }
+    document["sensor"] = {
+        **document["sensor"],
+        "sample_time_s": share * sample_time,
+        "interval_s": sample_time,
+    }
+    return scenario_from(document)
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in FILES.glob("*.yaml")))
+def test_half_the_sample_time_with_densities_given_predicts_the_same(name: str) -> None:
+    scenario = example(name)
+    rms = []
+    for given in (scenario, _at_density(scenario, 1.0), _at_density(scenario, 0.5)):
+        found = plan(given, pilot=False, single_points=False).prediction.rms
+        assert found is not None
+        rms.append(found)
+    np.testing.assert_allclose(rms[1], rms[0], rtol=1e-9)
+    np.testing.assert_allclose(rms[2], rms[1], rtol=0.002)
+
+
+def _with(estimate: Any) -> Plan:
+    return plan(small(**ERRORS, filter={"estimate": estimate}))
+
+
+def test_states_that_are_no_poses_are_predicted_by_name() -> None:
+    made = _with("auto")
+    states = made.prediction.states
+    assert [one.label for one in states] == [
+        "wind x",
+        "wind y",
+        "speed scale of v1",
+        "speed scale of v2",
+    ]
+    assert [one.unit for one in states] == ["m/s", "m/s", "1", "1"]
+    assert [one.sigma for one in states] == [0.3, 0.3, 0.02, 0.02]
+    assert all(0.0 < one.rms < one.sigma for one in states)
+    document = plan_document(made)
+    assert document.predicted_errors is not None
+    assert document.predicted_errors[2].predicted_rms == states[2].rms
+    assert "expected_rms_m" not in document.as_json()
+    assert PlanDocument.model_validate(document.as_json()) == document
+
+
+def test_a_plan_without_such_errors_says_nothing_of_them() -> None:
+    document = plan_document(plan(small()))
+    assert not {"expected_rms_m", "predicted_errors"} & set(document.as_json())
+    assert further_states_table(document) is None
+    assert all(one.code != "not-estimated" for one in plan(small()).verdict.findings)
+
+
+def test_what_is_not_estimated_is_found_with_its_cost_and_its_cure() -> None:
+    made = _with("none")
+    rms, neglect = made.prediction.rms, made.prediction.neglect
+    assert rms is not None
+    assert neglect is not None
+    assert neglect.names == ("wind", "speed_scale")
+    assert neglect.expected is not None
+    assert np.all(neglect.expected > 2.0 * rms)
+    [finding] = [one for one in made.verdict.findings if one.code == "not-estimated"]
+    assert finding.level == "warning"
+    assert "wind, speed scale" in finding.message
+    assert f"v1 by {neglect.expected[0]:.3g} m, not {rms[0]:.3g} m" in finding.message
+    assert finding.subjects == ("v1", "v2")
+    assert finding.cure is not None
+    assert finding.cure.change == {"filter.estimate": "auto"}
+    document = plan_document(made)
+    assert document.expected_rms_m is not None
+    assert document.expected_rms_m.vehicles["v2"] == neglect.expected[1]
+    assert document.verdict is not None
+    assert PlanDocument.model_validate(document.as_json()) == document
+    cured = _with(finding.cure.change["filter.estimate"])
+    assert all(one.code != "not-estimated" for one in cured.verdict.findings)
+
+
+def test_neglect_that_costs_next_to_nothing_is_but_a_note() -> None:
+    tiny = {**ERRORS, "motion": {"speed_scale_sigma": 1e-5}, "wind": {"sigma_mps": 1e-5}}
+    made = plan(small(**tiny, filter={"estimate": "none"}))
+    [finding] = [one for one in made.verdict.findings if one.code == "not-estimated"]
+    assert finding.level == "note"
+    assert finding.cure is None
+
+
+def test_without_a_bound_nothing_is_said_of_neglect() -> None:
+    made = plan(small(**ERRORS, filter={"estimate": "none"}), bound="never")
+    assert made.prediction.neglect is None
+    assert all(one.code != "not-estimated" for one in made.verdict.findings)
+
+
+def test_the_terminal_lists_further_states() -> None:
+    table = further_states_table(plan_document(_with(["speed_scale"])))
+    assert table is not None
+    console = Console(width=100, record=True, quiet=False, file=None)
+    with console.capture() as capture:
+        console.print(table)
+    assert "speed scale of v1" in capture.get()
+    assert "0.02" in capture.get()
+    assert "wind" not in capture.get()
