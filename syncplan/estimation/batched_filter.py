@@ -16,9 +16,8 @@ contiguous axis of every array, and arithmetic runs over lanes in vector registe
 independent and no sum is reordered, so a trial's figures depend neither on the lanes beside it nor
 on their number. Of P only the lower triangle is maintained.
 
-Extension: a further kind of sighting, such as a distance, needs one function beside `bearing_lanes`
-and a branch of `sighting_lanes`. Further states (a wind, a bias) follow the poses in P; only
-`predict_lanes`, `correct_lanes` and the errors of `record_lanes` address poses.
+Extension: a further kind of sighting needs one function beside `bearing_lanes` and a branch of
+`sighting_lanes`. Further states (a wind, a bias) have a filter of their own, `augmented_filter`.
 
 Source: Bar-Shalom, Li, Kirubarajan (2001), 10.3; NEES and NIS as in `consistency`.
 """
@@ -30,10 +29,17 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.estimation.filter_setup import FilterSetup, MotionModel, Readings
 from syncplan.estimation.filter_statistics import FilterStatistics
-from syncplan.estimation.lane_filter import LaneFilter, Lanes, compiled
+from syncplan.estimation.lane_filter import LaneFilter, Lanes, compiled, pose_specimen
 from syncplan.estimation.lane_statistics import record_lanes, subtract_outer
 
-__all__ = ["EXTENDED", "correct_lanes", "predict_lanes", "sighting_lanes"]
+__all__ = [
+    "BEARING_KIND",
+    "EXTENDED",
+    "correct_lanes",
+    "predict_lanes",
+    "shortening",
+    "sighting_lanes",
+]
 
 Work = tuple[Array, Array, Array, Array]
 
@@ -45,8 +51,11 @@ SMALLEST_SQUARE = 1e-300
 
 
 @compiled
-def _shortening(half_turn: float, substeps: int) -> tuple[float, float]:
-    """Ratio s(a) of chord to path and its derivative by a = half_turn; see `reference_filter`."""
+def shortening(half_turn: float, substeps: int) -> tuple[float, float]:
+    """Return the ratio s(a) of chord to path and its derivative by a; see `reference_filter`.
+
+    a is `half_turn` in rad.
+    """
     inverse = 1.0 / substeps if substeps else 0.0
     part = half_turn * inverse
     if abs(half_turn) < 2e-4:
@@ -76,7 +85,7 @@ def predict_lanes(
     for i in range(len(x)):
         for lane in range(len(lanes)):
             speed, turn = speeds[i, lane], turn_rates[i, lane] * time
-            ratio, slope = _shortening(0.5 * turn, substeps)
+            ratio, slope = shortening(0.5 * turn, substeps)
             direction = x[i, 2, lane] + share * turn
             cos, sin = math.cos(direction), math.sin(direction)
             path = speed * time
@@ -305,5 +314,5 @@ def _filter(
     return x, P
 
 
-EXTENDED = LaneFilter(_filter)
+EXTENDED = LaneFilter(_filter, pose_specimen)
 """The extended Kalman filter."""

@@ -24,11 +24,13 @@ class FilterModel:
     sentence : what it does
     takes_substeps : whether it integrates by the sub-steps that are asked for
     kernel : where its LaneFilter is, a module of this package and a name in it
+    augmented : where that with further states is
     """
 
     sentence: str
     takes_substeps: bool = False
     kernel: str = "batched_filter.EXTENDED"
+    augmented: str = "augmented_filter.AUGMENTED"
 
     def substeps(self, wanted: int) -> int:
         """Return the number of Euler sub-steps in a sample, 0 for exact arcs."""
@@ -36,10 +38,19 @@ class FilterModel:
 
     @property
     def lane_filter(self) -> "LaneFilter":
-        """The compiled filter; loads numba."""
-        module, _, name = self.kernel.partition(".")
-        found: LaneFilter = getattr(import_module(f"syncplan.estimation.{module}"), name)
-        return found
+        """The compiled filter of poses; loads numba."""
+        return _loaded(self.kernel)
+
+    @property
+    def augmented_lane_filter(self) -> "LaneFilter":
+        """The compiled filter that has further states, or misses sightings; loads numba."""
+        return _loaded(self.augmented)
+
+
+def _loaded(place: str) -> "LaneFilter":
+    module, _, name = place.partition(".")
+    found: LaneFilter = getattr(import_module(f"syncplan.estimation.{module}"), name)
+    return found
 
 
 FILTERS: Mapping[str, FilterModel] = MappingProxyType(

@@ -14,6 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from syncplan.arrays import Array
+from syncplan.estimation.augmented_setup import (
+    AugmentedReadings,
+    AugmentedSetup,
+    AugmentedStatistics,
+    empty_augmented_statistics,
+)
 from syncplan.estimation.filter_setup import FilterSetup, MotionModel, Readings
 from syncplan.estimation.filter_statistics import (
     SAMPLE_EVERY,
@@ -22,7 +28,7 @@ from syncplan.estimation.filter_statistics import (
     empty_statistics,
 )
 
-__all__ = ["WIDE_UP_TO", "LaneFilter", "Lanes", "compiled"]
+__all__ = ["WIDE_UP_TO", "LaneFilter", "Lanes", "augmented_specimen", "compiled", "pose_specimen"]
 
 WIDE_LANES = 16
 """Trials filtered side by side: four times as fast as one by one for 6 vehicles."""
@@ -31,6 +37,7 @@ WIDE_UP_TO = 60
 """Largest team filtered in wide lanes; above they gain nothing and cost sixteenfold memory."""
 
 KERNEL_FILES = (
+    "augmented_setup.py",
     "batched_filter.py",
     "filter_setup.py",
     "filter_statistics.py",
@@ -81,10 +88,13 @@ class LaneFilter:
     Attributes
     ----------
     kernel : compiled, of (FilterSetup, Readings, FilterStatistics, Lanes): adds to the statistics
-        and returns the state (n, 3, lanes) and the covariance's lower triangle (3n, 3n, lanes)
+        and returns the state (n, 3, lanes) and the covariance's lower triangle (3n, 3n, lanes); or
+        of their augmented forms, returning the further states (e, lanes) between the two
+    specimen : arguments of the kernel for n vehicles and no step: their types are what is compiled
     """
 
     kernel: Any
+    specimen: Callable[[int], tuple[Any, ...]]
 
     @staticmethod
     def lanes_for(n: int) -> int:
@@ -92,15 +102,18 @@ class LaneFilter:
         return WIDE_LANES if n <= WIDE_UP_TO else 1
 
     def run(
-        self, setup: FilterSetup, readings: Readings, statistics: FilterStatistics
-    ) -> tuple[Array, Array]:
+        self,
+        setup: FilterSetup | AugmentedSetup,
+        readings: Readings | AugmentedReadings,
+        statistics: FilterStatistics | AugmentedStatistics,
+    ) -> tuple[Array, ...]:
         """Return the state (n, 3, lanes) and the covariance (3n, 3n, lanes) at the end.
 
         Of the covariance only the lower triangle counts. Adds to the statistics on the way. Any
         number of lanes will do.
         """
         n, _, width = readings.initial.shape
-        ended: tuple[Array, Array] = self.kernel(setup, readings, statistics, _lanes(n, width))
+        ended: tuple[Array, ...] = self.kernel(setup, readings, statistics, _lanes(n, width))
         return ended
 
     def is_compiled(self, n: int) -> bool:
@@ -110,7 +123,7 @@ class LaneFilter:
         where numba's cache has another layout than the one read here.
         """
         typeof: Any = numba.typeof
-        types = tuple(typeof(argument) for argument in _specimen(n))
+        types = tuple(typeof(argument) for argument in self.specimen(n))
         if types in self.kernel.overloads:
             return True
         try:
@@ -121,15 +134,31 @@ class LaneFilter:
 
     def compile(self, n: int) -> None:
         """Compile the kernel for n vehicles, or load it from numba's disk cache."""
-        self.kernel(*_specimen(n))
+        self.kernel(*self.specimen(n))
 
 
 def _lanes(n: int, width: int) -> Lanes:
     return (0,) if width == LaneFilter.lanes_for(n) == 1 else np.zeros(width, dtype=np.int8)
 
 
-def _specimen(n: int) -> tuple[Any, ...]:
-    """Arguments of a kernel for n vehicles and no step: their types are what is compiled."""
+def augmented_specimen(n: int) -> tuple[Any, ...]:
+    """Return arguments of a kernel with further states, for n vehicles and no step."""
+    poses, readings, _, lanes = pose_specimen(n)
+    setup = AugmentedSetup(
+        poses=poses,
+        columns=np.full((n, 7), -1, dtype=np.int64),
+        variances=np.zeros(0),
+        first_gust=3 * n,
+        decay=1.0,
+        gust_noise=0.0,
+    )
+    truth = AugmentedReadings(*readings, np.zeros((1, n, 1)), np.zeros((0, 1)), np.zeros((1, 0, 1)))
+    series = empty_series(n, 0, wanted=False), np.zeros((0, 0, 3))
+    return setup, truth, empty_augmented_statistics(n, 0, 1, series), lanes
+
+
+def pose_specimen(n: int) -> tuple[FilterSetup, Readings, FilterStatistics, Lanes]:
+    """Return arguments of a kernel of poses, for n vehicles and no step."""
     none = np.zeros(0, dtype=np.int64)
     still = np.zeros((0, n, 1))
     setup = FilterSetup(

@@ -12,7 +12,7 @@ from syncplan.estimation.filter_setup import FilterSetup
 from syncplan.estimation.filter_statistics import FilterStatistics
 from syncplan.estimation.lane_filter import Lanes, compiled
 
-__all__ = ["record_lanes", "subtract_outer"]
+__all__ = ["record_errors", "record_lanes", "subtract_outer"]
 
 Scratch = tuple[Array, Array, Array, Array]
 
@@ -34,10 +34,24 @@ def record_lanes(
 
     `scratch` is of shapes (3n, lanes), (3n, 3n, lanes), (3n, lanes), (3n, lanes).
     """
-    error, A, u, factor = scratch
     steps = len(setup.truth) - 1
     squares = statistics.squares if step else np.zeros(x.shape)
-    _add_errors(x, setup.truth[step], error, squares, 2 * step > steps, statistics, lanes)
+    _add_errors(x, setup.truth[step], scratch[0], squares, 2 * step > steps, statistics, lanes)
+    record_errors(P, setup, step, scratch, statistics, lanes)
+
+
+@compiled
+def record_errors(
+    P: Array,
+    setup: FilterSetup,
+    step: int,
+    scratch: Scratch,
+    statistics: FilterStatistics,
+    lanes: Lanes,
+) -> None:
+    """Add what errors and covariance of the poses come to; `scratch` begins with the errors."""
+    error, A, u, factor = scratch
+    steps = len(setup.truth) - 1
     if len(statistics.series):
         _add_series(P, error, statistics.series[step], lanes)
     if step and (step % setup.sample_every == 0 or step == steps):

@@ -1,10 +1,8 @@
 """Monte Carlo: many trials of the filter along one plan, the same bytes on any number of threads.
 
-Trial k draws from SeedSequence(seed, spawn_key=(k,)), the k-th child of SeedSequence(seed), in
-this order: initial pose (n, 3), speed readings (steps, n), turn-rate readings (steps, n),
-sightings (s,) in their order. Trials are filtered in chunks of CHUNK_TRIALS, cut at
-fixed trial numbers, so neither threads nor division into parts changes a byte; see
-syncplan.estimation.trials.
+Each trial draws from a generator of its own: `trial_readings`. Trials are filtered in chunks of
+CHUNK_TRIALS, cut at fixed trial numbers, so neither threads nor division into parts changes a byte;
+see syncplan.estimation.trials.
 """
 
 import threading
@@ -13,14 +11,20 @@ from collections.abc import Callable, Generator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from syncplan.arrays import Array
 from syncplan.errors import InputError
+from syncplan.estimation.augmented_setup import (
+    AugmentedSetup,
+    augmented_setup_of,
+    empty_augmented_statistics,
+)
 from syncplan.estimation.filter_options import FilterOptions
-from syncplan.estimation.filter_setup import FilterSetup, Readings, build_setup
-from syncplan.estimation.filter_statistics import empty_series, empty_statistics
+from syncplan.estimation.filter_setup import FilterSetup, build_setup
+from syncplan.estimation.filter_statistics import empty_series
+from syncplan.estimation.trial_readings import TrialReadings, needs_augmented
 from syncplan.estimation.trials import (
     CHUNK_TRIALS,
     Branch,
@@ -30,10 +34,14 @@ from syncplan.estimation.trials import (
     result_of,
 )
 from syncplan.orbits.circles import heading, position
-from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, measured_by_kind, sigmas_by_kind
+from syncplan.orbits.error_states import layout_of
+from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, sigmas_by_kind
 from syncplan.orbits.sightings import Sightings
 from syncplan.orbits.team import Team
 from syncplan.runtime.cores import usable_cores
+
+if TYPE_CHECKING:
+    from syncplan.estimation.lane_filter import LaneFilter
 
 __all__ = ["run_trials"]
 
@@ -42,13 +50,17 @@ __all__ = ["run_trials"]
 class _Run:
     """All that the trials of a run share."""
 
-    team: Team
-    setup: FilterSetup
-    sightings: Array
-    sigmas: Array
+    readings: TrialReadings
+    augmented: AugmentedSetup | None
     options: FilterOptions
     end: int
     stop: threading.Event
+
+    @property
+    def lane_filter(self) -> "LaneFilter":
+        """The compiled filter: that of poses alone where it will do."""
+        model = self.options.filter_model
+        return model.lane_filter if self.augmented is None else model.augmented_lane_filter
 
 
 class _StoppedError(Exception):
@@ -68,7 +80,8 @@ def run_trials(
 ) -> MonteCarloResult:
     """Return the errors of the filter over `options.trials` trials of `steps` samples.
 
-    `sightings` holds who sees whom at k = 1..steps. The filter takes the sigmas of `believed` for
+    `sightings` holds who sees whom at k = 1..steps, or in moving air who might: those of
+    `trial_readings.possible_sightings`. The filter takes the sigmas of `believed` for
     true, those of the team if None; what it reads has the team's. `first_trial`, a multiple of
     CHUNK_TRIALS, makes this a part of a longer run, which `merge` joins. `progress` is called with
     the number of trials done. Raises InputError naming the argument at fault.
@@ -78,18 +91,18 @@ def run_trials(
     _check_sigmas(team)
     _check_sigmas(known)
     _check_sightings(sightings, team.count, len(team.landmarks))
-    assumed = replace(team, sensors=known.sensors, noise=known.noise)
-    setup = _setup(assumed, sightings, steps, options)
+    assumed = replace(team, sensors=known.sensors, noise=known.noise, errors=known.errors)
+    setup, layout = _setup(assumed, sightings, steps, options), layout_of(assumed)
     run = _Run(
-        team=team,
-        setup=setup,
-        sightings=_true_sightings(setup),
-        sigmas=sigmas_by_kind(team.sensors, setup.kinds, setup.observers),
+        readings=TrialReadings.of(team, setup, layout, options.seed),
+        augmented=augmented_setup_of(setup, layout, known.errors)
+        if needs_augmented(team, layout)
+        else None,
         options=options,
         end=first_trial + options.trials,
         stop=threading.Event(),
     )
-    options.filter_model.lane_filter.compile(team.count)
+    run.lane_filter.compile(team.count)
     parts: list[MonteCarloResult] = []
     branches: tuple[Branch, ...] = ()
     with closing(_in_order(run, first_trial, threads or usable_cores())) as chunks:
@@ -159,16 +172,6 @@ def _setup(team: Team, sightings: Sightings, steps: int, options: FilterOptions)
     )
 
 
-def _true_sightings(setup: FilterSetup) -> Array:
-    """(s,) sightings without noise; angles are not wrapped."""
-    steps = len(setup.truth) - 1
-    step = np.repeat(np.arange(steps + 1), np.diff(setup.first))
-    fixed = np.broadcast_to(setup.landmarks, (steps + 1, *setup.landmarks.shape))
-    places = np.concatenate([setup.truth[:, :, :2], fixed], axis=1)
-    away = places[step, setup.targets] - places[step, setup.observers]
-    return measured_by_kind(setup.kinds, away.T, setup.truth[step, setup.observers, 2])
-
-
 def _in_order(run: _Run, first_trial: int, threads: int) -> Generator[MonteCarloResult]:
     """Results of all chunks, in order, a few computed ahead.
 
@@ -189,44 +192,27 @@ def _in_order(run: _Run, first_trial: int, threads: int) -> Generator[MonteCarlo
 
 def _chunk(run: _Run, start: int) -> MonteCarloResult:
     """The result of the trials from `start` to the chunk's or the run's end."""
-    n, steps = run.team.count, len(run.setup.truth) - 1
-    lane_filter = run.options.filter_model.lane_filter
+    readings, lane_filter = run.readings, run.lane_filter
+    n, steps = readings.team.count, len(readings.setup.truth) - 1
     stop, lanes = min(start + CHUNK_TRIALS, run.end), lane_filter.lanes_for(n)
-    sums = empty_series(n, steps, wanted=run.options.with_series)
-    statistics = []
+    wanted = run.options.with_series
+    e = len(readings.layout.sigmas)
+    sums = empty_series(n, steps, wanted=wanted), np.zeros((steps + 1 if wanted else 0, e, 3))
+    found = []
     for first in range(start, stop, lanes):
         if run.stop.is_set():
             raise _StoppedError
         trials = range(first, min(first + lanes, stop))
-        statistics.append(empty_statistics(n, len(trials), sums))
-        lane_filter.run(run.setup, _readings(run, trials), statistics[-1])
-    return result_of(statistics, steps=steps, seed=run.options.seed, first_trial=start)
-
-
-def _readings(run: _Run, trials: range) -> Readings:
-    """Noisy initial poses and readings, a lane for each trial."""
-    steps, n, lanes = len(run.setup.truth) - 1, run.team.count, len(trials)
-    sizes = (3 * n, steps * n, steps * n, len(run.sightings))
-    draws = np.empty((lanes, sum(sizes)))
-    for trial, row in zip(trials, draws, strict=True):
-        sequence = np.random.SeedSequence(run.options.seed, spawn_key=(trial,))
-        np.random.Generator(np.random.PCG64(sequence)).standard_normal(out=row)
-    poses, speeds, turn_rates, sightings = np.split(draws.T, np.cumsum(sizes)[:-1])
-    orbits, noise = run.team.orbits, run.team.noise
-    pose_sigmas = np.tile([noise.position_sigma, noise.position_sigma, noise.heading_sigma], n)
-    speeds = _scattered(np.tile(orbits.speeds, steps), noise.speed_sigma, speeds)
-    turn_rates = _scattered(np.tile(orbits.turn_rates, steps), noise.turn_rate_sigma, turn_rates)
-    return Readings(
-        initial=_scattered(run.setup.truth[0].ravel(), pose_sigmas, poses).reshape(n, 3, lanes),
-        speeds=speeds.reshape(steps, n, lanes),
-        turn_rates=turn_rates.reshape(steps, n, lanes),
-        sightings=_scattered(run.sightings, run.sigmas, sightings),
+        counted = empty_augmented_statistics(n, e, len(trials), sums)
+        found.append(counted)
+        if run.augmented is not None:
+            lane_filter.run(run.augmented, readings.disturbed(trials), counted)
+        else:
+            lane_filter.run(readings.setup, readings.of_poses(trials), counted.poses)
+    return result_of(
+        [one.poses for one in found],
+        [one.errors for one in found],
+        steps=steps,
+        seed=run.options.seed,
+        first_trial=start,
     )
-
-
-def _scattered(truth: Array, sigma: Array | float, draws: Array) -> Array:
-    """Truth (k,) plus sigma times draws (k, lanes), lanes contiguous."""
-    scattered = np.empty(draws.shape)
-    np.multiply(draws, np.asarray(sigma)[..., None], out=scattered)
-    scattered += truth[:, None]
-    return scattered

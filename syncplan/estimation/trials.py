@@ -11,12 +11,13 @@ so parts of a run that are computed elsewhere and merged give the bytes of the w
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.errors import InputError
+from syncplan.estimation.augmented_setup import ErrorStatistics
 from syncplan.estimation.filter_statistics import SAMPLE_EVERY, FilterStatistics
 
 __all__ = [
@@ -25,11 +26,13 @@ __all__ = [
     "Branch",
     "ErrorSeries",
     "MonteCarloResult",
+    "StateSeries",
     "accuracy",
     "joined",
     "merge",
     "result_of",
     "series",
+    "state_series",
 ]
 
 
@@ -45,11 +48,13 @@ class Branch:
     ----------
     level, index : place in the binary tree over the chunks
     sums : (steps + 1, n, 11) as filter_statistics.SERIES
+    error_sums : (steps + 1, e, 3) as augmented_setup.ERROR_SERIES
     """
 
     level: int
     index: int
     sums: Array
+    error_sums: Array = field(default_factory=lambda: np.zeros((0, 0, 3)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +75,9 @@ class MonteCarloResult:
     nis_sums, accepted, gated : (trials,) sum of innovation^2 / variance over accepted bearings,
         number of these, and number the gate left out
     branches : sums of the series over trials, empty unless asked for
+    state_squares, late_state_squares : (trials, e) squared error of each further state, mean over
+        the run and over its second half; in the order of the filter's StateLayout
+    states_covered : (trials, e) share of the sampled steps at which it is within three sigma
     """
 
     seed: int
@@ -86,6 +94,9 @@ class MonteCarloResult:
     accepted: Array
     gated: Array
     branches: tuple[Branch, ...]
+    state_squares: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    late_state_squares: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    states_covered: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def trials(self) -> int:
@@ -140,24 +151,48 @@ class ErrorSeries:
     axis_sigma: Array
 
 
+@dataclass(frozen=True, slots=True)
+class StateSeries:
+    """Errors and the filter's own sigmas of the e further states over time, steps k = 0..steps.
+
+    Attributes
+    ----------
+    mean_errors, rms : (steps + 1, e) in each state's unit
+    sigma : (steps + 1, e) root of the mean variance
+    """
+
+    mean_errors: Array
+    rms: Array
+    sigma: Array
+
+
 def result_of(
-    statistics: Sequence[FilterStatistics], *, steps: int, seed: int = 0, first_trial: int = 0
+    statistics: Sequence[FilterStatistics],
+    errors: Sequence[ErrorStatistics] = (),
+    *,
+    steps: int,
+    seed: int = 0,
+    first_trial: int = 0,
 ) -> MonteCarloResult:
     """Return the result of a chunk of trials of `steps` samples, from `first_trial` on.
 
-    The statistics share one series; `first_trial` is a multiple of CHUNK_TRIALS, and there are at
-    most as many trials.
+    The statistics share one series, and so do those of further states; `first_trial` is a multiple
+    of CHUNK_TRIALS, and there are at most as many trials.
     """
     sampled = -(-steps // SAMPLE_EVERY)
 
-    def per_trial(name: str) -> Array:
-        lanes_last = np.concatenate([getattr(one, name) for one in statistics], axis=-1)
+    def per_trial(
+        name: str, of: Sequence[FilterStatistics | ErrorStatistics] = statistics
+    ) -> Array:
+        lanes_last = np.concatenate([getattr(one, name) for one in of], axis=-1)
         return np.ascontiguousarray(np.moveaxis(lanes_last, -1, 0))
 
     samples = per_trial("nees_samples")
     with np.errstate(invalid="ignore"):
         nees = per_trial("nees") / samples
     sums = statistics[0].series
+    error_sums = errors[0].series if errors else np.zeros((len(sums), 0, 3))
+    later = errors or [_no_errors(len(samples))]
     return MonteCarloResult(
         seed=seed,
         first_trial=first_trial,
@@ -172,7 +207,10 @@ def result_of(
         nis_sums=per_trial("nis"),
         accepted=per_trial("accepted"),
         gated=per_trial("gated"),
-        branches=(Branch(0, first_trial // CHUNK_TRIALS, sums),) if len(sums) else (),
+        branches=(Branch(0, first_trial // CHUNK_TRIALS, sums, error_sums),) if len(sums) else (),
+        state_squares=per_trial("squares", later) / steps,
+        late_state_squares=per_trial("late_squares", later) / (steps - steps // 2),
+        states_covered=per_trial("covered", later) / sampled,
     )
 
 
@@ -209,6 +247,9 @@ def merge(parts: Sequence[MonteCarloResult]) -> MonteCarloResult:
         accepted=np.concatenate([part.accepted for part in parts]),
         gated=np.concatenate([part.gated for part in parts]),
         branches=joined([branch for part in parts for branch in part.branches]),
+        state_squares=np.concatenate([part.state_squares for part in parts]),
+        late_state_squares=np.concatenate([part.late_state_squares for part in parts]),
+        states_covered=np.concatenate([part.states_covered for part in parts]),
     )
 
 
@@ -230,12 +271,7 @@ def accuracy(result: MonteCarloResult) -> Accuracy:
 
 def series(result: MonteCarloResult) -> ErrorSeries:
     """Return errors and sigmas over time; raises InputError for a run without series."""
-    if not result.branches:
-        raise InputError("the run kept no series; run it with_series=True", key="with_series")
-    total = result.branches[0].sums
-    for branch in result.branches[1:]:
-        total = total + branch.sums
-    mean = total / result.trials
+    mean = _mean_series(result, "sums")
     return ErrorSeries(
         mean_errors=mean[..., :3],
         position_rms=np.sqrt(mean[..., 3]),
@@ -247,6 +283,14 @@ def series(result: MonteCarloResult) -> ErrorSeries:
     )
 
 
+def state_series(result: MonteCarloResult) -> StateSeries:
+    """Return errors and sigmas of further states; raises InputError for a run without series."""
+    mean = _mean_series(result, "error_sums")
+    return StateSeries(
+        mean_errors=mean[..., 0], rms=np.sqrt(mean[..., 1]), sigma=np.sqrt(mean[..., 2])
+    )
+
+
 def joined(branches: Sequence[Branch]) -> tuple[Branch, ...]:
     """Return the branches in order, siblings joined to their parent as long as there are any."""
     stack: list[Branch] = []
@@ -254,8 +298,23 @@ def joined(branches: Sequence[Branch]) -> tuple[Branch, ...]:
         stack.append(branch)
         while len(stack) > 1 and _are_siblings(stack[-2], stack[-1]):
             right, left = stack.pop(), stack.pop()
-            stack.append(Branch(left.level + 1, left.index // 2, left.sums + right.sums))
+            sums, errors = left.sums + right.sums, left.error_sums + right.error_sums
+            stack.append(Branch(left.level + 1, left.index // 2, sums, errors))
     return tuple(stack)
+
+
+def _mean_series(result: MonteCarloResult, name: str) -> Array:
+    if not result.branches:
+        raise InputError("the run kept no series; run it with_series=True", key="with_series")
+    total: Array = getattr(result.branches[0], name)
+    for branch in result.branches[1:]:
+        total = total + getattr(branch, name)
+    return total / result.trials
+
+
+def _no_errors(lanes: int) -> ErrorStatistics:
+    none = np.zeros((0, lanes))
+    return ErrorStatistics(none, none, none, np.zeros((0, 0, 3)))
 
 
 def _are_siblings(left: Branch, right: Branch) -> bool:

@@ -18,8 +18,9 @@ from syncplan.estimation.filter_options import (
 )
 from syncplan.estimation.montecarlo import run_trials
 from syncplan.estimation.outlying_trials import TrialErrors, trial_errors
+from syncplan.estimation.trial_readings import possible_sightings
 from syncplan.estimation.trials import Accuracy, MonteCarloResult, accuracy, merge
-from syncplan.orbits.sightings import Sightings, sample_sightings
+from syncplan.orbits.sightings import Sightings
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.judgement import bound_is_affordable
 from syncplan.planning.start_up import StartTrials, concluded
@@ -140,7 +141,7 @@ def trial_run(
     length = flown.scenario.duration_s if chosen.duration is None else chosen.duration
     sample_time, period = flown.sensors.sample_time, flown.orbits.period
     steps = steps_in_run(length, sample_time, period, flown.team.count)
-    sightings = sample_sightings(flown.windows, period, flown.sensors, 1, steps)
+    sightings = possible_sightings(flown.team, flown.windows, steps)
     return TrialRun(flown, length, steps, sightings, chosen)
 
 

@@ -1,0 +1,101 @@
+"""Lasting errors as they are drawn for each trial, by name and as the true states of a layout."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from syncplan.arrays import Array
+from syncplan.estimation.augmented_setup import gust_decay
+from syncplan.orbits.error_states import ERROR_STATES, ErrorState, StateLayout
+from syncplan.orbits.team import Team
+
+__all__ = ["DrawnErrors", "error_draws"]
+
+LEAST_SCALE = -0.9
+"""A vehicle that moves less than a tenth of what it reads is drawn as moving a tenth."""
+
+
+@dataclass(frozen=True, slots=True)
+class DrawnErrors:
+    """The errors of trials side by side.
+
+    Attributes
+    ----------
+    values : by name, of the errors that the team has: (times, n, axes, lanes), where times is 1
+        for errors that are constant and steps + 1 for others, and n is 1 for common ones
+    """
+
+    values: Mapping[str, Array]
+
+    @classmethod
+    def of(cls, team: Team, steps: int, draws: Array) -> "DrawnErrors":
+        """Return the errors from standard normal draws (d, lanes), d as by error_draws."""
+        lanes, begin, values = draws.shape[1], 0, {}
+        for name, state in _present(team).items():
+            shape = _shape(state, team.count, steps)
+            end = begin + int(np.prod(shape))
+            drawn = draws[begin:end].reshape(*shape, lanes)
+            sigma = state.sigma(team)[: shape[1]]
+            if not state.constant:
+                drawn = _gauss_markov(drawn, gust_decay(team.errors, team.sensors.sample_time))
+            values[name] = drawn * sigma[:, None, None]
+            begin = end
+        if "speed_scale" in values:
+            np.maximum(values["speed_scale"], LEAST_SCALE, out=values["speed_scale"])
+        return cls(values)
+
+    def own(self, name: str) -> Array | float:
+        """Return each vehicle's, (n, lanes), of an error that is one number; 0 if there is none."""
+        return self.values[name][0, :, 0] if name in self.values else 0.0
+
+    def drift(self) -> Array | float:
+        """Return the air's velocity at each vehicle, m/s, that broadcasts to (times, n, 2, lanes).
+
+        Times are 1 or steps + 1. Zero where there is neither wind nor gust.
+        """
+        return sum((self.values[name] for name in ("wind", "gusts") if name in self.values), 0.0)
+
+    def states(self, layout: StateLayout, steps: int, lanes: int) -> tuple[Array, Array]:
+        """Return the true constants (c, lanes) and gusts (steps + 1, g, lanes) of a layout."""
+        found = np.zeros((steps + 1, len(layout.sigmas), lanes))
+        constants = 0
+        for name in layout.names:
+            place = layout.columns[name] - 3 * layout.count
+            constants += len(np.unique(place[place >= 0])) * ERROR_STATES[name].constant
+            values = self.values.get(name)
+            if values is not None:
+                whole = np.broadcast_to(values, (values.shape[0], *place.shape, lanes))
+                found[:, place[place >= 0]] = whole[:, place >= 0]
+        return np.ascontiguousarray(found[0, :constants]), np.ascontiguousarray(
+            found[:, constants:]
+        )
+
+
+def error_draws(team: Team, steps: int) -> int:
+    """Return how many standard normal numbers the errors of a trial take."""
+    return sum(int(np.prod(_shape(one, team.count, steps))) for one in _present(team).values())
+
+
+def _present(team: Team) -> dict[str, ErrorState]:
+    """The errors that any vehicle of the team has, by name."""
+    return {name: one for name, one in ERROR_STATES.items() if np.any(one.sigma(team) > 0.0)}
+
+
+def _shape(state: ErrorState, count: int, steps: int) -> tuple[int, int, int]:
+    return (
+        1 if state.constant else steps + 1,
+        1 if state.common else count,
+        len(state.axes),
+    )
+
+
+def _gauss_markov(draws: Array, decay: float) -> Array:
+    """A stationary process of unit variance along the first axis."""
+    found = np.empty_like(draws)
+    found[0] = draws[0]
+    gain = np.sqrt(1.0 - decay * decay)
+    for k in range(1, len(draws)):
+        np.multiply(draws[k], gain, out=found[k])
+        found[k] += decay * found[k - 1]
+    return found

@@ -1,0 +1,264 @@
+"""What the filter reads in each trial, drawn from the trial's own generator.
+
+Trial k draws standard normal numbers from SeedSequence(seed, spawn_key=(k,)), the k-th child of
+SeedSequence(seed), in this order: initial pose (n, 3), speed readings (steps, n), turn-rate
+readings (steps, n), sightings (s,) in their order; then the lasting errors that the team has, in
+the order of ERROR_STATES: wind (2,), speed scales (n,), turn-rate biases (n,), bearing biases
+(n,), gusts (steps + 1, n, 2). Where sightings are missed now and then, uniform numbers follow, one
+for each sample, observer and target with p < 1, in the order of sightings: bearing and distance
+are missed together. So a key that is added leaves all draws before its own as they were.
+
+Errors are drawn whether or not the filter estimates them. In wind and gusts headings differ from
+trial to trial: `air_motion`. Who is in view is then decided by the true heading of each trial.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from syncplan.arrays import Array, Flags, Index
+from syncplan.estimation.air_motion import AirMotion, air_motion
+from syncplan.estimation.augmented_setup import AugmentedReadings
+from syncplan.estimation.drawn_errors import DrawnErrors, error_draws
+from syncplan.estimation.filter_setup import FilterSetup, Readings
+from syncplan.orbits.circles import wrap
+from syncplan.orbits.contacts import BOUNDARY_SLACK, Windows, find_windows
+from syncplan.orbits.error_states import ERROR_STATES, StateLayout
+from syncplan.orbits.sighting_kinds import (
+    SIGHTING_KINDS,
+    measured_by_kind,
+    of_targets,
+    sigmas_by_kind,
+    turns_by_kind,
+)
+from syncplan.orbits.sightings import Sightings, sample_sightings
+from syncplan.orbits.team import Team
+
+__all__ = [
+    "TrialReadings",
+    "has_misses",
+    "in_moving_air",
+    "needs_augmented",
+    "possible_sightings",
+]
+
+FULL_VIEW = 2.0 * np.pi
+
+
+def in_moving_air(team: Team) -> bool:
+    """Return whether headings differ from trial to trial."""
+    return team.errors.wind > 0.0 or team.errors.gust > 0.0
+
+
+def has_misses(team: Team) -> bool:
+    """Return whether sightings are missed now and then."""
+    return bool(np.any(team.sensors.detection < 1.0))
+
+
+def needs_augmented(team: Team, layout: StateLayout) -> bool:
+    """Return whether a filter of poses alone, with all trials alike but for readings, won't do."""
+    return len(layout.sigmas) > 0 or in_moving_air(team) or has_misses(team)
+
+
+def possible_sightings(team: Team, windows: Windows, steps: int) -> Sightings:
+    """Return what can be sighted at k = 1..steps in any trial.
+
+    `windows` are those of the nominal headings. In moving air, what is in view differs from trial
+    to trial: there, all that is within range counts.
+    """
+    sensors = team.sensors
+    if in_moving_air(team) and np.any(sensors.fields_of_view < FULL_VIEW):
+        around = replace(sensors, fields_of_view=np.full(team.count, FULL_VIEW))
+        windows = find_windows(replace(team, sensors=around))
+    return sample_sightings(windows, team.orbits.period, sensors, 1, steps)
+
+
+@dataclass(frozen=True, slots=True)
+class TrialReadings:
+    """Readings of any trials of a run.
+
+    Attributes
+    ----------
+    team : whose noise and errors are drawn
+    setup : of the poses
+    layout : of the states that the filter has
+    sightings : (s,) without noise, at nominal headings; angles are not wrapped
+    sigmas : (s,)
+    seed : of all trials
+    """
+
+    team: Team
+    setup: FilterSetup
+    layout: StateLayout
+    sightings: Array
+    sigmas: Array
+    seed: int
+
+    @classmethod
+    def of(cls, team: Team, setup: FilterSetup, layout: StateLayout, seed: int) -> "TrialReadings":
+        """Return the readings of a team along the truth of a set-up."""
+        return cls(
+            team=team,
+            setup=setup,
+            layout=layout,
+            sightings=_true_sightings(setup),
+            sigmas=sigmas_by_kind(team.sensors, setup.kinds, setup.observers),
+            seed=seed,
+        )
+
+    def of_poses(self, trials: range) -> Readings:
+        """Return what a filter of poses alone reads, where headings are those of the set-up."""
+        if error_draws(self.team, 1):
+            return Readings(*self.disturbed(trials)[:4])
+        steps, n, lanes = len(self.setup.truth) - 1, self.team.count, len(trials)
+        poses, speeds, turn_rates, sightings, *_ = self._draws(trials)
+        orbits, noise = self.team.orbits, self.team.noise
+        start = self.setup.truth[0].ravel()
+        speeds = _scattered(np.tile(orbits.speeds, steps), noise.speed_sigma, speeds)
+        turn_rates = _scattered(
+            np.tile(orbits.turn_rates, steps), noise.turn_rate_sigma, turn_rates
+        )
+        return Readings(
+            initial=_scattered(start, self._pose_sigmas(), poses).reshape(n, 3, lanes),
+            speeds=speeds.reshape(steps, n, lanes),
+            turn_rates=turn_rates.reshape(steps, n, lanes),
+            sightings=_scattered(self.sightings, self.sigmas, sightings),
+        )
+
+    def disturbed(self, trials: range) -> AugmentedReadings:
+        """Return noisy readings of trials with all their lasting errors, and what is true."""
+        steps, n, lanes = len(self.setup.truth) - 1, self.team.count, len(trials)
+        poses, speeds, turn_rates, sightings, lasting, detected = self._draws(trials)
+        errors = DrawnErrors.of(self.team, steps, lasting)
+        flown = self._flown(errors)
+        noise = self.team.noise
+        initial = (self._pose_sigmas()[:, None] * poses).reshape(n, 3, lanes)
+        initial[:, :2] += self.setup.truth[0, :, :2, None]
+        initial[:, 2] += flown.headings[0]
+        read = noise.speed_sigma * speeds.reshape(steps, n, lanes)
+        read += flown.speeds / (1.0 + errors.own("speed_scale"))
+        turned = noise.turn_rate_sigma * turn_rates.reshape(steps, n, lanes)
+        turned += flown.turn_rates - errors.own("turn_rate_bias")
+        constants, gusts = errors.states(self.layout, steps, lanes)
+        return AugmentedReadings(
+            initial=initial,
+            speeds=np.ascontiguousarray(read),
+            turn_rates=np.ascontiguousarray(turned),
+            sightings=self._sighted(flown, errors, sightings, detected),
+            headings=np.ascontiguousarray(np.broadcast_to(flown.headings, (steps + 1, n, lanes))),
+            constants=constants,
+            gusts=gusts,
+        )
+
+    def _draws(self, trials: range) -> list[Array]:
+        """Draws of poses, speeds, turn rates, sightings, errors, misses, each (d, lanes)."""
+        steps, n = len(self.setup.truth) - 1, self.team.count
+        errors = error_draws(self.team, steps)
+        normal = (3 * n, steps * n, steps * n, len(self.sightings), errors)
+        sizes = (*normal, int(self._groups()[-1]) + 1 if self._misses() else 0)
+        draws, total = np.empty((len(trials), sum(sizes))), sum(normal)
+        for trial, row in zip(trials, draws, strict=True):
+            sequence = np.random.SeedSequence(self.seed, spawn_key=(trial,))
+            generator = np.random.Generator(np.random.PCG64(sequence))
+            generator.standard_normal(out=row[:total])
+            if total < len(row):
+                generator.random(out=row[total:])
+        return np.split(draws.T, np.cumsum(sizes)[:-1])
+
+    def _pose_sigmas(self) -> Array:
+        noise = self.team.noise
+        deviations = [noise.position_sigma, noise.position_sigma, noise.heading_sigma]
+        return np.tile(deviations, self.team.count)
+
+    def _flown(self, errors: DrawnErrors) -> AirMotion:
+        """As in each trial, or in a single lane where all trials are alike."""
+        orbits, steps = self.team.orbits, len(self.setup.truth) - 1
+        if in_moving_air(self.team):
+            drift = np.asarray(errors.drift())
+            return air_motion(orbits, self.team.sensors.sample_time, steps, drift)
+        return AirMotion(
+            headings=self.setup.truth[:, :, 2, None],
+            speeds=np.broadcast_to(orbits.speeds[:, None], (steps, orbits.count, 1)),
+            turn_rates=np.broadcast_to(orbits.turn_rates[:, None], (steps, orbits.count, 1)),
+        )
+
+    def _sighted(
+        self, flown: AirMotion, errors: DrawnErrors, noise: Array, detected: Array
+    ) -> Array:
+        """(s, lanes) what is read; NaN where it is out of view or missed."""
+        setup = self.setup
+        found = np.multiply(noise, self.sigmas[:, None], order="C")
+        found += self.sightings[:, None]
+        for name, values in errors.values.items():
+            shifted = ERROR_STATES[name].shifts
+            if shifted:
+                chosen = setup.kinds == list(SIGHTING_KINDS).index(shifted)
+                found[chosen] += values[0, :, 0][setup.observers[chosen]]
+        if in_moving_air(self.team):
+            step = self._steps()
+            turned = flown.headings[step, setup.observers]
+            turned -= setup.truth[step, setup.observers, 2, None]
+            found += turns_by_kind(setup.kinds)[:, None] * turned
+            found[self._out_of_view(turned)] = np.nan
+        if len(detected):
+            shares = self.team.sensors.detection[setup.observers]
+            found[(detected[self._groups()] >= shares[:, None]) & self._missable()[:, None]] = (
+                np.nan
+            )
+        return found
+
+    def _out_of_view(self, turned: Array) -> Flags:
+        """(s, lanes) whether the target is beside the field of view of a heading so far turned."""
+        setup, sensors = self.setup, self.team.sensors
+        away, heading = _away(setup)
+        ahead = np.arctan2(away[1], away[0]) - heading - sensors.boresights[setup.observers]
+        half = 0.5 * sensors.fields_of_view[setup.observers] * (1.0 + BOUNDARY_SLACK)
+        half[~of_targets(setup.kinds) | (half >= np.pi)] = np.inf
+        return np.asarray(np.abs(wrap(ahead[:, None] - turned)) > half[:, None])
+
+    def _steps(self) -> Index:
+        """(s,) sample of each sighting."""
+        return np.repeat(np.arange(len(self.setup.first) - 1), np.diff(self.setup.first))
+
+    def _misses(self) -> bool:
+        return bool(self._missable().any())
+
+    def _missable(self) -> Flags:
+        """(s,) whether a sighting may be missed."""
+        some = self.team.sensors.detection[self.setup.observers] < 1.0
+        return np.asarray(some & of_targets(self.setup.kinds))
+
+    def _groups(self) -> Index:
+        """(s,) which draw decides on a sighting; those of one sample, observer and target share."""
+        setup, missable = self.setup, self._missable()
+        of = np.column_stack([self._steps(), setup.observers, setup.targets])[missable]
+        new = np.ones(len(of), dtype=bool)
+        new[1:] = np.any(of[1:] != of[:-1], axis=1)
+        groups = np.zeros(len(missable), dtype=np.int64)
+        groups[missable] = np.cumsum(new) - 1
+        # the last is the largest: sightings that can't be missed point at some other's
+        return np.maximum.accumulate(groups)
+
+
+def _true_sightings(setup: FilterSetup) -> Array:
+    """(s,) sightings without noise; angles are not wrapped."""
+    away, heading = _away(setup)
+    return measured_by_kind(setup.kinds, away, heading)
+
+
+def _away(setup: FilterSetup) -> tuple[Array, Array]:
+    """(2, s) m from observer to target, and (s,) rad, the observer's nominal heading."""
+    steps = len(setup.truth) - 1
+    step = np.repeat(np.arange(steps + 1), np.diff(setup.first))
+    fixed = np.broadcast_to(setup.landmarks, (steps + 1, *setup.landmarks.shape))
+    places = np.concatenate([setup.truth[:, :, :2], fixed], axis=1)
+    away = places[step, setup.targets] - places[step, setup.observers]
+    return away.T, setup.truth[step, setup.observers, 2]
+
+
+def _scattered(truth: Array, sigma: Array | float, draws: Array) -> Array:
+    """Truth (k,) plus sigma times draws (k, lanes), lanes contiguous."""
+    scattered = np.empty(draws.shape)
+    np.multiply(draws, np.asarray(sigma)[..., None], out=scattered)
+    scattered += truth[:, None]
+    return scattered
