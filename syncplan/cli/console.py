@@ -123,9 +123,11 @@ def open_closed_streams() -> None:
         sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
 
 
-def announce_compilation(options: "FilterOptions", count: int) -> None:
+def announce_compilation(options: "FilterOptions", count: int, *, augmented: bool = False) -> None:
     """Say that the filter's kernels for `count` vehicles are compiled first, if they are."""
-    if not options.filter_model.lane_filter.is_compiled(count):
+    model = options.filter_model
+    chosen = model.augmented_lane_filter if augmented else model.lane_filter
+    if not chosen.is_compiled(count):
         say("compiling the filter's kernels, once; this takes some seconds ...")
 
 

@@ -76,6 +76,7 @@ def _validate(
     max_vehicles: MaxVehicles = None,
 ) -> int:
     """Run the filter on a plan: Monte Carlo errors beside the bound, and consistency."""
+    from syncplan.estimation.trial_readings import needs_augmented
     from syncplan.planning.plan_files import load, plan_of
     from syncplan.planning.validation import validate
     from syncplan.reports.validation_report import validation_document
@@ -92,7 +93,7 @@ def _validate(
     )
     refuse_overwriting(subject, output)
     flown = plan_of(load(subject, max_vehicles=max_vehicles or MAX_VEHICLES), pilot=False)
-    announce_compilation(options, flown.team.count)
+    announce_compilation(options, flown.team.count, augmented=needs_augmented(flown.team))
     with progress_bar("trials", trials) as progress:
         result = validate(flown, options, threads=threads, progress=progress)
     deliver_document("validation", validation_document(result), output, format_)

@@ -18,13 +18,20 @@ mean_interval      confidence interval of a mean over trials
 consistency        ANEES, NIS, coverage
 filter_statistics  what a filter counts on its way
 filter_setup       motion model, initial variances, gate, sightings and readings of a run
+augmented_setup    columns of errors in the state, and their true values
 pilot              a few trials in plain NumPy, samples thinned out
 reference_filter   the filter in plain NumPy, one trial
+reference_states   the same with further states
 lane_filter        a compiled filter, many trials side by side
 lane_statistics    kernels that compare lanes with the truth
 batched_filter     the kernels of the extended Kalman filter
+augmented_prediction  its prediction with further states
+augmented_filter   its kernels with further states
 trials             results of trials, whole and in parts
 outlying_trials    the median trial, and trials far off
+drawn_errors       lasting errors of trials
+air_motion         headings and airspeeds of circles in wind
+trial_readings     what is read in trials
 montecarlo         many trials along a plan
 trial_archive      trials as bytes
 mrclam             recordings in the format of the MRCLAM data sets

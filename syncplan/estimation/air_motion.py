@@ -6,16 +6,18 @@ so through the air it moves by
     a_k = p(t_k) - p(t_k-1) - T (wind + gust_k-1)
 
 where gusts are held over a sample, as the filter has them. A vehicle that turns evenly by
-w_k T = psi_k - psi_k-1 flies along a_k if half-way it heads along a_k. No smooth heading does that
-at each sample exactly: psi_k = 2 angle(a_k) - psi_k-1 would, but it swings for ever about what a
-vehicle does. So the heading is the mean of the directions before and after,
+w_k T = psi_k - psi_k-1 flies along a_k if half-way it heads along b_k, the direction of a_k. No
+smooth heading does that at each sample exactly: psi_k = 2 b_k - psi_k-1 would, but swings for ever
+about what a vehicle does. So the heading is interpolated from the directions around it,
 
-    psi_k = (angle(a_k) + angle(a_k+1)) / 2,     v_k = |a_k| / (T s(w_k T / 2)),  s(x) = sin(x) / x
+    psi_k = (5 (b_k + b_k+1) - (b_k-1 + b_k+2)) / 8
+    v_k = |a_k| / (T s(w_k T / 2)),     s(x) = sin(x) / x
 
-Half-way it then heads off a_k by a fourth of the second difference of directions. These sum up to
-differences of the first order, so a filter that knows all errors and starts right strays by about
-v T^2 times a fourth of the turn rate: second order in T. Without wind the directions turn evenly,
-and headings are tangents of the circle.
+whose weights are those for which half-way it heads off b_k by a sixteenth of the fourth difference
+of directions, no more. These sum up to differences of the third order: a filter that knows all
+errors and starts right strays by fourth order in T in steady wind, and among gusts by 0.15 v T
+times the standard deviation of what a sample's gust turns the direction by. Without wind the
+directions turn evenly, and headings are tangents of the circle.
 
 Source: the displacement along an arc, as in `reference_filter`.
 """
@@ -52,22 +54,25 @@ def air_motion(orbits: Orbits, time: float, steps: int, drift: Array) -> AirMoti
     `drift` is the air's velocity in m/s, (1 or steps + 1, n or 1, 2, lanes), held from each sample
     to the next.
     """
-    places = position(orbits, time * np.arange(-1, steps + 2))
+    places = position(orbits, time * np.arange(-2, steps + 3))
     moved = np.diff(places, axis=0)[..., None]
     held = np.broadcast_to(drift, (steps + 1, *drift.shape[1:]))
-    x = moved[:, :, 0] - time * np.concatenate([held[:1, :, 0], held[:, :, 0]])
-    y = moved[:, :, 1] - time * np.concatenate([held[:1, :, 1], held[:, :, 1]])
+    held = np.concatenate([held[:1], held[:1], held, held[-1:]])
+    x = moved[:, :, 0] - time * held[:, :, 0]
+    y = moved[:, :, 1] - time * held[:, :, 1]
     along = np.arctan2(y, x)
     turns = np.diff(along, axis=0)
     turns -= 2.0 * np.pi * np.floor((turns + np.pi) / (2.0 * np.pi))
-    headings = np.empty_like(along[1:])
-    np.add(along[0], 0.5 * turns[0], out=headings[0])
-    steady = 0.5 * (turns[:-1] + turns[1:])
+    steady = 5.0 * (turns[1:-2] + turns[2:-1])
+    steady -= turns[:-3] + turns[3:]
+    steady *= 0.125
+    headings = np.empty((steps + 1, *steady.shape[1:]))
+    headings[0] = along[1] + 0.125 * (4.0 * turns[1] - turns[2] + turns[0])
     np.cumsum(steady, axis=0, out=headings[1:])
     headings[1:] += headings[0]
     ratio = np.sinc(steady / (2.0 * np.pi))
     return AirMotion(
         headings=headings,
-        speeds=np.hypot(x[1:-1], y[1:-1]) / (time * ratio),
+        speeds=np.hypot(x[2:-2], y[2:-2]) / (time * ratio),
         turn_rates=steady / time,
     )

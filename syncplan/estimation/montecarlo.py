@@ -96,7 +96,7 @@ def run_trials(
     run = _Run(
         readings=TrialReadings.of(team, setup, layout, options.seed),
         augmented=augmented_setup_of(setup, layout, known.errors)
-        if needs_augmented(team, layout)
+        if needs_augmented(team) or len(layout.sigmas)
         else None,
         options=options,
         end=first_trial + options.trials,

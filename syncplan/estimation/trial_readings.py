@@ -23,7 +23,7 @@ from syncplan.estimation.drawn_errors import DrawnErrors, error_draws
 from syncplan.estimation.filter_setup import FilterSetup, Readings
 from syncplan.orbits.circles import wrap
 from syncplan.orbits.contacts import BOUNDARY_SLACK, Windows, find_windows
-from syncplan.orbits.error_states import ERROR_STATES, StateLayout
+from syncplan.orbits.error_states import ERROR_STATES, StateLayout, layout_of
 from syncplan.orbits.sighting_kinds import (
     SIGHTING_KINDS,
     measured_by_kind,
@@ -55,9 +55,9 @@ def has_misses(team: Team) -> bool:
     return bool(np.any(team.sensors.detection < 1.0))
 
 
-def needs_augmented(team: Team, layout: StateLayout) -> bool:
+def needs_augmented(team: Team) -> bool:
     """Return whether a filter of poses alone, with all trials alike but for readings, won't do."""
-    return len(layout.sigmas) > 0 or in_moving_air(team) or has_misses(team)
+    return len(layout_of(team).sigmas) > 0 or in_moving_air(team) or has_misses(team)
 
 
 def possible_sightings(team: Team, windows: Windows, steps: int) -> Sightings:

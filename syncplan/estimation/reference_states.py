@@ -1,0 +1,150 @@
+"""The filter with further states in plain NumPy, one trial at a time, with sightings of every kind.
+
+This is the one to read; `augmented_filter` computes the same, compiled, and is tested against it.
+The state stacks the poses of n vehicles, (x, y, heading) each, and the errors of an
+AugmentedSetup, 3 n + e in all. A vehicle that reads v and w moves by
+
+    (displacement((1 + scale) v, w + bias) + T (wind + gust), T (w + bias))
+
+with the displacement of `reference_filter`; a gust decays as it goes. What is sighted is that of
+syncplan.orbits.sighting_kinds, a bearing with its bias.
+
+Source: Bar-Shalom, Li, Kirubarajan (2001), 10.3.
+"""
+
+import math
+
+import numpy as np
+
+from syncplan.arrays import Array
+from syncplan.estimation.augmented_setup import AugmentedSetup
+from syncplan.estimation.reference_filter import displacement, displacement_jacobian
+from syncplan.orbits.circles import perpendicular, wrap
+from syncplan.orbits.error_states import ERROR_STATES
+from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
+
+__all__ = [
+    "covariance_at_start",
+    "moved_state",
+    "predict_state",
+    "sighted",
+    "transition_of",
+    "update_state",
+]
+
+
+def covariance_at_start(setup: AugmentedSetup) -> Array:
+    """Return the covariance (3n + e, 3n + e) at time 0."""
+    return np.diag(np.concatenate([setup.poses.initial_variances.ravel(), setup.variances]))
+
+
+def moved_state(state: Array, speeds: Array, turn_rates: Array, setup: AugmentedSetup) -> Array:
+    """Return the state (3n + e,) one sample later, from the readings (n,) m/s, rad/s."""
+    n, motion = len(setup.columns), setup.poses.motion
+    x, after = state[: 3 * n].reshape(n, 3), state.copy()
+    wind, scale, bias, _, gusts = _errors_of(state, setup)
+    turns = turn_rates + bias
+    way = displacement(x[:, 2], (1.0 + scale) * speeds, turns, motion.time, motion.substeps)
+    way += motion.time * (wind + gusts)
+    after[: 3 * n] += np.column_stack([way, motion.time * turns]).ravel()
+    after[setup.first_gust :] *= setup.decay
+    return after
+
+
+def transition_of(state: Array, speeds: Array, turn_rates: Array, setup: AugmentedSetup) -> Array:
+    """Return F, the derivative (3n + e, 3n + e) of `moved_state` by the state."""
+    n, time, substeps = len(setup.columns), setup.poses.motion.time, setup.poses.motion.substeps
+    _, scale, bias, _, _ = _errors_of(state, setup)
+    ahead, grown, turns = state[2 : 3 * n : 3], (1.0 + scale) * speeds, turn_rates + bias
+    way = displacement(ahead, grown, turns, time, substeps)
+    slopes = displacement_jacobian(ahead, grown, turns, time, substeps)
+    F = np.eye(len(state))
+    for i, column in enumerate(setup.columns.tolist()):
+        wind, own_scale, own_bias, gust = column[:2], column[2], column[3], column[5:]
+        x, y, psi = 3 * i, 3 * i + 1, 3 * i + 2
+        F[[x, y], psi] = perpendicular(way[i])
+        if own_scale >= 0:
+            F[[x, y], own_scale] = slopes[i, :, 0] * speeds[i]
+        if own_bias >= 0:
+            F[[x, y], own_bias], F[psi, own_bias] = slopes[i, :, 1], time
+        for axis, place in [*zip((x, y), wind, strict=True), *zip((x, y), gust, strict=True)]:
+            if place >= 0:
+                F[axis, place] = time
+    changing = np.arange(setup.first_gust, len(state))
+    F[changing, changing] = setup.decay
+    return F
+
+
+def predict_state(
+    state: Array, P: Array, speeds: Array, turn_rates: Array, setup: AugmentedSetup
+) -> tuple[Array, Array]:
+    """Return state and covariance one sample later."""
+    n, motion = len(setup.columns), setup.poses.motion
+    F = transition_of(state, speeds, turn_rates, setup)
+    _, scale, bias, _, _ = _errors_of(state, setup)
+    slopes = displacement_jacobian(
+        state[2 : 3 * n : 3],
+        (1.0 + scale) * speeds,
+        turn_rates + bias,
+        motion.time,
+        motion.substeps,
+    )
+    G = np.zeros((len(state), 2 * n))
+    for i in range(n):
+        G[3 * i : 3 * i + 2, 2 * i] = slopes[i, :, 0] * (1.0 + scale[i])
+        G[3 * i : 3 * i + 2, 2 * i + 1] = slopes[i, :, 1]
+        G[3 * i + 2, 2 * i + 1] = motion.time
+    Q = np.diag(np.tile([motion.speed_variance, motion.turn_rate_variance], n))
+    after = F @ P @ F.T + G @ Q @ G.T
+    changing = np.arange(setup.first_gust, len(state))
+    after[changing, changing] += setup.gust_noise
+    return moved_state(state, speeds, turn_rates, setup), after
+
+
+def sighted(
+    state: Array, kind: int, observer: int, target: int, setup: AugmentedSetup
+) -> tuple[float, Array]:
+    """Return what a sighting is expected to be and its derivative (3n + e,) by the state.
+
+    `kind` is its place in SIGHTING_KINDS; targets from n on are landmarks. Angles are not wrapped.
+    """
+    n, o, t = len(setup.columns), 3 * observer, 3 * target
+    name, what = list(SIGHTING_KINDS.items())[kind]
+    place = state[t : t + 2] if target < n else setup.poses.landmarks[target - n]
+    q = place - state[o : o + 2]
+    value, row = float(what.measured(q, state[o + 2])), np.zeros(len(state))
+    slope = what.slopes(q[:, None], np.ones(1))[:, 0]
+    row[o : o + 2] -= slope
+    if target < n:
+        row[t : t + 2] += slope
+    row[o + 2] = what.by_heading
+    bias = int(setup.columns[observer, 4])
+    if bias >= 0 and ERROR_STATES["bearing_bias"].shifts == name:
+        value, row[bias] = value + float(state[bias]), 1.0
+    return value, row
+
+
+def update_state(
+    state: Array, P: Array, s: int, reading: float, setup: AugmentedSetup
+) -> tuple[Array, Array, float, float]:
+    """Return state, covariance, innovation and its variance after sighting s of the set-up.
+
+    A reading that is NaN is a missed one: both stay, and so they do where the gate rejects it.
+    """
+    poses = setup.poses
+    kind = int(poses.kinds[s])
+    expected, h = sighted(state, kind, int(poses.observers[s]), int(poses.targets[s]), setup)
+    u = P @ h
+    variance = max(float(h @ u), 0.0) + float(poses.variances[s])
+    innovation = reading - expected
+    if list(SIGHTING_KINDS.values())[kind].unit == "rad":
+        innovation = float(wrap(innovation))
+    if math.isnan(reading) or not innovation**2 <= poses.gate * variance:
+        return state, P, innovation, variance
+    return state + u * (innovation / variance), P - np.outer(u, u) / variance, innovation, variance
+
+
+def _errors_of(state: Array, setup: AugmentedSetup) -> tuple[Array, Array, Array, Array, Array]:
+    """Each vehicle's wind (n, 2), scale, turn-rate bias, bearing bias (n,) and gusts (n, 2)."""
+    found = np.where(setup.columns >= 0, state[setup.columns], 0.0)
+    return found[:, :2], found[:, 2], found[:, 3], found[:, 4], found[:, 5:]

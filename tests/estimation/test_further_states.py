@@ -1,0 +1,268 @@
+"""The filter with further states against its plain form, and the plain form against differences."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from syncplan.arrays import Array
+from syncplan.estimation.augmented_filter import AUGMENTED
+from syncplan.estimation.augmented_setup import (
+    AugmentedReadings,
+    AugmentedSetup,
+    AugmentedStatistics,
+    augmented_setup_of,
+    empty_augmented_statistics,
+)
+from syncplan.estimation.batched_filter import EXTENDED
+from syncplan.estimation.filter_options import FilterOptions
+from syncplan.estimation.filter_setup import Readings
+from syncplan.estimation.filter_statistics import empty_series, empty_statistics
+from syncplan.estimation.montecarlo import _setup
+from syncplan.estimation.reference_states import (
+    covariance_at_start,
+    moved_state,
+    predict_state,
+    sighted,
+    transition_of,
+    update_state,
+)
+from syncplan.estimation.trial_readings import TrialReadings, possible_sightings
+from syncplan.orbits.circles import Orbits, wrap
+from syncplan.orbits.contacts import find_windows
+from syncplan.orbits.error_states import ERROR_STATES, ErrorSigmas, layout_of
+from syncplan.orbits.noise import Noise
+from syncplan.orbits.sensors import Sensors
+from syncplan.orbits.team import Team
+
+ALL = ErrorSigmas(
+    wind=0.8, gust=0.3, gust_time=4.0, speed_scale=0.05, turn_rate_bias=0.02, estimated=()
+)
+CHOICES = [
+    (),
+    ("wind",),
+    ("gusts",),
+    ("bearing_bias",),
+    ("speed_scale", "turn_rate_bias"),
+    tuple(ERROR_STATES),
+]
+
+
+class Scene(NamedTuple):
+    """A set-up with further states, and readings of some lanes."""
+
+    setup: AugmentedSetup
+    readings: AugmentedReadings
+
+
+def a_team(estimated: tuple[str, ...], fov: float = 2.0 * np.pi, detection: float = 0.7) -> Team:
+    """Three vehicles with every kind of sensor, the second without bearing bias or distances."""
+    return Team(
+        Orbits(
+            centers=np.array([[0.0, 0.0], [60.0, 5.0], [10.0, 55.0]]),
+            radii=np.array([20.0, 15.0, 18.0]),
+            senses=np.array([1.0, -1.0, 1.0]),
+            phases=np.array([0.3, 2.0, -1.0]),
+            rate=0.4,
+        ),
+        np.array([[60.0, -5.0], [-30.0, 70.0]]),
+        Sensors(
+            ranges=np.full(3, 60.0),
+            fields_of_view=np.full(3, fov),
+            boresights=np.array([0.0, 1.0, -1.0]),
+            bearing_sigmas=np.array([0.02, 0.03, 0.05]),
+            sample_time=0.1,
+            range_sigmas=np.array([0.5, np.inf, 0.3]),
+            compass_sigmas=np.array([np.inf, 0.05, 0.1]),
+            every=np.array([1, 3, 2]),
+            detection=np.array([1.0, detection, detection]),
+            bearing_bias_sigmas=np.array([0.03, 0.0, 0.02]),
+        ),
+        Noise(speed_sigma=0.3, turn_rate_sigma=0.05, position_sigma=1.0, heading_sigma=0.1),
+        replace(ALL, estimated=estimated),
+    )
+
+
+def scene_of(team: Team, steps: int, lanes: int, **changes: object) -> Scene:
+    """The first trials of a team."""
+    options = FilterOptions(**changes)  # type: ignore[arg-type]
+    seen = possible_sightings(team, find_windows(team), steps)
+    poses, layout = _setup(team, seen, steps, options), layout_of(team)
+    readings = TrialReadings.of(team, poses, layout, 3).disturbed(range(lanes))
+    return Scene(augmented_setup_of(poses, layout, team.errors), readings)
+
+
+def filtered(given: Scene) -> tuple[Array, Array, AugmentedStatistics]:
+    """Final state (3n + e, lanes), full covariance and statistics of all lanes."""
+    setup, readings = given
+    n, _, lanes = readings.initial.shape
+    steps, e = len(readings.speeds), len(setup.variances)
+    series = empty_series(n, steps, wanted=True), np.zeros((steps + 1, e, 3))
+    statistics = empty_augmented_statistics(n, e, lanes, series)
+    x, errors, P = AUGMENTED.run(setup, readings, statistics)
+    lower = np.tril(np.ones(P.shape[:2], dtype=bool))[..., None]
+    state = np.concatenate([x.reshape(3 * n, lanes), errors])
+    return state, np.where(lower, P, P.transpose(1, 0, 2)), statistics
+
+
+def derivative(function: object, x: Array, step: float = 1e-6) -> Array:
+    """Central differences of a vector function, (outputs, inputs)."""
+    assert callable(function)
+    columns = [
+        np.atleast_1d(function(x + step * one) - function(x - step * one)) / (2.0 * step)
+        for one in np.eye(len(x))
+    ]
+    return np.array(columns).T
+
+
+def some_state(setup: AugmentedSetup) -> Array:
+    random = np.random.default_rng(1)
+    poses = setup.poses.truth[7].ravel() + random.normal(size=9)
+    return np.concatenate(
+        [poses, np.sqrt(setup.variances) * random.normal(size=len(setup.variances))]
+    )
+
+
+@pytest.mark.parametrize("model", ["arc", "euler"])
+@pytest.mark.parametrize("estimated", CHOICES)
+def test_the_transition_is_the_derivative_of_the_motion(
+    estimated: tuple[str, ...], model: str
+) -> None:
+    setup = scene_of(a_team(estimated), 10, 1, model=model, substeps=3).setup
+    setup = setup._replace(poses=setup.poses._replace(motion=setup.poses.motion._replace(time=0.8)))
+    speeds, turns = np.array([4.0, 5.0, 6.0]), np.array([0.4, -1.0, 0.0])
+    state = some_state(setup)
+    F = transition_of(state, speeds, turns, setup)
+    found = derivative(lambda one: moved_state(one, speeds, turns, setup), state)
+    np.testing.assert_allclose(F, found, atol=1e-7)
+    if "gusts" in estimated:
+        assert F[-1, -1] == setup.decay < 1.0
+
+
+def test_the_row_of_every_kind_is_the_derivative_of_the_sighting() -> None:
+    setup = scene_of(a_team(tuple(ERROR_STATES)), 10, 1).setup
+    state = some_state(setup)
+    for kind, (observer, target) in [
+        (0, (0, 1)),
+        (0, (2, 4)),
+        (1, (2, 0)),
+        (1, (0, 3)),
+        (2, (1, 1)),
+    ]:
+        row = sighted(state, kind, observer, target, setup)[1]
+        found = derivative(lambda one: sighted(one, kind, observer, target, setup)[0], state)[0]  # noqa: B023
+        np.testing.assert_allclose(row, found, atol=1e-8)
+        assert row[9:].sum() == (kind == 0)
+
+
+@pytest.mark.parametrize(
+    ("estimated", "changes"),
+    [
+        *((one, {}) for one in CHOICES),
+        (tuple(ERROR_STATES), {"model": "euler", "substeps": 3, "gate_probability": 0.9}),
+    ],
+)
+def test_compiled_trials_are_those_of_the_plain_filter(
+    estimated: tuple[str, ...], changes: dict[str, object]
+) -> None:
+    given = scene_of(a_team(estimated), 45, 3, **changes)
+    setup, readings = given
+    state, P, statistics = filtered(given)
+    lane, e = 2, len(setup.variances)
+    x, C = (
+        np.concatenate([readings.initial[..., lane].ravel(), np.zeros(e)]),
+        covariance_at_start(setup),
+    )
+    constants, squares, late, nis, made = len(readings.constants), 0.0, 0.0, 0.0, 0
+    covered, nees, series = 0.0, 0.0, []
+    for k in range(1, 46):
+        x, C = predict_state(
+            x, C, readings.speeds[k - 1, :, lane], readings.turn_rates[k - 1, :, lane], setup
+        )
+        for s in range(setup.poses.first[k], setup.poses.first[k + 1]):
+            reading = float(readings.sightings[s, lane])
+            x, C, nu, S = update_state(x, C, s, reading, setup)
+            if nu**2 <= setup.poses.gate * S:
+                nis, made = nis + nu**2 / S, made + 1
+        true = np.concatenate([readings.constants[:, lane], readings.gusts[k, :, lane]])
+        off = x[:9].reshape(3, 3) - setup.poses.truth[k]
+        off[:, 2] = wrap(x[2:9:3] - readings.headings[k, :, lane])
+        error = x[9:] - true
+        squares, late = squares + error**2, late + error**2 * (2 * k > 45)
+        series.append(off)
+        if k % 10 == 0 or k == 45:
+            covered = covered + (error**2 <= 9.0 * np.diag(C)[9:])
+            nees += float(off.ravel() @ np.linalg.solve(C[:9, :9], off.ravel()))
+    np.testing.assert_allclose(state[:, lane], x, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(P[..., lane], C, rtol=1e-7, atol=1e-10)
+    errors, poses = statistics.errors, statistics.poses
+    np.testing.assert_allclose(errors.squares[:, lane], squares, rtol=1e-7)
+    np.testing.assert_allclose(errors.late_squares[:, lane], late, rtol=1e-7)
+    np.testing.assert_array_equal(errors.covered[:, lane], covered)
+    assert poses.nees[lane] == pytest.approx(nees, rel=1e-6)
+    assert poses.nis[lane] == pytest.approx(nis, rel=1e-7)
+    assert poses.accepted[lane] == made
+    missed = int(np.isnan(readings.sightings[:, lane]).sum())
+    assert missed > 0
+    assert poses.gated[lane] == len(readings.sightings) - missed - made
+    np.testing.assert_allclose(
+        poses.squares[..., lane], np.sum(np.square(series), axis=0), rtol=1e-7
+    )
+    assert constants + readings.gusts.shape[1] == e
+
+
+def test_without_further_states_it_is_the_filter_of_poses() -> None:
+    team = replace(a_team((), detection=1.0), errors=ErrorSigmas())
+    team = replace(team, sensors=replace(team.sensors, bearing_bias_sigmas=np.zeros(3)))
+    given = scene_of(team, 60, 5)
+    state, P, statistics = filtered(given)
+    plain = empty_statistics(3, 5, empty_series(3, 60, wanted=True))
+    x, C = EXTENDED.run(given.setup.poses, Readings(*given.readings[:4]), plain)
+    np.testing.assert_allclose(state, x.reshape(9, 5), rtol=0, atol=1e-9)
+    lower = np.tril_indices(9)
+    np.testing.assert_allclose(P[lower], C[lower], rtol=1e-7, atol=1e-11)
+    for found, expected in zip(statistics.poses, plain, strict=True):
+        np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-10)
+
+
+def test_a_missed_sighting_leaves_its_lane_as_if_there_were_none() -> None:
+    given = scene_of(a_team(("wind", "bearing_bias"), detection=1.0), 20, 4)
+    spoilt = given.readings.sightings.copy()
+    s = len(spoilt) // 2
+    spoilt[s, 1] = np.nan
+    state, P, statistics = filtered(Scene(given.setup, given.readings._replace(sightings=spoilt)))
+    whole = filtered(given)
+    poses = given.setup.poses
+    first = poses.first.copy()
+    first[np.searchsorted(first, s, side="right") :] -= 1
+    cut = poses._replace(
+        first=first,
+        observers=np.delete(poses.observers, s),
+        targets=np.delete(poses.targets, s),
+        kinds=np.delete(poses.kinds, s),
+        variances=np.delete(poses.variances, s),
+    )
+    shorter = Scene(
+        given.setup._replace(poses=cut),
+        given.readings._replace(sightings=np.delete(given.readings.sightings, s, axis=0)),
+    )
+    without = filtered(shorter)
+    assert state[:, 1].tobytes() == without[0][:, 1].tobytes()
+    assert P[..., 1].tobytes() == without[1][..., 1].tobytes()
+    assert statistics.poses.accepted[1] == without[2].poses.accepted[1] == len(spoilt) - 1
+    assert statistics.poses.nis[1] == without[2].poses.nis[1]
+    assert statistics.poses.gated[1] == 0.0
+    for lane in (0, 2, 3):
+        assert state[:, lane].tobytes() == whole[0][:, lane].tobytes()
+
+
+def test_a_trial_has_the_same_bytes_whatever_lanes_lie_beside_it() -> None:
+    given = scene_of(a_team(tuple(ERROR_STATES)), 20, 19)
+    state, P, statistics = filtered(given)
+    for lanes in (slice(0, 1), slice(3, 7), slice(2, 18)):
+        part = AugmentedReadings(*(np.ascontiguousarray(one[..., lanes]) for one in given.readings))
+        found = filtered(Scene(given.setup, part))
+        assert found[0].tobytes() == state[:, lanes].tobytes()
+        assert found[1].tobytes() == P[..., lanes].tobytes()
+        assert found[2].errors.squares.tobytes() == statistics.errors.squares[:, lanes].tobytes()
