@@ -29,7 +29,7 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.orbits.circles import Orbits, position
 
-__all__ = ["AirMotion", "air_motion"]
+__all__ = ["AirMotion", "motion_in_air"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class AirMotion:
     turn_rates: Array
 
 
-def air_motion(orbits: Orbits, time: float, steps: int, drift: Array) -> AirMotion:
+def motion_in_air(orbits: Orbits, time: float, steps: int, drift: Array) -> AirMotion:
     """Return how vehicles fly their circles for `steps` samples of `time` s.
 
     `drift` is the air's velocity in m/s, (1 or steps + 1, n or 1, 2, lanes), held from each sample

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.estimation.air_motion import AirMotion, air_motion
+from syncplan.estimation.air_motion import AirMotion, motion_in_air
 from syncplan.estimation.augmented_setup import AugmentedReadings
 from syncplan.estimation.drawn_errors import DrawnErrors, error_draws
 from syncplan.estimation.filter_setup import FilterSetup, Readings
@@ -175,7 +175,7 @@ class TrialReadings:
         orbits, steps = self.team.orbits, len(self.setup.truth) - 1
         if in_moving_air(self.team):
             drift = np.asarray(errors.drift())
-            return air_motion(orbits, self.team.sensors.sample_time, steps, drift)
+            return motion_in_air(orbits, self.team.sensors.sample_time, steps, drift)
         return AirMotion(
             headings=self.setup.truth[:, :, 2, None],
             speeds=np.broadcast_to(orbits.speeds[:, None], (steps, orbits.count, 1)),

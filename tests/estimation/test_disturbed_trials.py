@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from syncplan.estimation.air_motion import air_motion
+from syncplan.estimation.air_motion import motion_in_air
 from syncplan.estimation.augmented_setup import (
     AugmentedReadings,
     AugmentedSetup,
@@ -93,7 +93,7 @@ def test_along_the_readings_in_wind_one_strays_by_fourth_order_in_the_sample_tim
     off = []
     for time in (0.4, 0.2):
         steps = round(40.0 / time)
-        flown = air_motion(orbits, time, steps, wind.reshape(1, 1, 2, 1))
+        flown = motion_in_air(orbits, time, steps, wind.reshape(1, 1, 2, 1))
         x = np.concatenate([position(orbits, 0.0), flown.headings[0]], axis=1)
         for k in range(steps):
             speeds, turns = flown.speeds[k, :, 0], flown.turn_rates[k, :, 0]
@@ -128,7 +128,7 @@ def test_sightings_without_noise_are_what_a_filter_that_knows_all_errors_expects
 
 def test_without_wind_headings_are_tangents_and_speeds_are_those_of_the_circles() -> None:
     orbits = a_team(()).orbits
-    flown = air_motion(orbits, 0.1, 50, np.zeros((1, 1, 2, 1)))
+    flown = motion_in_air(orbits, 0.1, 50, np.zeros((1, 1, 2, 1)))
     off = wrap(flown.headings[..., 0] - heading(orbits, 0.1 * np.arange(51)))
     np.testing.assert_allclose(off, 0.0, atol=1e-10)
     np.testing.assert_allclose(flown.speeds[..., 0], np.tile(orbits.speeds, (50, 1)), rtol=1e-10)
@@ -139,7 +139,7 @@ def test_without_wind_headings_are_tangents_and_speeds_are_those_of_the_circles(
 
 def test_in_wind_the_air_velocity_is_that_over_ground_less_the_wind() -> None:
     orbits, wind = a_team(()).orbits, np.array([1.5, -0.7])
-    flown = air_motion(orbits, 1e-3, 2000, wind.reshape(1, 1, 2, 1))
+    flown = motion_in_air(orbits, 1e-3, 2000, wind.reshape(1, 1, 2, 1))
     ahead = heading(orbits, 1e-3 * np.arange(2001))
     ground = orbits.speeds[:, None] * np.stack([np.cos(ahead), np.sin(ahead)], axis=-1)
     air = ground - wind
