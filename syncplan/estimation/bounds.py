@@ -25,7 +25,7 @@ from math import lcm
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.estimation.periodic_limit import settled_covariance
+from syncplan.estimation.periodic_limit import settled_covariance, settled_from_start
 from syncplan.estimation.referred_system import PosteriorBound, ReferredSystem
 from syncplan.estimation.wide_system import WideSystem
 from syncplan.observability.rank import Observability
@@ -78,19 +78,30 @@ def steady_bound(team: Team, windows: Windows) -> Array:
     number of samples, at least one, and the sample time adapted. Where sensors are not ready at
     every sample, it is as many periods as hold a whole number of all their intervals, nearly.
     Infinite where the bound never settles: unobservable teams.
+
+    Errors that the filter estimates are known by then, except for what sightings never determine
+    of them: there the sigmas of the start remain.
     """
     even, samples = _repeating(team)
-    system = ReferredSystem.along(even, windows, samples)
     try:
-        covariance = settled_covariance(system)
-        if covariance is None:
-            return np.full(team.count, np.inf)
-        bound = system.bound(covariance)
+        bound = _settled(ReferredSystem.along(even, windows, samples))
     except np.linalg.LinAlgError:
+        return np.full(team.count, np.inf)
+    if bound is None:
         return np.full(team.count, np.inf)
     variance = bound.position_variance[1:].mean(axis=0)
     with np.errstate(invalid="ignore"):
         return np.where(variance >= 0.0, np.sqrt(variance), np.inf)
+
+
+def _settled(poses: ReferredSystem) -> PosteriorBound | None:
+    layout = layout_of(poses.team)
+    if not layout.names:
+        covariance = settled_covariance(poses)
+        return None if covariance is None else poses.bound(covariance)
+    system = WideSystem.widened(poses, layout)
+    covariance = settled_from_start(system, system.with_errors(poses.start))
+    return None if covariance is None else system.bound(covariance)
 
 
 def _repeating(team: Team) -> tuple[Team, int]:

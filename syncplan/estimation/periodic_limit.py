@@ -3,6 +3,12 @@
 Each map is P -> A P (I + C P)^-1 A^T + B. Composed with itself again and again, B becomes the
 covariance long after an exact start.
 
+With constant errors as states it depends on the start: what sightings determine of them becomes
+known, its variance falling as 1 / t, and of the rest the prior is all there ever is. So the limit
+is taken from the start itself, and what falls as 1 / t is left out by extrapolation: with P_k the
+covariance after 2^k periods, 2 P_k - P_(k - 1). Where all such errors are determined it is the
+limit of poses and gusts alone, with the errors known.
+
 Sources
 -------
 doubling of the Riccati map : Anderson, "Second-order convergent algorithms for the steady-state
@@ -15,12 +21,22 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.estimation.referred_system import ReferredSystem
+from syncplan.estimation.wide_system import WideSystem
 
-__all__ = ["settled_covariance"]
+__all__ = ["settled_covariance", "settled_from_start"]
 
 
 _DOUBLINGS = 60
 _SETTLED, _SETTLED_BY_ROUNDING = 1e-12, 1e-8
+
+_LARGEST = 1e12
+"""Of a covariance that still may settle."""
+
+_WIDE_DOUBLINGS, _WIDE_SETTLED = 24, 1e-6
+"""With constant errors: more doublings would drown what is not determined in rounding."""
+
+Riccati = tuple[Array, Array, Array]
+"""A, B and C of a map."""
 
 
 def settled_covariance(system: ReferredSystem) -> Array | None:
@@ -35,7 +51,7 @@ def settled_covariance(system: ReferredSystem) -> Array | None:
         grown = _composed((a, b, c), (a, b, c))
         change = np.max(np.abs(grown[1] - b))
         a, b, c = grown
-        if not np.isfinite(change) or np.max(np.abs(b)) > 1e12:
+        if not np.isfinite(change) or np.max(np.abs(b)) > _LARGEST:
             return None
         settled = change / max(float(np.max(np.abs(b))), 1e-300)
         if settled <= _SETTLED or (settled <= _SETTLED_BY_ROUNDING and change >= last):
@@ -44,7 +60,47 @@ def settled_covariance(system: ReferredSystem) -> Array | None:
     return None
 
 
-def _period_map(system: ReferredSystem, size: int) -> tuple[Array, Array, Array]:
+def settled_from_start(system: WideSystem, start: Array) -> Array | None:
+    """The covariance at the beginning of a period, long after the covariance `start` at time 0.
+
+    None where it does not settle. The run of the system has to be one of whole periods.
+    """
+    once = _wide_period_map(system)
+    before, settled = start, None
+    for _ in range(_WIDE_DOUBLINGS):
+        a, b, c = once
+        now = a @ start @ np.linalg.inv(np.eye(len(start)) + c @ start) @ a.T + b
+        last, settled = settled, 2.0 * now - before
+        largest = float(np.max(np.abs(settled)))
+        if not largest <= _LARGEST:
+            return None
+        if last is not None and np.max(np.abs(settled - last)) <= _WIDE_SETTLED * largest:
+            return 0.5 * (settled + settled.T)
+        before, once = now, _composed(once, once)
+    return None
+
+
+def _wide_period_map(system: WideSystem) -> Riccati:
+    """Gusts and noise, then rows, of each sample; in the end time 0 is moved to the period's."""
+    run = system.run
+    identity, zero = np.eye(run.size), np.zeros((run.size, run.size))
+    carried, blown = (identity, zero) if run.gusts is None else run.gusts.transition(run.size)
+    vehicles = np.arange(run.count)
+    poses = slice(0, 3 * run.count)
+    rows, each, noise = run.laid_out(0, run.steps + 1)
+    total: Riccati = (identity, zero, zero)
+    for k in range(1, run.steps + 1):
+        added = blown.copy()
+        own = added[poses, poses].reshape(run.count, 3, run.count, 3)
+        own[vehicles, :, vehicles, :] += noise[k]
+        total = _composed(total, (carried, added, zero))
+        if each[k].stop > each[k].start:
+            seen = rows[each[k]]
+            total = _composed(total, (identity, zero, seen.T @ seen))
+    return _composed(total, (system.moved_on(), zero, zero))
+
+
+def _period_map(system: ReferredSystem, size: int) -> Riccati:
     run = system.run
     vehicles = np.arange(run.count)
     noise, columns = run.noise_blocks, run.columns
@@ -64,9 +120,7 @@ def _period_map(system: ReferredSystem, size: int) -> tuple[Array, Array, Array]
     return total
 
 
-def _composed(
-    first: tuple[Array, Array, Array], then: tuple[Array, Array, Array]
-) -> tuple[Array, Array, Array]:
+def _composed(first: Riccati, then: Riccati) -> Riccati:
     """The map `first`, then `then`; each is P -> A P (I + C P)^-1 A^T + B.
 
     With first = then it is the doubling step (Anderson 1978).

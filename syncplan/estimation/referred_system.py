@@ -140,16 +140,21 @@ class ReferredSystem:
         )
         return cls(run, moved, scale, team, sightings)
 
+    @property
+    def start(self) -> Array:
+        """(3 n, 3 n) covariance of the initial sigmas."""
+        noise = self.team.noise
+        sigma = np.array([noise.position_sigma, noise.position_sigma, noise.heading_sigma])
+        sigma[:2] /= self.scale
+        return np.diag(np.tile(sigma**2, self.run.count))
+
     def from_start(self, bound: Callable[[Array], PosteriorBound]) -> PosteriorBound:
         """Return what `bound` makes of the covariance of the start.
 
         Raises NoSolutionError where the covariance does not stay positive definite.
         """
-        noise = self.team.noise
-        sigma = np.array([noise.position_sigma, noise.position_sigma, noise.heading_sigma])
-        sigma[:2] /= self.scale
         try:
-            found = bound(np.diag(np.tile(sigma**2, self.run.count)))
+            found = bound(self.start)
         except np.linalg.LinAlgError:
             raise NoSolutionError(_INDEFINITE) from None
         if np.any(found.position_variance < 0.0):

@@ -111,6 +111,18 @@ class WideSystem:
         scale = self.poses.scale
         return PosteriorBound(scale**2 * place, heading, errors=errors * self.layout.sigmas**2)
 
+    def moved_on(self) -> Array:
+        """Return the (size, size) change of the state when time 0 is moved to the end of the run.
+
+        The end has to be whole periods later: vehicles are where they were.
+        """
+        matrix, columns = np.eye(self.layout.size), _columns(self.layout)
+        moves = self._moves(np.array([self.run.steps]))[0]
+        for vehicle, (own, moved) in enumerate(zip(columns[:, 3:], moves[..., 3:], strict=True)):
+            for column, effect in zip(own, moved.T, strict=True):
+                matrix[3 * vehicle : 3 * vehicle + 3, column] += effect
+        return matrix
+
     def _second_order(self, seen: Sightings) -> Array:
         """(2, s, size) the functions whose product is each sighting's second-order term."""
         team, scale = self.poses.team, self.poses.scale

@@ -172,3 +172,47 @@ def test_bounds_after_losses_are_those_of_the_team_that_is_left(grid: Plan, loss
     np.testing.assert_allclose(found.position_variance, expected.position_variance, rtol=1e-9)
     assert found.errors is not None
     assert found.errors.shape[1] == layout_of(left.team).size - 3 * left.team.count
+
+
+@pytest.fixture(scope="module")
+def coarse() -> Plan:
+    sensor = {"sample_time_s": 0.5, "bearing_bias_sigma_rad": 0.02}
+    return plan_of_changed(
+        "paper-grid-same", sensor=sensor, motion=EVERYTHING["motion"], wind=EVERYTHING["wind"]
+    )
+
+
+@pytest.mark.parametrize("name", ["wind", "turn_rate_bias", "bearing_bias"])
+def test_what_sightings_determine_does_not_count_in_the_steady_bound(
+    coarse: Plan, name: str
+) -> None:
+    known = steady_bound(_estimating(coarse.team, ()), coarse.windows)
+    found = steady_bound(_estimating(coarse.team, (name,)), coarse.windows)
+    np.testing.assert_allclose(found, known, rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    "names", [("speed_scale",), ("gusts",), ("speed_scale", "wind", "turn_rate_bias")]
+)
+def test_what_they_do_not_determine_stays_in_the_steady_bound_for_ever(
+    coarse: Plan, names: tuple[str, ...]
+) -> None:
+    periods, samples, period = 300, 32, coarse.orbits.period
+    even = replace(coarse.sensors, sample_time=period / samples)
+    team = replace(_estimating(coarse.team, names), sensors=even)
+    run = posterior_bound(team, coarse.windows, 2 * periods * period)
+
+    def mean_until(end: int) -> Array:
+        last = end * samples
+        return np.asarray(run.position_variance[last - samples + 1 : last + 1].mean(axis=0))
+
+    # what is determined becomes known as 1 / t
+    settled = np.sqrt(2.0 * mean_until(2 * periods) - mean_until(periods))
+    found = steady_bound(team, coarse.windows)
+    np.testing.assert_allclose(settled, found, rtol=4e-3)
+    assert np.all(found > 1.05 * steady_bound(_estimating(team, ()), coarse.windows))
+
+
+def test_poses_that_are_not_determined_have_no_steady_bound_with_errors_either() -> None:
+    made = plan_of_changed("landmark-bridge", wind={"sigma_mps": 1.0})
+    assert np.isinf(steady_bound(made.team, made.windows)[-1])
