@@ -4,7 +4,8 @@ The circles of an observer and its target, D apart, carry the target around the 
 the sum of their radii, rho. On a circle of relative motion of radius rho' <= rho, it is within
 range r for the share arccos((D^2 + rho'^2 - r^2) / (2 D rho')) / pi of the time, which is largest
 at rho' = sqrt(D^2 - r^2), or at rho where that is less; if D <= r, it may be in range always. This
-bounds vehicles of one sense, and landmarks; of opposite senses it is an estimate.
+bounds vehicles of one sense, and landmarks; of opposite senses it is an estimate. Obstacles, which
+only take sightings away, are left out.
 """
 
 from dataclasses import dataclass

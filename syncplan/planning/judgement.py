@@ -27,7 +27,9 @@ from syncplan.planning.predicted_errors import Prediction, neglect_of, predicted
 from syncplan.planning.start_up import StartUp, start_up_of
 from syncplan.runtime.blas import single_threaded_blas
 from syncplan.scenario.specification import Scenario
+from syncplan.synchronisation.contact_tables import contact_of_pairs
 from syncplan.synchronisation.phases import Synchronisation
+from syncplan.synchronisation.sighted_phases import obstacles_blocking
 
 __all__ = ["BoundChoice", "bound_is_affordable", "judge", "judged", "listed_pairs", "why_no_bound"]
 
@@ -162,6 +164,11 @@ def _why_never_in_contact(team: Team, a: int, b: int) -> str:
     reach = float(pair.sensors.ranges.max())
     if near > reach:
         return f"comes no nearer than {near:.4g} m with these phases, range {reach:.4g} m"
+    both = np.array([[0, 1]])
+    if blocking := obstacles_blocking(
+        pair, lambda seeing: float(contact_of_pairs(seeing, both)[0])
+    ):
+        return f"comes within range, but sight is always blocked by {blocking} with these phases"
     return "comes within range, but never inside a field of view"
 
 

@@ -65,6 +65,7 @@ def plan(
         resolved.separation,
         margin_bound=margin_bound,
         sensors=team.sensors,
+        obstacles=team.obstacles,
     )
     off = np.array(per_vehicle(resolved.orbit.desync_rad, resolved.size), dtype=float)
     phases = (found.phases + off) % (2.0 * np.pi) if off.any() else found.phases

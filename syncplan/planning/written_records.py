@@ -152,7 +152,7 @@ def _synchronisation(record: WrittenRecord, team: Team, names: list[str]) -> Syn
     if any(one.contact_share is not None for one in record.links):
         pairs = [(index[one.a], index[one.b]) for one in record.links]
         pairs += [(index[one.a], index[one.b]) for one in record.dropped_links]
-        attainable = attainable_contact(team.orbits, team.sensors, as_pairs(pairs))
+        attainable = attainable_contact(team, as_pairs(pairs))
     return Synchronisation(
         phases=team.orbits.phases,
         method=given.method,

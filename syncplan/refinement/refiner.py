@@ -209,6 +209,7 @@ def _rule_phases(given: Plan) -> Array:
         float(orbits.phases[0]),
         scenario.separation,
         sensors=given.sensors,
+        obstacles=given.team.obstacles,
     ).phases
 
 

@@ -3,7 +3,7 @@
 How two vehicles move relative to each other, and where they look, depends on the difference of
 their time-phases alone. So each link has one curve: contact time against the residual of its rule,
 found from exact contact windows. It does not depend on where the pair lies or which way it points,
-so pairs of equal geometry share it.
+so pairs of equal geometry share it; those between which an obstacle may stand have their own.
 """
 
 from collections.abc import Callable
@@ -18,10 +18,17 @@ from syncplan.orbits.contacts import Windows, find_windows
 from syncplan.orbits.noise import Noise
 from syncplan.orbits.paths import NO_LANDMARKS
 from syncplan.orbits.sensors import Sensors
+from syncplan.orbits.sight_lines import obstructible
 from syncplan.orbits.team import Team
 from syncplan.synchronisation.phase_rules import Rules
 
-__all__ = ["ContactTables", "contact_of_pairs", "tabulated_contact", "windows_when_shifted"]
+__all__ = [
+    "ContactTables",
+    "contact_of_pairs",
+    "seeing_team",
+    "tabulated_contact",
+    "windows_when_shifted",
+]
 
 SAMPLES = 1440
 """Residuals in a table."""
@@ -63,18 +70,30 @@ class ContactTables:
         return np.asarray(left + part * (self.share[rows, (below + 1) % samples] - left))
 
 
-def tabulated_contact(rules: Rules, senses: Array, sensors: Sensors) -> ContactTables:
-    """Return the tables of the links of `rules`; `senses` are (n,), `sensors` of all vehicles."""
+def seeing_team(orbits: Orbits, sensors: Sensors, obstacles: tuple[Array, ...] = ()) -> Team:
+    """Return the team of vehicles that see each other, all else about which is left out."""
+    return Team(orbits, NO_LANDMARKS, sensors, _NO_NOISE, obstacles=obstacles)
+
+
+def tabulated_contact(rules: Rules, team: Team) -> ContactTables:
+    """Return the tables of the links of `rules`; of the team's orbits phases do not matter."""
     share, attainable = np.zeros((len(rules), SAMPLES)), np.zeros(len(rules))
     step = _STEP if len(rules) <= _MANY else _STEP_MANY
+    senses, own_place = team.orbits.senses, obstructible(team, rules.a, rules.b)
     for link, (a, b) in enumerate(rules.edges):
+        if own_place[link]:
+            theta = np.array([rules.offset[link], 0.0])
+            two = team.only(np.array([a, b]))
+            by_rule = replace(two.orbits, phases=two.orbits.senses * theta, rate=1.0)
+            share[link], attainable[link] = _tabulated(_contact_of(two.on(by_rule)), step)
+            continue
         pair = (
             rules.distance[link],
             rules.radius_a[link],
             rules.radius_b[link],
             senses[a],
             senses[b],
-            *(float(values[k]) for values in _seeing(sensors) for k in (a, b)),
+            *(float(values[k]) for values in _seeing(team.sensors) for k in (a, b)),
         )
         # the values themselves are rounded, so that a pair's table depends on nothing else
         share[link], attainable[link] = _table(tuple(float(f"{x:.{_DIGITS}g}") for x in pair), step)
@@ -87,8 +106,19 @@ def _seeing(sensors: Sensors) -> tuple[Array, Array, Array]:
 
 @lru_cache(maxsize=_CACHED)
 def _table(pair: tuple[float, ...], step: int) -> tuple[Array, float]:
+    """The same of a pair that is nowhere in particular."""
+    distance, *rest = pair
+    radii, senses, ranges, views, boresights = np.array(rest).reshape(5, 2)
+    # the centre of b lies along +x: at phases (0, pi), or (0, pi) mirrored, the rule holds
+    orbits = Orbits(
+        np.array([[0.0, 0.0], [distance, 0.0]]), radii, senses, np.array([0.0, np.pi]), 1.0
+    )
+    sensors = Sensors(ranges, views, boresights, np.ones(2), 1.0)
+    return _tabulated(_contact_of(seeing_team(orbits, sensors)), step)
+
+
+def _tabulated(contact: Callable[[Array], Array], step: int) -> tuple[Array, float]:
     """The share (k,) over the residual, and the attainable part of a period, of one pair."""
-    contact = _contact_of(pair)
     fine = np.linspace(0.0, _TURN, SAMPLES, endpoint=False)
     coarse = fine[::step]
     found = contact(coarse)
@@ -104,16 +134,9 @@ def _table(pair: tuple[float, ...], step: int) -> tuple[Array, float]:
     return share, attainable
 
 
-def _contact_of(pair: tuple[float, ...]) -> Callable[[Array], Array]:
-    """Contact of a pair as parts of a period (k,), for residuals (k,) rad."""
-    distance, *rest = pair
-    radii, senses, ranges, views, boresights = np.array(rest).reshape(5, 2)
-    # the centre of b lies along +x: at phases (0, pi), or (0, pi) mirrored, the rule holds
-    orbits = Orbits(
-        np.array([[0.0, 0.0], [distance, 0.0]]), radii, senses, np.array([0.0, np.pi]), 1.0
-    )
-    sensors = Sensors(ranges, views, boresights, np.ones(2), 1.0)
-    team = Team(orbits, NO_LANDMARKS, sensors, _NO_NOISE)
+def _contact_of(team: Team) -> Callable[[Array], Array]:
+    """Contact as parts of a period (k,), for residuals (k,) rad, of two at phases by their rule."""
+    senses = team.orbits.senses
     both = np.array([[0, 1]])
 
     def contact(residual: Array) -> Array:
@@ -155,10 +178,10 @@ def _time_in_either(windows: Windows, count: int) -> Array:
     return np.asarray(np.bincount(who[:-1], np.diff(when) * seen, minlength=count), dtype=float)
 
 
-def contact_of_pairs(orbits: Orbits, sensors: Sensors, pairs: Index) -> Array:
+def contact_of_pairs(team: Team, pairs: Index) -> Array:
     """Return (e,) parts of a period in which either vehicle of the pairs (e, 2) sees the other."""
-    team = Team(replace(orbits, rate=1.0), NO_LANDMARKS, sensors, _NO_NOISE)
     if len(pairs) == 0:
         return np.zeros(0)
-    windows = windows_when_shifted(team, pairs, np.zeros((len(pairs), 1)))
+    turning = team.on(replace(team.orbits, rate=1.0))
+    windows = windows_when_shifted(turning, pairs, np.zeros((len(pairs), 1)))
     return _time_in_either(windows, len(pairs)) / _TURN

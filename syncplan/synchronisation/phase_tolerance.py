@@ -10,6 +10,7 @@ import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import Orbits
+from syncplan.orbits.sight_lines import obstructible
 from syncplan.orbits.team import Team
 from syncplan.synchronisation.contact_tables import windows_when_shifted
 from syncplan.synchronisation.phase_rules import Rules, closest_distance, phase_residuals, rules_of
@@ -65,7 +66,15 @@ def _contact_when_shifted(team: Team, pairs: Index) -> Callable[[Array], Flags]:
         return lambda shift: _seen_when_shifted(team, pairs, shift)
     rules = _rules(orbits, sensors.ranges, pairs)
     residual, reach = phase_residuals(rules, orbits.phases)[:, None], rules.reach[:, None]
-    return lambda shift: np.asarray(closest_distance(rules, residual + shift) <= reach)
+    hindered = np.flatnonzero(obstructible(team, pairs[:, 0], pairs[:, 1]))
+
+    def met(shift: Array) -> Flags:
+        found = np.asarray(closest_distance(rules, residual + shift) <= reach)
+        if len(hindered):
+            found[hindered] = _seen_when_shifted(team, pairs[hindered], shift[hindered])
+        return found
+
+    return met
 
 
 def _seen_when_shifted(team: Team, pairs: Index, shift: Array) -> Flags:

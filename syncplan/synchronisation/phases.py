@@ -4,7 +4,8 @@ Whatever the senses, each rule fixes a difference of time-phases theta_i = d_i p
 tree satisfies the rules on its links in closed form (the paper's Algorithm 2, for any graph; after
 Diaz-Banez et al., IEEE T-RO 2017). If the other links agree, that is the answer. If not (odd cycles
 of one sense, even cycles that do not close), the phases maximise the smallest margin, range less
-least distance; where a field of view is limited, they maximise what is seen.
+least distance; where a field of view is limited or an obstacle may stand between, they maximise
+what is seen.
 """
 
 from collections.abc import Mapping
@@ -17,7 +18,9 @@ from syncplan.orbits.circles import Orbits
 from syncplan.orbits.graphs import components, odd_cycle
 from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.separation import circle_gaps
-from syncplan.synchronisation.contact_tables import contact_of_pairs
+from syncplan.orbits.sight_lines import obstructible
+from syncplan.orbits.team import Team
+from syncplan.synchronisation.contact_tables import contact_of_pairs, seeing_team
 from syncplan.synchronisation.margin_search import along_tree, search_margins
 from syncplan.synchronisation.phase_rules import Rules, closest_distance, residuals, rules_of
 from syncplan.synchronisation.sighted_phases import phases_in_sight, why_unseen
@@ -53,14 +56,14 @@ class Synchronisation:
     ----------
     phases : (n,) rad at time 0
     method : "closed form", "relaxation and polish", "spanning trees and polish", "cell search and
-        polish", or "largest contact" where a field of view is limited
+        polish", or "largest contact" where a field of view is limited or obstacles are near
     margin : m, the smallest range less least distance over the links kept; None without links
     bound : m, that no phases can exceed for the links kept; None where it was not computed
     bound_note : why there is no bound, or what it is
     dropped : links that no phases found can keep
     odd_cycle : vehicles of an odd cycle of links, in order; empty if there is none
     attainable : of each link (a, b), a < b, the longest contact that any phases give it, as a part
-        of a period; None unless a field of view is limited
+        of a period; None unless a field of view is limited or obstacles are near
     """
 
     phases: Array
@@ -84,14 +87,16 @@ def synchronise(
     *,
     margin_bound: bool = True,
     sensors: Sensors | None = None,
+    obstacles: tuple[Array, ...] = (),
 ) -> Synchronisation:
     """Return phases for the links `pairs` (e, 2) from the first vehicle's phase.
 
     The first vehicle of every connected component starts at `first_phase`. `reach` is (n,) m.
     Without `margin_bound`, and where no closed form exists, the relaxation is skipped: the other
     starts mostly lead to the same phases, in half the time. Where one of the `sensors` has a
-    limited field of view, phases maximise contact: of each link the time within range and view,
-    in either direction, as a share of the most that any phases give it.
+    limited field of view, or an obstacle, polygons (k, 2) m, may stand between the vehicles of a
+    link, phases maximise contact: of each link the time within range and view, in either
+    direction, as a share of the most that any phases give it.
     """
     count = len(radii)
     pairs = np.asarray(pairs, dtype=np.int64).reshape(-1, 2)
@@ -101,8 +106,11 @@ def synchronise(
     case = _PhaseProblem(
         circles, rules, guards, min_separation, tuple(odd_cycle(count, rules.edges))
     )
-    if sensors is not None and len(rules) and np.any(sensors.fields_of_view < 2.0 * np.pi):
-        return _by_contact(case, sensors, first_phase, quick=not margin_bound)
+    if sensors is not None and len(rules):
+        team = seeing_team(circles, sensors, obstacles)
+        limited = np.any(sensors.fields_of_view < 2.0 * np.pi)
+        if limited or np.any(obstructible(team, rules.a, rules.b)):
+            return _by_contact(case, team, first_phase, quick=not margin_bound)
     phases = _anchored(along_tree(rules, count), senses, rules.edges, first_phase)
     theta = senses * phases
     if _meets(rules, guards, theta, min_separation):
@@ -148,10 +156,10 @@ def _in_closed_form(case: _PhaseProblem, phases: Array) -> Synchronisation:
 
 
 def _by_contact(
-    case: _PhaseProblem, sensors: Sensors, first_phase: float, *, quick: bool
+    case: _PhaseProblem, team: Team, first_phase: float, *, quick: bool
 ) -> Synchronisation:
     rules, guards, senses = case.rules, case.guards, case.circles.senses
-    sighted = phases_in_sight(rules, guards, senses, sensors, case.separation, quick=quick)
+    sighted = phases_in_sight(rules, guards, team, case.separation, quick=quick)
     found, most = sighted.phases, sighted.attainable
     kept = case.kept(found.unserved)
     phases = _anchored(found.theta, senses, kept.edges + guards.edges, first_phase)
@@ -159,12 +167,13 @@ def _by_contact(
     if found.by_rule:
         return replace(_in_closed_form(case, phases), attainable=attainable)
     contact = contact_of_pairs(
-        replace(case.circles, phases=phases), sensors, np.column_stack([kept.a, kept.b])
+        team.on(replace(case.circles, phases=phases)), np.column_stack([kept.a, kept.b])
     )
     served = np.array([attainable[pair] for pair in kept.edges])
     smallest = float(np.min(contact / served, initial=1.0))
+    within = "among the obstacles" if team.obstacles else "within the fields of view"
     note = (
-        "no bound: phases maximise contact within the fields of view; every link served has at "
+        f"no bound: phases maximise contact {within}; every link served has at "
         f"least {np.floor(1000.0 * smallest) / 10.0:g} % of the most that any phases give it"
     )
     return Synchronisation(
@@ -173,7 +182,10 @@ def _by_contact(
         margin=_smallest_margin(kept, senses * phases),
         bound=None,
         bound_note=note if len(kept) else "no links are served",
-        dropped=tuple(Dropped(k, why_unseen(float(most[k]))) for k in found.unserved.tolist()),
+        dropped=tuple(
+            Dropped(k, why_unseen(team, np.array(rules.edges[k]), float(most[k])))
+            for k in found.unserved.tolist()
+        ),
         odd_cycle=case.cycle,
         attainable=attainable,
     )

@@ -1,23 +1,30 @@
-"""Sighted phases: for vehicles with limited fields of view, phases at which they see each other.
+"""Sighted phases: with limited fields of view, or among obstacles, phases that see each other.
 
-With a limited view the nearest meeting may be one at which nobody looks. So phases maximise the
-contact time of each link, in either direction and within range and view, as a share of the most
-that any phases give it, smallest share first.
+With a limited view the nearest meeting may be one at which nobody looks, and among obstacles one
+behind a wall. So phases maximise the contact time of each link, in either direction and within
+range and view, as a share of the most that any phases give it, smallest share first.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.orbits.circles import Orbits
-from syncplan.orbits.sensors import Sensors
+from syncplan.orbits.team import Team
+from syncplan.phrases import listed
 from syncplan.synchronisation.contact_search import ContactPhases, phases_of_most_contact
 from syncplan.synchronisation.contact_tables import tabulated_contact
 from syncplan.synchronisation.difference_tables import DifferenceTables
 from syncplan.synchronisation.phase_rules import Rules, closest_distance, rules_of
 
-__all__ = ["SightedPhases", "attainable_contact", "phases_in_sight", "why_unseen"]
+__all__ = [
+    "SightedPhases",
+    "attainable_contact",
+    "obstacles_blocking",
+    "phases_in_sight",
+    "why_unseen",
+]
 
 _SAMPLES, _SAMPLES_APART = 1024, 4096
 """Differences in a table, without and with distances to keep."""
@@ -30,6 +37,7 @@ TOO_NEAR = 0.1
 far apart."""
 
 _STARTS, _STARTS_QUICK = 32, 12
+_MOST_NAMED = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,21 +49,15 @@ class SightedPhases:
 
 
 def phases_in_sight(
-    rules: Rules,
-    guards: Rules,
-    senses: Array,
-    sensors: Sensors,
-    separation: float,
-    *,
-    quick: bool = False,
+    rules: Rules, guards: Rules, team: Team, separation: float, *, quick: bool = False
 ) -> SightedPhases:
     """Return the phases of largest smallest contact for the links of `rules`.
 
-    `guards` are pairs to be kept `separation` m apart, as linked pairs are; `senses` (n,) and
-    `sensors` are of all vehicles. `quick` tries fewer starts.
+    `guards` are pairs to be kept `separation` m apart, as linked pairs are; of the team's orbits
+    phases do not matter. `quick` tries fewer starts.
     """
     both, links = rules.joined(guards), len(rules)
-    contact = tabulated_contact(rules, senses, sensors)
+    contact = tabulated_contact(rules, team)
     clearing = _distances_to_keep(both, links, separation)
     samples = _SAMPLES_APART if np.any(clearing > 0.0) else _SAMPLES
     difference = np.arange(samples) * (2.0 * np.pi / samples)
@@ -71,29 +73,49 @@ def phases_in_sight(
     clearance[never] = np.inf
     tables = DifferenceTables(both.a, both.b, value, clearance)
     starts = _STARTS_QUICK if quick else _STARTS
-    found = phases_of_most_contact(tables, both.offset, len(senses), starts)
+    found = phases_of_most_contact(tables, both.offset, team.count, starts)
     unserved = np.union1d(found.unserved, np.flatnonzero(blind))
     phases = ContactPhases(found.theta, found.by_rule and len(unserved) == 0, unserved)
     return SightedPhases(phases, contact.attainable)
 
 
-def attainable_contact(
-    orbits: Orbits, sensors: Sensors, pairs: Index
-) -> dict[tuple[int, int], float]:
+def attainable_contact(team: Team, pairs: Index) -> dict[tuple[int, int], float]:
     """Return for each pair of (e, 2) the longest contact of any phases, as a part of a period."""
-    rules = rules_of(orbits.centers, orbits.radii, orbits.senses, sensors.ranges, pairs)
-    most = tabulated_contact(rules, orbits.senses, sensors).attainable
+    orbits = team.orbits
+    rules = rules_of(orbits.centers, orbits.radii, orbits.senses, team.sensors.ranges, pairs)
+    most = tabulated_contact(rules, team).attainable
     return dict(zip(rules.edges, most.tolist(), strict=True))
 
 
-def why_unseen(attainable: float) -> str:
-    """Return why no phases serve a link that could see for `attainable` of a period by itself."""
+def why_unseen(team: Team, pair: Index, attainable: float) -> str:
+    """Return why no phases serve a link (2,) that could see for `attainable` of a period alone."""
+
+    def longest(seeing: Team) -> float:
+        (found,) = attainable_contact(seeing, pair[None]).values()
+        return found
+
     if attainable <= 0.0:
+        if blocking := obstacles_blocking(team, longest):
+            return f"sight is blocked by {blocking} at all phases"
         return "at no phases does either vehicle come into the other's range and field of view"
+    within = "fields of view and past the obstacles" if team.obstacles else "fields of view"
     return (
-        "the phases can't serve all links at once within the fields of view; by itself this link "
+        f"the phases can't serve all links at once within the {within}; by itself this link "
         f"could be in contact for {100.0 * attainable:.3g} % of a period"
     )
+
+
+def obstacles_blocking(team: Team, contact: Callable[[Team], float]) -> str:
+    """Return in words the obstacles that take contact from a team, "" if it has none without."""
+    free = contact(replace(team, obstacles=())) if team.obstacles else 0.0
+    if free <= 0.0:
+        return ""
+    each = [
+        f"obstacles_m[{k}]"
+        for k, one in enumerate(team.obstacles)
+        if contact(replace(team, obstacles=(one,))) < free
+    ]
+    return listed(each, _MOST_NAMED)
 
 
 def _distances_to_keep(rules: Rules, links: int, separation: float) -> Array:

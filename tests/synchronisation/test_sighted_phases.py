@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from syncplan.orbits.circles import Orbits, heading, position, wrap
+from syncplan.orbits.circles import heading, position, wrap
 from syncplan.orbits.separation import closest_approach
 from syncplan.planning.planner import plan
 from syncplan.reports.plan_report import plan_document
@@ -59,7 +59,7 @@ def test_links_that_exclude_each_other_are_served_one_by_one() -> None:
     found = team.synchronised()
     (lost,) = found.dropped
     assert "by itself this link could be in contact for" in lost.reason
-    contact = contact_of_pairs(team.orbits(found.phases), team.sensors, team.pairs)
+    contact = contact_of_pairs(team.flown(found.phases), team.pairs)
     most = contact_curves(team, 720).max(axis=1)
     assert contact[lost.link] == 0.0
     # the two that are left are a tree
@@ -100,7 +100,7 @@ def test_vehicles_whose_circles_cross_see_each_other_and_stay_apart(apart: float
     nearest = closest_approach(team.orbits(found.phases))
     assert nearest is not None
     assert nearest.distance >= 2.0 - 1e-3
-    assert contact_of_pairs(team.orbits(found.phases), team.sensors, team.pairs)[0] > 0.5
+    assert contact_of_pairs(team.flown(found.phases), team.pairs)[0] > 0.5
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -112,7 +112,7 @@ def test_the_contact_of_a_residual_is_what_sampled_sight_finds(seed: int) -> Non
     pairs = team.pairs[:1]
     phases = generator.uniform(0.0, 2.0 * np.pi, team.count)
     rules = rules_of(team.centers, team.radii, team.senses, team.sensors.ranges, pairs)
-    table = tabulated_contact(rules, team.senses, team.sensors)
+    table = tabulated_contact(rules, team.flown(np.zeros(team.count)))
     at = table.at(residuals(rules, team.senses * phases)[:, None])[0, 0]
     assert 0.0 <= at <= 1.0 + 1e-12
     orbits = team.orbits(phases)
@@ -125,7 +125,7 @@ def test_the_contact_of_a_residual_is_what_sampled_sight_finds(seed: int) -> Non
         seen |= (np.hypot(*away.T) <= team.sensors.ranges[a]) & (
             np.abs(off) <= 0.5 * team.sensors.fields_of_view[a]
         )
-    assert contact_of_pairs(orbits, team.sensors, pairs)[0] == pytest.approx(seen.mean(), abs=2e-3)
+    assert contact_of_pairs(team.flown(phases), pairs)[0] == pytest.approx(seen.mean(), abs=2e-3)
     # between two samples of the table, a degree apart, contact may begin like a square root
     assert at * table.attainable[0] == pytest.approx(seen.mean(), abs=0.05)
 
@@ -176,7 +176,7 @@ def test_a_ring_of_six_cameras_shares_what_can_be_seen() -> None:
     )
     found = team.synchronised()
     most = contact_curves(team, 720).max(axis=1)
-    share = contact_of_pairs(team.orbits(found.phases), team.sensors, team.pairs) / most
+    share = contact_of_pairs(team.flown(found.phases), team.pairs) / most
     assert found.method == "largest contact"
     assert not found.dropped
     assert share.min() > 0.9
@@ -202,9 +202,8 @@ def test_a_vehicle_shared_by_two_blocks_keeps_one_phase() -> None:
     sensors = cameras(5, 60.0, np.radians(170.0), np.radians(40.0))
     both = team_of(centers, links, sensors)
     phases = both.synchronised().phases
-    found = contact_of_pairs(both.orbits(phases), sensors, both.pairs)
+    found = contact_of_pairs(both.flown(phases), both.pairs)
     alone = team_of(centers[:3], ALL, sensors.only(np.arange(3)))
-    orbits = Orbits(alone.centers, alone.radii, alone.senses, alone.synchronised().phases, 1.0)
-    by_itself = contact_of_pairs(orbits, alone.sensors, alone.pairs)
+    by_itself = contact_of_pairs(alone.flown(alone.synchronised().phases), alone.pairs)
     assert found[:3].min() == pytest.approx(by_itself.min(), rel=1e-6)
     assert found[3:].min() == pytest.approx(by_itself.min(), rel=0.03)

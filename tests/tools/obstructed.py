@@ -149,7 +149,7 @@ class _Pair:
         return found
 
     def sees(self, t: Array) -> Flags:
-        found: Flags = np.all(self.margins(t) >= 0.0, axis=1, keepdims=True)[:, 0]
+        found = np.asarray((self.margins(t) >= 0.0).all(axis=1))
         found[found] = ~self.blocked(t[found])
         return found
 

@@ -9,7 +9,8 @@ from syncplan.arrays import Array, Flags, Index, as_pairs
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.separation import circle_gaps
-from syncplan.synchronisation.contact_tables import contact_of_pairs
+from syncplan.orbits.team import Team
+from syncplan.synchronisation.contact_tables import contact_of_pairs, seeing_team
 from syncplan.synchronisation.phase_rules import closest_distance, rules_of
 from syncplan.synchronisation.phases import Synchronisation, synchronise
 
@@ -40,6 +41,10 @@ class PhaseTeam:
     def orbits(self, phases: Array) -> Orbits:
         """Return the circles with these phases (n,)."""
         return Orbits(self.centers, self.radii, self.senses, phases, 1.0)
+
+    def flown(self, phases: Array) -> Team:
+        """Return the team with these phases (n,), as far as seeing goes."""
+        return seeing_team(self.orbits(phases), self.sensors)
 
     def synchronised(self, *, margin_bound: bool = False) -> Synchronisation:
         """Return the phases that syncplan finds."""
@@ -150,7 +155,9 @@ def contact_curves(team: PhaseTeam, steps: int) -> Array:
         )
         each = 2 * np.arange(steps)
         found.append(
-            contact_of_pairs(orbits, team.sensors.only(chosen), np.column_stack([each, each + 1]))
+            contact_of_pairs(
+                seeing_team(orbits, team.sensors.only(chosen)), np.column_stack([each, each + 1])
+            )
         )
     return np.array(found).reshape(len(team.pairs), steps)
 
@@ -180,7 +187,7 @@ def shares_of(team: PhaseTeam, phases: Array) -> tuple[Array, Flags]:
     The share of a link that none serve is 1.
     """
     most = contact_curves(team, 720).max(axis=1)
-    contact = contact_of_pairs(team.orbits(phases), team.sensors, team.pairs)
+    contact = contact_of_pairs(team.flown(phases), team.pairs)
     seen = most > 0.0
     return np.where(seen, contact / np.where(seen, most, 1.0), 1.0), seen
 
