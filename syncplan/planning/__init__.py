@@ -9,7 +9,7 @@ distance_limits     how near vehicles may come to each other and to landmarks
 findings            what speaks against flying a plan, and the verdict
 observability_checks  findings on rank and certificate
 path_checks         findings on distances, areas and limits
-link_checks         findings on links lost or easily lost
+link_checks         findings on links lost or easily lost, hidden landmarks
 lost_parts          what can be lost, by name, and the scenario of what is left
 loss_checks         findings on single points of failure
 search_checks       findings on how the plan was found

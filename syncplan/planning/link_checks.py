@@ -1,12 +1,13 @@
-"""Whether vehicles meet as asked: findings on links that are lost or easily lost."""
+"""Whether what is to be seen can be: findings on links lost or easily lost, hidden landmarks."""
 
 from collections.abc import Iterator
 
+from syncplan.orbits.sight_lines import hidden_landmarks
 from syncplan.phrases import listed
 from syncplan.planning.findings import MOST_NAMED, Cure, Finding
 from syncplan.planning.judged_team import JudgedTeam
 
-__all__ = ["fragile_links", "lost_links"]
+__all__ = ["fragile_links", "landmarks_hidden", "lost_links"]
 
 FRAGILE_SHARE = 0.01
 """Of a period: a link that a vehicle this late loses is fragile."""
@@ -15,13 +16,29 @@ FRAGILE_SHARE = 0.01
 def lost_links(judged: JudgedTeam) -> Iterator[Finding]:
     """Yield the listed links that never come into contact."""
     names = judged.scenario.vehicle_names
+    cure = "a longer range, nearer circles, or other phases"
+    if judged.team.obstacles:
+        cure += "; where sight is blocked, circles with nothing between them"
     for item in judged.dropped_links:
         yield Finding(
             "link-lost",
             "warning",
             f"link {names[item.a]}-{names[item.b]} dropped: {item.reason}",
             (names[item.a], names[item.b]),
-            Cure("a longer range, nearer circles, or other phases"),
+            Cure(cure),
+        )
+
+
+def landmarks_hidden(judged: JudgedTeam) -> Iterator[Finding]:
+    """Yield the landmarks that lie within an obstacle."""
+    names = judged.scenario.landmark_names
+    for landmark, obstacle in hidden_landmarks(judged.team).items():
+        yield Finding(
+            "landmark-hidden",
+            "warning",
+            f"{names[landmark]} lies within obstacles_m[{obstacle}], where nobody can see it",
+            (names[landmark],),
+            Cure("move the landmark to the obstacle's outline or off it, or correct the outline"),
         )
 
 
