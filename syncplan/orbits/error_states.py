@@ -132,6 +132,16 @@ class StateLayout:
         """Number of states."""
         return 3 * self.count + len(self.sigmas)
 
+    @property
+    def units(self) -> list[str]:
+        """Unit of each further state, in words."""
+        found = [""] * len(self.sigmas)
+        for name in self.names:
+            for column in self.columns[name].ravel().tolist():
+                if column >= 0:
+                    found[column - 3 * self.count] = ERROR_STATES[name].unit
+        return found
+
     def labels(self, vehicles: Sequence[str]) -> list[str]:
         """Return what each further state is: `wind x`, `speed scale of v1`."""
         texts = [""] * len(self.sigmas)

@@ -3,14 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from syncplan.arrays import Array
 from syncplan.errors import NoSolutionError
 from syncplan.estimation.considered_errors import expected_errors, neglected_errors
 from syncplan.estimation.referred_system import PosteriorBound
 from syncplan.orbits.contacts import Windows
-from syncplan.orbits.error_states import ERROR_STATES, layout_of
+from syncplan.orbits.error_states import layout_of
 from syncplan.orbits.team import Team
 
 __all__ = ["Neglect", "PredictedState", "Prediction", "neglect_of", "predicted_states"]
@@ -77,16 +75,11 @@ def predicted_states(
 ) -> tuple[PredictedState, ...]:
     """Return what a bound says of further states, of vehicles with these names."""
     layout = layout_of(team)
-    units = [""] * (layout.size - 3 * team.count)
-    for name in layout.names:
-        for column in np.unique(layout.columns[name]):
-            if column >= 0:
-                units[column - 3 * team.count] = ERROR_STATES[name].unit
     return tuple(
         PredictedState(*one)
         for one in zip(
             layout.labels(names),
-            units,
+            layout.units,
             layout.sigmas.tolist(),
             bound.errors_second_half().tolist(),
             strict=True,

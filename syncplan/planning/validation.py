@@ -23,6 +23,12 @@ from syncplan.estimation.trials import Accuracy, MonteCarloResult, accuracy, mer
 from syncplan.orbits.sightings import Sightings
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.judgement import bound_is_affordable
+from syncplan.planning.predicted_errors import (
+    PredictedState,
+    Prediction,
+    neglect_of,
+    predicted_states,
+)
 from syncplan.planning.start_up import StartTrials, concluded
 from syncplan.planning.subjects import PlanSubject, planned
 from syncplan.results import Result
@@ -43,6 +49,10 @@ class Validation(Result):
     result : per trial figures, and the series where asked for
     accuracy : RMS errors by vehicle
     predicted : (n,) m, the bound's RMS over the second half; None where not computed
+    predicted_errors : the same of the filter's further states; empty where there are none, or it is
+        not computed
+    expected : (n,) m, what the filter is expected to make of it, as it does not estimate errors
+        that the scenario names; None where it estimates all, or not computed
     coverage : (n,) share of coordinates within three sigma
     anees, nis : consistency figures, with intervals from the spread over trials
     """
@@ -53,6 +63,8 @@ class Validation(Result):
     result: MonteCarloResult
     accuracy: Accuracy
     predicted: Array | None
+    predicted_errors: tuple[PredictedState, ...]
+    expected: Array | None
     coverage: Array
     anees: Consistency
     nis: Consistency
@@ -184,14 +196,17 @@ def conclude(run: TrialRun, parts: Sequence[MonteCarloResult]) -> Validation:
             f"the filter diverged in {lost} of {run.trials} trials: its errors are no longer "
             "finite; smaller sigmas or a shorter sample time may help"
         )
-    found, predicted = accuracy(result), _predicted(flown, run.duration)
+    found, prediction = accuracy(result), _prediction(flown, run.duration)
+    expected = None if prediction.neglect is None else prediction.neglect.expected
     return Validation(
-        plan=_with_own_trials(run, found, predicted),
+        plan=_with_own_trials(run, found, prediction.rms if expected is None else expected),
         duration=run.duration,
         options=run.options,
         result=result,
         accuracy=found,
-        predicted=predicted,
+        predicted=prediction.rms,
+        predicted_errors=prediction.states,
+        expected=expected,
         coverage=coverage(result.covered.mean(axis=0), result.coverage_samples),
         anees=anees(result.nees, 3 * flown.orbits.count),
         nis=nis(result.nis_sums, result.accepted, run.options.gate_probability),
@@ -216,12 +231,21 @@ def _with_own_trials(run: TrialRun, found: Accuracy, predicted: Array | None) ->
     return replace(flown, start_up=start_up)
 
 
-def _predicted(flown: Plan, duration: float) -> Array | None:
-    if duration == flown.scenario.duration_s and flown.prediction.rms is not None:
-        return flown.prediction.rms
+def _prediction(flown: Plan, duration: float) -> Prediction:
+    """The plan's own, or one for another duration."""
+    known = flown.prediction
+    if duration == flown.scenario.duration_s and known.rms is not None:
+        return known
+    nothing = replace(known, rms=None, states=(), neglect=None)
     if not bound_is_affordable(flown.team, duration):
-        return None
+        return nothing
     try:
-        return posterior_bound(flown.team, flown.windows, duration).rms_second_half()
+        bound = posterior_bound(flown.team, flown.windows, duration)
     except NoSolutionError:
-        return None
+        return nothing
+    return replace(
+        known,
+        rms=bound.rms_second_half(),
+        states=predicted_states(flown.team, bound, flown.scenario.vehicle_names),
+        neglect=neglect_of(flown.team, flown.windows, duration),
+    )

@@ -7,6 +7,7 @@ refinement_schemas  the JSON contract of refinements
 plan_schemas        of plans
 site_schemas        of choices of landmark sites
 loss_schemas        of what losses do to a plan
+state_error_schemas  of errors of states that are no poses
 run_schemas         of validations, replays and sweeps
 consistency_words   ANEES and NIS in words
 job_contract        kinds and states of the service's jobs
@@ -14,6 +15,8 @@ refinement_report   refinements
 plan_report         plans
 loss_report         what losses do to a plan
 sites_report        choices of landmark sites
+state_errors_report  errors of states that are no poses
+validation_notes    what the figures of a validation mean
 validation_report   validations and sweeps
 replay_report       replays
 presentations       results as documents, data frames and HTML

@@ -7,6 +7,7 @@ from pydantic import Field
 from syncplan.estimation.filters import FilterName
 from syncplan.planning.swept_keys import SWEPT_KEYS
 from syncplan.reports.document_base import Document, DocumentPart, VersionedDocument
+from syncplan.reports.state_error_schemas import StateErrorFigures, StateErrorSeries
 from syncplan.reports.verdict_schemas import PlanVerdict
 
 if TYPE_CHECKING:
@@ -116,11 +117,17 @@ class VehicleSeries(DocumentPart):
     sigma_heading_rad: list[float]
 
 
-class Series(DocumentPart):
+class Series(Document):
     """Errors over time."""
+
+    left_out_if_none: ClassVar[frozenset[str]] = frozenset({"errors"})
 
     time_s: list[float]
     vehicles: list[VehicleSeries]
+    errors: list[StateErrorSeries] | None = Field(
+        default=None,
+        description="Of states of the filter that are no poses; absent where there are none",
+    )
 
 
 class _RunReport(VersionedDocument):
@@ -134,6 +141,8 @@ class _RunReport(VersionedDocument):
 class ValidationDocument(_RunReport):
     """A Monte Carlo run of the filter on a plan."""
 
+    left_out_if_none: ClassVar[frozenset[str]] = frozenset({"series", "errors"})
+
     verdict: PlanVerdict | None = Field(
         default=None, description="Of the plan that was flown; null in older files"
     )
@@ -144,7 +153,11 @@ class ValidationDocument(_RunReport):
     observable: bool
     vehicles: list[VehicleFigures]
     overall: ErrorFigures
-    anees: Spread
+    errors: list[StateErrorFigures] | None = Field(
+        default=None,
+        description="Of states of the filter that are no poses; absent where there are none",
+    )
+    anees: Spread = Field(description="Of the poses alone")
     nis: Spread
     series: Series | None = None
     notes: list[str]

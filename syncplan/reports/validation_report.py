@@ -14,7 +14,6 @@ from syncplan.estimation.trials import Accuracy, MonteCarloResult, series
 from syncplan.planning.sweeps import ValidatedRow
 from syncplan.planning.swept_keys import swept_key
 from syncplan.planning.validation import Validation
-from syncplan.reports.consistency_words import interval_words
 from syncplan.reports.document_base import finite_or_none
 from syncplan.reports.run_schemas import (
     ErrorFigures,
@@ -27,12 +26,11 @@ from syncplan.reports.run_schemas import (
     VehicleFigures,
     VehicleSeries,
 )
+from syncplan.reports.state_errors_report import series_of_states, state_errors_of
+from syncplan.reports.validation_notes import notes_on
 from syncplan.reports.verdict_schemas import plan_verdict
 
 __all__ = ["series_of", "spread_of", "sweep_document", "validation_document"]
-
-FEW_SHAPE_THE_RMS = 1.5
-"""RMS over the median trial's error, above which a few trials make up the RMS."""
 
 _FACTORS = (3.0, 10.0)
 """Multiples of the bound that the shares of trials are over."""
@@ -41,8 +39,8 @@ _FACTORS = (3.0, 10.0)
 def validation_document(validation: Validation) -> ValidationDocument:
     """Return the report of a Monte Carlo run."""
     plan = validation.plan
-    names = plan.scenario.vehicle_names
     result, overall = validation.result, _overall(validation)
+    anees = spread_of(validation.anees)
     return ValidationDocument(
         version=__version__,
         name=plan.scenario.name,
@@ -60,10 +58,11 @@ def validation_document(validation: Validation) -> ValidationDocument:
         observable=plan.observable,
         vehicles=_vehicles(validation),
         overall=overall,
-        anees=spread_of(validation.anees),
+        errors=state_errors_of(validation),
+        anees=anees,
         nis=spread_of(validation.nis),
-        series=series_of(result, names, plan.sensors.sample_time) if result.branches else None,
-        notes=_filter_notes(validation, overall),
+        series=_series(validation) if result.branches else None,
+        notes=notes_on(validation, overall, anees),
     )
 
 
@@ -151,6 +150,13 @@ def _figures(
     }
 
 
+def _series(validation: Validation) -> Series:
+    plan = validation.plan
+    names, sample_time = plan.scenario.vehicle_names, plan.sensors.sample_time
+    poses = series_of(validation.result, names, sample_time)
+    return poses.model_copy(update={"errors": series_of_states(validation)})
+
+
 def spread_of(figure: Consistency) -> Spread:
     """Return a consistency figure as a document holds it."""
     return Spread(
@@ -188,57 +194,4 @@ def series_of(result: MonteCarloResult, names: Sequence[str], sample_time: float
             )
             for k, name in enumerate(names)
         ],
-    )
-
-
-def _filter_notes(validation: Validation, report: ErrorFigures) -> list[str]:
-    """What the figures mean for the reader, in plain words."""
-    figure = spread_of(validation.anees)
-    notes = []
-    if not validation.plan.observable:
-        notes.append(_unobservable_note(validation, figure))
-    elif figure.verdict == "optimistic":
-        notes.append(
-            f"the filter is optimistic (ANEES {interval_words(figure)}): it makes larger errors "
-            "than its sigmas say, because it linearises about its own estimate; smaller initial "
-            "sigmas or more sightings help"
-        )
-    outliers = _outliers_note(report)
-    if outliers:
-        notes.append(outliers)
-    lost = int(np.isnan(validation.result.nees).sum())
-    if lost:
-        notes.append(f"{lost} trials ended with a covariance that is not positive definite")
-    return notes
-
-
-def _unobservable_note(validation: Validation, figure: Spread) -> str:
-    plan = validation.plan
-    verdict = plan.observability
-    motions = "; ".join(item.description for item in plan.unobservable[:3])
-    text = (
-        f"the plan is NOT observable (rank {verdict.rank} of {verdict.state_dim}): no sighting "
-        f"can detect {motions}. Along them the filter's sigmas are those of the start, grown by "
-        "the noise of the motion: they hold where initial_sigma is true, small against the "
-        "distances of sight, and the run is short"
-    )
-    if figure.verdict == "optimistic":
-        text += (
-            f". Here they do not hold: the filter is optimistic (ANEES {interval_words(figure)})"
-        )
-    return text
-
-
-def _outliers_note(overall: ErrorFigures) -> str | None:
-    """Where some trials are so far off that the RMS is theirs."""
-    far, lost = overall.share_over_3_predicted, overall.share_over_10_predicted
-    median = overall.median_rms_second_half_m
-    if not far or lost is None or median is None:
-        return None
-    if overall.rms_second_half_m <= FEW_SHAPE_THE_RMS * median and not lost:
-        return None
-    return (
-        f"in {100.0 * far:.3g} % of the trials some vehicle is off by more than 3 times the "
-        f"bound, in {100.0 * lost:.3g} % by more than 10 times: they shape the RMS of "
-        f"{overall.rms_second_half_m:.3g} m, the median trial has {median:.3g} m"
     )
