@@ -19,7 +19,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.observability.rank import RANK_TOLERANCE, link_information, stacked_rows
+from syncplan.observability.rank import (
+    RANK_TOLERANCE,
+    link_information,
+    lone_rows,
+    stacked_rows,
+)
 from syncplan.orbits.contacts import find_windows, reachable_pairs
 from syncplan.orbits.sightings import sightings_over
 from syncplan.planning.judged_plan import Plan
@@ -128,8 +133,9 @@ class Evaluation:
 def candidate_information(plan: Plan, candidates: Array) -> SiteInformation:
     """Return what candidates (S, 2) m would add to the sightings of a plan."""
     team, window = plan.team, plan.scenario.window
-    links = link_information(team, sightings_over(team, plan.windows, window))
-    fixed = stacked_rows(links, team.count)
+    sightings = sightings_over(team, plan.windows, window)
+    links, alone = link_information(team, sightings), lone_rows(team, sightings)
+    fixed = stacked_rows(links, team.count, alone)
     if len(fixed) > 3 * team.count:
         fixed = np.asarray(np.linalg.qr(fixed, mode="r"))
     beside = replace(team, landmarks=candidates)

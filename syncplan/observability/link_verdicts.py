@@ -15,10 +15,11 @@ from syncplan.observability.certificate import counts
 from syncplan.observability.rank import LinkInformation
 from syncplan.observability.unobservable_modes import lost_bearing
 from syncplan.observability.window_assessment import Assessment
-from syncplan.orbits.circles import Orbits, wrap
+from syncplan.orbits.circles import wrap
 from syncplan.orbits.contacts import merge_windows
 from syncplan.orbits.paths import relative_motion
 from syncplan.orbits.separation import least_distances
+from syncplan.orbits.team import Team
 from syncplan.synchronisation.phase_tolerance import contact_tolerances, rule_residuals
 
 __all__ = ["LinkVerdict", "landmark_verdicts", "vehicle_verdicts"]
@@ -95,7 +96,7 @@ def vehicle_verdicts(assessed: Assessment, pairs: Index) -> list[LinkVerdict]:
                 backward=backward,
                 rank=min(link.rank, 3) if link else 0,
                 certified=link is not None and counts(link, 3, largest),
-                reason=_why_short_of_three(orbits, link, len(met), largest),
+                reason=_why_short_of_three(team, link, len(met), largest),
                 residual=float(residual[k]),
                 tolerance=float(tolerance[k]),
             )
@@ -134,7 +135,7 @@ def landmark_verdicts(assessed: Assessment) -> list[LinkVerdict]:
 
 
 def _why_short_of_three(
-    orbits: Orbits, link: LinkInformation | None, windows: int, largest: float
+    team: Team, link: LinkInformation | None, windows: int, largest: float
 ) -> str:
     if link is None:
         return "in contact only between samples" if windows else "never in contact"
@@ -144,6 +145,7 @@ def _why_short_of_three(
         return f"fewer than three sightings ({link.sightings})"
     if link.singular_values[0] == 0.0:
         return "always at the same place: there is no bearing"
+    orbits = team.orbits
     if lost_bearing(orbits, link) is not None:
         a, b = link.a, link.b
         together = (
@@ -154,7 +156,8 @@ def _why_short_of_three(
         if together:
             return "parallel motion at equal speed: the distance is lost"
         return "the line of sight never turns: the distance along it is lost"
-    if link.one_way:
+    measured = np.isfinite(team.sensors.range_sigmas[[link.a, link.b]])
+    if link.one_way and not measured.any():
         return (
             "one-way sighting with a degenerate ratio of radii, "
             "R_seen = R_seeing cos(phase difference): a turn is lost"

@@ -19,7 +19,13 @@ from itertools import pairwise
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.observability.rank import RANK_TOLERANCE, assess, link_information, stacked_rows
+from syncplan.observability.rank import (
+    RANK_TOLERANCE,
+    assess,
+    link_information,
+    lone_rows,
+    stacked_rows,
+)
 from syncplan.observability.referred_rows import sighting_rows
 from syncplan.observability.window_assessment import Assessment
 from syncplan.orbits.losses import Loss, remainder_of
@@ -52,12 +58,17 @@ class _Rows:
         return _Rows(self.blocks[chosen], self.observers[chosen], self.targets[chosen])
 
     def lost(self, loss: Loss, count: int) -> Flags:
-        """Return (r,) whether a loss of a team of `count` vehicles takes each row."""
+        """Return (r,) whether a loss of a team of `count` vehicles takes each row.
+
+        What a vehicle measures of itself needs no sensor that can be lost.
+        """
         gone = [*loss.vehicles, *(count + k for k in loss.landmarks)]
         lost = np.zeros(len(self.blocks), dtype=bool)
-        for own, bodies in ((self.observers, loss.vehicles + loss.sensors), (self.targets, gone)):
+        for own, bodies in ((self.observers, loss.vehicles), (self.targets, gone)):
             for body in bodies:
                 lost |= own == body
+        for body in loss.sensors:
+            lost |= (self.observers == body) & (self.targets != body)
         return lost
 
     def times(self, matrix: Array) -> Array:
@@ -75,7 +86,9 @@ def decisive_losses(assessed: Assessment, losses: Sequence[Loss]) -> list[Loss]:
     if not assessed.observability.observable:
         return []
     rows = _directed_rows(assessed)
-    triangle = np.linalg.qr(stacked_rows(assessed.information, assessed.team.count), mode="r")
+    alone = lone_rows(assessed.team, assessed.sightings)
+    matrix = stacked_rows(assessed.information, assessed.team.count, alone)
+    triangle = np.linalg.qr(matrix, mode="r")
     inverse = np.linalg.inv(triangle)
     measured = _Measured(assessed, rows, inverse, rows.times(inverse))
     return [loss for loss in losses if measured.lacks(loss)]
@@ -137,7 +150,8 @@ class _Measured:
                 return True
         left = remainder_of(team, loss)
         sightings, _ = left.sightings(self.assessed.sightings)
-        return not assess(left.team, link_information(left.team, sightings)).observable
+        links, alone = link_information(left.team, sightings), lone_rows(left.team, sightings)
+        return not assess(left.team, links, alone).observable
 
     def _seen(self, lost: Flags, loss: Loss) -> Array:
         """The rows lost, in the team's own measure."""

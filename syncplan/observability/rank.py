@@ -3,6 +3,9 @@
 Its rows are those of syncplan.observability.referred_rows. Each link's rows are first reduced to at
 most six by its own singular value decomposition. That is an orthogonal change of the rows: the
 singular values of the whole matrix stay what they are, and nothing is ever squared.
+
+Bearings and distances of a pair are rows of one link. What a vehicle measures of itself, as a
+compass does, belongs to no link: its rows enter the matrix alone.
 """
 
 from collections.abc import Iterator
@@ -13,6 +16,7 @@ import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.observability.referred_rows import sighting_rows
+from syncplan.orbits.sighting_kinds import of_targets
 from syncplan.orbits.sightings import Sightings
 from syncplan.orbits.team import Team
 
@@ -24,6 +28,8 @@ __all__ = [
     "PairRows",
     "assess",
     "link_information",
+    "lone_rows",
+    "matrix_rank",
     "pair_rows",
     "stacked_rows",
 ]
@@ -85,7 +91,7 @@ class LinkInformation:
     @property
     def rank(self) -> int:
         """Number of singular values above LINK_TOLERANCE times the largest."""
-        return _rank(self.singular_values, LINK_TOLERANCE)
+        return matrix_rank(self.singular_values, LINK_TOLERANCE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,6 +138,9 @@ class Observability:
 
 def pair_rows(team: Team, sightings: Sightings, scale: float | None = None) -> Iterator[PairRows]:
     """Yield the rows of each pair that is sighted at least once, ordered by (a, b)."""
+    paired = of_targets(sightings.kinds)
+    if not paired.all():
+        sightings = sightings.only(paired)
     rows = sighting_rows(team, sightings, scale)
     swapped = (sightings.targets < team.count) & (sightings.targets < sightings.observers)
     rows = np.where(swapped[:, None], rows[:, [3, 4, 5, 0, 1, 2]], rows)
@@ -168,17 +177,43 @@ def link_information(
     return links
 
 
-def assess(team: Team, links: list[LinkInformation], scale: float | None = None) -> Observability:
+def lone_rows(team: Team, sightings: Sightings, scale: float | None = None) -> Array:
+    """Return (r, 3 n) what each vehicle measures of itself, reduced to at most three rows each.
+
+    Positions in mean radii, or in `scale` m.
+    """
+    alone = ~of_targets(sightings.kinds)
+    if not alone.any():
+        return np.zeros((0, 3 * team.count))
+    own = sightings.only(alone)
+    rows = sighting_rows(team, own, scale)[:, :3]
+    blocks = []
+    for vehicle in np.unique(own.observers).tolist():
+        reduced = np.asarray(np.linalg.qr(rows[own.observers == vehicle], mode="r"))
+        reduced = reduced[np.any(reduced != 0.0, axis=1)]
+        block = np.zeros((len(reduced), 3 * team.count))
+        block[:, 3 * vehicle : 3 * vehicle + 3] = reduced
+        blocks.append(block)
+    return np.concatenate(blocks)
+
+
+def assess(
+    team: Team,
+    links: list[LinkInformation],
+    alone: Array | None = None,
+    scale: float | None = None,
+) -> Observability:
     """Return rank, gap and unobservable directions of the windowed matrix.
 
-    `scale` in m is the one that `links` were computed with.
+    `alone` are the rows of `lone_rows`, None where there are none; `scale` in m is the one that
+    both were computed with.
     """
     size = 3 * team.count
-    matrix = stacked_rows(links, team.count)
+    matrix = stacked_rows(links, team.count, alone)
     if len(matrix) > size:
         matrix = np.asarray(np.linalg.qr(matrix, mode="r"))
     values, null_space, variances = _decomposed(matrix, size)
-    rank = _rank(values, RANK_TOLERANCE)
+    rank = matrix_rank(values, RANK_TOLERANCE)
     below = values[rank] if rank < size else 0.0
     return Observability(
         rank=rank,
@@ -198,18 +233,21 @@ def _decomposed(matrix: Array, size: int) -> tuple[Array, Array, Array]:
     """
     if size > VECTORS_LIMIT and len(matrix) == size:
         values = np.asarray(np.linalg.svd(matrix, compute_uv=False), dtype=float)
-        if _rank(values, RANK_TOLERANCE) == size:
+        if matrix_rank(values, RANK_TOLERANCE) == size:
             return values, np.zeros((0, size)), np.sum(np.linalg.inv(matrix) ** 2, axis=1)
     _, found, vectors = np.linalg.svd(matrix, full_matrices=True)
     right = np.asarray(vectors, dtype=float)
     values = np.concatenate([found, np.zeros(size - len(found))]).astype(float)
-    rank = _rank(values, RANK_TOLERANCE)
+    rank = matrix_rank(values, RANK_TOLERANCE)
     variances = np.sum((right[:rank] / values[:rank, None]) ** 2, axis=0)
     return values, right[rank:], variances
 
 
-def stacked_rows(links: list[LinkInformation], count: int) -> Array:
-    """Return the (r, 3 n) reduced rows of all links in the team's columns, about three a link."""
+def stacked_rows(links: list[LinkInformation], count: int, alone: Array | None = None) -> Array:
+    """Return the (r, 3 n) reduced rows of all links in the team's columns, about three a link.
+
+    After them those of `alone`, what vehicles measure of themselves.
+    """
     largest = max((float(link.singular_values[0]) for link in links), default=0.0)
     blocks = []
     for link in links:
@@ -220,10 +258,13 @@ def stacked_rows(links: list[LinkInformation], count: int) -> Array:
         if link.b < count:
             rows[:, 3 * link.b : 3 * link.b + 3] = reduced[:, 3:]
         blocks.append(rows)
+    if alone is not None and len(alone):
+        blocks.append(alone)
     return np.concatenate(blocks) if blocks else np.zeros((0, 3 * count))
 
 
-def _rank(values: Array, tolerance: float) -> int:
+def matrix_rank(values: Array, tolerance: float) -> int:
+    """Return how many singular values, descending, are above `tolerance` times the largest."""
     if len(values) == 0 or values[0] == 0.0:
         return 0
     return int(np.sum(values > tolerance * values[0]))

@@ -166,7 +166,9 @@ def _rigid_modes(naming: _Naming, part: list[int], held: dict[int, set[int]]) ->
 
 def _free_modes(naming: _Naming, part: list[int]) -> list[_Candidate]:
     who = _who(naming, part)
-    cure = _grounding(naming, part, "sightings of two landmarks")
+    compasses = np.isfinite(naming.team.sensors.compass_sigmas[part])
+    wanted = "a landmark" if compasses.any() else "two landmarks"
+    cure = _grounding(naming, part, f"sightings of {wanted}")
     shifts = [
         _Candidate(f"shift of {who} along {axis}", _shift(naming, part, angle), cure)
         for axis, angle in (("x", 0.0), ("y", np.pi / 2.0))

@@ -8,7 +8,13 @@ Plans are judged by it, and so is every candidate of a refinement.
 from dataclasses import dataclass
 
 from syncplan.observability.certificate import Certificate, certify
-from syncplan.observability.rank import LinkInformation, Observability, assess, link_information
+from syncplan.observability.rank import (
+    LinkInformation,
+    Observability,
+    assess,
+    link_information,
+    lone_rows,
+)
 from syncplan.orbits.contacts import Windows, find_windows
 from syncplan.orbits.losses import Remainder
 from syncplan.orbits.sightings import Sightings, sightings_over
@@ -45,7 +51,8 @@ class Assessment:
         """Return rank and singular values with positions in `scale` m instead of mean radii."""
         if scale == self.observability.scale:
             return self.observability
-        return assess(self.team, link_information(self.team, self.sightings, scale), scale)
+        links = link_information(self.team, self.sightings, scale)
+        return assess(self.team, links, lone_rows(self.team, self.sightings, scale), scale)
 
 
 def assess_team(team: Team, window: float) -> Assessment:
@@ -61,6 +68,6 @@ def assess_remainder(before: Assessment, left: Remainder) -> Assessment:
 
 def _assessed(team: Team, windows: Windows, sightings: Sightings) -> Assessment:
     information = link_information(team, sightings)
-    verdict = assess(team, information)
+    verdict = assess(team, information, lone_rows(team, sightings))
     certificate = certify(team, verdict, information)
     return Assessment(team, windows, sightings, information, verdict, certificate)

@@ -54,7 +54,7 @@ class Remainder:
     team : of the k vehicles left, on their orbits
     vehicles : (k,) the numbers they had
     numbers : (n + m,) each body's new number, -1 for those that are lost
-    blind : (n,) whether a vehicle sees nothing any more
+    blind : (n,) whether a vehicle sees nothing any more, but what it measures of itself
     """
 
     team: Team
@@ -63,8 +63,12 @@ class Remainder:
     blind: Flags
 
     def still_seen(self, observers: Index, targets: Index) -> Flags:
-        """Return (p,) whether sightings of `targets` by `observers`, old numbers, remain."""
-        return np.asarray(~self.blind[observers] & (self.numbers[targets] >= 0))
+        """Return (p,) whether sightings of `targets` by `observers`, old numbers, remain.
+
+        A vehicle that is lost is blind; what others measure of themselves has no lost target.
+        """
+        sees = ~self.blind[observers] | (observers == targets)
+        return np.asarray(sees & (self.numbers[targets] >= 0))
 
     def windows(self, before: Windows) -> Windows:
         """Return the contact windows that remain, in their order."""

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from syncplan.arrays import Index
+from syncplan.arrays import Flags, Index
 from syncplan.orbits.contacts import Windows
 from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sighting_kinds import kinds_measured, of_targets
@@ -40,6 +40,12 @@ class Sightings:
         end = int(np.searchsorted(self.steps, last_step, side="right"))
         return Sightings(
             self.steps[:end], self.observers[:end], self.targets[:end], self.kinds[:end]
+        )
+
+    def only(self, chosen: Flags) -> "Sightings":
+        """Return the chosen sightings."""
+        return Sightings(
+            self.steps[chosen], self.observers[chosen], self.targets[chosen], self.kinds[chosen]
         )
 
     def first_of_steps(self, last_step: int) -> Index:

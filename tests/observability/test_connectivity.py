@@ -1,5 +1,6 @@
 """The connectivity period against every window looked at by itself."""
 
+from collections.abc import Callable
 from dataclasses import fields, replace
 
 import numpy as np
@@ -16,7 +17,7 @@ from syncplan.observability.rank import LINK_TOLERANCE, link_information
 from syncplan.observability.window_assessment import Assessment, assess_team
 from syncplan.orbits.sightings import Sightings, sample_sightings, steps_within
 from syncplan.orbits.team import Team
-from tests.tools.draws import draw_team
+from tests.tools.draws import draw_equipped_team, draw_team
 
 SAMPLES = 14
 
@@ -48,12 +49,15 @@ def _window_by_window(assessed: Assessment) -> float | None:
     return None if worst > SEARCHED_PERIODS * samples else worst * sensors.sample_time
 
 
+@pytest.mark.parametrize("draw", [draw_team, draw_equipped_team])
 @pytest.mark.parametrize("seed", range(12))
-def test_the_connectivity_period_is_the_longest_of_all_shortest_windows(seed: int) -> None:
+def test_the_connectivity_period_is_the_longest_of_all_shortest_windows(
+    seed: int, draw: Callable[[np.random.Generator], Team]
+) -> None:
     generator = np.random.default_rng(seed)
     found = 0
     while found < 2:
-        assessed = _coarse(draw_team(generator))
+        assessed = _coarse(draw(generator))
         ours = connectivity_period(assessed)
         assert ours == pytest.approx(_window_by_window(assessed))
         found += ours is not None

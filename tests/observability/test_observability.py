@@ -1,12 +1,14 @@
 """Ranks, rows and reasons against finite differences, dense matrices and the known cases."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from syncplan.observability.certificate import DISTINCT_LANDMARKS
-from syncplan.observability.rank import RANK_TOLERANCE, assess, link_information
+from syncplan.observability.rank import RANK_TOLERANCE, assess, link_information, lone_rows
 from syncplan.observability.referred_rows import NEAREST, sighting_rows
 from syncplan.observability.unobservable_modes import name_modes
 from syncplan.observability.window_assessment import assess_team
@@ -14,12 +16,13 @@ from syncplan.orbits.circles import Orbits, heading, position
 from syncplan.orbits.graphs import rpmg_at, union_over
 from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import sample_sightings
+from syncplan.orbits.team import Team
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.judgement import judge
 from syncplan.planning.planner import plan
 from syncplan.reports.plan_report import plan_document
 from syncplan.reports.plan_schemas import PlanDocument
-from tests.tools.draws import draw_team, judge_team, sightings_of
+from tests.tools.draws import draw_equipped_team, draw_team, judge_team, sightings_of
 from tests.tools.scenarios import example, small
 
 RANKS = {
@@ -115,7 +118,7 @@ def test_rows_of_bearings_are_the_derivative_by_the_initial_poses(seed: int) -> 
 
 @given(st.integers(0, 2**32 - 1))
 def test_reducing_each_link_leaves_the_singular_values_alone(seed: int) -> None:
-    team = draw_team(np.random.default_rng(seed))
+    team = draw_equipped_team(np.random.default_rng(seed))
     orbits = team.orbits
     sightings = sightings_of(team, 100)
     rows = sighting_rows(team, sightings)
@@ -124,7 +127,8 @@ def test_reducing_each_link_leaves_the_singular_values_alone(seed: int) -> None:
         dense[s, 3 * a : 3 * a + 3] += rows[s, :3]
         if b < orbits.count:
             dense[s, 3 * b : 3 * b + 3] += rows[s, 3:]
-    verdict = assess(team, link_information(team, sightings))
+    alone = lone_rows(team, sightings)
+    verdict = assess(team, link_information(team, sightings), alone)
     values = np.linalg.svd(dense, compute_uv=False)
     largest = max(float(values.max(initial=0.0)), 1e-300)
     count = min(len(values), verdict.state_dim)
@@ -133,16 +137,21 @@ def test_reducing_each_link_leaves_the_singular_values_alone(seed: int) -> None:
     )
 
 
-def test_no_certificate_holds_without_full_rank() -> None:
+@pytest.mark.parametrize(
+    ("draw", "draws"), [(draw_team, 2500), (draw_equipped_team, 1000)], ids=["plain", "equipped"]
+)
+def test_no_certificate_holds_without_full_rank(
+    draw: Callable[[np.random.Generator], Team], draws: int
+) -> None:
     held = near = 0
-    for number in range(2500):
-        certificate, verdict = judge_team(draw_team(np.random.default_rng(number)))
+    for number in range(draws):
+        certificate, verdict = judge_team(draw(np.random.default_rng(number)))
         if certificate.holds:
             held += 1
             near += verdict.singular_values[-1] < 1e-4 * verdict.singular_values[0]
             assert verdict.observable, number
-    assert held > 1000
-    assert near > 3, "the draws no longer come close to degenerate"
+    assert held > 0.4 * draws
+    assert near > 0.0012 * draws, "the draws no longer come close to degenerate"
 
 
 def test_a_counterexample_to_one_tolerance_for_each_link_alone_is_not_certified() -> None:

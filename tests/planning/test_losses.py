@@ -22,7 +22,7 @@ from syncplan.planning.lost_parts import lost_together, names_of, possible_losse
 from syncplan.planning.planner import plan
 from syncplan.reports.loss_report import what_if_document
 from syncplan.reports.loss_schemas import WhatIfDocument
-from tests.tools.draws import draw_team
+from tests.tools.draws import draw_equipped_team
 from tests.tools.lost import differences, drawn_plan, from_scratch, independent_rank
 from tests.tools.scenarios import example, small
 
@@ -59,7 +59,7 @@ def test_the_rank_without_a_sensor_is_that_of_sampled_sights_and_finite_differen
 def test_the_losses_that_end_observability_are_those_whose_remainder_is_not_observable(
     seed: int,
 ) -> None:
-    team = draw_team(np.random.default_rng(seed))
+    team = draw_equipped_team(np.random.default_rng(seed))
     assessed = assess_team(team, team.orbits.period)
     losses = single_losses(team)
     left = [assess_remainder(assessed, remainder_of(team, loss)) for loss in losses]

@@ -10,7 +10,7 @@ from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 
-from tests.tools.draws import draw_team, judge_team
+from tests.tools.draws import draw_equipped_team, judge_team
 
 DRAWS_PER_TASK = 1000
 
@@ -19,7 +19,7 @@ def search(task: int) -> tuple[int, float, list[int]]:
     """Return (certificates held, smallest share of the tolerance, counterexamples' numbers)."""
     held, closest, failures = 0, np.inf, []
     for number in range(task * DRAWS_PER_TASK, (task + 1) * DRAWS_PER_TASK):
-        team = draw_team(np.random.default_rng(number))
+        team = draw_equipped_team(np.random.default_rng(number))
         certificate, verdict = judge_team(team)
         if certificate.holds:
             held += 1

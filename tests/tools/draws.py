@@ -1,12 +1,15 @@
 """Random teams, a good part of them close to degenerate, for searches and property tests."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.observability.certificate import Certificate, certify
-from syncplan.observability.rank import Observability, assess, link_information
+from syncplan.observability.rank import Observability, assess, link_information, lone_rows
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import find_windows
+from syncplan.orbits.error_states import ERROR_STATES, ErrorSigmas
 from syncplan.orbits.noise import Noise
 from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import Sightings, sample_sightings
@@ -78,6 +81,49 @@ def draw_team(generator: np.random.Generator) -> Team:
     )
 
 
+def draw_equipped_team(generator: np.random.Generator) -> Team:
+    """Return a team of `draw_team` with further sensors, lasting errors and obstacles.
+
+    A quarter has none. The others have each with a probability of about a half: distances and
+    compasses on some vehicles, with sigmas over three orders of magnitude, sightings at intervals,
+    misses, errors of each kind as states, and triangles that block sight.
+    """
+    team = draw_team(generator)
+    if generator.random() < 0.25:
+        return team
+    count, size = team.count, float(team.orbits.radii.mean())
+
+    def some(values: Array, without: float) -> Array:
+        has = generator.random(count) < generator.choice([0.0, 0.5, 1.0])
+        return np.where(has, values, without)
+
+    sensors = replace(
+        team.sensors,
+        range_sigmas=some(size * 10.0 ** generator.uniform(-3.0, 0.0, count), np.inf),
+        compass_sigmas=some(10.0 ** generator.uniform(-3.0, 0.0, count), np.inf),
+        every=some(np.floor(generator.uniform(1.0, 6.0, count)), 1.0).astype(np.int64),
+        detection=some(generator.uniform(0.05, 1.0, count), 1.0),
+        bearing_bias_sigmas=some(10.0 ** generator.uniform(-3.0, -1.0, count), 0.0),
+    )
+    speed = size * team.orbits.rate
+    wind, gust, scale, bias = (
+        float(generator.choice([0.0, 10.0 ** generator.uniform(-3.0, -0.5)])) for _ in range(4)
+    )
+    errors = ErrorSigmas(
+        wind=wind * speed,
+        gust=gust * speed,
+        speed_scale=scale,
+        turn_rate_bias=bias * team.orbits.rate,
+        estimated=tuple(ERROR_STATES),
+    )
+    triangles = [
+        team.orbits.centers[generator.integers(0, count)]
+        + size * (generator.uniform(-2.0, 2.0, 2) + generator.uniform(-0.5, 0.5, (3, 2)))
+        for _ in range(int(generator.choice([0, 0, 1, 2])))
+    ]
+    return replace(team, sensors=sensors, errors=errors, obstacles=tuple(triangles))
+
+
 def sightings_of(team: Team, last_step: int) -> Sightings:
     """Return what the team sees from step 0 to `last_step`."""
     windows = find_windows(team)
@@ -89,7 +135,7 @@ def judge_team(team: Team) -> tuple[Certificate, Observability]:
     last = int(np.ceil(team.orbits.period / team.sensors.sample_time - 1e-9)) - 1
     sightings = sightings_of(team, last)
     links = link_information(team, sightings)
-    verdict = assess(team, links)
+    verdict = assess(team, links, lone_rows(team, sightings))
     return certify(team, verdict, links), verdict
 
 

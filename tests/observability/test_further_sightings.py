@@ -1,0 +1,126 @@
+"""Distances and compasses: what they add to links, to the rank and to what a loss leaves."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from syncplan.observability.rank import link_information, lone_rows, pair_rows
+from syncplan.observability.window_assessment import Assessment, assess_remainder, assess_team
+from syncplan.orbits.losses import Loss, remainder_of
+from syncplan.orbits.sighting_kinds import of_targets
+from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import plan
+from syncplan.scenario.specification import Scenario
+from tests.tools.draws import draw_equipped_team
+from tests.tools.scenarios import changed, small
+
+
+def _boats(**keys: object) -> Scenario:
+    """Twenty boats along a coast, of which one passes the lighthouse."""
+    given = {
+        "orbit": {"radius_m": 60, "speed_mps": 3, "direction": "ccw"},
+        "formation": {"shape": "line", "count": 20, "spacing_m": 180},
+        "landmarks_m": {"lighthouse": [-140, 40]},
+        "sensor": {
+            "range_m": 150,
+            "bearing_sigma_rad": 0.02,
+            "sample_time_s": 0.5,
+            "interval_s": 1.0,
+            "range_sigma_m": 2.0,
+            "detection_probability": 0.8,
+        },
+        "heading_sigma_rad": 0.03,
+        **keys,
+    }
+    return small(**given)
+
+
+def _ranks(made: Plan) -> tuple[int, int]:
+    return made.observability.rank, made.observability.state_dim
+
+
+def test_twenty_boats_with_compasses_and_one_lighthouse_are_located() -> None:
+    assert _ranks(plan(_boats(), bound="never")) == (60, 60)
+
+
+def test_without_their_compasses_the_boats_turn_about_the_lighthouse() -> None:
+    made = plan(_boats(heading_sigma_rad=None), bound="never")
+    assert _ranks(made) == (59, 60)
+    (mode,) = made.unobservable
+    assert mode.description == "turn of everything about lighthouse"
+
+
+def test_boats_with_compasses_and_no_lighthouse_shift_but_do_not_turn() -> None:
+    made = plan(_boats(landmarks_m=None), bound="never")
+    names = [mode.description for mode in made.unobservable]
+    assert names == ["shift of everything along x", "shift of everything along y"]
+    assert all(mode.cure.startswith("sightings of a landmark") for mode in made.unobservable)
+
+
+def test_a_distance_gives_mirror_motion_the_rank_that_bearings_leave_out() -> None:
+    bearings = plan(changed("paper-grid-alternate"), bound="never")
+    measured = plan(changed("paper-grid-alternate", sensor={"range_sigma_m": 0.5}), bound="never")
+    assert {link.rank for link in bearings.links} == {2}
+    assert _ranks(measured) == (18, 18)
+    assert all(link.rank == 3 and link.reason == "" for link in measured.links)
+    assert measured.certificate.holds
+
+
+def test_a_weak_distance_is_not_taken_for_a_lost_turn() -> None:
+    # bearings alone lose the distance; one of 1e6 m sigma leaves it all but lost
+    made = plan(changed("paper-grid-alternate", sensor={"range_sigma_m": 1e3}), bound="never")
+    for link in made.links:
+        assert link.rank == 3 or "never turns" in link.reason or "degenerate" in link.reason
+        assert "ratio of radii" not in link.reason
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_compasses_are_rows_of_their_vehicle_alone(seed: int) -> None:
+    team = draw_equipped_team(np.random.default_rng(seed))
+    assessed = assess_team(team, team.orbits.period)
+    assert all(pair.a < pair.b for pair in pair_rows(team, assessed.sightings))
+    alone = lone_rows(team, assessed.sightings)
+    own = ~of_targets(assessed.sightings.kinds)
+    samples = np.bincount(assessed.sightings.observers[own], minlength=team.count)
+    information = np.zeros(3 * team.count)
+    information[2::3] = samples / team.sensors.compass_sigmas**2
+    np.testing.assert_allclose(alone.T @ alone, np.diag(information), rtol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_what_a_loss_leaves_is_what_the_team_left_sees(seed: int) -> None:
+    team = draw_equipped_team(np.random.default_rng(seed))
+    assessed = assess_team(team, team.orbits.period)
+    for k in range(team.count):
+        for loss in (Loss(sensors=(k,)), Loss(vehicles=(k,))):
+            left = remainder_of(team, loss)
+            if not left.team.count:
+                continue
+            found = assess_remainder(assessed, left)
+            _same(found, assess_team(left.team, team.orbits.period))
+
+
+def _same(one: Assessment, other: Assessment) -> None:
+    for name in ("steps", "observers", "targets", "kinds"):
+        np.testing.assert_array_equal(getattr(one.sightings, name), getattr(other.sightings, name))
+    values = one.observability.singular_values, other.observability.singular_values
+    np.testing.assert_allclose(*values, rtol=1e-12, atol=1e-12 * (1.0 + values[0][0]))
+
+
+def test_a_boat_without_its_camera_keeps_its_compass() -> None:
+    assessed = assess_team(plan(_boats(), bound="never").team, 120.0)
+    left = assess_remainder(assessed, remainder_of(assessed.team, Loss(sensors=(19,))))
+    own = ~of_targets(left.sightings.kinds)
+    assert np.sum(own & (left.sightings.observers == 19)) == 240
+    assert not np.any(~own & (left.sightings.observers == 19))
+
+
+def test_a_link_has_the_rows_of_both_kinds() -> None:
+    team = plan(_boats(), bound="never").team
+    both = assess_team(team, 120.0)
+    deaf = replace(team, sensors=replace(team.sensors, range_sigmas=np.full(20, np.inf)))
+    bearings = link_information(deaf, assess_team(deaf, 120.0).sightings)
+    assert [2 * link.sightings for link in bearings] == [
+        link.sightings for link in both.information
+    ]
