@@ -18,6 +18,7 @@ from benchmarks import (
     refinement,
     service,
     startup,
+    states,
 )
 from benchmarks import figures as drawings
 from benchmarks.readme_tables import README, machine, markdown, write_between
@@ -29,6 +30,7 @@ BEGIN_ERRORS, END_ERRORS = "<!-- errors: python -m benchmarks --write -->", "<!-
 PARTS = (
     startup,
     plans,
+    states,
     contacts,
     observability,
     losses,

@@ -1,0 +1,132 @@
+"""How long the posterior bound takes with errors beside the poses as states.
+
+Processor time of the bound with its start-up index on grids of 6, 12 and 24 vehicles over 2,000
+samples: poses alone, by the recursion for them and by the one with further states, wind, every
+error there is, and what errors cost that the filter leaves out. The two recursions with poses alone
+must agree to 1e-9 before anything is reported.
+
+    python benchmarks/states.py
+"""
+
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks import Figure, print_figures
+from syncplan.estimation.bounds import posterior_bound
+from syncplan.estimation.considered_errors import expected_errors
+from syncplan.estimation.referred_system import PosteriorBound, ReferredSystem
+from syncplan.estimation.wide_system import WideSystem
+from syncplan.orbits.contacts import Windows
+from syncplan.orbits.error_states import ERROR_STATES, layout_of
+from syncplan.orbits.team import Team
+from syncplan.planning.planner import plan
+from syncplan.runtime.blas import single_threaded_blas
+from syncplan.scenario.loading import scenario_from
+
+GRIDS = {6: 3, 12: 4, 24: 6}
+"""Vehicles of each grid, and its columns."""
+
+DURATION_S, STEPS, REPEATS = 200.0, 2000, 5
+AGREEMENT = 1e-9
+
+TARGET_S = 1.0
+"""Of six vehicles with every error there is."""
+
+LABELS = {
+    "poses": "posterior bound, poses alone",
+    "none": "  by the recursion for further states",
+    "wind": "  wind as states",
+    "all": "  every error as states",
+    "neglected": "  what every error costs that is left out",
+}
+
+
+def _scenario(count: int) -> dict[str, Any]:
+    return {
+        "orbit": {"radius_m": 20.0, "angular_rate_rad_s": 0.2, "first_phase_rad": 0.3},
+        "formation": {
+            "shape": "grid",
+            "count": count,
+            "columns": GRIDS[count],
+            "spacing_m": 70.0,
+        },
+        "landmarks_m": [[-40.0, 0.0], [-40.0, 70.0]],
+        "sensor": {
+            "range_m": 50.0,
+            "bearing_sigma_rad": 0.1,
+            "sample_time_s": 0.1,
+            "bearing_bias_sigma_rad": 0.02,
+        },
+        "motion": {"speed_scale_sigma": 0.02, "turn_rate_bias_sigma_rad_s": 0.005},
+        "wind": {"sigma_mps": 1.0, "gust_sigma_mps": 0.2},
+        "duration_s": DURATION_S,
+    }
+
+
+def _works(team: Team, windows: Windows) -> dict[str, Callable[[], PosteriorBound]]:
+    def estimating(names: tuple[str, ...]) -> Team:
+        return replace(team, errors=replace(team.errors, estimated=names))
+
+    def bound(names: tuple[str, ...]) -> PosteriorBound:
+        return posterior_bound(estimating(names), windows, DURATION_S, start_up=True)
+
+    def poses_as_wide() -> PosteriorBound:
+        poses = ReferredSystem.along(team, windows, STEPS)
+        system = WideSystem.widened(poses, layout_of(team, []))
+        return system.from_start(system.with_index)
+
+    return {
+        "poses": lambda: bound(()),
+        "none": poses_as_wide,
+        "wind": lambda: bound(("wind",)),
+        "all": lambda: bound(tuple(ERROR_STATES)),
+        "neglected": lambda: expected_errors(estimating(()), windows, DURATION_S),
+    }
+
+
+@single_threaded_blas
+def main() -> dict[tuple[int, str], float]:
+    """Return the least s of each work by vehicles and name.
+
+    Raises RuntimeError where the recursions disagree.
+    """
+    found: dict[tuple[int, str], float] = {}
+    for count in GRIDS:
+        made = plan(scenario_from(_scenario(count)), bound="never")
+        works = _works(made.team, made.windows)
+        narrow, wide = (works[name]().position_variance for name in ("poses", "none"))
+        if not np.allclose(narrow, wide, rtol=AGREEMENT, atol=0.0):
+            raise RuntimeError(f"{count} vehicles: the two recursions disagree")
+        for name, work in works.items():
+            times = []
+            for _ in range(REPEATS):
+                began = time.process_time()
+                work()
+                times.append(time.process_time() - began)
+            found[count, name] = min(times)
+    return found
+
+
+def figures(result: dict[tuple[int, str], float]) -> list[Figure]:
+    """Return the rows of the table: times of each recursion."""
+    return [
+        Figure(
+            f"{LABELS[name]}, {count} vehicles",
+            seconds,
+            "s",
+            TARGET_S if (count, name) == (6, "all") else None,
+        )
+        for (count, name), seconds in result.items()
+    ]
+
+
+if __name__ == "__main__":
+    print_figures(figures(main()))
