@@ -60,20 +60,24 @@ def circle_traces(plan: Plan, view: MapView, *, arrows: bool) -> list[Spec]:
 
 
 def area_traces(plan: Plan, view: MapView) -> list[Spec]:
-    """Return the area and the keep-out zones, where the scenario has any."""
+    """Return the area, the keep-out zones and the obstacles, where the scenario has any."""
     scenario = plan.scenario
     traces = []
     if scenario.area_m is not None:
         x, y = gapped(_closed(scenario.area_m), view.places)
         line = {"color": MUTED, "dash": "dot", "width": 1.5}
         traces.append(line_trace("area", "area", x, y, line))
-    kept_out = [gapped(_closed(polygon), view.places) for polygon in scenario.keep_out_m or []]
-    if kept_out:
-        x = [value for one, _ in kept_out for value in one]
-        y = [value for _, one in kept_out for value in one]
-        filled = {"fill": "toself", "fillcolor": translucent(MUTED, 0.25)}
-        line = {"color": MUTED, "width": 1}
-        traces.append(line_trace("keep-out", "keep-out zone", x, y, line, **filled))
+    # what blocks sight as well as paths is drawn as both, the obstacle on top
+    for uid, name, polygons, opacity, line in (
+        ("keep-out", "keep-out zone", scenario.keep_out_m, 0.25, {"color": MUTED, "width": 1}),
+        ("obstacle", "obstacle to sight", scenario.obstacles_m, 0.6, {"color": INK, "width": 2}),
+    ):
+        drawn = [gapped(_closed(polygon), view.places) for polygon in polygons or []]
+        if drawn:
+            x = [value for one, _ in drawn for value in one]
+            y = [value for _, one in drawn for value in one]
+            filled = {"fill": "toself", "fillcolor": translucent(MUTED, opacity)}
+            traces.append(line_trace(uid, name, x, y, line, **filled))
     return traces
 
 

@@ -49,7 +49,7 @@ class Link(Document):
     contact_share: float | None = Field(
         default=None,
         description="contact_s over the longest that any phases give this link; only where phases "
-        "were chosen for limited fields of view",
+        "were chosen for limited fields of view or among obstacles",
     )
     windows_s: list[Window] = Field(description="Union of both ways; an end may pass the period")
     directed: list[DirectedContact]

@@ -7,7 +7,7 @@ cell_search              the best phases of a few vehicles, globally
 coordinate_descent       starts for many vehicles
 contact_tables           contact time of links over the phase difference
 contact_search           phases of largest smallest share of contact
-sighted_phases           the same for links with limited fields of view
+sighted_phases           the same with limited fields of view, or among obstacles
 phase_constraints        phases of largest smallest margin, by difference constraints
 phase_relaxation         the semidefinite bound on that margin
 margin_search            phases of largest smallest margin

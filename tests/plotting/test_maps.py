@@ -171,13 +171,23 @@ def test_links_are_thinner_where_each_vehicle_has_many() -> None:
 
 def test_areas_are_on_every_map() -> None:
     zone = [[30.0, 35.0], [40.0, 35.0], [35.0, 45.0]]
-    made = plan(small(formation=ROW, area_m=AREA, keep_out_m=[zone]), bound="never")
+    shelf = [[60.0, -45.0], [80.0, -45.0], [80.0, -40.0]]
+    walls = [zone, shelf]
+    made = plan(
+        small(formation=ROW, area_m=AREA, keep_out_m=[zone], obstacles_m=walls), bound="never"
+    )
     specs = specs_of(made, ["formation", "animation", "comparison"], after=made)
     for name, spec in specs.items():
         area, kept_out = _trace(spec, "area"), _trace(spec, "keep-out")
         drawn = np.column_stack([area["x"][:4], area["y"][:4]]).astype(float)
         np.testing.assert_allclose(drawn, AREA, err_msg=name)
         assert kept_out["fill"] == "toself"
+        obstacle = _trace(spec, "obstacle")
+        assert obstacle["fill"] == "toself"
+        assert obstacle["fillcolor"] != kept_out["fillcolor"]
+        drawn = np.column_stack([obstacle["x"], obstacle["y"]])
+        corners = [[*zone, zone[0]], [*shelf, shelf[0]]]
+        assert [one for one in drawn.tolist() if one[0] is not None] == [*corners[0], *corners[1]]
         moving = {n for frame in spec.get("frames", []) for n in frame["traces"]}
         assert spec["data"].index(area) not in moving
 
