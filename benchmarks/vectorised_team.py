@@ -112,7 +112,7 @@ class VectorisedTeam:
         if not plain:
             raise ValueError("written for logdet, equal sensors that see all round, free circles")
         times, contact = (
-            samples_of(span, sensors.sample_time, problem.orbits.rate, most)
+            samples_of(span, sensors, problem.orbits.rate, most)
             for span, most in (
                 (problem.window, stage.samples),
                 (problem.contact_span, min(stage.samples, CONTACT_SAMPLES)),

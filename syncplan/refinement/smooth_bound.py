@@ -45,9 +45,10 @@ def coarse_run(problem: RefineProblem) -> CoarseRun:
     angles = 2.0 * np.pi * (np.arange(number) + 0.5) / number
     turns = min(problem.duration / problem.orbits.period, _MOST_TURNS)
     steps = max(2, round(turns * number))
-    return CoarseRun(
-        SampleTimes(angles, np.full(number, samples / number)), np.arange(steps) % number
-    )
+    counts = np.full(number, samples / number)
+    every = problem.sensors.every
+    ready = counts[:, None] / every if np.any(every > 1) else None
+    return CoarseRun(SampleTimes(angles, counts, ready), np.arange(steps) % number)
 
 
 def smooth_rms(

@@ -12,16 +12,25 @@ ten sums over its samples:
     c = (t_y, -t_x)       row of a seeing b:   ( c, -t.g_a - 1,   -c, t.g_b     )
                           row of b seeing a:   ( c, -t.g_a,       -c, t.g_b - 1 )
     sums: c c^T (3), c h_a (2), c h_b (2), h_a h_a, h_b h_b, h_a h_b
+
+A distance is seen where the bearing is, and has the same row both ways: with u = q / |q|,
+
+    c = -u                row of a seeing b:   ( c, u x g_a,      -c, -u x g_b    )
+
+A compass needs nobody in sight: a number for each sample, whatever the circles.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.orbits.bearings import BEARING
+from syncplan.orbits.compasses import COMPASS
+from syncplan.orbits.distances import DISTANCE
 from syncplan.orbits.sensors import Sensors
+from syncplan.orbits.sighting_kind import SightingKind
 from syncplan.refinement.sample_times import SampleTimes
 
 __all__ = [
@@ -31,6 +40,7 @@ __all__ = [
     "ROUNDED_ANGLE",
     "Paths",
     "anchor_information",
+    "compass_information",
     "pair_information",
 ]
 
@@ -95,6 +105,11 @@ class Paths:
             senses,
         )
 
+    def begun_at_each(self) -> "Paths":
+        """Return the same paths with time 0 at each sample: sightings tell of the poses there."""
+        still = ca.MX(*self.gone_x.shape)
+        return replace(self, gone_x=still, gone_y=still)
+
 
 def pair_information(paths: Paths, pairs: Index, width: float, each: bool) -> ca.MX:
     """Return the ten sums of (e, 2) pairs, (10 e, 1), or (10 e, k) sample by sample with `each`.
@@ -109,8 +124,8 @@ def pair_information(paths: Paths, pairs: Index, width: float, each: bool) -> ca
         seen_b = seen_a
     else:
         seen_b = _weight(paths, pairs[:, 1], squared, -qx, -qy, width)
-    weight_a = seen_a * _certainty(paths, pairs[:, 0])
-    weight_b = seen_b * _certainty(paths, pairs[:, 1])
+    weight_a = seen_a * _certainty(paths, BEARING, pairs[:, 0])
+    weight_b = seen_b * _certainty(paths, BEARING, pairs[:, 1])
     share = 1.0 / (squared + _NEAREST_SQUARED)
     tx, ty = qx * share, qy * share
     along_a = tx * paths.gone_x[:, a] + ty * paths.gone_y[:, a]
@@ -130,6 +145,11 @@ def pair_information(paths: Paths, pairs: Index, width: float, each: bool) -> ca
         right * (along_b - 1.0) + weight_a * along_b,
         -left * along_b + weight_b * along_a,
     ]
+    if _measure_distance(paths, pairs):
+        known = seen_a * _certainty(paths, DISTANCE, pairs[:, 0])
+        known += seen_b * _certainty(paths, DISTANCE, pairs[:, 1])
+        for k, one in enumerate(_distance_sums(paths, pairs, qx, qy, known * share)):
+            sums[k] += one
     return _stacked(sums, each)
 
 
@@ -145,7 +165,8 @@ def anchor_information(
     qx = ones @ ca.DM(places[:, 0]).T - paths.x[:, a]
     qy = ones @ ca.DM(places[:, 1]).T - paths.y[:, a]
     squared = qx * qx + qy * qy
-    weight = _weight(paths, anchors, squared, qx, qy, width) * _certainty(paths, anchors)
+    seen = _weight(paths, anchors, squared, qx, qy, width)
+    weight = seen * _certainty(paths, BEARING, anchors)
     share = 1.0 / (squared + _NEAREST_SQUARED)
     tx, ty = qx * share, qy * share
     turned = -(tx * paths.gone_x[:, a] + ty * paths.gone_y[:, a]) - 1.0
@@ -158,7 +179,53 @@ def anchor_information(
         -tx * weight_turned,
         weight_turned * turned,
     ]
+    if _measure_distance(paths, anchors):
+        known = seen * _certainty(paths, DISTANCE, anchors) * share
+        turn = qx * paths.gone_y[:, a] - qy * paths.gone_x[:, a]
+        known_x, known_y = known * qx, known * qy
+        distances = [
+            known_x * qx,
+            known_x * qy,
+            known_y * qy,
+            -known_x * turn,
+            -known_y * turn,
+            known * turn * turn,
+        ]
+        sums = [one + other for one, other in zip(sums, distances, strict=True)]
     return _stacked(sums, each)
+
+
+def compass_information(paths: Paths, each: bool) -> ca.DM:
+    """Return what each vehicle's compass says of its heading, (n, 1), or (n, k) with `each`."""
+    inverse = 1.0 / COMPASS.sigmas(paths.sensors) ** 2
+    known = np.outer(inverse, paths.times.counts)
+    return ca.DM(known if each else known.sum(axis=1))
+
+
+def _distance_sums(
+    paths: Paths, pairs: Index, qx: ca.MX, qy: ca.MX, known: ca.MX
+) -> tuple[ca.MX, ...]:
+    """The ten sums of distances, sample by sample, with weights `known` over |q|^2."""
+    a, b = pairs[:, 0].tolist(), pairs[:, 1].tolist()
+    turn_a = qx * paths.gone_y[:, a] - qy * paths.gone_x[:, a]
+    turn_b = qx * paths.gone_y[:, b] - qy * paths.gone_x[:, b]
+    known_x, known_y, known_a, known_b = (known * one for one in (qx, qy, turn_a, turn_b))
+    return (
+        known_x * qx,
+        known_x * qy,
+        known_y * qy,
+        -known_x * turn_a,
+        -known_y * turn_a,
+        known_x * turn_b,
+        known_y * turn_b,
+        known_a * turn_a,
+        known_b * turn_b,
+        -known_a * turn_b,
+    )
+
+
+def _measure_distance(paths: Paths, observers: Index) -> bool:
+    return bool(np.any(DISTANCE.sigmas(paths.sensors)[observers] < np.inf))
 
 
 def _alike(sensors: Sensors) -> bool:
@@ -167,10 +234,11 @@ def _alike(sensors: Sensors) -> bool:
     return bool(np.all(ranges == ranges[0]) and np.all(views >= 2.0 * np.pi))
 
 
-def _certainty(paths: Paths, observers: Index) -> ca.DM:
-    """(k, e) samples in each group over the variance of the observer's bearing."""
-    inverse = 1.0 / BEARING.sigmas(paths.sensors)[observers] ** 2
-    return ca.DM(np.outer(paths.times.counts, inverse))
+def _certainty(paths: Paths, kind: SightingKind, observers: Index) -> ca.DM:
+    """(k, e) sightings in each group, those missed left out, over the variance of the kind."""
+    inverse = 1.0 / kind.sigmas(paths.sensors)[observers] ** 2
+    inverse *= paths.sensors.detection[observers]
+    return ca.DM(paths.times.sighted(observers) * inverse)
 
 
 def _weight(

@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from syncplan.arrays import Array, Index, as_pairs
+from syncplan.orbits.compasses import COMPASS
 from syncplan.refinement.constraint_blocks import Blocks, pair_blocks, single_blocks, stacked_blocks
 from syncplan.refinement.problem import RefineProblem
 from syncplan.refinement.sample_times import SampleTimes
@@ -21,6 +22,7 @@ from syncplan.refinement.smooth_sightings import (
     PAIR_SUMS,
     Paths,
     anchor_information,
+    compass_information,
     pair_information,
 )
 
@@ -67,7 +69,7 @@ class SmoothTeam:
     def of(cls, problem: RefineProblem, times: SampleTimes) -> "SmoothTeam":
         """Return the team of a problem, seen at `times`."""
         sighted = sighted_pairs(problem)
-        sparsity, place = _places(sighted, problem.orbits.count)
+        sparsity, place = _places(sighted, problem.orbits.count, _compasses(problem))
         return cls(problem, sighted, times, sparsity, place)
 
     def information(self, circles: ca.MX, width: float, *, each: bool = False) -> ca.MX:
@@ -75,6 +77,27 @@ class SmoothTeam:
         problem = self.problem
         sensors = problem.sensors.scaled(problem.scale)
         paths = Paths.of(circles, problem.orbits.senses, sensors, self.times)
+        parts = self._of_targets(paths, width, each)
+        compasses = _compasses(problem)
+        if len(compasses):
+            parts.append(ca.MX(compass_information(paths, each)[compasses.tolist(), :]))
+        if not parts:
+            return ca.MX.zeros(self.sparsity.nnz(), len(self.times.angles) if each else 1)
+        return self.place @ ca.vertcat(*parts)
+
+    def information_now(self, circles: ca.MX, width: float) -> ca.MX:
+        """Return (nnz, k) what the sightings of targets at each sample tell of the poses there."""
+        problem = self.problem
+        sensors = problem.sensors.scaled(problem.scale)
+        paths = Paths.of(circles, problem.orbits.senses, sensors, self.times).begun_at_each()
+        parts = self._of_targets(paths, width, each=True)
+        if not parts:
+            return ca.MX.zeros(self.sparsity.nnz(), len(self.times.angles))
+        count = sum(part.size1() for part in parts)
+        return self.place[:, :count] @ ca.vertcat(*parts)
+
+    def _of_targets(self, paths: Paths, width: float, each: bool) -> list[ca.MX]:
+        """What pairs, then landmarks give, where there are any."""
         pairs, anchors = self.sighted.pairs, self.sighted.anchors
         parts = []
         if len(pairs):
@@ -82,9 +105,7 @@ class SmoothTeam:
         if len(anchors):
             places = self._places_of(anchors[:, 1])
             parts.append(anchor_information(paths, anchors[:, 0], places, width, each))
-        if not parts:
-            return ca.MX.zeros(self.sparsity.nnz(), len(self.times.angles) if each else 1)
-        return self.place @ ca.vertcat(*parts)
+        return parts
 
     def contacts(self, circles: ca.MX, times: SampleTimes, width: float, safety: float) -> Blocks:
         """Return the logarithm of the samples in contact, out of `times`, of contacts to be kept.
@@ -109,7 +130,8 @@ class SmoothTeam:
                 ca.DM(_anchor_parameters(problem, held[:, 0], views)),
                 self._steps(width, problem.anchor_margins + safety),
             ]
-            lower = np.log(problem.anchor_samples)
+            # contacts are counted at all samples, those at which the sensor is ready must suffice
+            lower = np.log(problem.anchor_samples * problem.sensors.every[held[:, 0]])
             labels = self._labels(held, problem.anchor_margins)
             function = anchor_contact(times, views)
             blocks.append(single_blocks(function, circles, held[:, 0], inputs, lower, labels))
@@ -170,11 +192,15 @@ def _pair_parameters(problem: RefineProblem, pairs: Index, views: bool) -> Array
 
 
 def _shares(problem: RefineProblem, pairs: Index) -> tuple[Array, Array]:
-    """Shares of both directions of sight in a contact: half each, or all for the longer range."""
-    ranges = problem.sensors.ranges
+    """Shares of both directions of sight in a contact: half each, or all for the longer range.
+
+    A sensor that is not ready at every sample makes the fewer sightings.
+    """
+    ranges, every = problem.sensors.ranges, problem.sensors.every
     a, b = ranges[pairs[:, 0]], ranges[pairs[:, 1]]
     alike = np.isclose(a, b)
-    return np.where(alike, 0.5, a > b).astype(float), np.where(alike, 0.5, b > a).astype(float)
+    shares = np.where(alike, 0.5, a > b), np.where(alike, 0.5, b > a)
+    return shares[0] / every[pairs[:, 0]], shares[1] / every[pairs[:, 1]]
 
 
 def _anchor_parameters(problem: RefineProblem, vehicles: Index, views: bool) -> Array:
@@ -187,8 +213,16 @@ def _anchor_parameters(problem: RefineProblem, vehicles: Index, views: bool) -> 
     return np.array(rows, dtype=float).reshape(len(rows), len(vehicles))
 
 
-def _places(sighted: Sighted, count: int) -> tuple[ca.Sparsity, ca.DM]:
-    """Sparsity of the information, and the matrix that adds all sums into its non-zeros."""
+def _compasses(problem: RefineProblem) -> Index:
+    """The vehicles with a compass."""
+    return np.flatnonzero(COMPASS.sigmas(problem.sensors) < np.inf)
+
+
+def _places(sighted: Sighted, count: int, compasses: Index) -> tuple[ca.Sparsity, ca.DM]:
+    """Sparsity of the information, and the matrix that adds all sums into its non-zeros.
+
+    Sums are those of pairs, of landmarks, then one of each compass.
+    """
     pairs, anchors = len(sighted.pairs), len(sighted.anchors)
     entries: list[tuple[int, int, int, float]] = []
     for k, (a, b) in enumerate((3 * sighted.pairs).tolist()):
@@ -199,6 +233,8 @@ def _places(sighted: Sighted, count: int) -> tuple[ca.Sparsity, ca.DM]:
     for k, a in enumerate((3 * sighted.anchors[:, 0]).tolist()):
         for one, (i, j) in enumerate(((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))):
             entries.append((a + i, a + j, offset + anchors * one + k, 1.0))
+    offset += ANCHOR_SUMS * anchors
+    entries += [(3 * v + 2, 3 * v + 2, offset + k, 1.0) for k, v in enumerate(compasses.tolist())]
     mirrored = [(column, row, one, sign) for row, column, one, sign in entries if row != column]
     entries += mirrored
     size = 3 * count
@@ -210,7 +246,7 @@ def _places(sighted: Sighted, count: int) -> tuple[ca.Sparsity, ca.DM]:
         [one[2] for one in entries],
         ca.DM([one[3] for one in entries]),
         sparsity.nnz(),
-        offset + ANCHOR_SUMS * anchors,
+        offset + len(compasses),
     )
     return sparsity, place
 

@@ -49,7 +49,7 @@ def stages_of(problem: RefineProblem) -> tuple[Stage, ...]:
 
 def samples_in(problem: RefineProblem, span: float, most: int) -> SampleTimes:
     """Return the samples in `span` s, at most `most` of them distinguished."""
-    return samples_of(span, problem.sensors.sample_time, problem.orbits.rate, most)
+    return samples_of(span, problem.sensors, problem.orbits.rate, most)
 
 
 def step_width(problem: RefineProblem, times: SampleTimes) -> float:

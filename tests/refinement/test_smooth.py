@@ -54,6 +54,12 @@ VIEWS = [
     dict(sensor, fov_deg=view, boresight_deg=side)
     for sensor, view, side in zip(UNEQUAL, (200.0, 300.0, 360.0), (-60.0, 20.0, 0.0), strict=True)
 ]
+# distances, or none; missed now and then; not ready at every sample
+FURTHER = [
+    {**VIEWS[0], "range_sigma_m": 0.5, "interval_s": 0.4},
+    {**VIEWS[1], "detection_probability": 0.7},
+    {**VIEWS[2], "range_sigma_m": 2.0, "detection_probability": 0.9, "interval_s": 0.6},
+]
 
 
 def _problem(objective: str = "logdet", refine: Any = None, **changes: Any) -> RefineProblem:
@@ -72,7 +78,7 @@ def _scaled(problem: RefineProblem) -> Array:
 
 
 def _smooth_information(problem: RefineProblem, width: float, most: int = 10_000) -> Array:
-    times = samples_of(problem.window, problem.sensors.sample_time, problem.orbits.rate, most)
+    times = samples_of(problem.window, problem.sensors, problem.orbits.rate, most)
     team = SmoothTeam.of(problem, times)
     circles = ca.MX.sym("X", 4, problem.orbits.count)
     entries = ca.MX(team.sparsity, team.information(circles, width))
@@ -104,8 +110,19 @@ def _exact_information(problem: RefineProblem) -> Array:
         {"window_s": 0.55 * PERIOD_S, "sensor": VIEWS},
         {"window_s": 2.3 * PERIOD_S, "sensor": UNEQUAL},
         {"orbit": {**MIXED["orbit"], "direction": "cw"}, "sensor": VIEWS},
+        {"sensor": FURTHER, "heading_sigma_rad": [0.05, 0.2, 0.1]},
+        {"sensor": FURTHER, "window_s": 0.55 * PERIOD_S},
     ],
-    ids=["alike", "unequal ranges", "views", "part of a turn", "several turns", "one sense"],
+    ids=[
+        "alike",
+        "unequal ranges",
+        "views",
+        "part of a turn",
+        "several turns",
+        "one sense",
+        "distances and compasses",
+        "distances in part of a turn",
+    ],
 )
 def test_the_information_approaches_the_exact_one_as_the_step_narrows(
     changes: dict[str, Any],
@@ -151,7 +168,9 @@ RADII = {"vary": ["phases", "centers", "radii"], "radius_m": [10.0, 30.0]}
 
 
 @pytest.mark.parametrize("objective", tuple(OBJECTIVES))
-@pytest.mark.parametrize("sensor", [UNEQUAL, VIEWS], ids=["all round", "views"])
+@pytest.mark.parametrize(
+    "sensor", [UNEQUAL, VIEWS, FURTHER], ids=["all round", "views", "further kinds"]
+)
 def test_objective_gradients_are_those_of_finite_differences(objective: str, sensor: Any) -> None:
     problem = _problem(objective, RADII, sensor=sensor)
     nlp = nlp_of(problem, STAGE)
@@ -296,6 +315,17 @@ def test_the_smooth_error_of_mixed_radii_is_near_the_posterior_bound() -> None:
     given = judge(small(**MIXED, sensor=VIEWS), orbits)
     problem = replace(_problem_of(given), duration=120.0)
     np.testing.assert_allclose(_smooth_rms(problem, 0.02), _exact_rms(problem), rtol=0.01)
+
+
+@pytest.mark.parametrize(
+    "further", [{}, {"heading_sigma_rad": [0.05, 0.2, 0.1]}], ids=["distances", "and compasses"]
+)
+def test_the_smooth_error_counts_all_that_is_sighted(further: dict[str, Any]) -> None:
+    # sightings that are few make a turn's coarse steps rougher than those of bearings alone
+    orbits = plan(small(**MIXED, sensor=UNEQUAL)).orbits
+    given = judge(small(**MIXED, **further, sensor=FURTHER), orbits)
+    problem = replace(_problem_of(given), duration=120.0)
+    np.testing.assert_allclose(_smooth_rms(problem, 0.02), _exact_rms(problem), rtol=0.03)
 
 
 @pytest.mark.parametrize(
