@@ -14,10 +14,11 @@ from api.job_kinds.job_kind import JobKind, JobOperation, JobReport, JobSpec, Tr
 from api.limits import RequestLimits, check_at_most, check_size, check_trials
 from syncplan.errors import InputError
 from syncplan.planning.plan_files import Loaded
-from syncplan.planning.swept_keys import SWEPT_KEYS, SweptKey
+from syncplan.planning.swept_keys import SWEPT_KEYS, SweptKey, SweptOption, swept_key
 from syncplan.planning.validation import TrialRun, Validation
 from syncplan.reports.run_schemas import SweepReport
 from syncplan.scenario.chunked_validation import Many
+from syncplan.scenario.dotted_keys import numeric_keys
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.quantities import fault
 from syncplan.scenario.specification import Scenario
@@ -37,10 +38,25 @@ class _DescribedAsScenario:
         return handler(Scenario.__pydantic_core_schema__)
 
 
+_NAMED = ("key", "values")
+"""What a request gives together, in place of such a list: any other key, and its values."""
+
+
 def _just_one(keys: Iterable[str]) -> dict[str, Any]:
     """What JSON Schema says of lists of which one is given, and not empty."""
     one: dict[str, Any] = {"type": "array", "minItems": 1}
-    return {"oneOf": [{"required": [key], "properties": {key: one}} for key in keys]}
+    none = {"type": "null"}
+    lists = list(keys)
+    each: list[dict[str, Any]] = [
+        {"required": [key], "properties": {key: one, **dict.fromkeys(_NAMED, none)}}
+        for key in lists
+    ]
+    given = {"key": {"type": "string"}, "values": one, **dict.fromkeys(lists, none)}
+    return {"oneOf": [*each, {"required": list(_NAMED), "properties": given}]}
+
+
+def _only_numeric_keys(schema: dict[str, Any]) -> None:
+    schema["anyOf"][0]["enum"] = list(numeric_keys())
 
 
 class _ScenarioRequest(FilterRequest):
@@ -49,7 +65,7 @@ class _ScenarioRequest(FilterRequest):
     )
 
 
-def _values(key: SweptKey) -> Any:
+def _values_of(key: SweptOption) -> Any:
     examples = [list(key.example)] if key.example else None
     return Many[float] | None, Field(default=None, description=key.many, examples=examples)
 
@@ -60,7 +76,7 @@ else:
     _SweptRequest = create_model(
         "_SweptRequest",
         __base__=_ScenarioRequest,
-        **{name: _values(key) for name, key in _SWEPT.items()},
+        **{name: _values_of(key) for name, key in _SWEPT.items()},
     )
 
 
@@ -69,6 +85,16 @@ class SweepRequest(_SweptRequest):
 
     model_config = ConfigDict(json_schema_extra=_just_one(_SWEPT))
 
+    key: str | None = Field(
+        default=None,
+        description="Any key of the scenario that holds a number, by its dotted name; `values` has "
+        "its values",
+        examples=["sensor.range_sigma_m"],
+        json_schema_extra=_only_numeric_keys,
+    )
+    values: Many[float] | None = Field(
+        default=None, description="Values of `key`", examples=[[0.1, 0.3, 1.0]]
+    )
     connected: bool = Field(
         default=False,
         description="Add a row with a range that connects the team at every instant",
@@ -76,38 +102,60 @@ class SweepRequest(_SweptRequest):
 
     @model_validator(mode="after")
     def _one_key(self) -> Self:
-        given = [key for key in _SWEPT if getattr(self, key) is not None]
-        if len(given) != 1:
-            named = " and ".join(given) or "none"
+        lists = [key for key in _SWEPT if getattr(self, key) is not None]
+        pair = [name for name in _NAMED if getattr(self, name) is not None]
+        if len(pair) == 1:
+            other = next(name for name in _NAMED if name not in pair)
+            raise fault(other, f"is missing: {pair[0]} is given; key and values go together")
+        if len(lists) + len(pair) // 2 != 1:
+            named = " and ".join([*lists, *pair[:1]]) or "none"
             first, *_ = _SWEPT
-            raise fault(first, f"give exactly one of {', '.join(_SWEPT)}; {named} given")
-        if not getattr(self, given[0]):
-            raise fault(given[0], "is empty; give a list such as [0.2, 0.4]")
+            raise fault(
+                first,
+                f"give exactly one of {', '.join(_SWEPT)}, or key with values; {named} given",
+            )
+        if self.key is not None:
+            self._check_key(self.key)
+        if not self._values():
+            raise fault(self._list(), "is empty; give a list such as [0.2, 0.4]")
         return self
+
+    @staticmethod
+    def _check_key(key: str) -> None:
+        try:
+            swept_key(key)
+        except InputError as error:
+            raise fault("key", error.problem) from None
 
     def work(self, subject: Loaded | None, limits: RequestLimits) -> int:
         """Return the number of trials of all rows; raises InputError if it exceeds a limit."""
         key, values = self.swept()
         rows = len(values) + self.connected
-        check_at_most(self._key(), rows, limits.sweep_values, " rows")
+        check_at_most(self._list(), rows, limits.sweep_values, " rows")
         with _within("scenario"):
             scenario = scenario_from(self.scenario, max_vehicles=limits.vehicles)
             check_size(scenario, limits)
         check_trials(rows * self.trials, scenario.size, limits)
         for value in values:
-            with _within(self._key()):
+            with _within(self._list()):
                 one = key.varied(scenario, value)
+            check_trials(rows * self.trials, one.size, limits)
             self.check_run(one, limits)
             check_size(one, limits)
         return rows * self.trials
 
     def swept(self) -> tuple[SweptKey, list[float]]:
         """Return the key that is swept and its values."""
-        key = self._key()
-        return _SWEPT[key], getattr(self, key)
+        key = _SWEPT[self._list()] if self.key is None else swept_key(self.key)
+        return key, self._values()
 
-    def _key(self) -> str:
-        return next(key for key in _SWEPT if getattr(self, key) is not None)
+    def _list(self) -> str:
+        """Name of the list of values."""
+        return next(key for key in (*_SWEPT, "values") if getattr(self, key) is not None)
+
+    def _values(self) -> list[float]:
+        values: list[float] = getattr(self, self._list())
+        return values
 
 
 @contextmanager

@@ -14,6 +14,7 @@ from syncplan.estimation.filters import FILTERS
 from syncplan.exporting.format_table import ALL, FORMATS
 from syncplan.planning.swept_keys import SWEPT_KEYS
 from syncplan.plotting.figure_table import FIGURES, SUBJECTS
+from syncplan.scenario.dotted_keys import numeric_keys
 from syncplan.scenario.objectives import OBJECTIVES
 
 __all__ = ["TABLES", "renew", "with_tables"]
@@ -69,6 +70,11 @@ def _swept_keys() -> str:
     return _table(("option", "key", "values", "in Python", "over HTTP"), rows)
 
 
+def _numeric_keys() -> str:
+    rows = [(f"`{key}`", one.unit, one.allowed, one.meaning) for key, one in numeric_keys().items()]
+    return _table(("key", "unit", "allowed", "what it is"), rows)
+
+
 def _metrics() -> str:
     rows = [
         (
@@ -88,6 +94,7 @@ TABLES: Mapping[str, Callable[[], str]] = {
     "filters": _filters,
     "formats": _formats,
     "metrics": _metrics,
+    "numeric-keys": _numeric_keys,
     "objectives": _objectives,
     "swept-keys": _swept_keys,
 }

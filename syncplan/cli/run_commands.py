@@ -31,7 +31,7 @@ from syncplan.cli.required_verdicts import RequireGo, RequireObservable, verdict
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filters import FILTERS
-from syncplan.planning.swept_keys import SWEPT_KEYS, SweptKey
+from syncplan.planning.swept_keys import SWEPT_KEYS, SweptKey, SweptOption, swept_key
 
 __all__ = ["runs"]
 
@@ -52,6 +52,28 @@ Connected = Annotated[
     typer.Option(
         "--connected", help="Add a row with a range that connects the team at every instant"
     ),
+]
+
+
+def _numeric_keys(incomplete: str) -> list[str]:
+    from syncplan.scenario.dotted_keys import numeric_keys
+
+    return [key for key in numeric_keys() if key.startswith(incomplete)]
+
+
+Key = Annotated[
+    str | None,
+    typer.Option(
+        "--key",
+        help="Any key of the scenario that holds a number, by its dotted name, such as "
+        "sensor.range_sigma_m; --values has its values",
+        show_default=False,
+        autocompletion=_numeric_keys,
+    ),
+]
+Values = Annotated[
+    str | None,
+    typer.Option("--values", help="Values of --key, such as 0.1,0.3,1", show_default=False),
 ]
 
 
@@ -121,7 +143,7 @@ def _with_options_of_swept_keys(command: Callable[..., int]) -> Callable[..., in
     return command
 
 
-def _help_of(key: SweptKey) -> str:
+def _help_of(key: SweptOption) -> str:
     text = f"{key.many} in {key.unit}"
     return f"{text}, such as {','.join(map(str, key.example))}" if key.example else text
 
@@ -136,6 +158,8 @@ def _sweep(
     output: Output = None,
     format_: Shown = Format.auto,
     *,
+    key: Key = None,
+    values: Values = None,
     connected: Connected = False,
     trials: Trials = DEFAULTS.trials,
     seed: Seed = DEFAULTS.seed,
@@ -150,31 +174,44 @@ def _sweep(
     from syncplan.scenario.loading import load_scenario
     from syncplan.scenario.models import MAX_VEHICLES
 
-    key, values = _swept(swept)
+    varied, numbers_of_it = _swept(swept, key, values)
     options = FilterOptions(trials=trials, seed=seed, duration=duration)
     refuse_overwriting(scenario, output)
     loaded = load_scenario(scenario, max_vehicles=max_vehicles or MAX_VEHICLES)
     announce_compilation(options, loaded.size)
-    with progress_bar("trials", trials * (len(values) + connected)) as progress:
+    with progress_bar("trials", trials * (len(numbers_of_it) + connected)) as progress:
         rows = sweep(
             loaded,
-            key.name,
-            values,
+            varied.name,
+            numbers_of_it,
             options,
             connected=connected,
             threads=threads,
             progress=progress,
         )
     reports = [validation_document(row.validation) for row in rows]
-    deliver_document("sweep", sweep_document(key.name, rows, reports), output, format_)
+    deliver_document("sweep", sweep_document(varied.name, rows, reports), output, format_)
     return 0
 
 
-def _swept(given: dict[str, str | None]) -> tuple[SweptKey, list[float]]:
+def _swept(
+    given: dict[str, str | None], name: str | None, values: str | None
+) -> tuple[SweptKey, list[float]]:
     """The one key that is given, and its values."""
     chosen = [(SWEPT_KEYS[name], text) for name, text in given.items() if text is not None]
-    if len(chosen) != 1:
+    if (name is None) != (values is None):
+        raise InputError("--key and --values go together; give both", key="sweep")
+    if len(chosen) + (name is not None) != 1:
         options = ", ".join(one.option for one in SWEPT_KEYS.values())
-        raise InputError(f"give exactly one of {options}", key="sweep")
-    key, text = chosen[0]
+        raise InputError(f"give exactly one of {options}, or --key with --values", key="sweep")
+    if name is not None and values is not None:
+        return _key_named(name), numbers(values, "--values")
+    ((key, text),) = chosen
     return key, numbers(text, key.option)
+
+
+def _key_named(name: str) -> SweptKey:
+    try:
+        return swept_key(name)
+    except InputError as error:
+        raise InputError(error.problem, key="--key") from None

@@ -147,15 +147,17 @@ def show_placement(placed: Placement, console: Console) -> None:
 
 def show_sweep(report: SweepReport, console: Console) -> None:
     """Print a sweep: errors in x (p_e) and y (p_n) of each vehicle, then means over vehicles."""
-    name = swept_key(report.swept).name.replace("_", " ")
+    name = swept_key(report.swept).heading
     labels, reports = [row.label for row in report.rows], [row.validation for row in report.rows]
     each = FittedTable(
         f"RMS error over the run, p_n/p_e in m, by {name}",
         ("vehicle", *(label.partition(",")[0] for label in labels)),
     )
-    for k, vehicle in enumerate(reports[0].vehicles[:MOST_ROWS]):
-        figures = [one.vehicles[k] for one in reports]
-        each.add_row(escape(vehicle.name), *(f"{f.rms_y_m:.2f}/{f.rms_x_m:.2f}" for f in figures))
+    longest = max((one.vehicles for one in reports), key=len)
+    for k, vehicle in enumerate(longest[:MOST_ROWS]):
+        cells = (one.vehicles[k] if k < len(one.vehicles) else None for one in reports)
+        texts = ("-" if f is None else f"{f.rms_y_m:.2f}/{f.rms_x_m:.2f}" for f in cells)
+        each.add_row(escape(vehicle.name), *texts)
     console.print(each)
     means = FittedTable(
         "means over the vehicles, m",

@@ -25,7 +25,7 @@ written_records     how the orbits of a plan file were found
 plan_files          plans read back and judged afresh
 subjects            what a function takes as a plan
 validation          Monte Carlo of a plan beside its bound
-swept_keys          the table of keys that a sweep may vary
+swept_keys          the keys that a sweep may vary
 sweeps              one key varied
 loss_study          every loss judged afresh
 """

@@ -65,6 +65,9 @@ def sweep(
 ) -> Sweep:
     """Return a row for each value of the key `name`; see syncplan.planning.swept_keys.
 
+    `name` is that of any number of a scenario, such as sensor.range_sigma_m; range, angular_rate,
+    radius and spacing are short for theirs. Of a list, the number is set for all vehicles.
+
     `options`, or changes of it by name, are those of syncplan.validate: trials=200, seed=0,
     duration=None (s, the scenario's) and the rest. `connected` adds a last row: the last value
     again, with the sensor's range raised until the team is connected at every instant. All values

@@ -61,7 +61,7 @@ def sweep_spec(report: SweepReport) -> Spec:
         note=f"{first.trials} trials of {first.duration_s:g} s at each value, seed {first.seed}"
         + ("; so few leave much to chance" if first.trials < FEW_TRIALS else ""),
         inner=340,
-        xaxis=axis(f"{key.one}, {key.unit}"),
+        xaxis=axis(", ".join(filter(None, [key.one, key.unit]))),
         yaxis=axis("RMS error over all vehicles, m", rangemode="tozero"),
     )
     return {"data": [trace for trace in traces if trace["y"]], "layout": drawn}

@@ -1,19 +1,15 @@
 """The JSON contracts of runs of the filter: validations, replays and sweeps."""
 
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
+from syncplan.errors import InputError
 from syncplan.estimation.filters import FilterName
-from syncplan.planning.swept_keys import SWEPT_KEYS
+from syncplan.planning.swept_keys import swept_key
 from syncplan.reports.document_base import Document, DocumentPart, VersionedDocument
 from syncplan.reports.state_error_schemas import StateErrorFigures, StateErrorSeries
 from syncplan.reports.verdict_schemas import PlanVerdict
-
-if TYPE_CHECKING:
-    SweptName = str
-else:
-    SweptName = Literal[*(one.key for one in SWEPT_KEYS.values())]
 
 __all__ = [
     "ErrorFigures",
@@ -242,6 +238,22 @@ class SweepRow(Document):
     mean_rms_x_m: float
     mean_rms_y_m: float
     validation: ValidationDocument
+
+
+def _only_numeric_keys(schema: dict[str, Any]) -> None:
+    from syncplan.scenario.dotted_keys import numeric_keys
+
+    schema["enum"] = list(numeric_keys())
+
+
+def _known(key: str) -> str:
+    try:
+        return swept_key(key).key
+    except InputError as error:
+        raise ValueError(error.problem) from None
+
+
+SweptName = Annotated[str, AfterValidator(_known), Field(json_schema_extra=_only_numeric_keys)]
 
 
 class SweepReport(Document):

@@ -12,6 +12,7 @@ models               the sections of a scenario: circles, formation, sensor
 disturbances         what disturbs vehicles and readings, what of it the filter estimates
 formations           shapes by name, their centres and neighbours
 specification        the scenario as a whole
+dotted_keys          every key that holds a number: unit, limits, words
 other_documents      what is neither scenario nor plan, by its name
 bounded_yaml         YAML in time proportional to its length
 loading              YAML and JSON to scenarios

@@ -1,14 +1,23 @@
 """Sweeps: what varies, what is judged anew, and the range that connects a team."""
 
+from typing import Any
+
 import networkx as nx
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from syncplan.errors import InputError
 from syncplan.orbits.graphs import rpmg_at
 from syncplan.planning.planner import plan
 from syncplan.planning.sweeps import connected_range, sweep
-from syncplan.planning.swept_keys import SWEPT_KEYS, swept_key
+from syncplan.planning.swept_keys import SWEPT_KEYS, SweptOption, swept_key
+from syncplan.plotting.sweep_figure import sweep_spec
+from syncplan.reports.run_schemas import SweepReport
+from syncplan.reports.validation_report import sweep_document, validation_document
+from syncplan.scenario.dotted_keys import numeric_keys
+from syncplan.scenario.loading import scenario_from
+from syncplan.scenario.specification import Scenario
 from tests.tools.scenarios import example, small
 
 
@@ -46,6 +55,12 @@ def test_what_cannot_be_swept_is_refused_before_anything_runs() -> None:
     scenario = example("paper-grid-same")
     with pytest.raises(InputError, match="can't be swept"):
         sweep(scenario, "colour", [1.0])
+    with pytest.raises(InputError, match=r"did you mean sensor\.range_sigma_m"):
+        sweep(scenario, "range_sigma_m", [1.0])
+    with pytest.raises(InputError, match=r"did you mean sensor\.interval_s"):
+        sweep(scenario, "sensor.intervall_s", [1.0])
+    with pytest.raises(InputError, match=r"^motion\.speed_scale_sigma: 3.0: must be"):
+        sweep(scenario, "motion.speed_scale_sigma", [3.0])
     with pytest.raises(InputError, match="no values"):
         sweep(scenario, "range", [])
     with pytest.raises(InputError, match="lists its centres"):
@@ -65,5 +80,64 @@ def test_every_spelling_of_a_swept_key_follows_from_the_scenarios(
     key: str, request_key: str, name: str, option: str
 ) -> None:
     found = swept_key(key)
+    assert isinstance(found, SweptOption)
     assert (found.request, found.name, found.option) == (request_key, name, option)
     assert swept_key(request_key) is swept_key(name) is found
+
+
+def test_any_number_is_set_for_all_vehicles_and_nothing_else_changes() -> None:
+    scenario = scenario_from(
+        {
+            "orbit": {"radius_m": 20.0, "angular_rate_rad_s": 0.2},
+            "formation": {"shape": "line", "count": 2, "spacing_m": 70.0},
+            "sensor": [{"range_m": 50.0}, {"range_m": 40.0}],
+            "heading_sigma_rad": [0.1, 0.2],
+            "geo_origin": {"lat_deg": 1.0, "lon_deg": 2.0},
+        }
+    )
+    before = _numbers(scenario)
+    assert {"heading_sigma_rad", "wind.sigma_mps", "orbit.speed_mps"} <= set(numeric_keys())
+    for key, one in numeric_keys().items():
+        value = 2 if one.whole else 0.5
+        after = _numbers(swept_key(key).varied(scenario, value))
+        assert after[key] == [value] * (2 if key.startswith("sensor.") else 1), key
+        changed = {k for k in before if after.get(k) != before[k]}
+        assert changed - {key} == INSTEAD.get(key, set())
+
+
+INSTEAD = {
+    "orbit.speed_mps": {"orbit.angular_rate_rad_s"},
+    "formation.gap_m": {"formation.spacing_m"},
+    "motion.position_random_walk_m_sqrt_s": {"motion.speed_sigma_mps"},
+    "motion.angle_random_walk_rad_sqrt_s": {"motion.turn_rate_sigma_rad_s"},
+}
+
+
+def _numbers(scenario: Scenario) -> dict[str, list[Any]]:
+    """Every value of a scenario by its dotted key; of a list of sections, each one's."""
+    found: dict[str, list[Any]] = {}
+    for key, value in scenario.model_dump(exclude_none=True).items():
+        if isinstance(value, dict):
+            found |= {f"{key}.{inner}": [one] for inner, one in value.items()}
+        elif isinstance(value, list) and value and isinstance(value[0], dict):
+            for inner in {name for one in value for name in one}:
+                found[f"{key}.{inner}"] = [one.get(inner) for one in value]
+        else:
+            found[key] = [value]
+    return found
+
+
+def test_a_sigma_of_each_reading_takes_the_place_of_a_random_walk() -> None:
+    walk = small(motion={"angle_random_walk_rad_sqrt_s": 0.003})
+    swept = swept_key("motion.turn_rate_sigma_rad_s").varied(walk, 0.02).motion
+    assert (swept.turn_rate_sigma_rad_s, swept.angle_random_walk_rad_sqrt_s) == (0.02, None)
+
+
+def test_the_report_of_a_sweep_of_any_key_names_it_and_draws_its_unit() -> None:
+    rows = sweep(small(), "sensor.range_sigma_m", [0.1, 1.0], trials=2, duration=5.0)
+    report = sweep_document(rows.name, rows, [validation_document(r.validation) for r in rows])
+    assert report.swept == "sensor.range_sigma_m"
+    assert SweepReport.model_validate(report.as_json()) == report
+    assert sweep_spec(report)["layout"]["xaxis"]["title"]["text"] == "sensor range sigma, m"
+    with pytest.raises(ValidationError, match="did you mean"):
+        SweepReport.model_validate({**report.model_dump(), "swept": "sensor.range_sigma"})

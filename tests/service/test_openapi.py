@@ -191,6 +191,14 @@ def test_the_limits_of_this_service_are_in_its_schemas() -> None:
         ({"range_m": []}, False),
         ({"range_m": None}, False),
         ({"range_m": [50.0], "radius_m": [20.0]}, False),
+        ({"key": "wind.sigma_mps", "values": [1.0]}, True),
+        ({"key": "wind.sigma_mps", "values": [1.0], "range_m": None}, True),
+        ({"key": "wind.sigma_mps", "values": [1.0], "range_m": [50.0]}, False),
+        ({"key": "wind.sigma_mps", "values": []}, False),
+        ({"key": "wind.sigma_mps"}, False),
+        ({"values": [1.0]}, False),
+        ({"range_m": [50.0], "values": [1.0]}, False),
+        ({"key": "wind.colour", "values": [1.0]}, False),
     ],
 )
 def test_the_schema_of_sweeps_wants_exactly_one_key(swept: Tree, valid: bool) -> None:

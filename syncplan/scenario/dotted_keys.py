@@ -1,0 +1,155 @@
+"""Every key of a scenario that holds a number, by its dotted name: unit, limits and words.
+
+All of it is read from the scenario's own models, so a key that is added there is here too.
+"""
+
+import difflib
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from types import MappingProxyType
+from typing import Any
+
+from syncplan.scenario.specification import Scenario
+
+__all__ = ["NumericKey", "nearest_keys", "numeric_keys", "with_number"]
+
+_UNITS = {
+    "m_sqrt_s": "m/√s",
+    "rad_sqrt_s": "rad/√s",
+    "rad_s": "rad/s",
+    "mps": "m/s",
+    "rad": "rad",
+    "deg": "°",
+    "m": "m",
+    "s": "s",
+}
+"""Endings of keys, the longer first, and the units that they state."""
+
+_ALTERNATIVES = (
+    ("orbit.angular_rate_rad_s", "orbit.speed_mps"),
+    ("formation.spacing_m", "formation.gap_m"),
+    ("motion.position_random_walk_m_sqrt_s", "motion.speed_sigma_mps"),
+    ("motion.angle_random_walk_rad_sqrt_s", "motion.turn_rate_sigma_rad_s"),
+)
+"""Pairs of which a scenario gives one."""
+
+
+@dataclass(frozen=True, slots=True)
+class NumericKey:
+    """A key of the scenario that holds a number, or one for each vehicle.
+
+    Attributes
+    ----------
+    key : where it stands, such as sensor.range_sigma_m
+    unit : in symbols; empty where it has none
+    meaning : in words
+    allowed : its limits in words
+    whole : whether the number is an integer
+    """
+
+    key: str
+    unit: str
+    meaning: str
+    allowed: str
+    whole: bool
+
+    @property
+    def name(self) -> str:
+        """What it is called in figures: the key in words, without its unit."""
+        ending = _ending(self.key)
+        words = self.key.removesuffix(f"_{ending}") if ending else self.key
+        return words.replace(".", " ").replace("_", " ")
+
+
+@cache
+def numeric_keys() -> Mapping[str, NumericKey]:
+    """Return all keys that hold a number, in the scenario's order.
+
+    Those of `refine` are left out: they say how a plan is improved, not what it is.
+    """
+    schema = Scenario.model_json_schema()
+    found = {one.key: one for one in _within(schema, schema["$defs"], "")}
+    return MappingProxyType({k: one for k, one in found.items() if not k.startswith("refine.")})
+
+
+def nearest_keys(name: str) -> list[str]:
+    """Return the numeric keys that a wrong name may have meant; empty if it is like none."""
+    known = numeric_keys()
+    same = [one for one in known if one.rpartition(".")[2] == name.rpartition(".")[2]]
+    return same or difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+
+
+def with_number(document: Mapping[str, Any], key: str, value: float) -> dict[str, Any]:
+    """Return the values of a scenario with a number set, nothing checked.
+
+    A section that is missing is added; of a list of sections the number is set in each. What the
+    scenario gives instead of the key is left out: a random walk or the sigma of each reading.
+    """
+    section, _, last = key.rpartition(".")
+    number = int(value) if numeric_keys()[key].whole and float(value).is_integer() else value
+    if not section:
+        return {**document, last: number}
+    others = {
+        other.rpartition(".")[2] for pair in _ALTERNATIVES if key in pair for other in pair
+    } - {last}
+    present = document.get(section) or {}
+    sections = [
+        {**{k: v for k, v in one.items() if k not in others}, last: number}
+        for one in (present if isinstance(present, list) else [present])
+    ]
+    return {**document, section: sections if isinstance(present, list) else sections[0]}
+
+
+def _within(
+    schema: Mapping[str, Any], definitions: Mapping[str, Any], prefix: str
+) -> Iterator[NumericKey]:
+    for name, field in schema.get("properties", {}).items():
+        for one in _alternatives(field, definitions):
+            if one.get("type") in ("number", "integer"):
+                yield _key_of(prefix + name, field, one)
+                break
+            if "properties" in one:
+                yield from _within(one, definitions, f"{prefix}{name}.")
+                break
+
+
+def _alternatives(
+    schema: Mapping[str, Any], definitions: Mapping[str, Any]
+) -> Iterator[Mapping[str, Any]]:
+    """What a value may be, references followed."""
+    if "$ref" in schema:
+        yield definitions[schema["$ref"].rpartition("/")[2]]
+    for inner in (*schema.get("anyOf", ()), *schema.get("oneOf", ())):
+        yield from _alternatives(inner, definitions)
+    if "type" in schema:
+        yield schema
+
+
+def _key_of(key: str, field: Mapping[str, Any], number: Mapping[str, Any]) -> NumericKey:
+    return NumericKey(
+        key=key,
+        unit=_UNITS.get(_ending(key), ""),
+        meaning=field.get("description", ""),
+        allowed=_allowed(number),
+        whole=number["type"] == "integer",
+    )
+
+
+def _ending(key: str) -> str:
+    found = re.search(rf"(?<=_)({'|'.join(_UNITS)})$", key)
+    return found[0] if found else ""
+
+
+def _allowed(number: Mapping[str, Any]) -> str:
+    limits = [
+        f"{words} {number[limit]:g}"
+        for limit, words in (
+            ("minimum", "at least"),
+            ("exclusiveMinimum", "more than"),
+            ("maximum", "at most"),
+        )
+        if limit in number
+    ]
+    return ", ".join(limits)
