@@ -5,13 +5,16 @@ samples out: of each m samples it keeps the last, with the noise that m of them 
 
     bearings   sigma / sqrt(m)        speed and turn-rate readings   sigma / sqrt(m)
 
-takes all sightings of an instant in at once, and refers errors to time 0, where prediction only
-adds noise. With D the way that a vehicle was predicted to go since, without its corrections, and J
-a quarter turn counter-clockwise, an error of position and heading (a, psi) at time 0 is
+and so for other sightings; m is how many are made, where they come at intervals or are missed now
+and then. It takes all sightings of an instant in at once, and refers errors to time 0, where
+prediction only adds noise. With D the way that a vehicle was predicted to go since, without its
+corrections, and J a quarter turn counter-clockwise, an error of position and heading (a, psi) at
+time 0 is
 
     (a + J D psi, psi)
 
-later: the product of the filter's own transitions, in closed form.
+later: the product of the filter's own transitions, in closed form. Errors that last are left out,
+of truth and filter alike: the pilot shows what the start does.
 
 Trial k draws from SeedSequence(seed, spawn_key=(k,)): initial pose, speeds, turn rates, sightings.
 Source: Bar-Shalom, Li, Kirubarajan (2001), 10.3 (extended Kalman filter).
@@ -22,9 +25,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from syncplan.arrays import Array, Index
+from syncplan.orbits.bearings import BEARING
 from syncplan.orbits.circles import heading, position
 from syncplan.orbits.contacts import Windows
-from syncplan.orbits.sighting_kinds import measured_by_kind, sigmas_by_kind
+from syncplan.orbits.sighting_kinds import (
+    SIGHTING_KINDS,
+    measured_by_kind,
+    place_of,
+    sigmas_by_kind,
+    turns_by_kind,
+)
 from syncplan.orbits.sightings import Sightings, sample_sightings, steps_within
 from syncplan.orbits.team import Team
 
@@ -36,6 +46,11 @@ PILOT_SEED = 0
 INSTANTS_A_TURN = 32
 """Samples of a period that a pilot keeps, at least."""
 
+_BEARINGS = place_of(BEARING)
+
+_ANGLES = np.array([kind.unit == "rad" for kind in SIGHTING_KINDS.values()])
+"""Whether sightings of each kind are angles, equal up to whole turns."""
+
 _TURNED = np.array([-1.0, 1.0])
 """With the coordinates swapped, a quarter turn counter-clockwise."""
 
@@ -45,12 +60,18 @@ def thinned(team: Team, instants: int = INSTANTS_A_TURN) -> Team:
     sensors, noise = team.sensors, team.noise
     kept = max(int(team.orbits.period / (sensors.sample_time * instants)), 1)
     share = 1.0 / np.sqrt(kept)
+    every = np.maximum(np.round(sensors.every / kept), 1.0)
+    of_targets = 1.0 / np.sqrt(kept * every / sensors.every * sensors.detection)
     return replace(
         team,
         sensors=replace(
             sensors,
             sample_time=sensors.sample_time * kept,
-            bearing_sigmas=sensors.bearing_sigmas * share,
+            bearing_sigmas=sensors.bearing_sigmas * of_targets,
+            range_sigmas=sensors.range_sigmas * of_targets,
+            compass_sigmas=sensors.compass_sigmas * share,
+            every=every.astype(np.int64),
+            detection=np.ones(team.count),
         ),
         noise=replace(
             noise,
@@ -212,15 +233,17 @@ class _Lanes:
         self.own += gain @ np.swapaxes(gain, -1, -2)
 
     def correct(self, run: _PilotRun, k: int) -> None:
-        """Take in the bearings of sample k."""
+        """Take in the sightings of sample k."""
         own = slice(run.first[k], run.first[k + 1])
         observers, targets = run.sightings.observers[own], run.sightings.targets[own]
         if not len(observers):
             return
         n = run.team.count
-        rows, expected = self._bearings(observers, targets, n)
+        kinds = run.sightings.kinds[own]
+        rows, expected = self._expected(observers, targets, kinds)
         innovation = run.measured[:, own] - expected
-        innovation -= 2.0 * np.pi * np.floor((innovation + np.pi) / (2.0 * np.pi))
+        turns = 2.0 * np.pi * np.floor((innovation + np.pi) / (2.0 * np.pi))
+        innovation -= np.where(_ANGLES[kinds], turns, 0.0)
         reduced = self.P @ np.swapaxes(rows, 1, 2)
         spread = rows @ reduced
         np.einsum("lmm->lm", spread)[:] += run.sigmas[own] ** 2
@@ -230,27 +253,41 @@ class _Lanes:
         self.x[..., :2] += change[..., :2] + change[..., 2:] * self.gone[:, :n]
         self.x[..., 2] += change[..., 2]
 
-    def _bearings(self, observers: Index, targets: Index, n: int) -> tuple[Array, Array]:
-        """Rows (trials, m, 3 n) of errors at time 0, and the bearings expected (trials, m)."""
+    def _expected(self, observers: Index, targets: Index, kinds: Index) -> tuple[Array, Array]:
+        """Rows (trials, m, 3 n) of errors at time 0, and the sightings expected (trials, m)."""
+        n = self.x.shape[1]
         self.bodies[:, :n] = self.x[..., :2]
         q = self.bodies[:, targets] - self.bodies[:, observers]
-        x, y = q[..., 0], q[..., 1]
-        squared = x * x + y * y
-        ends = np.empty((2, *x.shape, 3))
+        ends = np.empty((2, *q.shape[:2], 3))
         there, here = ends
-        np.divide(-y, squared, out=there[..., 0])
-        np.divide(x, squared, out=there[..., 1])
+        expected = _measured(q, self.x[:, observers, 2], kinds, there[..., :2])
         np.negative(there[..., :2], out=here[..., :2])
         moving = np.minimum(targets, n)
         for end, vehicles in ((there, moving), (here, observers)):
             way = self.gone[:, vehicles]
             end[..., 2] = end[..., 0] * way[..., 0] + end[..., 1] * way[..., 1]
-        here[..., 2] -= 1.0
-        rows = np.zeros((*x.shape, n + 1, 3))
+        here[..., 2] += turns_by_kind(kinds)
+        rows = np.zeros((*expected.shape, n + 1, 3))
         each = np.arange(len(observers))
         rows[:, each, moving], rows[:, each, observers] = there, here
-        expected = np.arctan2(y, x) - self.x[:, observers, 2]
         return rows.reshape(*q.shape[:2], -1)[..., : 3 * n], expected
+
+
+def _measured(q: Array, headings: Array, kinds: Index, slopes: Array) -> Array:
+    """(trials, m) sightings at q (trials, m, 2); fills in `slopes`, dz / dq (trials, m, 2)."""
+    if np.all(kinds == _BEARINGS):
+        x, y = q[..., 0], q[..., 1]
+        squared = x * x + y * y
+        np.divide(-y, squared, out=slopes[..., 0])
+        np.divide(x, squared, out=slopes[..., 1])
+        return np.asarray(np.arctan2(y, x) - headings)
+    expected = np.empty(headings.shape)
+    for place, kind in enumerate(SIGHTING_KINDS.values()):
+        own = np.flatnonzero(kinds == place)
+        away = np.moveaxis(q[:, own], -1, 0)
+        expected[:, own] = kind.measured(away, headings[:, own])
+        slopes[:, own] = np.moveaxis(kind.slopes(away, np.ones(away.shape[1:])), 0, -1)
+    return expected
 
 
 def _solved(matrices: Array, sides: Array) -> Array:

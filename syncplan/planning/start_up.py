@@ -21,6 +21,7 @@ from syncplan.estimation.pilot import (
 from syncplan.estimation.referred_system import PosteriorBound
 from syncplan.estimation.start_up_index import StartUpIndex, first_samples
 from syncplan.orbits.contacts import Windows
+from syncplan.orbits.error_states import NO_ERRORS
 from syncplan.orbits.team import Team
 
 __all__ = [
@@ -184,6 +185,9 @@ def _piloted(
     if length < 2.0 * thin.sensors.sample_time:
         return None
     squares = pilot_squares(thin, windows, length)
+    if bound.errors is not None:
+        # the pilot leaves out errors that last, and so does what stands beside it
+        bound = posterior_bound(replace(team, errors=NO_ERRORS), windows, length)
     return StartTrials(
         trials=PILOT_TRIALS,
         seed=PILOT_SEED,

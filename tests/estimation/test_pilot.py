@@ -1,6 +1,7 @@
 """The pilot against the compiled filter on the same draws, and against the bound."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from syncplan.estimation.pilot import pilot_squares, thinned
 from syncplan.orbits.sightings import sample_sightings
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.planner import plan
-from tests.tools.scenarios import example, small
+from tests.tools.scenarios import changed, example, small
 
 
 def compiled_squares(made: Plan, duration: float, trials: int, seed: int) -> np.ndarray:
@@ -80,6 +81,42 @@ def test_from_a_well_known_start_it_finds_the_bound() -> None:
     found = pilot_squares(thinned(made.team), made.windows, 200.0, trials=200)
     assert made.prediction.rms is not None
     ratio = np.sqrt(found.mean(axis=0)) / made.prediction.rms
+    assert np.all((ratio > 0.85) & (ratio < 1.15))
+
+
+KINDS: dict[str, Any] = {
+    "sensor": {"range_sigma_m": 1.0, "interval_s": 0.3, "detection_probability": 0.7},
+    "heading_sigma_rad": 0.2,
+}
+"""Every kind of sighting, at intervals and missed now and then."""
+
+
+def test_with_other_kinds_of_sighting_it_is_the_compiled_filter() -> None:
+    # next to nothing is taken in at once: bearings say little
+    rare = {"range_m": 50.0, "bearing_sigma_rad": 3.0, "range_sigma_m": 0.5, "sample_time_s": 0.1}
+    made = plan(
+        small(
+            formation={"centers_m": [[0.0, 0.0]]},
+            landmarks_m=[[0.0, 45.0], [30.0, 35.0]],
+            sensor=rare,
+            heading_sigma_rad=0.1,
+            initial_sigma={"position_m": 0.5, "heading_rad": 0.02},
+        ),
+        bound="never",
+    )
+    found = pilot_squares(made.team, made.windows, 40.0, trials=5, seed=3)
+    np.testing.assert_allclose(found, compiled_squares(made, 40.0, 5, 3), rtol=0.03)
+
+
+def test_with_every_kind_of_sighting_it_finds_the_bound_from_a_well_known_start() -> None:
+    start = {"position_m": 1.0, "heading_rad": 0.02}
+    made = plan(changed("paper-grid-same", initial_sigma=start, **KINDS))
+    thin = thinned(made.team)
+    less = posterior_bound(thin, made.windows, 100.0).rms_second_half()
+    full = posterior_bound(made.team, made.windows, 100.0).rms_second_half()
+    np.testing.assert_allclose(less, full, rtol=0.05)
+    found = pilot_squares(thin, made.windows, 100.0, trials=100)
+    ratio = np.sqrt(found.mean(axis=0)) / full
     assert np.all((ratio > 0.85) & (ratio < 1.15))
 
 
