@@ -48,7 +48,7 @@ def window_bound(result: Observability) -> Array:
     """Return (n,) m: the bound on each initial position from one window, without motion noise.
 
     The Cramer-Rao bound of the windowed information (Bar-Shalom, Li, Kirubarajan 2001). NaN
-    for a vehicle whose position is not determined.
+    for a vehicle whose position is not determined. Of poses alone: errors that last count as known.
     """
     variance = result.variances.reshape(-1, 3)[:, :2].sum(axis=1)
     lost = np.sum(result.null_space**2, axis=0).reshape(-1, 3)[:, :2].sum(axis=1)

@@ -14,7 +14,9 @@ import numpy as np
 
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import reachable_pairs
+from syncplan.orbits.error_states import ERROR_STATES, layout_of
 from syncplan.orbits.scenario_arrays import radii_of, team_of
+from syncplan.orbits.sighting_kinds import kinds_measured, of_targets
 from syncplan.planning.judgement import bound_is_affordable
 from syncplan.scenario.specification import Scenario
 
@@ -28,7 +30,8 @@ class ExpectedWork:
     Attributes
     ----------
     sightings : in all samples of the run
-    pass_work : sightings times the squared size of the state: work of the bound, and of a trial
+    pass_work : sightings times the squared size of the state with all errors that there are: work
+        of the bound, and of a trial
     bounded : whether a plan computes the posterior bound without being asked
     """
 
@@ -61,7 +64,10 @@ def work_of(scenario: Scenario, duration: float | None = None) -> ExpectedWork |
         cosine = (distance**2 + rho**2 - reach**2) / (2.0 * distance * rho)
     share = np.where(distance <= reach, 1.0, np.arccos(np.clip(cosine, -1.0, 1.0)) / np.pi)
     share *= np.minimum(team.sensors.fields_of_view[a] / (2.0 * np.pi), 1.0)
-    sightings = float(share.sum()) * length / team.sensors.sample_time
-    return ExpectedWork(
-        sightings, sightings * (3.0 * team.count) ** 2, bound_is_affordable(team, length)
-    )
+    measured = kinds_measured(team.sensors)
+    paired = of_targets(np.arange(measured.shape[1]))
+    share *= measured[a][:, paired].sum(axis=1) / team.sensors.every[a]
+    each = float(share.sum()) + float(measured[:, ~paired].sum())
+    sightings = each * length / team.sensors.sample_time
+    size = float(layout_of(team, tuple(ERROR_STATES)).size)
+    return ExpectedWork(sightings, sightings * size**2, bound_is_affordable(team, length))

@@ -7,7 +7,7 @@ from syncplan.planning.expected_work import work_of
 from syncplan.planning.planner import plan
 from syncplan.planning.validation import trial_run
 from syncplan.scenario.loading import scenario_from
-from tests.tools.scenarios import FILES, document, example, shared_circles
+from tests.tools.scenarios import EVERYTHING, FILES, changed, document, example, shared_circles
 
 NAMES = sorted(path.stem for path in FILES.glob("*.yaml"))
 
@@ -48,3 +48,32 @@ def test_a_landmark_is_in_range_for_the_share_that_geometry_says() -> None:
 def test_nothing_is_expected_where_centres_are_yet_to_be_found() -> None:
     scenario = scenario_from(document(formation={"count": 3, "links": [["v1", "v2"]]}))
     assert work_of(scenario) is None
+
+
+def test_further_kinds_count_and_intervals_are_left_out_of_the_count() -> None:
+    plain, kinds = example("paper-grid-same"), {"range_sigma_m": 1.0, "interval_s": 0.5}
+    before, after = work_of(plain), work_of(changed(plain.name, sensor=kinds))
+    assert before is not None
+    assert after is not None
+    assert after.sightings == pytest.approx(before.sightings * 2.0 / 5.0)
+    heading = work_of(changed(plain.name, heading_sigma_rad=0.1))
+    assert heading is not None
+    samples = plain.duration_s / plain.sample_time
+    assert heading.sightings == pytest.approx(before.sightings + 6.0 * samples)
+
+
+def test_errors_widen_the_state_whether_estimated_or_not() -> None:
+    before = work_of(example("paper-grid-same"))
+    assert before is not None
+    for estimate in ("all", "none"):
+        made = changed(
+            "paper-grid-same",
+            motion=EVERYTHING["motion"],
+            wind=EVERYTHING["wind"],
+            filter={"estimate": estimate},
+        )
+        work = work_of(made)
+        assert work is not None
+        # poses, wind, scales, biases and gusts
+        size = 18 + 2 + 6 + 6 + 12
+        assert work.pass_work == pytest.approx(before.pass_work * (size / 18.0) ** 2)
