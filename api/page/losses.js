@@ -6,7 +6,8 @@ import { askJson } from "./service.js";
 /** Losses that stand open; the others are folded. */
 const MOST_OPEN = 12;
 
-const SENSOR = "sensor:";
+/** What stands before a vehicle's name where a sensor of it is lost, and what that is called. */
+const SENSORS = { sensor: "sensor", compass: "compass", distance: "distance sensor" };
 
 /** The panel of losses. `storePlan()` resolves with the identifier of the plan on show. */
 export function offerLosses(store, storePlan) {
@@ -48,7 +49,10 @@ export function offerLosses(store, storePlan) {
 
 /** Return what is lost as a sentence has it. */
 export function lostOf(names) {
-  const words = names.map((name) => (name.startsWith(SENSOR) ? `sensor of ${name.slice(SENSOR.length)}` : name));
+  const words = names.map((name) => {
+    const [before, ...vehicle] = name.split(":");
+    return vehicle.length && before in SENSORS ? `${SENSORS[before]} of ${vehicle.join(":")}` : name;
+  });
   return words.join(" and ") || "nothing";
 }
 

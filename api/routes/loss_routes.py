@@ -30,7 +30,7 @@ async def read_losses(
         list[Annotated[str, Query(max_length=80)]] | None,
         Query(
             description="Names of what is lost together: vehicles, landmarks, and sensors as "
-            "sensor:v3; every loss is judged if not given",
+            "sensor:v3, compass:v3 or distance:v3; every loss is judged if not given",
             max_length=64,
         ),
     ] = None,

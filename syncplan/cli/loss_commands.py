@@ -25,7 +25,7 @@ def _what_if(
         str | None,
         typer.Option(
             help="Judge just this loss: vehicles, landmarks and sensors that are lost together, "
-            "such as v3,L1 or sensor:v3",
+            "such as v3,L1 or sensor:v3, and compass:v3 or distance:v3 where v3 has one",
             show_default=False,
         ),
     ] = None,

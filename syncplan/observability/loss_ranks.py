@@ -41,21 +41,24 @@ SAFETY = 10.0
 
 @dataclass(frozen=True, slots=True)
 class _Rows:
-    """The rows of each directed pair, reduced to at most six, in mean radii.
+    """The rows of each directed pair and kind of sighting, reduced to at most six, in mean radii.
 
     Attributes
     ----------
     blocks : (r, 6) columns of the observer, then of the target; zeros for a landmark
-    observers, targets : (r,)
+    observers, targets, kinds : (r,)
     """
 
     blocks: Array
     observers: Index
     targets: Index
+    kinds: Index
 
     def only(self, chosen: Flags) -> "_Rows":
         """Return the chosen rows."""
-        return _Rows(self.blocks[chosen], self.observers[chosen], self.targets[chosen])
+        return _Rows(
+            self.blocks[chosen], self.observers[chosen], self.targets[chosen], self.kinds[chosen]
+        )
 
     def lost(self, loss: Loss, count: int) -> Flags:
         """Return (r,) whether a loss of a team of `count` vehicles takes each row.
@@ -69,6 +72,8 @@ class _Rows:
                 lost |= own == body
         for body in loss.sensors:
             lost |= (self.observers == body) & (self.targets != body)
+        for place, body in loss.kinds:
+            lost |= (self.observers == body) & (self.kinds == place)
         return lost
 
     def times(self, matrix: Array) -> Array:
@@ -97,10 +102,12 @@ def decisive_losses(assessed: Assessment, losses: Sequence[Loss]) -> list[Loss]:
 def _directed_rows(assessed: Assessment) -> _Rows:
     sightings = assessed.sightings
     rows = sighting_rows(assessed.team, sightings)
-    order = np.lexsort((sightings.targets, sightings.observers))
+    order = np.lexsort((sightings.kinds, sightings.targets, sightings.observers))
     observers, targets = sightings.observers[order], sightings.targets[order]
+    kinds = sightings.kinds[order]
     rows = rows[order]
     new = (np.diff(observers, prepend=-1) != 0) | (np.diff(targets, prepend=-1) != 0)
+    new |= np.diff(kinds, prepend=-1) != 0
     first = np.flatnonzero(new)
     reduced = [
         rows[begin:end] if end - begin <= 6 else np.linalg.qr(rows[begin:end], mode="r")
@@ -111,6 +118,7 @@ def _directed_rows(assessed: Assessment) -> _Rows:
         np.concatenate(reduced),
         np.repeat(observers[first], number),
         np.repeat(targets[first], number),
+        np.repeat(kinds[first], number),
     )
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.orbits.sighting_kind import SightingKind
+from syncplan.orbits.sighting_kind import OwnSensor, SightingKind
 
 __all__ = ["COMPASS"]
 
@@ -17,6 +17,12 @@ def _no_slopes(q: Array, weights: Array) -> Array:
 
 
 COMPASS = SightingKind(
-    "compass_sigmas", "rad", _headings, _no_slopes, by_heading=1.0, of_target=False
+    "compass_sigmas",
+    "rad",
+    _headings,
+    _no_slopes,
+    by_heading=1.0,
+    of_target=False,
+    own_sensor=OwnSensor("compass", "heading_sigma_rad"),
 )
 """The vehicle's own heading, in rad."""

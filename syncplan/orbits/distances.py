@@ -3,7 +3,7 @@
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.orbits.sighting_kind import ACROSS, SecondOrder, SightingKind
+from syncplan.orbits.sighting_kind import ACROSS, OwnSensor, SecondOrder, SightingKind
 
 __all__ = ["DISTANCE"]
 
@@ -31,5 +31,6 @@ DISTANCE = SightingKind(
     _distance_slopes,
     by_heading=0.0,
     second_order=SecondOrder((ACROSS, ACROSS), _half),
+    own_sensor=OwnSensor("distance sensor", "sensor.range_sigma_m"),
 )
 """Distance from the observer to the target, in m."""

@@ -56,8 +56,8 @@ def team_of(scenario: Scenario, orbits: Orbits) -> Team:
 
 
 def _compass_sigmas(scenario: Scenario) -> Array:
-    given = scenario.heading_sigma_rad
-    return np.array(per_vehicle(np.inf if given is None else given, scenario.size))
+    given = per_vehicle(scenario.heading_sigma_rad, scenario.size)
+    return np.array([np.inf if one is None else one for one in given])
 
 
 def _errors_of(scenario: Scenario) -> ErrorSigmas:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from syncplan.arrays import Array
 from syncplan.orbits.sensors import Sensors
 
-__all__ = ["ACROSS", "ALONG", "SecondOrder", "SightingKind"]
+__all__ = ["ACROSS", "ALONG", "OwnSensor", "SecondOrder", "SightingKind"]
 
 ALONG, ACROSS = 0, 1
 """Ways of an error, from the line of sight."""
@@ -35,6 +35,20 @@ class SecondOrder:
 
 
 @dataclass(frozen=True, slots=True)
+class OwnSensor:
+    """What measures one kind of sighting and nothing else; a vehicle may be without, or lose it.
+
+    Attributes
+    ----------
+    words : what it is called
+    key : of the scenario, which gives its standard deviation; without it there is none
+    """
+
+    words: str
+    key: str
+
+
+@dataclass(frozen=True, slots=True)
 class SightingKind:
     """What one kind of sighting measures.
 
@@ -49,6 +63,7 @@ class SightingKind:
     of_target : whether it measures something that must be within range and view; otherwise a
         vehicle measures it of itself, at every sample
     second_order : what the slopes leave out; None where nothing
+    own_sensor : what measures it; None where every vehicle's sensor does
     """
 
     sigma_name: str
@@ -58,6 +73,7 @@ class SightingKind:
     by_heading: float
     of_target: bool = True
     second_order: SecondOrder | None = None
+    own_sensor: OwnSensor | None = None
 
     def sigmas(self, sensors: Sensors) -> Array:
         """Return (n,) standard deviations by observer; infinite where there is no such sensor."""

@@ -6,6 +6,7 @@ from syncplan.orbits.losses import Loss
 from syncplan.phrases import listed
 from syncplan.planning.findings import Cure, Finding
 from syncplan.planning.judged_team import JudgedTeam
+from syncplan.planning.lost_parts import names_of, phrase_of
 
 __all__ = ["single_points_of_failure"]
 
@@ -24,7 +25,10 @@ def single_points_of_failure(judged: JudgedTeam) -> Iterator[Finding]:
         return
     if judged.single_points:
         names, landmarks = judged.scenario.vehicle_names, judged.scenario.landmark_names
-        lost = [(one.vehicles + one.sensors, one.landmarks) for one in judged.single_points]
+        lost = [
+            (one.vehicles + one.sensors + tuple(k for _, k in one.kinds), one.landmarks)
+            for one in judged.single_points
+        ]
         yield Finding(
             "single-point-of-failure",
             "note",
@@ -46,6 +50,12 @@ def _phrases(judged: JudgedTeam, losses: Sequence[Loss]) -> list[str]:
     return [
         *(f"{names[k]}{' or its sensor' if k in blind else ''}" for k in sorted(gone)),
         *(f"the sensor of {names[k]}" for k in sorted(blind - gone)),
+        *(
+            phrase_of(name)
+            for one in losses
+            if one.kinds
+            for name in names_of(one, judged.scenario)
+        ),
         *(judged.scenario.landmark_names[k] for one in losses for k in one.landmarks),
     ]
 

@@ -42,7 +42,7 @@ class LossOutcome:
 
     Attributes
     ----------
-    lost : names of what is lost, a sensor as sensor:v3; empty for the whole team
+    lost : names of what is lost, as lost_together reads them; empty for the whole team
     vehicles : names of those left
     rank, state_dim : of the windowed matrix
     unobservable : a named mode for each dimension that the rank lacks
@@ -116,7 +116,8 @@ def what_if(
 
     `subject` is the plan or whatever one can be made of: a scenario, a file or a mapping. `lose`
     names what is lost together: vehicles, landmarks, and sensors as sensor:v3, whose vehicles fly
-    on and are seen by others. Without it every loss of one vehicle, sensor or landmark is judged;
+    on, are seen by others and keep their compasses; compass:v3 and distance:v3 are sensors of one
+    kind of sighting. Without it every loss of one vehicle, sensor or landmark is judged;
     with losses=2, of every two as well. Everything is lost from time 0 on: predicted errors are
     those of a run without it. Verdicts leave out the start and what a further loss would do.
     `bound` says whether errors are predicted, as for syncplan.plan. `progress` is called with the

@@ -1,6 +1,6 @@
-"""What can be lost, by name: v3, sensor:v3, L1; and the scenario of what is left."""
+"""What can be lost, by name: v3, sensor:v3, compass:v3, L1; and the scenario of what is left."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations
 from typing import Any, TypeVar
 
@@ -9,14 +9,34 @@ import numpy as np
 from syncplan.arrays import as_pairs
 from syncplan.errors import InputError
 from syncplan.orbits.losses import BLIND_RANGE_M, Loss, single_losses
+from syncplan.orbits.scenario_arrays import sensors_of
 from syncplan.orbits.separation import circle_gaps
+from syncplan.orbits.sighting_kind import SightingKind
+from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 from syncplan.orbits.team import Team
+from syncplan.scenario.disturbances import EstimableName
 from syncplan.scenario.specification import Scenario, per_vehicle
 
 __all__ = ["SENSOR", "lost_together", "names_of", "phrase_of", "possible_losses", "scenario_after"]
 
 SENSOR = "sensor:"
 """Stands before the name of the vehicle whose sensor is lost."""
+
+_KINDS = list(SIGHTING_KINDS.values())
+
+_OF_KIND = {
+    f"{name}:": place
+    for place, (name, kind) in enumerate(SIGHTING_KINDS.items())
+    if kind.own_sensor is not None
+}
+"""What stands before it where the sensor of one kind of sighting alone is lost, and that kind."""
+
+_WORDS = {
+    SENSOR: "sensor",
+    **{
+        before: own.words for before, place in _OF_KIND.items() if (own := _KINDS[place].own_sensor)
+    },
+}
 
 _NAMED = 6
 
@@ -26,8 +46,8 @@ T = TypeVar("T")
 def lost_together(names: Iterable[str], scenario: Scenario) -> Loss:
     """Return the loss of all that is named: vehicles, landmarks, and sensors as sensor:v3.
 
-    Raises InputError for a name that nothing has, for one that stands twice and where no vehicle
-    would be left.
+    Those of one kind of sighting are named compass:v3 and distance:v3. Raises InputError for a name
+    that nothing has, for one that stands twice and where no vehicle would be left.
     """
     given = list(names)
     loss = Loss()
@@ -39,6 +59,11 @@ def lost_together(names: Iterable[str], scenario: Scenario) -> Loss:
         if k in loss.vehicles:
             name = scenario.vehicle_names[k]
             raise InputError(f"{SENSOR}{name}: is lost with {name}; name one of them", key="lose")
+    for place, k in loss.repeats:
+        vehicle = scenario.vehicle_names[k]
+        with_it = vehicle if k in loss.vehicles else f"{SENSOR}{vehicle}"
+        name = _name_of_kind(place, vehicle)
+        raise InputError(f"{name}: is lost with {with_it}; name one of them", key="lose")
     if len(loss.vehicles) == scenario.size:
         raise InputError(f"{', '.join(given)}: leaves no vehicle; name fewer", key="lose")
     return loss
@@ -47,7 +72,7 @@ def lost_together(names: Iterable[str], scenario: Scenario) -> Loss:
 def possible_losses(team: Team, most: int) -> list[Loss]:
     """Return every loss of one, or of up to two, vehicles, sensors and landmarks.
 
-    Left out is what leaves no vehicle, and a vehicle together with its own sensor.
+    Left out is what leaves no vehicle, and a vehicle or sensor together with a part of it.
     """
     singles = single_losses(team)
     if most == 1:
@@ -56,7 +81,9 @@ def possible_losses(team: Team, most: int) -> list[Loss]:
     return singles + [
         loss
         for loss in pairs
-        if len(loss.vehicles) < team.count and not set(loss.vehicles) & set(loss.sensors)
+        if len(loss.vehicles) < team.count
+        and not set(loss.vehicles) & set(loss.sensors)
+        and not loss.repeats
     ]
 
 
@@ -66,23 +93,35 @@ def names_of(loss: Loss, scenario: Scenario) -> tuple[str, ...]:
     return (
         *(vehicles[k] for k in loss.vehicles),
         *(f"{SENSOR}{vehicles[k]}" for k in loss.sensors),
+        *(_name_of_kind(place, vehicles[k]) for place, k in loss.kinds),
         *(landmarks[k] for k in loss.landmarks),
     )
 
 
 def phrase_of(name: str) -> str:
     """Return one of the names as a sentence has it."""
-    return f"the sensor of {name.removeprefix(SENSOR)}" if name.startswith(SENSOR) else name
+    before, colon, vehicle = name.partition(":")
+    words = _WORDS.get(before + colon)
+    return f"the {words} of {vehicle}" if words else name
+
+
+def _name_of_kind(place: int, vehicle: str) -> str:
+    return next(f"{before}{vehicle}" for before, kind in _OF_KIND.items() if kind == place)
 
 
 def scenario_after(scenario: Scenario, loss: Loss) -> Scenario:
     """Return a resolved scenario without what is lost.
 
     Names stay. Links that ended at what is lost are left out, as are those for which no sensor
-    reaches far enough any more. A sensor that is lost has the smallest range there is.
+    reaches far enough any more. A sensor that is lost has the smallest range there is; one of a
+    single kind of sighting, no sigma. An error that nothing shows any more is no state.
     """
     values = scenario.model_dump(mode="json", exclude_none=True)
     kept = [k for k in range(scenario.size) if k not in loss.vehicles]
+    for place, k in loss.kinds:
+        values |= _without_sensor(values, _KINDS[place], k, scenario.size)
+    if isinstance(values.get("heading_sigma_rad"), list):
+        values["heading_sigma_rad"] = _only(values["heading_sigma_rad"], kept)
     values["orbit"] = _orbit_after(scenario, kept)
     values["sensor"] = _sensors_after(values["sensor"], scenario.size, loss, kept)
     values["formation"] = _formation_after(scenario, values["sensor"], kept)
@@ -93,7 +132,29 @@ def scenario_after(scenario: Scenario, loss: Loss) -> Scenario:
         )
         if k not in loss.landmarks
     }
+    wanted = scenario.filter.estimate if scenario.filter else "auto"
+    if isinstance(wanted, list):
+        left = [name for name in wanted if name in _errors_after(scenario, kept)]
+        values["filter"] = {"estimate": left}
     return Scenario.model_validate(values, context={"max_vehicles": scenario.size})
+
+
+def _errors_after(scenario: Scenario, kept: list[int]) -> Mapping[EstimableName, float]:
+    """Sigmas of the errors that those vehicles have, by name."""
+    sensors = [scenario.sensors[k] for k in kept]
+    return scenario.following(sensor=sensors).error_sigmas
+
+
+def _without_sensor(
+    values: Mapping[str, Any], kind: SightingKind, vehicle: int, count: int
+) -> dict[str, Any]:
+    """The values that change where a vehicle's sensor of a kind is lost."""
+    section, _, key = kind.own_sensor.key.rpartition(".") if kind.own_sensor else ("", "", "")
+    each = per_vehicle(values[section or key], count)
+    if not section:
+        return {key: [None if k == vehicle else one for k, one in enumerate(each)]}
+    without = {name: value for name, value in each[vehicle].items() if name != key}
+    return {section: [without if k == vehicle else one for k, one in enumerate(each)]}
 
 
 def _one(name: str, scenario: Scenario) -> Loss:
@@ -104,11 +165,24 @@ def _one(name: str, scenario: Scenario) -> Loss:
         return Loss(landmarks=(landmarks.index(name),))
     if name.startswith(SENSOR) and name.removeprefix(SENSOR) in vehicles:
         return Loss(sensors=(vehicles.index(name.removeprefix(SENSOR)),))
+    before, colon, vehicle = name.partition(":")
+    if before + colon in _OF_KIND and vehicle in vehicles:
+        return _loss_of_kind(_OF_KIND[before + colon], vehicles.index(vehicle), scenario)
     raise InputError(
         f"{name!r}: is neither a vehicle ({_listed(vehicles)}) nor a landmark "
         f"({_listed(landmarks) or 'none'}); a vehicle's sensor is named {SENSOR}{vehicles[0]}",
         key="lose",
     )
+
+
+def _loss_of_kind(place: int, vehicle: int, scenario: Scenario) -> Loss:
+    own = _KINDS[place].own_sensor
+    if own is not None and np.isinf(_KINDS[place].sigmas(sensors_of(scenario))[vehicle]):
+        raise InputError(
+            f"{scenario.vehicle_names[vehicle]}: has no {own.words} to lose; {own.key} gives one",
+            key="lose",
+        )
+    return Loss(kinds=((place, vehicle),))
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -14,7 +14,8 @@ class RemainingTeam(Document):
 
     lost: list[str] = Field(
         description="Names of what is lost: vehicles, landmarks, and sensors as sensor:v3, whose "
-        "vehicles fly on; empty for the whole team",
+        "vehicles fly on, or as compass:v3 and distance:v3, of one kind of sighting; empty for the "
+        "whole team",
         examples=[["sensor:v3"]],
     )
     rank: int

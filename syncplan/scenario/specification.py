@@ -62,10 +62,10 @@ class Scenario(Result, Section):
         examples=[[[190.0, 0.0], [190.0, 70.0]]],
     )
     sensor: OneOrMany[Sensor] = Field(description="One sensor for all, or one per vehicle")
-    heading_sigma_rad: OneOrMany[CompassSigma] | None = Field(
+    heading_sigma_rad: OneOrMany[CompassSigma | None] = Field(
         default=None,
         description="Standard deviation of a compass, read at every sample, one value or one per "
-        "vehicle; no compass if not given",
+        "vehicle, null for one that has none; no compass if not given",
         examples=[0.05],
     )
     motion: Motion = Field(default_factory=Motion)

@@ -1,11 +1,14 @@
 """Losses: what is left is judged as if it had been planned that way from the start."""
 
+import re
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.testing import assert_array_equal
 
 import syncplan
 from syncplan.errors import InputError
@@ -13,12 +16,21 @@ from syncplan.estimation.bounds import posterior_bound
 from syncplan.estimation.loss_bounds import LossBounds
 from syncplan.observability.loss_ranks import decisive_losses
 from syncplan.observability.window_assessment import assess_remainder, assess_team
+from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.losses import BLIND_RANGE_M, Loss, remainder_of, single_losses
+from syncplan.orbits.scenario_arrays import sensors_of
+from syncplan.orbits.sightings import sightings_over
 from syncplan.planning import judgement
 from syncplan.planning.findings import Finding
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.loss_study import what_if
-from syncplan.planning.lost_parts import lost_together, names_of, possible_losses, scenario_after
+from syncplan.planning.lost_parts import (
+    lost_together,
+    names_of,
+    phrase_of,
+    possible_losses,
+    scenario_after,
+)
 from syncplan.planning.planner import plan
 from syncplan.reports.loss_report import what_if_document
 from syncplan.reports.loss_schemas import WhatIfDocument
@@ -214,6 +226,91 @@ def test_a_link_that_only_the_lost_sensor_could_keep_is_left_out() -> None:
     )
     left = scenario_after(plan(linked, bound="never").scenario, Loss(sensors=(0,)))
     assert left.formation.links == []
+
+
+# --- sensors of one kind of sighting --------------------------------------------------------------
+
+EQUIPPED: dict[str, Any] = {
+    "sensor": [{"range_m": 50.0, "range_sigma_m": 0.3}, {"range_m": 50.0}],
+    "heading_sigma_rad": [None, 0.1],
+    "landmarks_m": [[0.0, 40.0], [70.0, 40.0]],
+}
+
+
+def test_compasses_and_distance_sensors_are_lost_where_there_are_some() -> None:
+    made = plan(small(**EQUIPPED), bound="never")
+    losses = [names_of(one, made.scenario) for one in possible_losses(made.team, 1)]
+    assert {"distance:v1", "compass:v2"} < {name for (name,) in losses}
+    assert not {"distance:v2", "compass:v1"} & {name for (name,) in losses}
+    for loss in possible_losses(made.team, 2):
+        assert lost_together(names_of(loss, made.scenario), made.scenario) == loss
+    assert phrase_of("compass:v2") == "the compass of v2"
+
+
+@pytest.mark.parametrize("name", ["distance:v1", "compass:v2", "sensor:v2", "v1", "v2"])
+def test_what_a_loss_leaves_is_what_its_scenario_says(name: str) -> None:
+    made = plan(small(**EQUIPPED), bound="never")
+    loss = lost_together([name], made.scenario)
+    left = remainder_of(made.team, loss)
+    stated = sensors_of(scenario_after(made.scenario, loss))
+    for attribute in ("ranges", "range_sigmas", "compass_sigmas"):
+        assert_array_equal(getattr(left.team.sensors, attribute), getattr(stated, attribute))
+    seen = sightings_over(made.team, made.windows, made.scenario.window)
+    kept, _ = left.sightings(seen)
+    windows = find_windows(left.team)
+    again = sightings_over(left.team, windows, made.scenario.window)
+    for attribute in ("steps", "observers", "targets", "kinds"):
+        assert_array_equal(getattr(kept, attribute), getattr(again, attribute))
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        (["distance:v2"], "v2: has no distance sensor to lose; sensor.range_sigma_m gives one"),
+        (["compass:v1"], "v1: has no compass to lose; heading_sigma_rad gives one"),
+        (["distance:v1", "sensor:v1"], "distance:v1: is lost with sensor:v1; name one of them"),
+        (["compass:v2", "v2"], "compass:v2: is lost with v2"),
+        (["gyro:v2"], "is neither a vehicle"),
+    ],
+)
+def test_a_sensor_that_is_not_there_cannot_be_lost(names: list[str], said: str) -> None:
+    with pytest.raises(InputError, match=re.escape(said)):
+        lost_together(names, small(**EQUIPPED))
+    assert lost_together(["compass:v2", "sensor:v2"], small(**EQUIPPED)).sensors == (1,)
+
+
+def test_decisive_losses_of_compasses_are_found_as_by_judging_each_remainder() -> None:
+    # one landmark, seen by bearing and distance: the compass ends the turn about it
+    made = plan(
+        small(
+            sensor={"range_m": 60.0, "range_sigma_m": 0.3},
+            heading_sigma_rad=[0.1, None],
+            landmarks_m=[[35.0, 10.0]],
+        ),
+        bound="never",
+    )
+    assessed = assess_team(made.team, made.scenario.window)
+    losses = single_losses(made.team)
+    left = [assess_remainder(assessed, remainder_of(made.team, loss)) for loss in losses]
+    decisive = [
+        loss for loss, one in zip(losses, left, strict=True) if not one.observability.observable
+    ]
+    assert decisive_losses(assessed, losses) == decisive
+    names = {names_of(loss, made.scenario) for loss in decisive}
+    assert ("compass:v1",) in names
+    found = what_if(made, bound="never")
+    assert set(found.critical) == names
+    (finding,) = [f for f in made.verdict.findings if f.code == "single-point-of-failure"]
+    assert "the compass of v1" in finding.message
+
+
+def test_an_error_whose_only_vehicle_is_lost_is_no_longer_estimated() -> None:
+    biased = small(
+        sensor=[{"range_m": 50.0, "bearing_bias_sigma_rad": 0.01}, {"range_m": 50.0}],
+        filter={"estimate": ["bearing_bias"]},
+    )
+    left = scenario_after(biased.resolved(), Loss(vehicles=(0,)))
+    assert left.estimated == []
 
 
 # --- the verdict ----------------------------------------------------------------------------------
