@@ -66,9 +66,10 @@ check-all: postgresql check
 
 CORES := $(shell nproc)
 # the longest first
-SEARCHES := start-up neglect consistency clearances refinements phases sight-lines contract losses counterexamples
+SEARCHES := start-up predictions neglect consistency clearances refinements phases sight-lines contract losses counterexamples
 
 search-start-up:        ARGUMENTS = 40 $(SEED) --trials 100 --missed 0.4 --wrong 0.2
+search-predictions:     ARGUMENTS = 16 $(SEED) --trials 100 --median 0.06 --ninety 0.15
 search-neglect:         ARGUMENTS = 12 $(SEED) --most 0.2
 search-consistency:     ARGUMENTS = 40 $(SEED)
 search-clearances:      ARGUMENTS = 6 $(SEED)

@@ -16,7 +16,6 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -26,12 +25,11 @@ from syncplan.planning.planner import plan
 from syncplan.planning.start_up import CLEARING_INDEX
 from syncplan.planning.validation import validate
 from syncplan.scenario.loading import scenario_from
-from tests.tools.draws import draw_tree
+from tests.tools.scenario_draws import draw_document
 
 __all__ = ["Start", "draw_plan", "main", "search_one"]
 
 SIGMAS_M = (0.5, 2.0, 5.0, 15.0)
-HEADING_RAD_A_METRE = 0.02
 
 OVER, WELL = 2.0, 1.3
 MOST_MISSED, MOST_WRONG = 0.15, 0.10
@@ -60,47 +58,11 @@ def draw_plan(number: int, seed: int) -> Plan:
     generator = np.random.default_rng([seed, number, 60413])
     while True:
         try:
-            made = plan(scenario_from(_document(generator, SIGMAS_M[number % len(SIGMAS_M)])))
+            made = plan(scenario_from(draw_document(generator, SIGMAS_M[number % len(SIGMAS_M)])))
         except (InputError, NoSolutionError):
             continue
         if made.certificate.holds and made.start_up is not None:
             return made
-
-
-def _document(generator: np.random.Generator, sigma: float) -> dict[str, Any]:
-    count = int(generator.integers(2, 9))
-    radii = generator.uniform(14.0, 26.0, count) if generator.random() < 0.6 else np.full(count, 20)
-    reach = generator.uniform(30.0, 60.0)
-    centers = draw_tree(generator, radii, reach, 0.1) if generator.random() < 0.6 else None
-    if centers is None:
-        columns = 2 if count < 7 else 3
-        place = np.array([(k % columns, k // columns) for k in range(count)], dtype=float)
-        spacing = 2.0 * radii.max() + reach * generator.uniform(0.3, 0.7)
-        centers = spacing * place + generator.uniform(-6.0, 6.0, (count, 2))
-    number = int(generator.integers(2, 6))
-    near, turn = generator.choice(count, number), generator.uniform(0.0, 2.0 * np.pi, number)
-    away = (radii[near] + reach * generator.uniform(0.2, 0.8, number))[:, None]
-    landmarks = centers[near] + away * np.column_stack([np.cos(turn), np.sin(turn)])
-    sensor = {
-        "range_m": reach,
-        "bearing_sigma_rad": float(generator.choice([0.03, 0.1])),
-        "sample_time_s": float(generator.choice([0.1, 0.2])),
-    }
-    if generator.random() < 0.2:
-        sensor["fov_deg"] = generator.uniform(160.0, 360.0)
-    return {
-        "orbit": {
-            "radius_m": radii.tolist(),
-            "angular_rate_rad_s": float(generator.uniform(0.15, 0.4)),
-            "direction": str(generator.choice(["ccw", "alternate"])),
-        },
-        "formation": {"centers_m": centers.tolist()},
-        "landmarks_m": landmarks.tolist(),
-        "sensor": sensor,
-        "motion": {"speed_sigma_mps": 0.1, "turn_rate_sigma_rad_s": 0.01},
-        "initial_sigma": {"position_m": sigma, "heading_rad": HEADING_RAD_A_METRE * sigma},
-        "duration_s": float(generator.choice([120.0, 200.0])),
-    }
 
 
 def search_one(number: int, *, seed: int, trials: int) -> Start:
