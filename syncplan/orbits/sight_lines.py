@@ -7,9 +7,13 @@ the boundary and would not meet the interior without: with a corner, or with an 
     a corner V on the line     (p_a - V) x (p_b - V) = 0      degree two
     an end p on an edge V W    (p - V) x (W - V) = 0          degree one
 
-In the first, second harmonics vanish identically for two vehicles of one sense and for landmarks.
-Where a polynomial vanishes identically (two vehicles whose line of sight turns about a corner), the
-change comes with another root: that of the edge's other corner, or of an end on the edge.
+At a corner that lies between the ends with its edges on either side of the line, or that is hollow,
+nothing changes, as the segment meets the interior before and after.
+
+In the first polynomial, second harmonics vanish identically for two vehicles of one sense and for
+landmarks. Where a polynomial vanishes identically (two vehicles whose line of sight turns about a
+corner), the change comes with another root: that of the edge's other corner, or of an end on the
+edge.
 
 A segment that only touches the boundary is free: it may graze a corner, run along a wall or end at
 a landmark mounted on it. One with an end in the interior is blocked. Polygons are simple, concave
@@ -36,6 +40,9 @@ BOUNDARY_SLACK = 1e-12
 
 _ROOM = 1e-6
 """Relative room with which roots are kept that lie at the end of a segment, an edge or a range."""
+
+_MOST_AT_ONCE = 100_000
+"""Corners times sight lines that are looked at together."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -78,11 +85,10 @@ class SightLines:
         rows, found = [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
         for corners, near in zip(self.obstacles, self.near.T, strict=True):
             chosen = np.flatnonzero(near)
-            if len(chosen):
-                tau = self._roots_at(corners, chosen)
-                kept = np.isfinite(tau)
-                rows.append(np.repeat(chosen, kept.sum(axis=1)))
-                found.append(tau[kept])
+            for part in _parts(chosen, corners):
+                line, tau = self._roots_at(corners, chosen[part])
+                rows.append(line)
+                found.append(tau)
         row, root = np.concatenate(rows), np.concatenate(found)
         order = np.argsort(row, kind="stable")
         row, root = row[order], root[order]
@@ -103,15 +109,16 @@ class SightLines:
                 found[pair, column] = crosses_interior(corners, *ends)
         return found
 
-    def _roots_at(self, corners: Array, lines: Index) -> Array:
-        """(l, k) rad: roots at one polygon that may matter, NaN for others."""
-        start, end, reach = self.start[:, lines], self.end[:, lines], self.reach[lines]
-        tau = [_corner_roots(corners, start, end)]
-        tau += [_edge_roots(corners, side) for side in (start, end) if np.any(side[1:])]
-        roots = np.concatenate(tau, axis=1)
-        away = _at(end[:, :, None], roots) - _at(start[:, :, None], roots)
-        far = np.hypot(away[..., 0], away[..., 1]) > reach[:, None] * (1.0 + _ROOM)
-        return np.where(far, np.nan, roots)
+    def _roots_at(self, corners: Array, lines: Index) -> tuple[Index, Array]:
+        """Lines (r,) and their roots (r,) rad at one polygon, those that may matter."""
+        start, end = self.start[:, lines], self.end[:, lines]
+        each = [_corner_roots(corners, start, end)]
+        each += [_edge_roots(corners, side) for side in (start, end)]
+        row, tau = (np.concatenate(parts) for parts in zip(*each, strict=True))
+        away = _at(end[:, row], tau) - _at(start[:, row], tau)
+        line = lines[row]
+        near = np.hypot(away[:, 0], away[:, 1]) <= self.reach[line] * (1.0 + _ROOM)
+        return line[near], tau[near]
 
 
 def obstructible(team: Team, a: Index, b: Index) -> Flags:
@@ -137,6 +144,11 @@ def crosses_interior(corners: Array, start: Array, end: Array) -> Flags:
 
     A segment of no length does where its point is in the interior.
     """
+    parts = [_some_cross(corners, start[part], end[part]) for part in _parts(start, corners)]
+    return np.concatenate([np.zeros(0, dtype=bool), *parts])
+
+
+def _some_cross(corners: Array, start: Array, end: Array) -> Flags:
     found = np.zeros(len(start), dtype=bool)
     largest = np.maximum(np.abs(start), np.abs(end)).max(axis=1, initial=np.abs(corners).max())
     slack = (BOUNDARY_SLACK * largest)[:, None]
@@ -205,17 +217,40 @@ def _may_cross(corners: Array, start: Array, end: Array) -> Flags:
     return np.asarray(near)
 
 
-def _corner_roots(corners: Array, start: Array, end: Array) -> Array:
-    """(l, 4 k) rad: where a corner lies between start and end, NaN for others."""
-    lines, number = start.shape[1], len(corners)
-    a, b = (np.repeat(side[:, :, None], number, axis=2) for side in (start, end))
-    a[0] -= corners
-    b[0] -= corners
+def _corner_roots(corners: Array, start: Array, end: Array) -> tuple[Index, Array]:
+    """Lines (r,) and roots (r,) rad: where a corner lies between the ends, its edges to one side.
+
+    Elsewhere the line runs through the interior before and after; so it does at hollow corners.
+    """
+    before, after = np.roll(corners, 1, axis=0) - corners, np.roll(corners, -1, axis=0) - corners
+    # the sum is twice the area, of the sign with which the corners go round
+    way_round = np.sum(cross(corners - corners[0], after))
+    salient = np.flatnonzero(cross(after, before) * way_round >= 0.0)
+    a, b = (np.repeat(side[:, :, None], len(salient), axis=2) for side in (start, end))
+    a[0] -= corners[salient]
+    b[0] -= corners[salient]
+    polynomials = _line_polynomial(a, b)
+    c0, c1, s1, c2, s2 = np.moveaxis(polynomials, -1, 0)
+    reached = np.abs(c0) <= (np.hypot(c1, s1) + np.hypot(c2, s2)) * (1.0 + _ROOM)
+    (row, column), roots = np.nonzero(reached), real_roots(polynomials[reached])
+    which, tau = np.nonzero(np.isfinite(roots))[0], roots[np.isfinite(roots)]
+    row, corner = row[which], salient[column[which]]
+    to_start = _at(start[:, row], tau) - corners[corner]
+    to_end = _at(end[:, row], tau) - corners[corner]
+    size = dot(to_start, to_start) + dot(to_end, to_end)
+    sides = [cross(to_end - to_start, edges[corner]) for edges in (before, after)]
+    room = size * np.sqrt(dot(before, before) * dot(after, after))[corner]
+    kept = (dot(to_start, to_end) <= _ROOM * size) & (sides[0] * sides[1] >= -_ROOM * room)
+    return row[kept], tau[kept]
+
+
+def _line_polynomial(a: Array, b: Array) -> Array:
+    """(..., 5) coefficients of a x b, of paths (3, ..., 2): zero where a line passes the origin."""
     (a0, ac, as_), (b0, bc, bs) = a, b
     both_cosine, both_sine = cross(ac, bc), cross(as_, bs)
     # of one sense: the arms' sines lie to the same side of their cosines
     harmonic = cross(ac, as_) * cross(bc, bs) < 0.0
-    coefficients = np.stack(
+    return np.stack(
         [
             cross(a0, b0) + 0.5 * (both_cosine + both_sine),
             cross(a0, bc) + cross(ac, b0),
@@ -225,24 +260,30 @@ def _corner_roots(corners: Array, start: Array, end: Array) -> Array:
         ],
         axis=-1,
     )
-    tau = real_roots(coefficients.reshape(-1, 5)).reshape(lines, number, 4)
-    to_start, to_end = (_at(side[:, :, :, None], tau) for side in (a, b))
-    size = dot(to_start, to_start) + dot(to_end, to_end)
-    between = dot(to_start, to_end) <= _ROOM * size
-    return np.where(between, tau, np.nan).reshape(lines, 4 * number)
 
 
-def _edge_roots(corners: Array, side: Array) -> Array:
-    """(l, 2 k) rad: where bodies on paths (3, l, 2) are on an edge, NaN for others."""
+def _edge_roots(corners: Array, side: Array) -> tuple[Index, Array]:
+    """Paths (r,) of the bodies (3, l, 2) and roots (r,) rad: where they are on an edge."""
     edges = np.roll(corners, -1, axis=0) - corners
     path = np.repeat(side[:, :, None], len(corners), axis=2)
     path[0] -= corners
     c0, c1, s1 = cross(path, edges)
-    coefficients = np.stack([c0, c1, s1, np.zeros_like(c0), np.zeros_like(c0)], axis=-1)
-    tau = real_roots(coefficients.reshape(-1, 5)).reshape(*c0.shape, 4)[..., :2]
-    share = dot(_at(path[:, :, :, None], tau), edges[:, None]) / _squared_lengths(edges)[:, None]
+    row, edge = np.nonzero(np.abs(c0) <= np.hypot(c1, s1) * (1.0 + _ROOM))
+    zero = np.zeros(len(row))
+    first = np.column_stack([c0[row, edge], c1[row, edge], s1[row, edge], zero, zero])
+    roots = real_roots(first)
+    which, tau = np.nonzero(np.isfinite(roots))[0], roots[np.isfinite(roots)]
+    row, edge = row[which], edge[which]
+    away = _at(side[:, row], tau) - corners[edge]
+    share = dot(away, edges[edge]) / _squared_lengths(edges)[edge]
     on_edge = (share >= -_ROOM) & (share <= 1.0 + _ROOM)
-    return np.where(on_edge, tau, np.nan).reshape(len(tau), -1)
+    return row[on_edge], tau[on_edge]
+
+
+def _parts(rows: Array | Index, corners: Array) -> list[slice]:
+    """Slices of rows, each with so many that their tables over all corners stay small."""
+    number = max(1, _MOST_AT_ONCE // len(corners))
+    return [slice(begin, begin + number) for begin in range(0, len(rows), number)]
 
 
 def _squared_lengths(edges: Array) -> Array:

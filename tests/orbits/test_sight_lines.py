@@ -133,6 +133,14 @@ def test_a_vehicle_is_hidden_while_it_is_within_an_obstacle() -> None:
     np.testing.assert_allclose(windows.of(0), [[enters, 2.0 * np.pi - enters]], atol=1e-12)
 
 
+def test_a_disc_of_many_corners_hides_what_is_beyond_its_tangents() -> None:
+    orbits = Orbits(np.zeros((1, 2)), np.array([10.0]), np.ones(1), np.zeros(1), 1.0)
+    disc = 6.0 * unit(np.linspace(0.0, 2.0 * np.pi, 2001)[:-1])
+    windows = find_windows(_team(orbits, disc, landmarks=np.array([[15.0, 0.0]])))
+    seen = np.arccos(6.0 / 10.0) + np.arccos(6.0 / 15.0)
+    np.testing.assert_allclose(windows.of(0), [[2.0 * np.pi - seen, 2.0 * np.pi + seen]], atol=1e-6)
+
+
 def test_a_landmark_on_a_wall_is_seen_from_before_it_alone() -> None:
     orbits = Orbits(np.zeros((1, 2)), np.array([10.0]), np.ones(1), np.zeros(1), 1.0)
     for turn in np.linspace(0.0, 6.0, 13):
