@@ -2,10 +2,17 @@
 
 from collections.abc import Sequence
 
-__all__ = ["listed"]
+__all__ = ["joined", "listed"]
 
 
 def listed(phrases: Sequence[str], most: int) -> str:
     """Return at most so many of the phrases and the number of the rest: "v1, v2 and 3 more"."""
     rest = len(phrases) - most
     return ", ".join(phrases[:most]) + (f" and {rest} more" if rest > 0 else "")
+
+
+def joined(phrases: Sequence[str], most: int) -> str:
+    """Return the phrases with "and" before the last, or as `listed` where there are too many."""
+    if len(phrases) > most:
+        return listed(phrases, most)
+    return " and ".join(filter(None, [", ".join(phrases[:-1]), *phrases[-1:]]))

@@ -5,9 +5,19 @@ from rich.markup import escape
 from syncplan.cli.fitted_tables import FittedTable
 from syncplan.reports.plan_schemas import PlanDocument
 
-__all__ = ["further_states_table"]
+__all__ = ["determined_line", "further_states_table"]
 
 MOST_ROWS = 40
+
+
+def determined_line(document: PlanDocument) -> str | None:
+    """Return what is determined with errors as states; None where there are no such states."""
+    found, states = document.observability.extended, document.observability.states
+    if found is None or states is None:
+        return None
+    lacking = [one.state for one in states if not one.determined]
+    rest = f"; without priors not determined: {', '.join(lacking)}" if lacking else ""
+    return f"with errors as states: rank {found.rank} of {found.state_dim}{rest}"
 
 
 def further_states_table(document: PlanDocument) -> FittedTable | None:

@@ -5,7 +5,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from syncplan.cli.fitted_tables import FittedTable
-from syncplan.cli.state_tables import further_states_table
+from syncplan.cli.state_tables import determined_line, further_states_table
 from syncplan.cli.verdict_lines import show_findings, show_verdict
 from syncplan.phrases import listed
 from syncplan.placement.centers import Placement
@@ -38,6 +38,8 @@ def show_plan(document: PlanDocument, console: Console) -> None:
         f"[bold]{escape(document.scenario.name or 'plan')}[/]: {state}, rank {verdict.rank} of "
         f"{verdict.state_dim}; period {document.period_s:.4g} s"
     )
+    if (determined := determined_line(document)) is not None:
+        console.print(escape(determined))
     holds = "holds" if verdict.certificate.holds else "does not hold"
     console.print(f"certificate {holds}: {escape(verdict.certificate.reason)}")
     if document.connectivity_period_s is not None:

@@ -5,7 +5,9 @@ rank                 singular values of the windowed matrix
 certificate          the corrected theorem, with its witness
 window_assessment    windows, sightings, rank and certificate of one window
 loss_ranks           losses that end observability
+extended_rank        rank with errors that last as states
 unobservable_modes   null vectors named, with a cure
+error_modes          null vectors of errors named, and the verdict on them
 connectivity         the shortest window that certifies the team
 link_verdicts        each link: when it meets, its rank, why it falls short
 """

@@ -23,10 +23,12 @@ from syncplan.orbits.team import Team
 __all__ = [
     "LINK_TOLERANCE",
     "RANK_TOLERANCE",
+    "VECTORS_LIMIT",
     "LinkInformation",
     "Observability",
     "PairRows",
     "assess",
+    "decomposed",
     "link_information",
     "lone_rows",
     "matrix_rank",
@@ -212,7 +214,7 @@ def assess(
     matrix = stacked_rows(links, team.count, alone)
     if len(matrix) > size:
         matrix = np.asarray(np.linalg.qr(matrix, mode="r"))
-    values, null_space, variances = _decomposed(matrix, size)
+    values, null_space, variances = decomposed(matrix, size)
     rank = matrix_rank(values, RANK_TOLERANCE)
     below = values[rank] if rank < size else 0.0
     return Observability(
@@ -226,10 +228,11 @@ def assess(
     )
 
 
-def _decomposed(matrix: Array, size: int) -> tuple[Array, Array, Array]:
-    """Singular values (size,), null space, and the diagonal of the information's pseudo-inverse.
+def decomposed(matrix: Array, size: int) -> tuple[Array, Array, Array]:
+    """Return singular values (size,), null space, diagonal of the information's pseudo-inverse.
 
-    Large matrices of full rank need no singular vectors, which halves the time.
+    `matrix` is (r, size), with r at most `size`. Large matrices of full rank need no singular
+    vectors, which halves the time.
     """
     if size > VECTORS_LIMIT and len(matrix) == size:
         values = np.asarray(np.linalg.svd(matrix, compute_uv=False), dtype=float)

@@ -17,7 +17,7 @@ from syncplan.orbits.circles import Orbits, perpendicular, position, unit
 from syncplan.orbits.graphs import components
 from syncplan.orbits.separation import circle_gaps
 from syncplan.orbits.team import Team
-from syncplan.phrases import listed
+from syncplan.phrases import joined
 
 __all__ = ["UnobservableMode", "lost_bearing", "name_modes"]
 
@@ -335,10 +335,7 @@ def _turn(naming: _Naming, part: list[int], pivot: Array) -> Array:
 def _who(naming: _Naming, part: list[int]) -> str:
     if len(part) == naming.count and len(part) > 1:
         return "everything"
-    named = [naming.names[k] for k in part]
-    if len(named) > _MOST_NAMED:
-        return listed(named, _MOST_NAMED)
-    return ", ".join(named[:-1]) + (" and " if len(named) > 1 else "") + named[-1]
+    return joined([naming.names[k] for k in part], _MOST_NAMED)
 
 
 def _parallel(a: float, b: float) -> bool:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from syncplan.observability.certificate import Certificate
+from syncplan.observability.error_modes import ErrorVerdict
 from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.observability.rank import Observability
 from syncplan.observability.unobservable_modes import UnobservableMode
@@ -49,6 +50,8 @@ class JudgedTeam(WithTeam):
     observability, certificate : over the scenario's window
     unobservable : a named mode for each dimension that the rank lacks
     prediction : errors that the bounds predict
+    error_verdict : what the window determines of errors that the filter estimates; None where it
+        estimates none
     single_points : what ends observability when it alone is lost; None where not looked for
     refinement : how the plan was refined, or why it could not be; None if that was not tried
     placement : how the centres were found; None where they were given or the plan is a file's
@@ -73,6 +76,7 @@ class JudgedTeam(WithTeam):
     certificate: Certificate
     unobservable: tuple[UnobservableMode, ...]
     prediction: Prediction
+    error_verdict: ErrorVerdict | None = None
     single_points: tuple[Loss, ...] | None = ()
     refinement: RefinementRecord | None = None
     placement: Placement | None = None

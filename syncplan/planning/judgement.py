@@ -9,6 +9,7 @@ from syncplan.errors import NoSolutionError
 from syncplan.estimation.bounds import posterior_bound, steady_bound, window_bound
 from syncplan.estimation.referred_system import PosteriorBound
 from syncplan.observability.connectivity import connectivity_period
+from syncplan.observability.error_modes import judge_errors
 from syncplan.observability.link_verdicts import landmark_verdicts, vehicle_verdicts
 from syncplan.observability.loss_ranks import decisive_losses
 from syncplan.observability.unobservable_modes import name_modes
@@ -42,6 +43,9 @@ BOUND_WORK_LIMIT = 4e10
 
 LARGEST_SEARCHED = 200
 """Vehicles up to which every plan says what its single points of failure are."""
+
+MOST_STATES = 1500
+"""Poses' coordinates and errors up to which every plan says which of them a window determines."""
 
 
 @single_threaded_blas
@@ -93,10 +97,11 @@ def judged(
     """Return the plan of a team assessed, from its resolved scenario, its links and its prediction.
 
     With `remainder`, of a team that has lost something, what is not asked of one is left out: the
-    connectivity period, links that are not listed, and what a further loss would do. Without
+    connectivity period, links not listed, errors and what a further loss would do. Without
     `single_points` it is not looked for which losses end observability, as in teams too large.
     """
     team, orbits = assessed.team, assessed.team.orbits
+    names = scenario.vehicle_names
     listed = [(a, b) for a, b in pairs.tolist()]
     met = _met_pairs(team, assessed.windows)
     kept = [pair for pair in listed if pair in met]
@@ -116,8 +121,9 @@ def judged(
         too_close=_too_close(orbits, separation_limit(scenario)),
         observability=assessed.observability,
         certificate=assessed.certificate,
-        unobservable=tuple(name_modes(assessed, scenario.vehicle_names, scenario.landmark_names)),
+        unobservable=tuple(name_modes(assessed, names, scenario.landmark_names)),
         prediction=prediction,
+        error_verdict=None if remainder else judge_errors(assessed, names, MOST_STATES),
         start_up=start_up,
         single_points=() if remainder else _single_points(assessed, sought=single_points),
     )

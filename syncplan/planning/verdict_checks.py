@@ -7,7 +7,13 @@ from syncplan.planning.judged_team import JudgedTeam
 from syncplan.planning.link_checks import fragile_links, landmarks_hidden, lost_links
 from syncplan.planning.loss_checks import single_points_of_failure
 from syncplan.planning.neglect_checks import not_estimated
-from syncplan.planning.observability_checks import near_degenerate, not_certified, unobservable
+from syncplan.planning.observability_checks import (
+    error_undetermined,
+    near_degenerate,
+    needs_prior,
+    not_certified,
+    unobservable,
+)
 from syncplan.planning.path_checks import (
     in_keep_out,
     landmarks_too_close,
@@ -29,6 +35,7 @@ __all__ = ["CHECKS", "verdict_of"]
 CHECKS: dict[str, Callable[[JudgedTeam], Iterable[Finding]]] = {
     "unobservable": unobservable,
     "near-degenerate": near_degenerate,
+    "needs-prior": needs_prior,
     "vehicles-too-close": vehicles_too_close,
     "landmark-too-close": landmarks_too_close,
     "outside-area": outside_area,
@@ -40,6 +47,7 @@ CHECKS: dict[str, Callable[[JudgedTeam], Iterable[Finding]]] = {
     "start-up": start_up,
     "start-up-worse": start_up_worse,
     "not-estimated": not_estimated,
+    "error-undetermined": error_undetermined,
     "single-point-of-failure": single_points_of_failure,
     "not-refined": not_refined,
     "cleared": cleared,

@@ -12,6 +12,7 @@ run_schemas         of validations, replays and sweeps
 consistency_words   ANEES and NIS in words
 job_contract        kinds and states of the service's jobs
 refinement_report   refinements
+error_report        what is determined of errors that last
 plan_report         plans
 loss_report         what losses do to a plan
 sites_report        choices of landmark sites

@@ -12,6 +12,7 @@ from syncplan.observability.unobservable_modes import UnobservableMode
 from syncplan.orbits.circles import heading, position
 from syncplan.planning.judged_plan import Plan
 from syncplan.reports.document_base import Window, finite_or_none
+from syncplan.reports.error_report import extended_rank_record, state_verdicts
 from syncplan.reports.plan_schemas import (
     CertificateVerdict,
     CloseApproach,
@@ -235,6 +236,8 @@ def _observability(plan: Plan, names: list[str]) -> ObservabilityVerdict:
         min_eigenvalue=verdict.min_eigenvalue,
         singular_values=[float(value) for value in verdict.singular_values],
         unobservable=unobservable_motions(plan.unobservable, names),
+        extended=extended_rank_record(plan.error_verdict, names),
+        states=state_verdicts(plan.error_verdict, names),
     )
 
 

@@ -125,8 +125,45 @@ class Unobservable(DocumentPart):
     cure: str
 
 
-class ObservabilityVerdict(DocumentPart):
-    """Rank and conditioning of the windowed matrix, positions in mean radii."""
+class StateVerdict(DocumentPart):
+    """Whether one window determines a kind of state, whatever the others are."""
+
+    state: str = Field(
+        description="position, heading, or a kind of error", examples=["wind", "speed scale"]
+    )
+    unit: str = Field(examples=["m/s"])
+    determined: bool
+    undetermined: list[str] = Field(description="Which of them are not, by name")
+
+
+class UndeterminedErrors(DocumentPart):
+    """A change of errors, and of poses with them, that no sighting can detect."""
+
+    description: str
+    states: list[str] = Field(description="Errors that change")
+    vehicles: list[str] = Field(description="Vehicles whose errors or poses change")
+    moves_poses: bool = Field(description="Whether positions or headings change too")
+    cure: str
+
+
+class ExtendedRank(DocumentPart):
+    """Rank with the constant errors that the filter estimates as states, priors left out."""
+
+    rank: int
+    state_dim: int
+    rank_gap: float | None = Field(
+        description="Last counted singular value over the first not counted; null if none is left"
+    )
+    poses_determined: bool = Field(
+        description="Whether every position and heading is determined, whatever the errors are"
+    )
+    undetermined: list[UndeterminedErrors]
+
+
+class ObservabilityVerdict(Document):
+    """Rank and conditioning of the windowed matrix by poses, positions in mean radii."""
+
+    left_out_if_none: ClassVar[frozenset[str]] = frozenset({"extended", "states"})
 
     rank: int
     state_dim: int
@@ -143,6 +180,14 @@ class ObservabilityVerdict(DocumentPart):
     )
     singular_values: list[float]
     unobservable: list[Unobservable]
+    extended: ExtendedRank | None = Field(
+        default=None,
+        description="Rank with errors as states; absent where the filter estimates none that are "
+        "constant, or where there are too many states",
+    )
+    states: list[StateVerdict] | None = Field(
+        default=None, description="What is determined, by kind of state; absent as `extended` is"
+    )
 
 
 class Witness(DocumentPart):

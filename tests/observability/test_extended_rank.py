@@ -1,0 +1,366 @@
+"""Rank with errors as states: known ranks, paths flown with errors, and words for what is lost."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from syncplan.arrays import Array
+from syncplan.observability import extended_rank
+from syncplan.observability.error_modes import judge_errors
+from syncplan.observability.extended_rank import ExtendedObservability, assess_extended
+from syncplan.observability.rank import RANK_TOLERANCE
+from syncplan.observability.referred_rows import NEAREST
+from syncplan.observability.window_assessment import Assessment, assess_team
+from syncplan.orbits.circles import Orbits, heading, position, wrap
+from syncplan.orbits.error_states import ERROR_STATES, StateLayout
+from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, measured_by_kind, sigmas_by_kind
+from syncplan.orbits.team import Team
+from syncplan.planning import judgement
+from syncplan.planning.findings import Finding
+from syncplan.planning.judged_plan import Plan
+from syncplan.planning.judgement import judge
+from syncplan.planning.planner import plan
+from syncplan.reports.plan_report import plan_document
+from syncplan.scenario.specification import Scenario
+from tests.tools.draws import draw_equipped_team
+from tests.tools.scenarios import changed, small
+
+REFINED = Path(__file__).parents[1] / "data" / "refined-alternate-grid.json"
+
+SIGMAS = {
+    "wind": {"wind": {"sigma_mps": 1.0}},
+    "speed_scale": {"motion": {"speed_scale_sigma": 0.02}},
+    "turn_rate_bias": {"motion": {"turn_rate_bias_sigma_rad_s": 0.005}},
+    "bearing_bias": {"sensor": {"bearing_bias_sigma_rad": 0.02}},
+}
+
+ALTERNATING = "speed scales of v1, v3 and v5 against v2, v4 and v6, with a turn of the team"
+
+
+def _grid(name: str, *kinds: str, **keys: object) -> Scenario:
+    """The example with errors of these kinds as states."""
+    sections = [section for kind in kinds for section in SIGMAS[kind]]
+    given = {
+        section: {k: v for kind in kinds for k, v in SIGMAS[kind].get(section, {}).items()}
+        for section in sections
+    }
+    return changed(name, **given, **keys)
+
+
+def _refined_orbits() -> Orbits:
+    """As `syncplan refine examples/scenarios/paper-grid-alternate.yaml` finds them, rounded."""
+    kept = json.loads(REFINED.read_text())
+    return Orbits(
+        centers=np.array(kept["centers_m"]),
+        radii=np.array(kept["radii_m"]),
+        senses=np.array(kept["senses"]),
+        phases=np.array(kept["phases_rad"]),
+        rate=kept["rate_rad_s"],
+    )
+
+
+def _planned(formation: str, *kinds: str, **keys: object) -> Plan:
+    if formation == "refined":
+        scenario = _grid("paper-grid-alternate", *kinds, **keys)
+        return judge(scenario, _refined_orbits(), bound="never")
+    return plan(_grid(formation, *kinds, **keys), bound="never")
+
+
+def _extended(made: Plan) -> ExtendedObservability:
+    assert made.error_verdict is not None
+    assert made.error_verdict.extended is not None
+    return made.error_verdict.extended
+
+
+def _findings(made: Plan, code: str) -> list[Finding]:
+    return [one for one in made.verdict.findings if one.code == code]
+
+
+@pytest.mark.parametrize("formation", ["paper-grid-same", "refined"])
+@pytest.mark.parametrize(
+    ("kinds", "number"),
+    [
+        (("wind",), 2),
+        (("turn_rate_bias",), 6),
+        (("bearing_bias",), 6),
+        (("wind", "turn_rate_bias", "bearing_bias"), 14),
+    ],
+)
+def test_wind_and_biases_are_determined_in_one_window(
+    formation: str, kinds: tuple[str, ...], number: int
+) -> None:
+    made = _planned(formation, *kinds)
+    found = _extended(made)
+    assert (found.rank, found.state_dim) == (18 + number, 18 + number)
+    assert found.poses_determined
+    assert found.singular_values[-1] > 1e-5 * found.singular_values[0]
+    verdict = plan_document(made).observability
+    assert verdict.states is not None
+    assert [one.state for one in verdict.states] == [
+        "position",
+        "heading",
+        *(kind.replace("_", " ") for kind in kinds),
+    ]
+    assert all(one.determined and not one.undetermined for one in verdict.states)
+    assert not _findings(made, "needs-prior") + _findings(made, "error-undetermined")
+
+
+@pytest.mark.parametrize("more", [(), ("turn_rate_bias",), ("wind", "bearing_bias")])
+def test_speed_scale_is_one_short_on_the_grid_of_one_sense(more: tuple[str, ...]) -> None:
+    made = _planned("paper-grid-same", "speed_scale", *more)
+    found = _extended(made)
+    assert found.rank == found.state_dim - 1
+    assert found.gap > 1e6
+    assert made.observable
+    assert not found.poses_determined
+    (finding,) = _findings(made, "needs-prior")
+    assert finding.level == "warning"
+    assert ALTERNATING in finding.message
+    assert finding.cure is not None
+    assert "motion.speed_scale_sigma; a compass" in finding.cure.text
+    verdict = plan_document(made).observability
+    assert verdict.states is not None
+    assert verdict.extended is not None
+    lacking = {one.state: one.undetermined for one in verdict.states if not one.determined}
+    assert list(lacking) == ["position", "heading", "speed scale"]
+    assert lacking["speed scale"] == [f"speed scale of v{k}" for k in range(1, 7)]
+    assert [one.description for one in verdict.extended.undetermined] == [ALTERNATING]
+    assert made.verdict.go
+
+
+@pytest.mark.parametrize("keys", [{"heading_sigma_rad": 0.05}, {}])
+def test_what_cures_the_speed_scales_does(keys: dict[str, object]) -> None:
+    made = _planned("paper-grid-same" if keys else "refined", "speed_scale", **keys)
+    found = _extended(made)
+    assert (found.rank, found.state_dim) == (24, 24)
+    assert not _findings(made, "needs-prior")
+
+
+def test_a_vehicle_that_sees_nobody_has_a_bearing_bias_that_nobody_can_detect() -> None:
+    scenario = _grid("paper-grid-same")
+    sensors = [one.model_dump(exclude_none=True) for one in scenario.sensors]
+    sensors = [{**one, "bearing_bias_sigma_rad": 0.02} for one in sensors]
+    sensors[0]["range_m"] = 1.0
+    made = plan(changed("paper-grid-same", sensor=sensors), bound="never")
+    found = _extended(made)
+    assert made.observable
+    assert found.poses_determined
+    assert (found.rank, found.state_dim) == (23, 24)
+    assert found.determined_of("bearing_bias").tolist() == [False] + 5 * [True]
+    (finding,) = _findings(made, "error-undetermined")
+    assert (finding.level, finding.subjects) == ("note", ("v1",))
+    assert "bearing bias of v1; rank 23 of 24" in finding.message
+    assert "compass" not in (finding.cure.text if finding.cure else "")
+
+
+def test_without_landmarks_nobody_can_detect_the_wind() -> None:
+    # all drift alike; that the team shifts and turns is said elsewhere
+    made = plan(small(wind={"sigma_mps": 1.0}), bound="never")
+    assert [one.description for one in made.unobservable][:2] == [
+        "shift of everything along x",
+        "shift of everything along y",
+    ]
+    assert made.error_verdict is not None
+    assert [one.description for one in made.error_verdict.modes] == ["wind x", "wind y"]
+    assert not any(one.moves_poses for one in made.error_verdict.modes)
+
+
+def test_gusts_and_errors_not_estimated_have_no_column() -> None:
+    gusts = {"wind": {"gust_sigma_mps": 0.2}}
+    assert plan(changed("paper-grid-same", **gusts), bound="never").error_verdict is None
+    left_out = _grid("paper-grid-same", "wind", "speed_scale", filter={"estimate": ["wind"]})
+    made = plan(left_out, bound="never")
+    assert _extended(made).state_dim == 20
+    assessed = assess_team(made.team, made.scenario.window)
+    whole = assess_extended(assessed, tuple(ERROR_STATES))
+    assert whole is not None
+    assert (whole.rank, whole.state_dim) == (25, 26)
+
+
+def test_a_plan_without_such_errors_says_nothing_of_them() -> None:
+    made = plan(changed("paper-grid-same"), bound="never")
+    document = plan_document(made).as_json()["observability"]
+    assert made.error_verdict is None
+    assert not {"extended", "states"} & set(document)
+
+
+def test_too_many_states_are_counted_and_not_judged(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(judgement, "MOST_STATES", 19)
+    made = _planned("paper-grid-same", "wind")
+    (finding,) = _findings(made, "error-undetermined")
+    assert "not checked for 20 states" in finding.message
+    assert plan_document(made).observability.extended is None
+
+
+# --- against other computations ------------------------------------------------------------------
+
+
+def _flown(orbits: Orbits, layout: StateLayout, state: Array, times: Array) -> Array:
+    """(n, s, 3) poses at times (s,) from a state in m, rad and the errors' units: exact arcs."""
+    poses = state[: 3 * layout.count].reshape(-1, 3, 1)
+
+    def errors(name: str) -> Array:
+        if name not in layout.columns:
+            return np.zeros((layout.count, len(ERROR_STATES[name].axes), 1))
+        columns = layout.columns[name]
+        return np.where(columns >= 0, state[columns], 0.0)[:, :, None]
+
+    rate = orbits.turn_rates[:, None] + errors("turn_rate_bias")[:, 0]
+    ways = (1.0 + errors("speed_scale")[:, 0]) * orbits.speeds[:, None] / rate
+    psi = poses[:, 2] + rate * times
+    wind = errors("wind")
+    x = poses[:, 0] + ways * (np.sin(psi) - np.sin(poses[:, 2])) + wind[:, 0] * times
+    y = poses[:, 1] + ways * (np.cos(poses[:, 2]) - np.cos(psi)) + wind[:, 1] * times
+    return np.stack([x, y, psi], axis=2)
+
+
+def _readings(assessed: Assessment, layout: StateLayout, state: Array) -> Array:
+    """(s,) what is measured on the paths from a state."""
+    team, seen = assessed.team, assessed.sightings
+    times, place = np.unique(seen.steps, return_inverse=True)
+    seconds = np.asarray(times * team.sensors.sample_time, dtype=float)
+    flown = _flown(team.orbits, layout, state, seconds)
+    still = np.broadcast_to(team.landmarks[:, None], (len(team.landmarks), len(times), 2))
+    places = np.concatenate([flown[:, :, :2], still])
+    q = places[seen.targets, place] - places[seen.observers, place]
+    read = measured_by_kind(seen.kinds, q.T, flown[seen.observers, place, 2])
+    if "bearing_bias" in layout.columns:
+        columns = layout.columns["bearing_bias"][seen.observers, 0]
+        bearing = seen.kinds == list(SIGHTING_KINDS).index("bearing")
+        read = read + np.where(bearing & (columns >= 0), state[columns], 0.0)
+    return np.asarray(read)
+
+
+def _numeric(assessed: Assessment, layout: StateLayout) -> Array:
+    """The whitened matrix by central differences of readings, columns scaled as ours."""
+    team, seen = assessed.team, assessed.sightings
+    start = np.column_stack([position(team.orbits, 0.0), heading(team.orbits, 0.0)])
+    state = np.r_[start.ravel(), np.zeros(len(layout.sigmas))]
+    unit = float(team.orbits.radii.mean())
+    scales = np.r_[np.tile([unit, unit, 1.0], team.count), layout.sigmas]
+    distance = np.array([name == "distance" for name in SIGHTING_KINDS])[seen.kinds]
+    own = seen.observers == seen.targets
+    made = np.where(own, 1.0, np.sqrt(team.sensors.detection[seen.observers]))
+    weights = made / sigmas_by_kind(team.sensors, seen.kinds, seen.observers)
+    h = 1e-5
+    columns = []
+    for k in range(layout.size):
+        step = h * scales[k] * (np.arange(layout.size) == k)
+        change = _readings(assessed, layout, state + step) - _readings(
+            assessed, layout, state - step
+        )
+        change = np.where(distance, change, wrap(change))
+        columns.append(weights * change / (2.0 * h))
+    return np.column_stack(columns)
+
+
+def _well_apart(team: Team, assessed: Assessment) -> bool:
+    """Whether no sighting is so near that differences of bearings mean nothing."""
+    seen = assessed.sightings
+    tau = seen.steps * team.sensors.sample_time
+    places = np.stack([position(team.orbits, time) for time in np.unique(tau)])
+    index = np.unique(tau, return_inverse=True)[1]
+    still = np.broadcast_to(team.landmarks, (len(places), *team.landmarks.shape))
+    places = np.concatenate([places, still], axis=1)
+    apart = places[index, seen.targets] - places[index, seen.observers]
+    near = np.hypot(apart[:, 0], apart[:, 1])[seen.observers != seen.targets]
+    return bool(np.all(near > 50.0 * NEAREST * team.orbits.radii.mean()))
+
+
+def _assessments(number: int) -> list[tuple[Assessment, ExtendedObservability]]:
+    """Drawn teams with errors as states, no sighting from very near."""
+    found: list[tuple[Assessment, ExtendedObservability]] = []
+    seed = 0
+    while len(found) < number:
+        seed += 1
+        team = draw_equipped_team(np.random.default_rng(seed))
+        assessed = assess_team(team, team.orbits.period)
+        extended = assess_extended(assessed)
+        if extended is not None and len(assessed.sightings.steps) and _well_apart(team, assessed):
+            found.append((assessed, extended))
+    return found
+
+
+def test_the_rank_is_that_of_readings_on_paths_flown_with_errors() -> None:
+    short = 0
+    for assessed, found in _assessments(80):
+        numeric = _numeric(assessed, found.layout)
+        values = np.zeros(found.state_dim)
+        simulated = np.linalg.svd(numeric, compute_uv=False)
+        values[: len(simulated)] = simulated[: found.state_dim]
+        np.testing.assert_allclose(found.singular_values, values, atol=1e-6 * values[0])
+        if len(found.null_space):
+            unseen = np.linalg.norm(numeric @ found.null_space.T, axis=0)
+            assert unseen.max() < 1e-6 * values[0]
+            short += 1
+    assert short > 10
+
+
+def test_poses_are_determined_where_the_errors_cannot_make_up_for_them() -> None:
+    both = [0, 0]
+    for assessed, found in _assessments(80):
+        values = found.singular_values / found.singular_values[0]
+        if np.any((values > 1e-12) & (values < 1e-6)):
+            continue
+        numeric_free = _without_errors(assessed, found)
+        judged = np.linalg.svd(numeric_free, compute_uv=False)
+        clear = judged > 1e3 * RANK_TOLERANCE * found.singular_values[0]
+        full = len(clear) == 3 * found.layout.count and bool(clear.all())
+        assert found.poses_determined == full
+        assert assessed.observability.observable or not full
+        both[full] += 1
+    assert min(both) > 5
+
+
+def _without_errors(assessed: Assessment, found: ExtendedObservability) -> Array:
+    """The columns of poses, with all that the errors' columns span taken out."""
+    from syncplan.observability.referred_rows import dense_rows, wide_rows
+
+    layout = found.layout
+    rows = dense_rows(wide_rows(assessed.team, assessed.sightings, layout), layout.size)
+    errors = rows[:, 3 * layout.count :]
+    left, values, _ = np.linalg.svd(errors, full_matrices=False)
+    span = left[:, values > 1e-10 * values[0]] if values.size and values[0] else left[:, :0]
+    poses = rows[:, : 3 * layout.count]
+    return np.asarray(poses - span @ (span.T @ poses))
+
+
+def test_null_spaces_by_inverse_iteration_are_those_of_all_vectors(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for assessed, found in _assessments(15):
+        with monkeypatch.context() as patch:
+            patch.setattr(extended_rank, "VECTORS_LIMIT", 0)
+            other = assess_extended(assessed)
+        assert other is not None
+        assert other.rank == found.rank
+        if found.gap > 1e6:
+            ours, theirs = (one.null_space.T @ one.null_space for one in (found, other))
+            np.testing.assert_allclose(ours, theirs, atol=1e-6)
+
+
+def test_one_mode_is_named_for_each_dimension_that_errors_lack() -> None:
+    for assessed, found in _assessments(40):
+        names = [f"v{k + 1}" for k in range(assessed.team.count)]
+        verdict = judge_errors(assessed, names, 1000)
+        assert verdict is not None
+        missing = len(found.null_space) - len(assessed.observability.null_space)
+        assert len(verdict.modes) == missing
+        named = {state for mode in verdict.modes for state in mode.states}
+        begin = 3 * assessed.team.count
+        labels = np.array(found.layout.labels(names))
+        assert set(labels[~found.determined[begin:]].tolist()) >= named
+        if not missing:
+            assert found.determined[begin:].all()
+
+
+def test_a_team_of_the_same_sigmas_and_no_priors_is_judged_alike_at_any_scale() -> None:
+    made = _planned("paper-grid-same", "speed_scale", "wind")
+    team = made.team
+    small_errors = replace(team.errors, speed_scale=1e-4, wind=1e-2)
+    found = assess_extended(assess_team(replace(team, errors=small_errors), made.scenario.window))
+    assert found is not None
+    assert (found.rank, found.poses_determined) == (_extended(made).rank, False)
