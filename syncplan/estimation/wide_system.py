@@ -149,7 +149,8 @@ class WideSystem:
             columns = self.layout.columns[name]
             moves = ERROR_STATES[name].moves(team.orbits, vehicles, times)
             moves[:, :2] /= self.poses.scale
-            sigmas = np.where(columns >= 0, self.layout.sigmas[columns - 3 * count], 0.0)
+            has = columns >= 0
+            sigmas = np.where(has, self.layout.sigmas[np.where(has, columns - 3 * count, 0)], 0.0)
             axes = columns.shape[1]
             by_vehicle = np.moveaxis(moves.reshape(axes, 3, len(steps), count), (0, 1), (3, 2))
             found[..., place : place + axes] = by_vehicle * sigmas[:, None]

@@ -23,7 +23,7 @@ class PredictedState:
     label : what it is, `wind x` or `speed scale of v1`
     unit : in words
     sigma : its standard deviation before anything is seen
-    rms : predicted RMS error over the second half of the run
+    rms : predicted RMS error over the second half of the run, along circles flown in still air
     """
 
     label: str

@@ -19,7 +19,7 @@ from syncplan.orbits.team import Team
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.planner import plan
 from tests.tools.dense_models import dense_covariances, dense_run, start_of
-from tests.tools.scenarios import EVERYTHING, changed
+from tests.tools.scenarios import EVERYTHING, changed, small
 
 STATES = [(), *((name,) for name in ERROR_STATES), tuple(ERROR_STATES)]
 
@@ -172,6 +172,31 @@ def test_bounds_after_losses_are_those_of_the_team_that_is_left(grid: Plan, loss
     np.testing.assert_allclose(found.position_variance, expected.position_variance, rtol=1e-9)
     assert found.errors is not None
     assert found.errors.shape[1] == layout_of(left.team).size - 3 * left.team.count
+
+
+@pytest.mark.parametrize("names", [("bearing_bias",), tuple(ERROR_STATES)])
+def test_vehicles_without_an_error_have_no_state_of_it(grid: Plan, names: tuple[str, ...]) -> None:
+    biases = np.array([0.0, 0.02, 0.0, 0.0, 0.05, 0.0])
+    sensors = replace(grid.team.sensors, bearing_bias_sigmas=biases)
+    team, steps = replace(_estimating(grid.team, names), sensors=sensors), 200
+    found = posterior_bound(team, grid.windows, steps * 0.1)
+    layout = layout_of(team)
+    assert list(layout.columns["bearing_bias"][:, 0] >= 0) == list(biases > 0.0)
+    variances = np.array([np.diag(P) for P in dense_covariances(team, layout, steps)])
+    assert found.errors is not None
+    _assert_close(found.errors, variances[:, 18:])
+    poses = variances[:, :18].reshape(-1, 6, 3)
+    _assert_close(found.position_variance, poses[..., :2].sum(axis=-1))
+
+
+def test_a_team_that_sees_nothing_has_a_bound_and_an_index() -> None:
+    formation = {"centers_m": [[0.0, 0.0], [500.0, 0.0]], "links": []}
+    blind = plan(small(formation=formation, motion=EVERYTHING["motion"]), bound="never")
+    found = posterior_bound(blind.team, blind.windows, 20.0, start_up=True)
+    assert found.start_up is not None
+    assert found.start_up.value == 0.0
+    assert np.all(found.position_variance[1:] > 50.0)
+    np.testing.assert_allclose(found.errors_second_half(), [0.02, 0.02, 0.005, 0.005])
 
 
 @pytest.fixture(scope="module")
