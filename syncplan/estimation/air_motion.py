@@ -31,6 +31,9 @@ from syncplan.orbits.circles import Orbits, position
 
 __all__ = ["AirMotion", "motion_in_air"]
 
+AT_ONCE = 64
+"""Samples that are taken at once, so that what they need stays in the processor's cache."""
+
 
 @dataclass(frozen=True, slots=True)
 class AirMotion:
@@ -54,25 +57,39 @@ def motion_in_air(orbits: Orbits, time: float, steps: int, drift: Array) -> AirM
     `drift` is the air's velocity in m/s, (1 or steps + 1, n or 1, 2, lanes), held from each sample
     to the next.
     """
-    places = position(orbits, time * np.arange(-2, steps + 3))
-    moved = np.diff(places, axis=0)[..., None]
-    held = np.broadcast_to(drift, (steps + 1, *drift.shape[1:]))
-    held = np.concatenate([held[:1], held[:1], held, held[-1:]])
-    x = moved[:, :, 0] - time * held[:, :, 0]
-    y = moved[:, :, 1] - time * held[:, :, 1]
+    moved = np.diff(position(orbits, time * np.arange(-2, steps + 3)), axis=0)
+    shape = steps, orbits.count, drift.shape[-1]
+    flown = AirMotion(np.empty((steps + 1, *shape[1:])), np.empty(shape), np.empty(shape))
+    for begin in range(0, steps, AT_ONCE):
+        _fly(flown, moved, time, drift, begin, min(begin + AT_ONCE, steps))
+    return flown
+
+
+def _fly(flown: AirMotion, moved: Array, time: float, drift: Array, begin: int, end: int) -> None:
+    """Fill in the samples from begin + 1 to end, from `moved` (steps + 4, n, 2) m over ground.
+
+    moved[k + 1] is the way of sample k; it takes two samples before and after.
+    """
+    still = len(drift) == 1
+    samples = np.arange(begin, end + 4)
+    blown = time * (drift if still else drift[np.clip(samples - 2, 0, len(drift) - 1)])
+    x = moved[begin : end + 4, :, 0, None] - blown[:, :, 0]
+    y = moved[begin : end + 4, :, 1, None] - blown[:, :, 1]
     along = np.arctan2(y, x)
     turns = np.diff(along, axis=0)
     turns -= 2.0 * np.pi * np.floor((turns + np.pi) / (2.0 * np.pi))
-    steady = 5.0 * (turns[1:-2] + turns[2:-1])
-    steady -= turns[:-3] + turns[3:]
+    steady = flown.turn_rates[begin:end]
+    np.add(turns[1:-2], turns[2:-1], out=steady)
+    steady *= 5.0
+    steady -= turns[:-3]
+    steady -= turns[3:]
     steady *= 0.125
-    headings = np.empty((steps + 1, *steady.shape[1:]))
-    headings[0] = along[1] + 0.125 * (4.0 * turns[1] - turns[2] + turns[0])
-    np.cumsum(steady, axis=0, out=headings[1:])
-    headings[1:] += headings[0]
-    ratio = np.sinc(steady / (2.0 * np.pi))
-    return AirMotion(
-        headings=headings,
-        speeds=np.hypot(x[2:-2], y[2:-2]) / (time * ratio),
-        turn_rates=steady / time,
-    )
+    if begin == 0:
+        flown.headings[0] = along[1] + 0.125 * (4.0 * turns[1] - turns[2] + turns[0])
+    ahead = flown.headings[begin + 1 : end + 1]
+    np.cumsum(steady, axis=0, out=ahead)
+    ahead += flown.headings[begin]
+    x, y = x[2:-2], y[2:-2]
+    np.sqrt(x * x + y * y, out=flown.speeds[begin:end])
+    flown.speeds[begin:end] /= time * np.sinc(steady / (2.0 * np.pi))
+    steady /= time

@@ -11,6 +11,8 @@ of P only rows and columns of poses change, one vehicle after another.
 
 import math
 
+import numpy as np
+
 from syncplan.arrays import Array, Index
 from syncplan.estimation.augmented_setup import AugmentedSetup
 from syncplan.estimation.batched_filter import shortening
@@ -21,6 +23,9 @@ __all__ = ["BIAS", "predict_augmented"]
 
 WIND, SCALE, TURN, BIAS, GUST = 0, 2, 3, 4, 5
 """Places in a row of AugmentedSetup.columns; wind and gusts take two each."""
+
+SMALL = 0.03
+"""rad: half a sample's turn up to which a chord's length is by series."""
 
 
 @compiled
@@ -37,8 +42,8 @@ def predict_augmented(
 ) -> None:
     """Advance x (n, 3, lanes), errors (e, lanes) and P by one sample of readings (n, lanes).
 
-    `slopes` (8, lanes) is scratch: the way through the air, and its derivatives by read speed, turn
-    rate and scale; `before` (7, 3, lanes) is scratch too.
+    `slopes` (12, lanes) is scratch: the way through the air, its derivatives by read speed, turn
+    rate and scale, and what they are made of; `before` (7, 3, lanes) is scratch too.
     """
     motion = setup.poses.motion
     for i in range(len(x)):
@@ -72,44 +77,71 @@ def _move(
     n, time, substeps = len(x), motion.time, motion.substeps
     share = 0.5 * (substeps - 1) / substeps if substeps else 0.5
     for lane in range(len(lanes)):
-        grown = 1.0 + _error_of(errors, n, own[SCALE], lane)
-        speed = speeds[i, lane]
-        turn = (turn_rates[i, lane] + _error_of(errors, n, own[TURN], lane)) * time
-        ratio, slope = shortening(0.5 * turn, substeps)
-        direction = x[i, 2, lane] + share * turn
-        cos, sin = math.cos(direction), math.sin(direction)
-        path = speed * grown * time
-        slopes[0, lane], slopes[1, lane] = path * ratio * cos, path * ratio * sin
-        chord = grown * time * ratio
-        slopes[2, lane], slopes[3, lane] = chord * cos, chord * sin
+        slopes[8, lane] = 1.0 + _error_of(errors, n, own[SCALE], lane)
+        slopes[9, lane] = (turn_rates[i, lane] + _error_of(errors, n, own[TURN], lane)) * time
+    for lane in range(len(lanes)):
+        half = 0.5 * slopes[9, lane]
+        if substeps or abs(half) > SMALL:
+            slopes[10, lane], slopes[11, lane] = shortening(half, substeps)
+        else:
+            slopes[10, lane], slopes[11, lane] = _short_arc(half)
+    for lane in range(len(lanes)):
+        grown, turn = slopes[8, lane], slopes[9, lane]
+        ratio, slope = slopes[10, lane], slopes[11, lane]
+        sin, cos = _sine_and_cosine(x[i, 2, lane] + share * turn)
+        read = speeds[i, lane] * time
+        path = read * grown
         along, across = 0.5 * path * time * slope, path * time * share * ratio
-        slopes[4, lane] = along * cos - across * sin
-        slopes[5, lane] = along * sin + across * cos
-        chord = speed * time * ratio
-        slopes[6, lane], slopes[7, lane] = chord * cos, chord * sin
+        slopes[0, lane], slopes[1, lane] = path * ratio * cos, path * ratio * sin
+        slopes[2, lane], slopes[3, lane] = grown * time * ratio * cos, grown * time * ratio * sin
+        slopes[4, lane], slopes[5, lane] = along * cos - across * sin, along * sin + across * cos
+        slopes[6, lane], slopes[7, lane] = read * ratio * cos, read * ratio * sin
+        x[i, 0, lane] += path * ratio * cos
+        x[i, 1, lane] += path * ratio * sin
         x[i, 2, lane] += turn
-        for axis in range(2):
-            drift = _error_of(errors, n, own[WIND + axis], lane)
-            drift += _error_of(errors, n, own[GUST + axis], lane)
-            x[i, axis, lane] += slopes[axis, lane] + time * drift
+    for axis in range(2):
+        for column in (own[WIND + axis], own[GUST + axis]):
+            if column >= 0:
+                for lane in range(len(lanes)):
+                    x[i, axis, lane] += time * errors[column - 3 * n, lane]
 
 
 @compiled
-def _add_times(
-    P: Array, into: int, k: int, column: int, factor: Array, sign: float, lanes: Lanes
-) -> None:
-    """P[into, k] += sign * factor * P[column, k], by the lower triangle."""
-    a, b, c, d = max(into, k), min(into, k), max(column, k), min(column, k)
-    for lane in range(len(lanes)):
-        P[a, b, lane] += sign * factor[lane] * P[c, d, lane]
+def _short_arc(a: float) -> tuple[float, float]:
+    """sin(a) / a and its derivative by their series, exact to rounding up to SMALL."""
+    square = a * a
+    ratio = 1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0))
+    return ratio, -a / 3.0 * (1.0 - square / 10.0 * (1.0 - square / 28.0))
 
 
 @compiled
-def _add_share(P: Array, into: int, k: int, column: int, share: float, lanes: Lanes) -> None:
-    """P[into, k] += share * P[column, k], by the lower triangle."""
-    a, b, c, d = max(into, k), min(into, k), max(column, k), min(column, k)
-    for lane in range(len(lanes)):
-        P[a, b, lane] += share * P[c, d, lane]
+def _sine_and_cosine(angle: float) -> tuple[float, float]:
+    """Sine and cosine without a branch, so that lanes are taken side by side.
+
+    The remainder by a quarter turn, in three parts, and the polynomials of fdlibm's k_sin and
+    k_cos: within 2e-16 for angles up to 1e5.
+    """
+    quarters = np.floor(angle * (2.0 / math.pi) + 0.5)
+    r = angle - quarters * 1.57079632673412561417e00
+    r -= quarters * 6.07710050630396597660e-11
+    r -= quarters * 2.02226624879595063154e-21
+    z = r * r
+    sin = 2.75573137070700676789e-06 + z * (
+        -2.50507602534068634195e-08 + z * 1.58969099521155010221e-10
+    )
+    sin = 8.33333333332248946124e-03 + z * (-1.98412698298579493134e-04 + z * sin)
+    sin = r + r * z * (-1.66666666666666324348e-01 + z * sin)
+    cos = -2.75573143513906633035e-07 + z * (
+        2.08757232129817482790e-09 + z * -1.13596475577881948265e-11
+    )
+    cos = 4.16666666666666019037e-02 + z * (
+        -1.38888888888741095749e-03 + z * (2.48015872894767294178e-05 + z * cos)
+    )
+    cos = 1.0 - 0.5 * z + z * z * cos
+    quadrant = quarters - 4.0 * np.floor(0.25 * quarters)
+    odd = quadrant == 1.0 or quadrant == 3.0
+    s, c = (cos, sin) if odd else (sin, cos)
+    return (-s if quadrant >= 2.0 else s), (-c if quadrant == 1.0 or quadrant == 2.0 else c)
 
 
 @compiled
@@ -117,19 +149,86 @@ def _carry_column(
     P: Array, r: int, k: int, own: Index, time: float, slopes: Array, lanes: Lanes
 ) -> None:
     """P[r : r + 3, k] = F P[:, k] for the vehicle at row r and a column k of another state."""
-    _add_times(P, r, k, r + 2, slopes[1], -1.0, lanes)
-    _add_times(P, r + 1, k, r + 2, slopes[0], 1.0, lanes)
-    for axis in range(2):
-        if own[WIND + axis] >= 0:
-            _add_share(P, r + axis, k, own[WIND + axis], time, lanes)
-        if own[GUST + axis] >= 0:
-            _add_share(P, r + axis, k, own[GUST + axis], time, lanes)
-        if own[SCALE] >= 0:
-            _add_times(P, r + axis, k, own[SCALE], slopes[6 + axis], 1.0, lanes)
-        if own[TURN] >= 0:
-            _add_times(P, r + axis, k, own[TURN], slopes[4 + axis], 1.0, lanes)
-    if own[TURN] >= 0:
-        _add_share(P, r + 2, k, own[TURN], time, lanes)
+    scale, bias, begin = own[SCALE], own[TURN], own[WIND]
+    if begin >= 0 and scale >= 0 and bias >= 0:
+        _add_drift_and_rates(P, r, k, own, time, slopes, lanes)
+    elif begin >= 0:
+        _add_drift(P, r, k, begin, time, slopes, lanes)
+    else:
+        a, b = max(r, k), min(r, k)
+        down, right = (1, 0) if k < r else (0, 1)
+        for lane in range(len(lanes)):
+            turned = P[a + 2 * down, b + 2 * right, lane]
+            P[a, b, lane] -= slopes[1, lane] * turned
+            P[a + down, b + right, lane] += slopes[0, lane] * turned
+    if begin < 0 or scale < 0 or bias < 0:
+        if scale >= 0:
+            _add_rate(P, r, k, scale, 0.0, slopes[6:8], lanes)
+        if bias >= 0:
+            _add_rate(P, r, k, bias, time, slopes[4:6], lanes)
+    if own[GUST] >= 0:
+        for axis in range(2):
+            column = own[GUST + axis]
+            a, b, c, d = max(r + axis, k), min(r + axis, k), max(column, k), min(column, k)
+            for lane in range(len(lanes)):
+                P[a, b, lane] += time * P[c, d, lane]
+
+
+@compiled
+def _add_drift(
+    P: Array, r: int, k: int, wind: int, time: float, slopes: Array, lanes: Lanes
+) -> None:
+    """The part of the heading and of the wind in a column of P."""
+    a, b = max(r, k), min(r, k)
+    down, right = (1, 0) if k < r else (0, 1)
+    cx, dx, cy, dy = max(wind, k), min(wind, k), max(wind + 1, k), min(wind + 1, k)
+    for lane in range(len(lanes)):
+        turned = P[a + 2 * down, b + 2 * right, lane]
+        P[a, b, lane] += time * P[cx, dx, lane] - slopes[1, lane] * turned
+        P[a + down, b + right, lane] += time * P[cy, dy, lane] + slopes[0, lane] * turned
+
+
+@compiled
+def _add_rate(
+    P: Array, r: int, k: int, column: int, time: float, moved: Array, lanes: Lanes
+) -> None:
+    """The part of a scale or a bias that moves by `moved` (2, lanes) and turns by `time`."""
+    a, b = max(r, k), min(r, k)
+    down, right = (1, 0) if k < r else (0, 1)
+    c, d = max(column, k), min(column, k)
+    for lane in range(len(lanes)):
+        share = P[c, d, lane]
+        P[a, b, lane] += moved[0, lane] * share
+        P[a + down, b + right, lane] += moved[1, lane] * share
+        P[a + 2 * down, b + 2 * right, lane] += time * share
+
+
+@compiled
+def _add_drift_and_rates(
+    P: Array, r: int, k: int, own: Index, time: float, slopes: Array, lanes: Lanes
+) -> None:
+    """The parts of heading, wind, scale and bias in a column of P, at once."""
+    a, b = max(r, k), min(r, k)
+    down, right = (1, 0) if k < r else (0, 1)
+    wind, scale, bias = own[WIND], own[SCALE], own[TURN]
+    cx, dx, cy, dy = max(wind, k), min(wind, k), max(wind + 1, k), min(wind + 1, k)
+    cs, ds, ct, dt = max(scale, k), min(scale, k), max(bias, k), min(bias, k)
+    for lane in range(len(lanes)):
+        turned = P[a + 2 * down, b + 2 * right, lane]
+        grown, swung = P[cs, ds, lane], P[ct, dt, lane]
+        P[a, b, lane] += (
+            time * P[cx, dx, lane]
+            - slopes[1, lane] * turned
+            + slopes[6, lane] * grown
+            + slopes[4, lane] * swung
+        )
+        P[a + down, b + right, lane] += (
+            time * P[cy, dy, lane]
+            + slopes[0, lane] * turned
+            + slopes[7, lane] * grown
+            + slopes[5, lane] * swung
+        )
+        P[a + 2 * down, b + 2 * right, lane] = turned + time * swung
 
 
 @compiled

@@ -135,15 +135,16 @@ class TrialReadings:
         initial = (self._pose_sigmas()[:, None] * poses).reshape(n, 3, lanes)
         initial[:, :2] += self.setup.truth[0, :, :2, None]
         initial[:, 2] += flown.headings[0]
-        read = noise.speed_sigma * speeds.reshape(steps, n, lanes)
-        read += flown.speeds / (1.0 + errors.own("speed_scale"))
-        turned = noise.turn_rate_sigma * turn_rates.reshape(steps, n, lanes)
+        read, turned = np.empty((steps, n, lanes)), np.empty((steps, n, lanes))
+        np.multiply(speeds.reshape(read.shape), noise.speed_sigma, out=read)
+        np.multiply(turn_rates.reshape(turned.shape), noise.turn_rate_sigma, out=turned)
+        read += flown.speeds * (1.0 / (1.0 + errors.own("speed_scale")))
         turned += flown.turn_rates - errors.own("turn_rate_bias")
         constants, gusts = errors.states(self.layout, steps, lanes)
         return AugmentedReadings(
-            initial=initial,
-            speeds=np.ascontiguousarray(read),
-            turn_rates=np.ascontiguousarray(turned),
+            initial=np.ascontiguousarray(initial),
+            speeds=read,
+            turn_rates=turned,
             sightings=self._sighted(flown, errors, sightings, detected),
             headings=np.ascontiguousarray(np.broadcast_to(flown.headings, (steps + 1, n, lanes))),
             constants=constants,
@@ -198,8 +199,10 @@ class TrialReadings:
             step = self._steps()
             turned = flown.headings[step, setup.observers]
             turned -= setup.truth[step, setup.observers, 2, None]
-            found += turns_by_kind(setup.kinds)[:, None] * turned
-            found[self._out_of_view(turned)] = np.nan
+            if np.any(self.team.sensors.fields_of_view < FULL_VIEW):
+                found[self._out_of_view(turned)] = np.nan
+            turned *= turns_by_kind(setup.kinds)[:, None]
+            found += turned
         if len(detected):
             shares = self.team.sensors.detection[setup.observers]
             found[(detected[self._groups()] >= shares[:, None]) & self._missable()[:, None]] = (

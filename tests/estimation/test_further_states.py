@@ -248,10 +248,11 @@ def test_a_missed_sighting_leaves_its_lane_as_if_there_were_none() -> None:
         given.readings._replace(sightings=np.delete(given.readings.sightings, s, axis=0)),
     )
     without = filtered(shorter)
-    assert state[:, 1].tobytes() == without[0][:, 1].tobytes()
-    assert P[..., 1].tobytes() == without[1][..., 1].tobytes()
+    # sightings are taken off the covariance in other groups
+    np.testing.assert_allclose(state[:, 1], without[0][:, 1], rtol=1e-10)
+    np.testing.assert_allclose(P[..., 1], without[1][..., 1], rtol=1e-7, atol=1e-12)
     assert statistics.poses.accepted[1] == without[2].poses.accepted[1] == len(spoilt) - 1
-    assert statistics.poses.nis[1] == without[2].poses.nis[1]
+    assert statistics.poses.nis[1] == pytest.approx(without[2].poses.nis[1], rel=1e-9)
     assert statistics.poses.gated[1] == 0.0
     for lane in (0, 2, 3):
         assert state[:, lane].tobytes() == whole[0][:, lane].tobytes()
