@@ -5,8 +5,12 @@ arc. Rows of a vehicle's x and y have the columns
 
     heading (-dy, dx)    wind, gust T    scale displacement(read speed, w)    bias d(dx, dy) / dw
 
-and its heading has T for the bias; (dx, dy) is the way through the air. Constants do not move, so
-of P only rows and columns of poses change, one vehicle after another.
+and its heading has T for the bias; (dx, dy) is the way through the air.
+
+P itself stays in the frame of an earlier sample: errors then, whose product of all F since is in
+closed form, (dx, dy) and its derivatives summed up. There prediction only adds noise, and a
+sighting's row gains entries for the errors; P is brought to the present where it is asked for.
+This is exact, and of all that a sample takes, carrying P was most.
 """
 
 import math
@@ -19,7 +23,12 @@ from syncplan.estimation.batched_filter import shortening
 from syncplan.estimation.filter_setup import MotionModel
 from syncplan.estimation.lane_filter import Lanes, compiled
 
-__all__ = ["BIAS", "predict_augmented"]
+__all__ = ["BIAS", "GUST", "SCALE", "TURN", "WIND", "Frame", "bring_to_now", "predict_augmented"]
+
+Frame = tuple[Array, Array]
+"""Where P is: (n, 6, lanes) the way of each vehicle since, in m, and its derivatives by turn-rate
+bias and by speed scale; (3,) the time since in s, the way in m that a gust of 1 m/s then has blown
+since, and the share that is left of it."""
 
 WIND, SCALE, TURN, BIAS, GUST = 0, 2, 3, 4, 5
 """Places in a row of AugmentedSetup.columns; wind and gusts take two each."""
@@ -36,23 +45,73 @@ def predict_augmented(
     speeds: Array,
     turn_rates: Array,
     setup: AugmentedSetup,
+    frame: Frame,
     slopes: Array,
-    before: Array,
     lanes: Lanes,
 ) -> None:
-    """Advance x (n, 3, lanes), errors (e, lanes) and P by one sample of readings (n, lanes).
+    """Advance x (n, 3, lanes) and errors (e, lanes) by one sample of readings (n, lanes).
 
-    `slopes` (12, lanes) is scratch: the way through the air, its derivatives by read speed, turn
-    rate and scale, and what they are made of; `before` (7, 3, lanes) is scratch too.
+    P stays in its frame, but for the noise. `slopes` (12, lanes) is scratch: the way through the
+    air, its derivatives by read speed, turn rate and scale, and what they are made of.
     """
-    motion = setup.poses.motion
+    motion, (since, age) = setup.poses.motion, frame
     for i in range(len(x)):
-        own = setup.columns[i]
-        _move(x, errors, i, speeds, turn_rates, motion, own, slopes, lanes)
-        _carry(P, 3 * i, own, motion.time, slopes, before, lanes)
-        _add_noise(P, 3 * i, slopes, motion, lanes)
+        _move(x, errors, i, speeds, turn_rates, motion, setup.columns[i], slopes, lanes)
+        _lengthen(since[i], age[0], slopes, motion.time, lanes)
+        _add_noise(P, 3 * i, since[i], slopes, motion, lanes)
+    age[0] += motion.time
+    age[1] += motion.time * age[2]
+    age[2] *= setup.decay
     if setup.first_gust < len(P):
-        _let_gusts_decay(P, errors, setup, lanes)
+        _blow(P, errors, setup, age, lanes)
+
+
+@compiled
+def bring_to_now(
+    P: Array, setup: AugmentedSetup, frame: Frame, before: Array, lanes: Lanes
+) -> None:
+    """Bring P into the frame of the present sample; `before` (7, 3, lanes) is scratch."""
+    since, age = frame
+    for i in range(len(since)):
+        _carry(P, 3 * i, setup.columns[i], age, since[i], before, lanes)
+    decay, begin = age[2], setup.first_gust
+    for c in range(begin, len(P)):
+        for k in range(begin):
+            for lane in range(len(lanes)):
+                P[c, k, lane] *= decay
+        for k in range(begin, c + 1):
+            for lane in range(len(lanes)):
+                P[c, k, lane] *= decay * decay
+    since[:] = 0.0
+    age[0], age[1], age[2] = 0.0, 0.0, 1.0
+
+
+@compiled
+def _lengthen(since: Array, elapsed: float, slopes: Array, time: float, lanes: Lanes) -> None:
+    """The way since P's frame, and its derivatives by bias and scale, one sample longer."""
+    for lane in range(len(lanes)):
+        dx, dy = slopes[0, lane], slopes[1, lane]
+        since[0, lane] += dx
+        since[1, lane] += dy
+        since[2, lane] += slopes[4, lane] - dy * elapsed
+        since[3, lane] += slopes[5, lane] + dx * elapsed
+        since[4, lane] += slopes[6, lane]
+        since[5, lane] += slopes[7, lane]
+
+
+@compiled
+def _blow(P: Array, errors: Array, setup: AugmentedSetup, age: Array, lanes: Lanes) -> None:
+    """Let gusts decay and gain noise, which P's frame takes for a gust larger by 1 / decay."""
+    first = len(P) - len(errors)
+    noise = setup.gust_noise / (age[2] * age[2])
+    for i in range(len(setup.columns)):
+        for axis in range(2):
+            c, r = setup.columns[i, GUST + axis], 3 * i + axis
+            for lane in range(len(lanes)):
+                errors[c - first, lane] *= setup.decay
+                P[c, c, lane] += noise
+                P[c, r, lane] -= noise * age[1]
+                P[r, r, lane] += noise * age[1] * age[1]
 
 
 @compiled
@@ -146,37 +205,37 @@ def _sine_and_cosine(angle: float) -> tuple[float, float]:
 
 @compiled
 def _carry_column(
-    P: Array, r: int, k: int, own: Index, time: float, slopes: Array, lanes: Lanes
+    P: Array, r: int, k: int, own: Index, age: Array, since: Array, lanes: Lanes
 ) -> None:
     """P[r : r + 3, k] = F P[:, k] for the vehicle at row r and a column k of another state."""
     scale, bias, begin = own[SCALE], own[TURN], own[WIND]
     if begin >= 0 and scale >= 0 and bias >= 0:
-        _add_drift_and_rates(P, r, k, own, time, slopes, lanes)
+        _add_drift_and_rates(P, r, k, own, age[0], since, lanes)
     elif begin >= 0:
-        _add_drift(P, r, k, begin, time, slopes, lanes)
+        _add_drift(P, r, k, begin, age[0], since, lanes)
     else:
         a, b = max(r, k), min(r, k)
         down, right = (1, 0) if k < r else (0, 1)
         for lane in range(len(lanes)):
             turned = P[a + 2 * down, b + 2 * right, lane]
-            P[a, b, lane] -= slopes[1, lane] * turned
-            P[a + down, b + right, lane] += slopes[0, lane] * turned
+            P[a, b, lane] -= since[1, lane] * turned
+            P[a + down, b + right, lane] += since[0, lane] * turned
     if begin < 0 or scale < 0 or bias < 0:
         if scale >= 0:
-            _add_rate(P, r, k, scale, 0.0, slopes[6:8], lanes)
+            _add_rate(P, r, k, scale, 0.0, since[4:6], lanes)
         if bias >= 0:
-            _add_rate(P, r, k, bias, time, slopes[4:6], lanes)
+            _add_rate(P, r, k, bias, age[0], since[2:4], lanes)
     if own[GUST] >= 0:
         for axis in range(2):
             column = own[GUST + axis]
             a, b, c, d = max(r + axis, k), min(r + axis, k), max(column, k), min(column, k)
             for lane in range(len(lanes)):
-                P[a, b, lane] += time * P[c, d, lane]
+                P[a, b, lane] += age[1] * P[c, d, lane]
 
 
 @compiled
 def _add_drift(
-    P: Array, r: int, k: int, wind: int, time: float, slopes: Array, lanes: Lanes
+    P: Array, r: int, k: int, wind: int, time: float, since: Array, lanes: Lanes
 ) -> None:
     """The part of the heading and of the wind in a column of P."""
     a, b = max(r, k), min(r, k)
@@ -184,8 +243,8 @@ def _add_drift(
     cx, dx, cy, dy = max(wind, k), min(wind, k), max(wind + 1, k), min(wind + 1, k)
     for lane in range(len(lanes)):
         turned = P[a + 2 * down, b + 2 * right, lane]
-        P[a, b, lane] += time * P[cx, dx, lane] - slopes[1, lane] * turned
-        P[a + down, b + right, lane] += time * P[cy, dy, lane] + slopes[0, lane] * turned
+        P[a, b, lane] += time * P[cx, dx, lane] - since[1, lane] * turned
+        P[a + down, b + right, lane] += time * P[cy, dy, lane] + since[0, lane] * turned
 
 
 @compiled
@@ -205,7 +264,7 @@ def _add_rate(
 
 @compiled
 def _add_drift_and_rates(
-    P: Array, r: int, k: int, own: Index, time: float, slopes: Array, lanes: Lanes
+    P: Array, r: int, k: int, own: Index, time: float, since: Array, lanes: Lanes
 ) -> None:
     """The parts of heading, wind, scale and bias in a column of P, at once."""
     a, b = max(r, k), min(r, k)
@@ -218,22 +277,22 @@ def _add_drift_and_rates(
         grown, swung = P[cs, ds, lane], P[ct, dt, lane]
         P[a, b, lane] += (
             time * P[cx, dx, lane]
-            - slopes[1, lane] * turned
-            + slopes[6, lane] * grown
-            + slopes[4, lane] * swung
+            - since[1, lane] * turned
+            + since[4, lane] * grown
+            + since[2, lane] * swung
         )
         P[a + down, b + right, lane] += (
             time * P[cy, dy, lane]
-            + slopes[0, lane] * turned
-            + slopes[7, lane] * grown
-            + slopes[5, lane] * swung
+            + since[0, lane] * turned
+            + since[5, lane] * grown
+            + since[3, lane] * swung
         )
         P[a + 2 * down, b + 2 * right, lane] = turned + time * swung
 
 
 @compiled
 def _carry(
-    P: Array, r: int, own: Index, time: float, slopes: Array, before: Array, lanes: Lanes
+    P: Array, r: int, own: Index, age: Array, since: Array, before: Array, lanes: Lanes
 ) -> None:
     """P = F P F' for the vehicle at rows r, r + 1, r + 2; its errors' columns are `own`.
 
@@ -245,20 +304,20 @@ def _carry(
             for c in range(3):
                 before[s, c] = P[own[s], r + c]
     for k in range(r):
-        _carry_column(P, r, k, own, time, slopes, lanes)
+        _carry_column(P, r, k, own, age, since, lanes)
     for k in range(r + 3, len(P)):
-        _carry_column(P, r, k, own, time, slopes, lanes)
-    _turn_block(P, r, slopes, lanes)
+        _carry_column(P, r, k, own, age, since, lanes)
+    _turn_block(P, r, since, lanes)
     for s in range(len(own)):
         if own[s] >= 0 and s != BIAS:
-            _add_errors_part(P, r, s, own[s], time, slopes, before[s], lanes)
+            _add_errors_part(P, r, s, own[s], age, since, before[s], lanes)
 
 
 @compiled
-def _turn_block(P: Array, r: int, slopes: Array, lanes: Lanes) -> None:
+def _turn_block(P: Array, r: int, since: Array, lanes: Lanes) -> None:
     """A B A' of the pose at row r."""
     for lane in range(len(lanes)):
-        a, b = -slopes[1, lane], slopes[0, lane]
+        a, b = -since[1, lane], since[0, lane]
         hx, hy, hh = P[r + 2, r, lane], P[r + 2, r + 1, lane], P[r + 2, r + 2, lane]
         P[r, r, lane] += a * (2.0 * hx + a * hh)
         P[r + 1, r, lane] += a * hy + b * (hx + a * hh)
@@ -269,21 +328,25 @@ def _turn_block(P: Array, r: int, slopes: Array, lanes: Lanes) -> None:
 
 @compiled
 def _add_errors_part(
-    P: Array, r: int, s: int, column: int, time: float, slopes: Array, old: Array, lanes: Lanes
+    P: Array, r: int, s: int, column: int, age: Array, since: Array, old: Array, lanes: Lanes
 ) -> None:
     """E C A' + C*' E' of the error in a column: `old` (3, lanes) is its covariance before."""
     for lane in range(len(lanes)):
         ex, ey, eh = 0.0, 0.0, 0.0
         if s == SCALE:
-            ex, ey = slopes[6, lane], slopes[7, lane]
+            ex, ey = since[4, lane], since[5, lane]
         elif s == TURN:
-            ex, ey, eh = slopes[4, lane], slopes[5, lane], time
-        elif s in (WIND, GUST):
-            ex = time
+            ex, ey, eh = since[2, lane], since[3, lane], age[0]
+        elif s == WIND:
+            ex = age[0]
+        elif s == WIND + 1:
+            ey = age[0]
+        elif s == GUST:
+            ex = age[1]
         else:
-            ey = time
+            ey = age[1]
         hx, hy, hh = old[0, lane], old[1, lane], old[2, lane]
-        ax, ay = hx - slopes[1, lane] * hh, hy + slopes[0, lane] * hh
+        ax, ay = hx - since[1, lane] * hh, hy + since[0, lane] * hh
         nx, ny, nh = P[column, r, lane], P[column, r + 1, lane], P[column, r + 2, lane]
         P[r, r, lane] += ex * (ax + nx)
         P[r + 1, r, lane] += ey * ax + ex * ny
@@ -294,31 +357,21 @@ def _add_errors_part(
 
 
 @compiled
-def _add_noise(P: Array, r: int, slopes: Array, motion: MotionModel, lanes: Lanes) -> None:
-    """P += G Q G' for the vehicle at row r: slopes[2:4] is G by speed, slopes[4:6] by turn rate."""
+def _add_noise(
+    P: Array, r: int, since: Array, slopes: Array, motion: MotionModel, lanes: Lanes
+) -> None:
+    """P += G Q G' for the vehicle at row r, in P's frame.
+
+    slopes[2:4] is G by speed, slopes[4:6] by turn rate, which there is about where the way began.
+    """
     time, speed_variance = motion.time, motion.speed_variance
     turn_variance = motion.turn_rate_variance
     for lane in range(len(lanes)):
         vx, vy = slopes[2, lane], slopes[3, lane]
-        wx, wy = slopes[4, lane], slopes[5, lane]
+        wx, wy = slopes[4, lane] + since[1, lane] * time, slopes[5, lane] - since[0, lane] * time
         P[r, r, lane] += speed_variance * vx * vx + turn_variance * wx * wx
         P[r + 1, r, lane] += speed_variance * vx * vy + turn_variance * wx * wy
         P[r + 1, r + 1, lane] += speed_variance * vy * vy + turn_variance * wy * wy
         P[r + 2, r, lane] += turn_variance * wx * time
         P[r + 2, r + 1, lane] += turn_variance * wy * time
         P[r + 2, r + 2, lane] += turn_variance * time * time
-
-
-@compiled
-def _let_gusts_decay(P: Array, errors: Array, setup: AugmentedSetup, lanes: Lanes) -> None:
-    decay, size, begin = setup.decay, len(P), setup.first_gust
-    for c in range(begin, size):
-        for k in range(begin):
-            for lane in range(len(lanes)):
-                P[c, k, lane] *= decay
-        for k in range(begin, c + 1):
-            for lane in range(len(lanes)):
-                P[c, k, lane] *= decay * decay
-        for lane in range(len(lanes)):
-            P[c, c, lane] += setup.gust_noise
-            errors[c - size + len(errors), lane] *= decay

@@ -37,6 +37,7 @@ WIDE_UP_TO = 60
 """Largest team filtered in wide lanes; above they gain nothing and cost sixteenfold memory."""
 
 KERNEL_FILES = (
+    "augmented_correction.py",
     "augmented_prediction.py",
     "augmented_setup.py",
     "batched_filter.py",

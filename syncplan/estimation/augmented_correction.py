@@ -1,0 +1,316 @@
+"""Correction of further states by sightings, in the frame that their covariance is in.
+
+The kernels are those of `augmented_filter`. In P's frame a row h has further entries: with the way
+(X, Y) since and its derivatives, for the observer
+
+    heading  h_psi - h_x Y + h_y X      scale  h_x X_s + h_y Y_s     gust  blown h
+    bias     h_x X_b + h_y Y_b + h_psi t                             wind  t h
+
+and for the target likewise, with -h_x and -h_y; of a common wind, which moves both alike, nothing
+is left. P is large, and each correction would read all of it; so the halves u of a sample's
+corrections are kept, taken off what is read of P, and P is corrected by all of them in one sweep.
+"""
+
+import math
+
+from syncplan.arrays import Array, Index
+from syncplan.estimation.augmented_prediction import BIAS, GUST, SCALE, TURN, WIND, Frame
+from syncplan.estimation.augmented_setup import (
+    AugmentedReadings,
+    AugmentedSetup,
+    AugmentedStatistics,
+)
+from syncplan.estimation.batched_filter import BEARING_KIND, sighting_lanes
+from syncplan.estimation.lane_filter import Lanes, compiled
+from syncplan.estimation.lane_statistics import subtract_outer
+
+__all__ = ["AT_ONCE", "MOST_ENTRIES", "Sparse", "correct_augmented"]
+
+AT_ONCE = 8
+"""Sightings that P is corrected by in one sweep."""
+
+MOST_ENTRIES = 18
+"""Of a row: three of each pose, two of the wind, four of each vehicle's errors, a bearing bias; and
+a multiple of three."""
+
+Sparse = tuple[Index, Array]
+"""A row: columns (MOST_ENTRIES,) and entries (MOST_ENTRIES, lanes)."""
+
+
+@compiled
+def correct_augmented(
+    x: Array,
+    errors: Array,
+    P: Array,
+    step: int,
+    setup: AugmentedSetup,
+    readings: AugmentedReadings,
+    frame: Frame,
+    seen: tuple[Array, Array],
+    row: Sparse,
+    halves: tuple[Array, Array],
+    statistics: AugmentedStatistics,
+    lanes: Lanes,
+) -> None:
+    """Correct state and P by the sightings of a step, one after another, and count them.
+
+    `seen` are scratch for a sighting's slopes (3, lanes) and innovation (lanes,), `row` for its
+    row, `halves` for u and gain, (AT_ONCE, 3n + e, lanes) each.
+    """
+    poses, pending = setup.poses, 0
+    for s in range(poses.first[step], poses.first[step + 1]):
+        o, t, z, kind = poses.observers[s], poses.targets[s], readings.sightings[s], poses.kinds[s]
+        slopes, innovation = seen
+        sighting_lanes(kind, x, o, t, poses.landmarks, z, slopes, innovation, lanes)
+        bias = setup.columns[o, BIAS] if kind == BEARING_KIND else -1
+        if bias >= 0:
+            _expect_bias(errors, bias - 3 * len(x), innovation, lanes)
+        entries = _refer(slopes, o, t, bias, setup, frame, row, lanes)
+        u, gain = halves[0][pending], halves[1][pending]
+        _multiply(P, row, entries, u, lanes)
+        for j in range(pending):
+            _dot(row, entries, halves[0][j], gain[0], lanes)
+            _take_off(halves[1][j], gain[0], u, lanes)
+        _dot(row, entries, u, slopes[0], lanes)
+        _weigh(poses.variances[s], setup.poses.gate, slopes[0], innovation, statistics, lanes)
+        for k in range(len(P)):
+            for lane in range(len(lanes)):
+                gain[k, lane] = u[k, lane] * slopes[0, lane]
+        _correct_state(x, errors, gain, innovation, setup, frame, lanes)
+        pending += 1
+        if pending == AT_ONCE:
+            _correct_covariance(P, pending, halves, lanes)
+            pending = 0
+    _correct_covariance(P, pending, halves, lanes)
+
+
+@compiled
+def _expect_bias(errors: Array, bias: int, innovation: Array, lanes: Lanes) -> None:
+    """Take the bearing bias that is expected off the innovations (lanes,)."""
+    for lane in range(len(lanes)):
+        off = innovation[lane] - errors[bias, lane]
+        innovation[lane] = off - 2.0 * math.pi * math.floor((off + math.pi) / (2.0 * math.pi))
+
+
+@compiled
+def _refer(
+    slopes: Array,
+    o: int,
+    t: int,
+    bias: int,
+    setup: AugmentedSetup,
+    frame: Frame,
+    row: Sparse,
+    lanes: Lanes,
+) -> int:
+    """Fill in the row in P's frame; return how many entries it has, a multiple of three."""
+    columns, entries = row
+    since, age = frame
+    count = _refer_vehicle(slopes, o, 1.0, 1.0, setup.columns[o], since[o], age, row, 0, lanes)
+    if bias >= 0:
+        columns[count], entries[count] = bias, 1.0
+        count += 1
+    if t >= len(since) or t == o:
+        for axis in range(2):
+            if setup.columns[o, WIND + axis] >= 0:
+                columns[count] = setup.columns[o, WIND + axis]
+                for lane in range(len(lanes)):
+                    entries[count, lane] = age[0] * slopes[axis, lane]
+                count += 1
+    else:
+        own = setup.columns[t]
+        count = _refer_vehicle(slopes, t, -1.0, 0.0, own, since[t], age, row, count, lanes)
+    while count % 3:
+        columns[count], entries[count] = 0, 0.0
+        count += 1
+    return count
+
+
+@compiled
+def _refer_vehicle(
+    slopes: Array,
+    i: int,
+    sign: float,
+    turns: float,
+    own: Index,
+    since: Array,
+    age: Array,
+    row: Sparse,
+    count: int,
+    lanes: Lanes,
+) -> int:
+    """Add the entries of one vehicle: its slopes are `sign` and `turns` times those given."""
+    columns, entries = row
+    columns[count], columns[count + 1], columns[count + 2] = 3 * i, 3 * i + 1, 3 * i + 2
+    for lane in range(len(lanes)):
+        a, b = sign * slopes[0, lane], sign * slopes[1, lane]
+        entries[count, lane], entries[count + 1, lane] = a, b
+        about = b * since[0, lane] - a * since[1, lane]
+        entries[count + 2, lane] = turns * slopes[2, lane] + about
+    count += 3
+    if own[SCALE] >= 0:
+        columns[count] = own[SCALE]
+        for lane in range(len(lanes)):
+            way = slopes[0, lane] * since[4, lane] + slopes[1, lane] * since[5, lane]
+            entries[count, lane] = sign * way
+        count += 1
+    if own[TURN] >= 0:
+        columns[count] = own[TURN]
+        for lane in range(len(lanes)):
+            way = slopes[0, lane] * since[2, lane] + slopes[1, lane] * since[3, lane]
+            entries[count, lane] = sign * way + turns * slopes[2, lane] * age[0]
+        count += 1
+    for axis in range(2):
+        if own[GUST + axis] >= 0:
+            columns[count] = own[GUST + axis]
+            for lane in range(len(lanes)):
+                entries[count, lane] = sign * age[1] * slopes[axis, lane]
+            count += 1
+    return count
+
+
+@compiled
+def _multiply(P: Array, row: Sparse, count: int, u: Array, lanes: Lanes) -> None:
+    """u = P h, three entries of h at a time."""
+    columns, h = row
+    for c in range(0, count, 3):
+        p, q, r = columns[c], columns[c + 1], columns[c + 2]
+        for k in range(len(P)):
+            if c == 0:
+                u[k] = 0.0
+            a0, b0, a1, b1 = max(k, p), min(k, p), max(k, q), min(k, q)
+            a2, b2 = max(k, r), min(k, r)
+            for lane in range(len(lanes)):
+                u[k, lane] += (
+                    h[c, lane] * P[a0, b0, lane]
+                    + h[c + 1, lane] * P[a1, b1, lane]
+                    + h[c + 2, lane] * P[a2, b2, lane]
+                )
+
+
+@compiled
+def _dot(row: Sparse, count: int, u: Array, products: Array, lanes: Lanes) -> None:
+    """Fill in h . u (lanes,)."""
+    columns, h = row
+    products[:] = 0.0
+    for c in range(0, count, 3):
+        p, q, r = columns[c], columns[c + 1], columns[c + 2]
+        for lane in range(len(lanes)):
+            products[lane] += (
+                h[c, lane] * u[p, lane] + h[c + 1, lane] * u[q, lane] + h[c + 2, lane] * u[r, lane]
+            )
+
+
+@compiled
+def _take_off(gain: Array, shares: Array, u: Array, lanes: Lanes) -> None:
+    """u -= gain shares: the correction by a sighting that P has not had yet."""
+    for k in range(len(u)):
+        for lane in range(len(lanes)):
+            u[k, lane] -= gain[k, lane] * shares[lane]
+
+
+@compiled
+def _weigh(
+    variance: float,
+    gate: float,
+    spread: Array,
+    innovation: Array,
+    statistics: AugmentedStatistics,
+    lanes: Lanes,
+) -> None:
+    """Turn h' P h into what turns u into the gain: 0 where a sighting is missed, or rejected."""
+    counted = statistics.poses
+    for lane in range(len(lanes)):
+        total = max(spread[lane], 0.0) + variance
+        made = 0.0 if math.isnan(innovation[lane]) else 1.0
+        off = 0.0 if math.isnan(innovation[lane]) else innovation[lane]
+        square = off * off
+        accepted = made if square <= gate * total else 0.0
+        counted.nis[lane] += accepted * (square / total)
+        counted.accepted[lane] += accepted
+        counted.gated[lane] += made - accepted
+        innovation[lane] = off
+        spread[lane] = accepted / total
+
+
+@compiled
+def _correct_state(
+    x: Array,
+    errors: Array,
+    gain: Array,
+    innovation: Array,
+    setup: AugmentedSetup,
+    frame: Frame,
+    lanes: Lanes,
+) -> None:
+    """Add the gain, which is in P's frame, as it is now."""
+    since, age = frame
+    first = 3 * len(x)
+    for i in range(len(x)):
+        r, own = 3 * i, setup.columns[i]
+        for lane in range(len(lanes)):
+            turn = gain[r + 2, lane] * innovation[lane]
+            x[i, 0, lane] += gain[r, lane] * innovation[lane] - since[i, 1, lane] * turn
+            x[i, 1, lane] += gain[r + 1, lane] * innovation[lane] + since[i, 0, lane] * turn
+            x[i, 2, lane] += turn
+        for axis in range(2):
+            _add_error(x[i, axis], gain, own[WIND + axis], age[0], innovation, lanes)
+            _add_error(x[i, axis], gain, own[GUST + axis], age[1], innovation, lanes)
+        if own[SCALE] >= 0:
+            for lane in range(len(lanes)):
+                change = gain[own[SCALE], lane] * innovation[lane]
+                x[i, 0, lane] += since[i, 4, lane] * change
+                x[i, 1, lane] += since[i, 5, lane] * change
+        if own[TURN] >= 0:
+            for lane in range(len(lanes)):
+                change = gain[own[TURN], lane] * innovation[lane]
+                x[i, 0, lane] += since[i, 2, lane] * change
+                x[i, 1, lane] += since[i, 3, lane] * change
+                x[i, 2, lane] += age[0] * change
+    for k in range(len(errors)):
+        left = age[2] if first + k >= setup.first_gust else 1.0
+        for lane in range(len(lanes)):
+            errors[k, lane] += left * gain[first + k, lane] * innovation[lane]
+
+
+@compiled
+def _add_error(
+    moved: Array, gain: Array, column: int, share: float, innovation: Array, lanes: Lanes
+) -> None:
+    """Move by `share` of the change of an error, if there is one."""
+    if column >= 0:
+        for lane in range(len(lanes)):
+            moved[lane] += share * gain[column, lane] * innovation[lane]
+
+
+@compiled
+def _correct_covariance(P: Array, pending: int, halves: tuple[Array, Array], lanes: Lanes) -> None:
+    """P -= sum of gain u' over the pending sightings, on the lower triangle."""
+    us, gains = halves
+    done = 0
+    while pending - done >= 4:
+        _subtract_four(P, gains[done : done + 4], us[done : done + 4], lanes)
+        done += 4
+    while pending - done >= 2:
+        _subtract_two(P, gains[done : done + 2], us[done : done + 2], lanes)
+        done += 2
+    if done < pending:
+        subtract_outer(P, gains[done], us[done], 0, lanes)
+
+
+@compiled
+def _subtract_two(P: Array, g: Array, u: Array, lanes: Lanes) -> None:
+    for i in range(len(P)):
+        for j in range(i + 1):
+            for lane in range(len(lanes)):
+                P[i, j, lane] -= g[0, i, lane] * u[0, j, lane] + g[1, i, lane] * u[1, j, lane]
+
+
+@compiled
+def _subtract_four(P: Array, g: Array, u: Array, lanes: Lanes) -> None:
+    for i in range(len(P)):
+        for j in range(i + 1):
+            for lane in range(len(lanes)):
+                P[i, j, lane] -= (g[0, i, lane] * u[0, j, lane] + g[1, i, lane] * u[1, j, lane]) + (
+                    g[2, i, lane] * u[2, j, lane] + g[3, i, lane] * u[3, j, lane]
+                )
