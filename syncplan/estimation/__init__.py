@@ -26,6 +26,7 @@ lane_filter        a compiled filter, many trials side by side
 lane_statistics    kernels that compare lanes with the truth
 batched_filter     the kernels of the extended Kalman filter
 augmented_prediction  its prediction with further states
+augmented_frame    the covariance brought to the present
 augmented_correction  its correction with further states
 augmented_filter   its kernels with further states
 trials             results of trials, whole and in parts

@@ -22,7 +22,8 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.estimation.augmented_correction import AT_ONCE, MOST_ENTRIES, correct_augmented
-from syncplan.estimation.augmented_prediction import bring_to_now, predict_augmented
+from syncplan.estimation.augmented_frame import bring_to_now
+from syncplan.estimation.augmented_prediction import predict_augmented
 from syncplan.estimation.augmented_setup import (
     AugmentedReadings,
     AugmentedSetup,

@@ -10,7 +10,7 @@ and its heading has T for the bias; (dx, dy) is the way through the air.
 P itself stays in the frame of an earlier sample: errors then, whose product of all F since is in
 closed form, (dx, dy) and its derivatives summed up. There prediction only adds noise, and a
 sighting's row gains entries for the errors; P is brought to the present where it is asked for.
-This is exact, and of all that a sample takes, carrying P was most.
+`augmented_frame`. This is exact, and of all that a sample takes, carrying P was most.
 """
 
 import math
@@ -23,7 +23,7 @@ from syncplan.estimation.batched_filter import shortening
 from syncplan.estimation.filter_setup import MotionModel
 from syncplan.estimation.lane_filter import Lanes, compiled
 
-__all__ = ["BIAS", "GUST", "SCALE", "TURN", "WIND", "Frame", "bring_to_now", "predict_augmented"]
+__all__ = ["BIAS", "GUST", "SCALE", "TURN", "WIND", "Frame", "predict_augmented"]
 
 Frame = tuple[Array, Array]
 """Where P is: (n, 6, lanes) the way of each vehicle since, in m, and its derivatives by turn-rate
@@ -64,26 +64,6 @@ def predict_augmented(
     age[2] *= setup.decay
     if setup.first_gust < len(P):
         _blow(P, errors, setup, age, lanes)
-
-
-@compiled
-def bring_to_now(
-    P: Array, setup: AugmentedSetup, frame: Frame, before: Array, lanes: Lanes
-) -> None:
-    """Bring P into the frame of the present sample; `before` (7, 3, lanes) is scratch."""
-    since, age = frame
-    for i in range(len(since)):
-        _carry(P, 3 * i, setup.columns[i], age, since[i], before, lanes)
-    decay, begin = age[2], setup.first_gust
-    for c in range(begin, len(P)):
-        for k in range(begin):
-            for lane in range(len(lanes)):
-                P[c, k, lane] *= decay
-        for k in range(begin, c + 1):
-            for lane in range(len(lanes)):
-                P[c, k, lane] *= decay * decay
-    since[:] = 0.0
-    age[0], age[1], age[2] = 0.0, 0.0, 1.0
 
 
 @compiled
@@ -201,159 +181,6 @@ def _sine_and_cosine(angle: float) -> tuple[float, float]:
     odd = quadrant == 1.0 or quadrant == 3.0
     s, c = (cos, sin) if odd else (sin, cos)
     return (-s if quadrant >= 2.0 else s), (-c if quadrant == 1.0 or quadrant == 2.0 else c)
-
-
-@compiled
-def _carry_column(
-    P: Array, r: int, k: int, own: Index, age: Array, since: Array, lanes: Lanes
-) -> None:
-    """P[r : r + 3, k] = F P[:, k] for the vehicle at row r and a column k of another state."""
-    scale, bias, begin = own[SCALE], own[TURN], own[WIND]
-    if begin >= 0 and scale >= 0 and bias >= 0:
-        _add_drift_and_rates(P, r, k, own, age[0], since, lanes)
-    elif begin >= 0:
-        _add_drift(P, r, k, begin, age[0], since, lanes)
-    else:
-        a, b = max(r, k), min(r, k)
-        down, right = (1, 0) if k < r else (0, 1)
-        for lane in range(len(lanes)):
-            turned = P[a + 2 * down, b + 2 * right, lane]
-            P[a, b, lane] -= since[1, lane] * turned
-            P[a + down, b + right, lane] += since[0, lane] * turned
-    if begin < 0 or scale < 0 or bias < 0:
-        if scale >= 0:
-            _add_rate(P, r, k, scale, 0.0, since[4:6], lanes)
-        if bias >= 0:
-            _add_rate(P, r, k, bias, age[0], since[2:4], lanes)
-    if own[GUST] >= 0:
-        for axis in range(2):
-            column = own[GUST + axis]
-            a, b, c, d = max(r + axis, k), min(r + axis, k), max(column, k), min(column, k)
-            for lane in range(len(lanes)):
-                P[a, b, lane] += age[1] * P[c, d, lane]
-
-
-@compiled
-def _add_drift(
-    P: Array, r: int, k: int, wind: int, time: float, since: Array, lanes: Lanes
-) -> None:
-    """The part of the heading and of the wind in a column of P."""
-    a, b = max(r, k), min(r, k)
-    down, right = (1, 0) if k < r else (0, 1)
-    cx, dx, cy, dy = max(wind, k), min(wind, k), max(wind + 1, k), min(wind + 1, k)
-    for lane in range(len(lanes)):
-        turned = P[a + 2 * down, b + 2 * right, lane]
-        P[a, b, lane] += time * P[cx, dx, lane] - since[1, lane] * turned
-        P[a + down, b + right, lane] += time * P[cy, dy, lane] + since[0, lane] * turned
-
-
-@compiled
-def _add_rate(
-    P: Array, r: int, k: int, column: int, time: float, moved: Array, lanes: Lanes
-) -> None:
-    """The part of a scale or a bias that moves by `moved` (2, lanes) and turns by `time`."""
-    a, b = max(r, k), min(r, k)
-    down, right = (1, 0) if k < r else (0, 1)
-    c, d = max(column, k), min(column, k)
-    for lane in range(len(lanes)):
-        share = P[c, d, lane]
-        P[a, b, lane] += moved[0, lane] * share
-        P[a + down, b + right, lane] += moved[1, lane] * share
-        P[a + 2 * down, b + 2 * right, lane] += time * share
-
-
-@compiled
-def _add_drift_and_rates(
-    P: Array, r: int, k: int, own: Index, time: float, since: Array, lanes: Lanes
-) -> None:
-    """The parts of heading, wind, scale and bias in a column of P, at once."""
-    a, b = max(r, k), min(r, k)
-    down, right = (1, 0) if k < r else (0, 1)
-    wind, scale, bias = own[WIND], own[SCALE], own[TURN]
-    cx, dx, cy, dy = max(wind, k), min(wind, k), max(wind + 1, k), min(wind + 1, k)
-    cs, ds, ct, dt = max(scale, k), min(scale, k), max(bias, k), min(bias, k)
-    for lane in range(len(lanes)):
-        turned = P[a + 2 * down, b + 2 * right, lane]
-        grown, swung = P[cs, ds, lane], P[ct, dt, lane]
-        P[a, b, lane] += (
-            time * P[cx, dx, lane]
-            - since[1, lane] * turned
-            + since[4, lane] * grown
-            + since[2, lane] * swung
-        )
-        P[a + down, b + right, lane] += (
-            time * P[cy, dy, lane]
-            + since[0, lane] * turned
-            + since[5, lane] * grown
-            + since[3, lane] * swung
-        )
-        P[a + 2 * down, b + 2 * right, lane] = turned + time * swung
-
-
-@compiled
-def _carry(
-    P: Array, r: int, own: Index, age: Array, since: Array, before: Array, lanes: Lanes
-) -> None:
-    """P = F P F' for the vehicle at rows r, r + 1, r + 2; its errors' columns are `own`.
-
-    With A = F's block of the pose, E that of its errors, C their covariance with the pose before
-    and C* after, the pose's own block is (A B + E C) A' + C*' E'.
-    """
-    for s in range(len(own)):
-        if own[s] >= 0:
-            for c in range(3):
-                before[s, c] = P[own[s], r + c]
-    for k in range(r):
-        _carry_column(P, r, k, own, age, since, lanes)
-    for k in range(r + 3, len(P)):
-        _carry_column(P, r, k, own, age, since, lanes)
-    _turn_block(P, r, since, lanes)
-    for s in range(len(own)):
-        if own[s] >= 0 and s != BIAS:
-            _add_errors_part(P, r, s, own[s], age, since, before[s], lanes)
-
-
-@compiled
-def _turn_block(P: Array, r: int, since: Array, lanes: Lanes) -> None:
-    """A B A' of the pose at row r."""
-    for lane in range(len(lanes)):
-        a, b = -since[1, lane], since[0, lane]
-        hx, hy, hh = P[r + 2, r, lane], P[r + 2, r + 1, lane], P[r + 2, r + 2, lane]
-        P[r, r, lane] += a * (2.0 * hx + a * hh)
-        P[r + 1, r, lane] += a * hy + b * (hx + a * hh)
-        P[r + 1, r + 1, lane] += b * (2.0 * hy + b * hh)
-        P[r + 2, r, lane] = hx + a * hh
-        P[r + 2, r + 1, lane] = hy + b * hh
-
-
-@compiled
-def _add_errors_part(
-    P: Array, r: int, s: int, column: int, age: Array, since: Array, old: Array, lanes: Lanes
-) -> None:
-    """E C A' + C*' E' of the error in a column: `old` (3, lanes) is its covariance before."""
-    for lane in range(len(lanes)):
-        ex, ey, eh = 0.0, 0.0, 0.0
-        if s == SCALE:
-            ex, ey = since[4, lane], since[5, lane]
-        elif s == TURN:
-            ex, ey, eh = since[2, lane], since[3, lane], age[0]
-        elif s == WIND:
-            ex = age[0]
-        elif s == WIND + 1:
-            ey = age[0]
-        elif s == GUST:
-            ex = age[1]
-        else:
-            ey = age[1]
-        hx, hy, hh = old[0, lane], old[1, lane], old[2, lane]
-        ax, ay = hx - since[1, lane] * hh, hy + since[0, lane] * hh
-        nx, ny, nh = P[column, r, lane], P[column, r + 1, lane], P[column, r + 2, lane]
-        P[r, r, lane] += ex * (ax + nx)
-        P[r + 1, r, lane] += ey * ax + ex * ny
-        P[r + 1, r + 1, lane] += ey * (ay + ny)
-        P[r + 2, r, lane] += eh * ax + ex * nh
-        P[r + 2, r + 1, lane] += eh * ay + ey * nh
-        P[r + 2, r + 2, lane] += eh * (hh + nh)
 
 
 @compiled

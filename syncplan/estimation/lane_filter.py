@@ -38,6 +38,7 @@ WIDE_UP_TO = 60
 
 KERNEL_FILES = (
     "augmented_correction.py",
+    "augmented_frame.py",
     "augmented_prediction.py",
     "augmented_setup.py",
     "batched_filter.py",

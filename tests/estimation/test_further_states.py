@@ -93,12 +93,15 @@ def scene_of(team: Team, steps: int, lanes: int, **changes: object) -> Scene:
     return Scene(augmented_setup_of(poses, layout, team.errors), readings)
 
 
-def filtered(given: Scene) -> tuple[Array, Array, AugmentedStatistics]:
+def filtered(
+    given: Scene, *, with_series: bool = False
+) -> tuple[Array, Array, AugmentedStatistics]:
     """Final state (3n + e, lanes), full covariance and statistics of all lanes."""
     setup, readings = given
     n, _, lanes = readings.initial.shape
     steps, e = len(readings.speeds), len(setup.variances)
-    series = empty_series(n, steps, wanted=True), np.zeros((steps + 1, e, 3))
+    rows = steps + 1 if with_series else 0
+    series = empty_series(n, steps, wanted=with_series), np.zeros((rows, e, 3))
     statistics = empty_augmented_statistics(n, e, lanes, series)
     x, errors, P = AUGMENTED.run(setup, readings, statistics)
     lower = np.tril(np.ones(P.shape[:2], dtype=bool))[..., None]
@@ -156,6 +159,7 @@ def test_the_row_of_every_kind_is_the_derivative_of_the_sighting() -> None:
         assert row[9:].sum() == (kind == 0)
 
 
+@pytest.mark.parametrize("with_series", [False, True])
 @pytest.mark.parametrize(
     ("estimated", "changes"),
     [
@@ -164,11 +168,12 @@ def test_the_row_of_every_kind_is_the_derivative_of_the_sighting() -> None:
     ],
 )
 def test_compiled_trials_are_those_of_the_plain_filter(
-    estimated: tuple[str, ...], changes: dict[str, object]
+    estimated: tuple[str, ...], changes: dict[str, object], with_series: bool
 ) -> None:
     given = scene_of(a_team(estimated), 45, 3, **changes)
     setup, readings = given
-    state, P, statistics = filtered(given)
+    # with a series, the covariance is brought to the present at every sample
+    state, P, statistics = filtered(given, with_series=with_series)
     lane, e = 2, len(setup.variances)
     x, C = (
         np.concatenate([readings.initial[..., lane].ravel(), np.zeros(e)]),
@@ -217,7 +222,7 @@ def test_without_further_states_it_is_the_filter_of_poses() -> None:
     team = replace(team, sensors=replace(team.sensors, bearing_bias_sigmas=np.zeros(3)))
     given = scene_of(team, 60, 5)
     state, P, statistics = filtered(given)
-    plain = empty_statistics(3, 5, empty_series(3, 60, wanted=True))
+    plain = empty_statistics(3, 5, empty_series(3, 60, wanted=False))
     x, C = EXTENDED.run(given.setup.poses, Readings(*given.readings[:4]), plain)
     np.testing.assert_allclose(state, x.reshape(9, 5), rtol=0, atol=1e-9)
     lower = np.tril_indices(9)
