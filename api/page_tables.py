@@ -1,4 +1,4 @@
-"""The tables that the page reads: figures, formats, objectives, kinds and states of jobs."""
+"""The tables that the page reads: figures, formats, objectives, keys, kinds and states of jobs."""
 
 import json
 
@@ -7,6 +7,7 @@ from syncplan.exporting.autopilots import AUTOPILOTS
 from syncplan.exporting.format_table import FORMATS
 from syncplan.plotting.figure_table import FIGURES, always_there
 from syncplan.reports.job_contract import STATES, has_ended
+from syncplan.scenario.dotted_keys import ALTERNATIVES, numeric_keys
 from syncplan.scenario.objectives import OBJECTIVES
 
 __all__ = ["tables_script"]
@@ -32,6 +33,8 @@ def tables_script() -> str:
         "MISSIONS": [name for name, one in FORMATS.items() if one.mission],
         "PILOTS": pilots,
         "OBJECTIVES": {name: one.title for name, one in OBJECTIVES.items()},
+        "MEANINGS": {key: one.meaning for key, one in numeric_keys().items()},
+        "ALTERNATIVES": ALTERNATIVES,
         "JOB_KINDS": {
             name: {
                 "title": kind.title.capitalize(),

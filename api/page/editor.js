@@ -4,7 +4,9 @@ import { Body } from "./body.js";
 import { byId, element, mark } from "./elements.js";
 import { Fields } from "./fields.js";
 import { Links } from "./links.js";
-import { sensorValue, valueAt, withSensor, withValue } from "./scenario.js";
+import { sensorValue, valueAt, withOptional, withoutAlternative, withSensor, withValue } from "./scenario.js";
+import { ALTERNATIVES, MEANINGS } from "./tables.js";
+import { WORLD, estimatesOf, isUsed } from "./world.js";
 
 const TEAM = [
   { path: "name", label: "Name", kind: "text" },
@@ -48,6 +50,8 @@ export class Editor {
   #rated = true;
   /** the place of the origin as typed: half of one is not yet the scenario's */
   #origin = {};
+  /** fields that the world adds, whether they were used: a group opens when it begins to be */
+  #world = new Map();
 
   constructor(store) {
     this.#store = store;
@@ -74,6 +78,7 @@ export class Editor {
       this.#links.group,
       this.#group("All sensors", SENSOR),
       this.#folded("Noise", NOISE),
+      ...this.#worldGroups(),
       this.#folded("Place and time, for exports", PLACE),
     );
     this.#show();
@@ -83,22 +88,42 @@ export class Editor {
     const { orbit } = this.#store.scenario;
     // of rate and speed, the one that is given
     const given = fields.filter(({ path }) => !RATES.includes(path) || valueAt({ orbit }, path) !== undefined);
-    const made = given.map((field) => this.#fields.add(field, (value) => this.#set(field, value)));
+    const made = given.map((field) => this.#fields.add({ ...field, help: MEANINGS[field.path] }, (value) => this.#set(field, value)));
     return element("fieldset", { class: "group" }, element("legend", {}, title), ...made);
+  }
+
+  #worldGroups() {
+    this.#world.clear();
+    return Object.entries(WORLD).map(([title, fields]) => {
+      const group = this.#folded(title, fields.map((one) => ({ ...one, optional: true })));
+      this.#world.set(group, { fields, used: false });
+      return group;
+    });
+  }
+
+  #openUsed(scenario) {
+    for (const [group, one] of this.#world) {
+      const used = isUsed(scenario, one.fields);
+      if (used && !one.used) group.open = true;
+      one.used = used;
+    }
   }
 
   #folded(title, fields) {
     return element("details", {}, element("summary", {}, title), this.#group(title, fields));
   }
 
-  #set({ path }, value) {
-    const { scenario } = this.#store;
+  #set({ path, optional }, value) {
+    const { scenario: before } = this.#store;
+    const scenario = value === "" ? before : withoutAlternative(before, path, ALTERNATIVES);
     const [section, key] = path.split(".");
+    const given = optional && value === "" ? undefined : value;
     let changed;
-    if (section === "sensor") changed = withSensor(scenario, key, value);
+    if (section === "sensor") changed = withSensor(scenario, key, given);
+    else if (optional) changed = withOptional(scenario, path, given);
     else if (section === "geo_origin") changed = this.#withOrigin(key, value);
     else changed = withValue(scenario, path, value === "" ? undefined : value);
-    if (changed !== scenario) this.#store.edit(changed, { live: true, field: path });
+    if (changed !== before) this.#store.edit(changed, { live: true, field: path });
   }
 
   /** The scenario with a part of its origin typed: with both latitude and longitude, it has one. */
@@ -121,10 +146,12 @@ export class Editor {
     for (const path of this.#fields.keys) {
       const [section, key] = path.split(".");
       const value = section === "sensor" ? sensorValue(scenario, key) : valueAt({ ...scenario, geo_origin: this.#origin }, path);
-      if (path !== "orbit.direction") this.#fields.put(path, value);
+      if (path === "filter.estimate") this.#fields.choose(path, ...estimatesOf(value));
+      else if (path !== "orbit.direction") this.#fields.put(path, value);
       else if (Array.isArray(value)) this.#fields.choose(path, { ...TURNS, "": "vehicle by vehicle" }, "");
       else this.#fields.choose(path, TURNS, value);
     }
+    this.#openUsed(scenario);
     this.#body.show();
     this.#links.show();
   }

@@ -2,18 +2,22 @@
 
 import { element, mark } from "./elements.js";
 
-/** A group of fields: `{ path, label, unit, kind, min, key }`; the key is the path where none is given. */
+const HALF_TYPED = "is no JSON yet: write polygons as [[[x, y], [x, y], [x, y]]]";
+
+/** A group of fields: `{ path, label, unit, kind, min, key, help }`; the key is the path where none is given. */
 export class Fields {
   #inputs = new Map();
 
   /** Return a label, its input and the place for its fault; `changed` hears each new value. */
-  add({ path, label, unit, kind, min, key = path }, changed) {
+  add({ path, label, unit, kind, min, help, key = path }, changed) {
     const id = `field-${key.replaceAll(/[^a-z0-9]+/gi, "-")}`;
     const input = kind === "choice" ? element("select", {}) : element("input", typed(kind, min));
     input.id = id;
+    if (help) input.title = help;
     input.setAttribute("aria-describedby", `${id}-fault`);
     input.addEventListener(kind === "choice" ? "change" : "input", () => {
       const value = read(input, kind);
+      if (kind === "json") mark(input, value === null ? HALF_TYPED : "");
       if (value !== null) changed(value);
     });
     this.#inputs.set(key, { input, path });
@@ -39,9 +43,10 @@ export class Fields {
   put(key, value) {
     const { input } = this.#inputs.get(key);
     if (document.activeElement === input) return;
-    const text = value === undefined || value === null || Array.isArray(value) ? "" : String(value);
+    const listed = Array.isArray(value) && input.dataset.kind !== "json";
+    const text = value === undefined || value === null || listed ? "" : asText(value);
     if (input.value !== text) input.value = text;
-    input.placeholder = Array.isArray(value) ? "differs" : "";
+    input.placeholder = listed ? "differs" : "";
   }
 
   /** Offer choices, `{ value: text }`, and show which of them is taken. */
@@ -64,12 +69,27 @@ export class Fields {
   }
 }
 
+function asText(value) {
+  return Array.isArray(value) ? JSON.stringify(value) : String(value);
+}
+
 function typed(kind, min) {
+  if (kind === "json") return { type: "text", spellcheck: "false", "data-kind": "json" };
   return kind === "text" ? { type: "text" } : { type: "number", step: "any", min };
+}
+
+/** What JSON text holds; null while it is half typed. */
+function parsed(text) {
+  try {
+    return JSON.parse(text);
+  } catch {
+    return null;
+  }
 }
 
 /** The value of an input; null while a number is half typed, "" where it was emptied. */
 function read(input, kind) {
+  if (kind === "json" && input.value.trim() !== "") return parsed(input.value);
   if (kind) return input.value;
   if (input.value === "") return input.validity.badInput ? null : "";
   return input.valueAsNumber;

@@ -21,8 +21,8 @@ export function editable(plan) {
 }
 
 /** Keys of a scenario on which neither orbits nor meetings depend. */
-const LOOSE = ["name", "start_time", "geo_origin", "duration_s", "motion", "initial_sigma"];
-const LOOSE_OF_SENSOR = ["bearing_sigma_rad"];
+const LOOSE = ["name", "start_time", "geo_origin", "duration_s", "motion", "initial_sigma", "wind", "filter", "heading_sigma_rad"];
+const LOOSE_OF_SENSOR = ["bearing_sigma_rad", "interval_s", "detection_probability", "range_sigma_m", "bearing_bias_sigma_rad"];
 
 /** Whether two scenarios say the same. */
 export function sameScenario(one, other) {
@@ -107,20 +107,38 @@ export function withValue(scenario, path, value) {
   return changed;
 }
 
+/** Return the scenario with a value at a path that may be left out; a section left empty goes too. */
+export function withOptional(scenario, path, value) {
+  const changed = withValue(scenario, path, value);
+  const [section, key] = path.split(".");
+  if (key && !Object.keys(changed[section]).length) delete changed[section];
+  return changed;
+}
+
+/** Return the scenario without what is given instead of a path, by pairs of which one is given. */
+export function withoutAlternative(scenario, path, pairs) {
+  const others = pairs.filter((pair) => pair.includes(path)).flat().filter((one) => one !== path);
+  const given = others.filter((one) => valueAt(scenario, one) !== undefined);
+  return given.reduce((changed, one) => withValue(changed, one, undefined), scenario);
+}
+
 /** Return what a list of sensors, or the one for all, has at `key`; undefined where they differ. */
 export function sensorValue(scenario, key) {
   const sensors = [scenario.sensor].flat();
   return sensors.every((one) => one[key] === sensors[0][key]) ? sensors[0][key] : undefined;
 }
 
-/** Return the scenario with a key of all sensors changed, or of the one of vehicle k. */
+/** Return the scenario with a key of all sensors changed, or of the one of vehicle k; undefined takes it out. */
 export function withSensor(scenario, key, value, k) {
   const changed = structuredClone(scenario);
   if (k !== undefined && !Array.isArray(changed.sensor)) {
     changed.sensor = namesOf(scenario).map(() => structuredClone(changed.sensor));
   }
   const chosen = k === undefined ? [changed.sensor].flat() : [changed.sensor[k]];
-  for (const one of chosen) one[key] = value;
+  for (const one of chosen) {
+    if (value === undefined) delete one[key];
+    else one[key] = value;
+  }
   return changed;
 }
 
@@ -154,7 +172,9 @@ export function withVehicle(scenario, { x, y }) {
   for (const part of ["radius_m", "direction", "desync_rad", "speed_mps"]) {
     if (Array.isArray(orbit[part])) orbit[part].push(orbit[part].at(-1));
   }
-  if (Array.isArray(changed.sensor)) changed.sensor.push(structuredClone(changed.sensor.at(-1)));
+  for (const part of ["sensor", "heading_sigma_rad"]) {
+    if (Array.isArray(changed[part])) changed[part].push(structuredClone(changed[part].at(-1)));
+  }
   return changed;
 }
 
@@ -168,7 +188,9 @@ export function withoutVehicle(scenario, k) {
   for (const part of ["radius_m", "direction", "desync_rad", "speed_mps"]) {
     if (Array.isArray(orbit[part])) orbit[part].splice(k, 1);
   }
-  if (Array.isArray(changed.sensor)) changed.sensor.splice(k, 1);
+  for (const part of ["sensor", "heading_sigma_rad"]) {
+    if (Array.isArray(changed[part])) changed[part].splice(k, 1);
+  }
   if (formation.links) {
     const kept = before.filter((_, i) => i !== k);
     const renamed = new Map(kept.map((name, i) => [name, namesOf(changed)[i]]));

@@ -118,6 +118,9 @@ function table(plan, predicted, [origin, how]) {
     ["Phases", origin, how],
     ["Predicted RMS error", shown(predicted.overall, "m"), predicted.note],
     ["Worst vehicle", worst(predicted.vehicles), ""],
+    ...expected(plan),
+    ...determined(plan.observability.states ?? []),
+    ...errorsOf(plan.predicted_errors ?? []),
     ["Connectivity period", connectivity(plan), ""],
     ["Period", shown(plan.period_s, "s"), ""],
     ["Least separation", separation(plan), plan.separation.violations.length ? "closer than required" : ""],
@@ -139,6 +142,28 @@ function table(plan, predicted, [origin, how]) {
       ),
     ),
   );
+}
+
+/** Errors that the filter does not estimate make it worse than its own prediction. */
+function expected({ expected_rms_m: found }) {
+  return found ? [["Expected RMS error", shown(found.overall, "m"), found.note || "with what the filter does not estimate"]] : [];
+}
+
+function determined(states) {
+  if (!states.length) return [];
+  const lacking = states.filter((one) => !one.determined).map((one) => one.state);
+  const known = states.filter((one) => one.determined).map((one) => one.state);
+  return [["Determined states", known.join(", ") || "none", lacking.length ? `not determined: ${lacking.join(", ")}` : ""]];
+}
+
+/** The predicted error of each kind of state, the worst vehicle's where there are many. */
+function errorsOf(predicted) {
+  const kinds = Map.groupBy(predicted, (one) => one.state.replace(/ of .*$/, ""));
+  return [...kinds].map(([kind, all]) => {
+    const [least, most] = [Math.min, Math.max].map((of) => of(...all.map((one) => one.predicted_rms)));
+    const range = shown(least) === shown(most) ? shown(most, all[0].unit) : `${shown(least)} to ${shown(most, all[0].unit)}`;
+    return [`Predicted error, ${kind}`, range, ""];
+  });
 }
 
 function worst(vehicles) {

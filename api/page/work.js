@@ -204,6 +204,7 @@ function validated(report, lost) {
     ),
     element("p", {}, `RMS over the second half of ${counted(trials)}. ${consistencyOf(anees)}`),
     ...spreadOf(overall),
+    ...furtherErrors(report.errors ?? []),
     ...(lost.length ? [unproven(lost)] : []),
   ];
 }
@@ -220,6 +221,22 @@ function spreadOf(overall) {
   if (median === undefined || median === null) return [];
   const often = far ? ` In ${percent(far)} of the trials some vehicle is off by more than 3 times the prediction, in ${percent(lost)} by more than 10 times.` : "";
   return [element("p", {}, `Median trial ${shown(median, "m")}.${often}`)];
+}
+
+/** What was found of the filter's other states, beside the prediction. */
+function furtherErrors(errors) {
+  if (!errors.length) return [];
+  const row = ({ state, unit, rms_second_half: found, predicted_rms: predicted }) =>
+    element("tr", {}, ...[state, shown(found, unit), shown(predicted, unit)].map((text) => element("td", {}, text)));
+  const heads = ["Error", "Found", "Predicted"].map((text) => element("th", { scope: "col" }, text));
+  return [
+    element(
+      "details",
+      {},
+      element("summary", {}, "Errors that the filter estimates"),
+      element("table", { class: "losses" }, element("thead", {}, element("tr", {}, ...heads)), element("tbody", {}, ...errors.map(row))),
+    ),
+  ];
 }
 
 function percent(share) {

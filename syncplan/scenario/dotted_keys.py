@@ -13,7 +13,7 @@ from typing import Any
 
 from syncplan.scenario.specification import Scenario
 
-__all__ = ["NumericKey", "nearest_keys", "numeric_keys", "with_number"]
+__all__ = ["ALTERNATIVES", "NumericKey", "nearest_keys", "numeric_keys", "with_number"]
 
 _UNITS = {
     "m_sqrt_s": "m/√s",
@@ -27,7 +27,7 @@ _UNITS = {
 }
 """Endings of keys, the longer first, and the units that they state."""
 
-_ALTERNATIVES = (
+ALTERNATIVES = (
     ("orbit.angular_rate_rad_s", "orbit.speed_mps"),
     ("formation.spacing_m", "formation.gap_m"),
     ("motion.position_random_walk_m_sqrt_s", "motion.speed_sigma_mps"),
@@ -92,7 +92,7 @@ def with_number(document: Mapping[str, Any], key: str, value: float) -> dict[str
     if not section:
         return {**document, last: number}
     others = {
-        other.rpartition(".")[2] for pair in _ALTERNATIVES if key in pair for other in pair
+        other.rpartition(".")[2] for pair in ALTERNATIVES if key in pair for other in pair
     } - {last}
     present = document.get(section) or {}
     sections = [
