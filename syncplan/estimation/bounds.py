@@ -76,7 +76,9 @@ def steady_bound(team: Team, windows: Windows) -> Array:
 
     The fixed point of one period's Riccati map, by doubling. The period is rounded to a whole
     number of samples, at least one, and the sample time adapted. Where sensors are not ready at
-    every sample, it is as many periods as hold a whole number of all their intervals, nearly.
+    every sample, it is as many periods as hold a whole number of all their intervals, nearly. Where
+    none do, sightings drift past the meetings, and one pattern of them stands for all: with one
+    sighting in a third of a period the bound is off by a few per cent.
     Infinite where the bound never settles: unobservable teams.
 
     Errors that the filter estimates are known by then, except for what sightings never determine
