@@ -27,7 +27,6 @@ from syncplan.orbits.trigonometric_polynomials import real_roots
 __all__ = [
     "Windows",
     "find_windows",
-    "in_contact",
     "merge_windows",
     "range_polynomial",
     "reachable_pairs",
@@ -134,28 +133,37 @@ def _neighbours(orbits: Orbits, centers: Array, radius: float) -> tuple[Index, I
     return both[order, 0], both[order, 1]
 
 
-def in_contact(
-    team: Team, pairs: tuple[Index, Index], tau: Array, lines: SightLines | None = None
-) -> Flags:
-    """Return (p, k) whether the observers of pairs (observers, targets) see them at tau (p, k) rad.
+@dataclass(frozen=True, slots=True)
+class _DirectedPairs:
+    """The directed pairs (p,) whose contact is asked for, how they move and what may be between."""
 
-    `lines` are those of the pairs if they are known.
-    """
-    orbits, sensors, (observers, targets) = team.orbits, team.sensors, pairs
-    q = relative_motion(orbits, observers, targets, team.landmarks).at(tau)
-    distance = np.hypot(q[..., 0], q[..., 1])
-    seen = distance <= sensors.ranges[observers, None] * (1.0 + BOUNDARY_SLACK)
-    half = 0.5 * sensors.fields_of_view[observers]
-    limited = half < np.pi
-    if limited.any():
-        tau = np.broadcast_to(tau, distance.shape)
-        view = directions_at(orbits, observers, sensors.boresights[observers], tau)
-        ahead = dot(q, view)
-        seen &= ~limited[:, None] | (ahead >= (np.cos(half)[:, None] - BOUNDARY_SLACK) * distance)
-    if team.obstacles:
-        lines = lines or SightLines.of(team, observers, targets)
-        seen &= ~lines.blocked(np.broadcast_to(tau, distance.shape), seen)
-    return np.asarray(seen)
+    team: Team
+    observers: Index
+    targets: Index
+    motion: RelativeMotion
+    lines: SightLines | None
+
+    @classmethod
+    def of(cls, team: Team, observers: Index, targets: Index) -> "_DirectedPairs":
+        motion = relative_motion(team.orbits, observers, targets, team.landmarks)
+        lines = SightLines.of(team, observers, targets) if team.obstacles else None
+        return cls(team, observers, targets, motion, lines)
+
+    def seen_at(self, tau: Array) -> Flags:
+        """(p, k) whether each observer sees its target at tau (p, k) rad."""
+        sensors, observers = self.team.sensors, self.observers
+        q = self.motion.at(tau)
+        distance = np.hypot(q[..., 0], q[..., 1])
+        seen = distance <= sensors.ranges[observers, None] * (1.0 + BOUNDARY_SLACK)
+        half = 0.5 * sensors.fields_of_view[observers]
+        limited = half < np.pi
+        if limited.any():
+            view = directions_at(self.team.orbits, observers, sensors.boresights[observers], tau)
+            within = dot(q, view) >= (np.cos(half)[:, None] - BOUNDARY_SLACK) * distance
+            seen &= ~limited[:, None] | within
+        if self.lines is not None:
+            seen &= ~self.lines.blocked(tau, seen)
+        return np.asarray(seen)
 
 
 def find_windows(team: Team, pairs: tuple[Index, Index] | None = None) -> Windows:
@@ -166,17 +174,21 @@ def find_windows(team: Team, pairs: tuple[Index, Index] | None = None) -> Window
     nearly tangent. A window shorter than about 1e-7 of a period, opened by such a near-tangency,
     may be absent. The same holds for the edges that obstacles make.
     """
-    orbits, sensors = team.orbits, team.sensors
-    a, b = reachable_pairs(orbits, sensors.ranges, team.landmarks) if pairs is None else pairs
-    lines = SightLines.of(team, a, b) if team.obstacles else None
-    return _classified(team, (a, b), _splits(team, (a, b), lines), lines)
+    if pairs is None:
+        pairs = reachable_pairs(team.orbits, team.sensors.ranges, team.landmarks)
+    asked = _DirectedPairs.of(team, *pairs)
+    return _classified(asked, _splits(asked))
 
 
-def _splits(team: Team, pairs: tuple[Index, Index], lines: SightLines | None) -> Array:
+def _splits(asked: _DirectedPairs) -> Array:
     """(p, k) sorted angles where a contact may begin or end; infinite where there are fewer."""
-    orbits, sensors, (a, b) = team.orbits, team.sensors, pairs
-    motion = relative_motion(orbits, a, b, team.landmarks)
-    columns = [_range_roots(motion, sensors.ranges, a, b)]
+    orbits, sensors, motion, a = (
+        asked.team.orbits,
+        asked.team.sensors,
+        asked.motion,
+        asked.observers,
+    )
+    columns = [_range_roots(motion, sensors.ranges, a, asked.targets)]
     half = 0.5 * sensors.fields_of_view[a]
     start = motion.offset + motion.cosine
     reached = np.isfinite(columns[0]).any(axis=1)
@@ -190,8 +202,8 @@ def _splits(team: Team, pairs: tuple[Index, Index], lines: SightLines | None) ->
             edge = rays(orbits, who, sensors.boresights[who], side * half[limited])
             edges[limited] = real_roots(_edge_polynomial(part, *edge))
             columns.append(edges)
-    if lines is not None:
-        columns.append(lines.roots())
+    if asked.lines is not None:
+        columns.append(asked.lines.roots())
     splits = np.concatenate(columns, axis=1)
     splits[np.isnan(splits)] = np.inf
     splits.sort(axis=1)
@@ -215,11 +227,9 @@ def _range_roots(motion: RelativeMotion, ranges: Array, a: Index, b: Index) -> A
     return real_roots(polynomials)[inverse]
 
 
-def _classified(
-    team: Team, pairs: tuple[Index, Index], splits: Array, lines: SightLines | None
-) -> Windows:
+def _classified(asked: _DirectedPairs, splits: Array) -> Windows:
     """Windows from the class of each interval between neighbouring splits (cyclic)."""
-    rate = team.orbits.rate
+    rate = asked.team.orbits.rate
     rows, columns = splits.shape
     real = np.isfinite(splits)
     count = real.sum(axis=1)
@@ -228,7 +238,7 @@ def _classified(
     following = np.where(last, splits[:, :1] + 2.0 * np.pi, following)
     middle = np.where(real, 0.5 * (np.where(real, splits, 0.0) + following), 0.0)
     middle[~np.isfinite(middle)] = 0.0
-    seen = in_contact(team, pairs, middle, lines)
+    seen = asked.seen_at(middle)
     always = (seen | ~real).all(axis=1) & np.where(count == 0, seen[:, 0], True)
     seen &= real
     before = np.column_stack([np.zeros(rows, dtype=bool), seen[:, :-1]])
@@ -244,7 +254,7 @@ def _classified(
     order = np.argsort(row, kind="stable")
     starts = np.concatenate([starts, np.zeros(always.sum())])[order] / rate
     ends = np.concatenate([ends, np.full(always.sum(), 2.0 * np.pi)])[order] / rate
-    return Windows(*pairs, first, starts, ends)
+    return Windows(asked.observers, asked.targets, first, starts, ends)
 
 
 def _paired_ends(starts: Array, ends: Array, number: Index) -> Array:
