@@ -12,6 +12,7 @@ smooth_sightings     the information of sightings, smooth
 smooth_contacts      contacts, smooth
 smooth_team          information and contacts of the whole team
 smooth_bound         the posterior bound, smooth
+smooth_wide_bound    the same with errors as states beside the poses
 smooth_determinants  log determinant and window bound of the information
 objective_forms      each objective, exact and smooth
 clearances           separation, landmarks and areas, smooth

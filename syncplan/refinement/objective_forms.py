@@ -22,10 +22,12 @@ import casadi as ca
 import numpy as np
 
 from syncplan.arrays import Array
+from syncplan.orbits.error_states import layout_of
 from syncplan.refinement.problem import RefineProblem
 from syncplan.refinement.smooth_bound import coarse_run, smooth_rms
 from syncplan.refinement.smooth_determinants import RELATIVE_SHIFT, log_determinant
 from syncplan.refinement.smooth_team import SmoothTeam
+from syncplan.refinement.smooth_wide_bound import smooth_wide_rms
 from syncplan.refinement.stages import Stage, step_width
 
 __all__ = ["FORMS", "MeasuredTeam", "ObjectiveForm", "SmoothInputs", "SmoothObjective"]
@@ -155,6 +157,8 @@ def _rms_of_vehicles(given: SmoothInputs) -> ca.MX:
     run = coarse_run(problem)
     seen = SmoothTeam.of(problem, run.times)
     width = max(given.stage.width, step_width(problem, run.times))
+    if layout_of(problem.team).names:
+        return smooth_wide_rms(problem, run, seen, given.circles, width)
     each = seen.information(given.circles, width, each=True)
     return smooth_rms(problem, run, seen.sparsity, each, given.circles)
 

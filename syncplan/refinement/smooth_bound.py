@@ -16,7 +16,7 @@ from syncplan.estimation.referred_system import arc_noise_gain
 from syncplan.refinement.problem import RefineProblem
 from syncplan.refinement.sample_times import SampleTimes
 
-__all__ = ["CoarseRun", "coarse_run", "smooth_rms"]
+__all__ = ["CoarseRun", "coarse_run", "smooth_rms", "turn_of_vehicles"]
 
 
 _STEPS_A_TURN = 32
@@ -63,7 +63,7 @@ def smooth_rms(
     `information` holds its non-zeros (nnz, k) for each sample of a turn.
     """
     count = problem.orbits.count
-    noise, turns = _turn(problem, run.times, circles)
+    noise, turns = turn_of_vehicles(problem, run.times, circles)
     chosen = run.turn_of_step.tolist()
     sigma = np.array([problem.noise.position_sigma] * 2 + [problem.noise.heading_sigma])
     sigma[:2] /= problem.scale
@@ -114,8 +114,14 @@ def _block_entries(count: int) -> list[int]:
     ]
 
 
-def _turn(problem: RefineProblem, times: SampleTimes, circles: ca.MX) -> tuple[ca.MX, ca.MX]:
-    """Motion noise (6 n, k) referred to time 0 and displacements turned by 90 degrees (2 n, k)."""
+def turn_of_vehicles(
+    problem: RefineProblem, times: SampleTimes, circles: ca.MX, *, now: bool = False
+) -> tuple[ca.MX, ca.MX]:
+    """Return motion noise (6 n, k), and displacements since time 0 turned by 90 degrees (2 n, k).
+
+    The noise is that of poses at time 0; with `now` that of poses at each sample, with places from
+    the centres in place of displacements.
+    """
     count, samples = problem.orbits.count, len(times.angles)
     gain = arc_noise_gain(problem.orbits, problem.sensors.sample_time)
     gain[:, :2] /= problem.scale
@@ -125,7 +131,7 @@ def _turn(problem: RefineProblem, times: SampleTimes, circles: ca.MX) -> tuple[c
     parameters = np.concatenate(
         [problem.orbits.senses[None], gain[:, :2, 0].T, gain[:, :2, 1].T, gain[:, 2, 1][None]]
     )
-    function = _vehicle_turn(times).map(count)
+    function = _vehicle_turn(times, now).map(count)
     noise, turns = function(circles, ca.DM(parameters))
     return (
         ca.vertcat(*ca.horzsplit(noise, samples)),
@@ -133,8 +139,8 @@ def _turn(problem: RefineProblem, times: SampleTimes, circles: ca.MX) -> tuple[c
     )
 
 
-def _vehicle_turn(times: SampleTimes) -> ca.Function:
-    """(circle, parameters) -> (noise (6, k), turned displacement (2, k)) of one vehicle."""
+def _vehicle_turn(times: SampleTimes, now: bool) -> ca.Function:
+    """(circle, parameters) -> (noise (6, k), turned displacement or place (2, k)) of a vehicle."""
     circle, parameters = ca.SX.sym("circle", 4), ca.SX.sym("parameters", 6)
     sense = parameters[0]
     phase = circle[3] + sense * ca.DM(times.angles).T
@@ -147,7 +153,8 @@ def _vehicle_turn(times: SampleTimes) -> ca.Function:
     across = ca.vertcat(-ahead[1, :], ahead[0, :])
     by_speed = ahead * parameters[1] + across * parameters[2]
     by_turn = circle[2] * (ahead * parameters[3] + across * parameters[4])
-    by_turn = by_turn - turned * parameters[5]
+    if not now:
+        by_turn = by_turn - turned * parameters[5]
     noise = ca.vertcat(
         by_speed[0, :] ** 2 + by_turn[0, :] ** 2,
         by_speed[0, :] * by_speed[1, :] + by_turn[0, :] * by_turn[1, :],
@@ -157,4 +164,4 @@ def _vehicle_turn(times: SampleTimes) -> ca.Function:
         ca.repmat(parameters[5] ** 2, 1, len(times.angles)),
     )
     counts = ca.repmat(ca.DM(times.counts).T, 6, 1)
-    return ca.Function("turn", [circle, parameters], [noise * counts, turned])
+    return ca.Function("turn", [circle, parameters], [noise * counts, arm if now else turned])

@@ -1,0 +1,129 @@
+"""The smooth posterior bound with errors as states, against the exact one and a plainer form."""
+
+from dataclasses import replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from syncplan.arrays import Array
+from syncplan.estimation.bounds import posterior_bound
+from syncplan.orbits.contacts import find_windows
+from syncplan.planning.judgement import judge
+from syncplan.planning.planner import plan
+from syncplan.refinement.nlp import nlp_of
+from syncplan.refinement.problem import RefineProblem, circles_of
+from syncplan.refinement.problem_setup import problem_of
+from syncplan.refinement.refiner import options_for
+from syncplan.refinement.smooth_bound import coarse_run, smooth_rms
+from syncplan.refinement.smooth_team import SmoothTeam
+from syncplan.refinement.smooth_wide_bound import smooth_wide_rms
+from syncplan.refinement.stages import Stage
+from tests.tools.scenarios import small
+
+STAGE = Stage(samples=64, width=0.05, barrier=0.1, iterations=1, tolerance=1e-5, last=True)
+NOISE = {"speed_sigma_mps": 0.1, "turn_rate_sigma_rad_s": 0.01}
+
+BIASED = {"bearing_bias_sigma_rad": 0.1}
+WIND = {"wind": {"sigma_mps": 0.5}}
+GUSTS = {"wind": {"gust_sigma_mps": 0.5}}
+SCALES = {"motion": {**NOISE, "speed_scale_sigma": 0.1}}
+TURNS = {"motion": {**NOISE, "turn_rate_bias_sigma_rad_s": 0.02}}
+ALL = {
+    "wind": {"sigma_mps": 0.5, "gust_sigma_mps": 0.3, "gust_time_s": 5.0},
+    "motion": {**SCALES["motion"], **TURNS["motion"]},
+    "heading_sigma_rad": [0.2, 0.1, 0.3],
+}
+
+
+def _problem(sensor: dict[str, Any], changes: dict[str, Any], **refine: Any) -> RefineProblem:
+    sensors = [
+        {"range_m": reach, "bearing_sigma_rad": 0.1, "sample_time_s": 0.2, "fov_deg": view}
+        for reach, view in ((50.0, 200.0), (42.0, 300.0), (55.0, 360.0))
+    ]
+    keys: dict[str, Any] = {
+        "orbit": {
+            "radius_m": [20.0, 17.0, 23.0],
+            "angular_rate_rad_s": 0.2,
+            "direction": ["ccw", "cw", "ccw"],
+            "first_phase_rad": 0.7,
+            "desync_rad": [0.0, 0.3, -0.2],
+        },
+        "formation": {"centers_m": [[0.0, 0.0], [68.0, 5.0], [20.0, 66.0]]},
+        "landmarks_m": [[0.0, -40.0], [70.0, 50.0], [40.0, 30.0]],
+        "min_separation_m": 8.0,
+        "duration_s": 120.0,
+    }
+    orbits = plan(small(**keys, sensor=[{**one, "fov_deg": 360.0} for one in sensors])).orbits
+    scenario = small(**keys, **changes, sensor=[{**one, **sensor} for one in sensors])
+    given = judge(scenario, orbits, bound="never")
+    return problem_of(given, options_for(scenario, None, refine))
+
+
+def _wide_rms(problem: RefineProblem) -> Array:
+    run = coarse_run(problem)
+    team = SmoothTeam.of(problem, run.times)
+    circles = ca.MX.sym("X", 4, problem.orbits.count)
+    rms = smooth_wide_rms(problem, run, team, circles, 0.02)
+    return _at_the_plan(problem, circles, rms)
+
+
+def _at_the_plan(problem: RefineProblem, circles: ca.MX, rms: ca.MX) -> Array:
+    scaled = circles_of(problem.orbits)
+    scaled[:3] /= problem.scale
+    return np.array(ca.Function("r", [circles], [rms])(scaled)).ravel() * problem.scale
+
+
+def test_without_errors_the_state_of_the_moment_gives_what_that_of_time_0_does() -> None:
+    problem = _problem({}, {"heading_sigma_rad": 0.2})
+    run = coarse_run(problem)
+    team = SmoothTeam.of(problem, run.times)
+    circles = ca.MX.sym("X", 4, problem.orbits.count)
+    information = team.information(circles, 0.02, each=True)
+    rms = smooth_rms(problem, run, team.sparsity, information, circles)
+    np.testing.assert_allclose(_wide_rms(problem), _at_the_plan(problem, circles, rms), rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("sensor", "changes", "tolerance"),
+    [
+        ({}, WIND, 0.01),
+        ({}, GUSTS, 0.05),
+        ({}, SCALES, 0.01),
+        ({}, TURNS, 0.005),
+        (BIASED, {}, 0.01),
+        (BIASED, {"heading_sigma_rad": 0.2}, 0.01),
+        (BIASED, ALL, 0.05),
+    ],
+    ids=["wind", "gusts", "speed scales", "turn-rate biases", "bearing biases", "compass", "all"],
+)
+def test_the_smooth_error_with_errors_as_states_is_near_the_posterior_bound(
+    sensor: dict[str, Any], changes: dict[str, Any], tolerance: float
+) -> None:
+    # how much larger the errors make it; the coarse steps alone leave 2 % to poses without errors
+    problem = _problem(sensor, changes)
+    poses = replace(problem.team, errors=replace(problem.team.errors, estimated=()))
+    exact, without = (
+        posterior_bound(team, find_windows(team), problem.duration).rms_second_half()
+        for team in (problem.team, poses)
+    )
+    assert exact.mean() > (1.0 + 3.0 * tolerance) * without.mean()
+    smooth = _wide_rms(problem) / _wide_rms(replace(problem, team=poses))
+    np.testing.assert_allclose(smooth, exact / without, rtol=tolerance)
+
+
+def test_the_gradient_with_all_errors_is_that_of_finite_differences() -> None:
+    free = {"vary": ["phases", "centers", "radii"], "radius_m": [10.0, 30.0]}
+    problem = _problem(BIASED, ALL, objective="predicted_rms", **free)
+    nlp = nlp_of(replace(problem, duration=40.0), STAGE)
+    at = nlp.variables_of(circles_of(problem.orbits))
+    at = at + 0.02 * np.random.default_rng(0).uniform(-1.0, 1.0, len(at))
+    value = ca.Function("f", [nlp.variables], [nlp.objective.value])
+    slope = ca.Function("g", [nlp.variables], [ca.gradient(nlp.objective.value, nlp.variables)])
+    found = np.array(slope(at)).ravel()
+    wanted = np.empty(len(at))
+    for k in range(len(at)):
+        step = 1e-6 * (np.arange(len(at)) == k)
+        wanted[k] = (float(value(at + step)) - float(value(at - step))) / 2e-6
+    np.testing.assert_allclose(found, wanted, atol=1e-6 * np.abs(wanted).max(), rtol=1e-5)
