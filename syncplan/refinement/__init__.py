@@ -8,6 +8,7 @@ sample_times         the samples at which the smooth problem looks
 stages               ever sharper steps between seen and unseen
 sides                on which side of landmarks and keep-outs circles pass
 constraint_blocks    constraints with their sparse Jacobian
+smooth_sight_lines   how far sight lines clear obstacles, smooth
 smooth_sightings     the information of sightings, smooth
 smooth_contacts      contacts, smooth
 smooth_team          information and contacts of the whole team

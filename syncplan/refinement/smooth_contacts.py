@@ -9,18 +9,25 @@ import casadi as ca
 import numpy as np
 
 from syncplan.refinement.sample_times import SampleTimes
+from syncplan.refinement.smooth_sight_lines import ConvexPiece, sight_gap
 from syncplan.refinement.smooth_sightings import ROUNDED_ANGLE
 
 __all__ = ["anchor_contact", "pair_contact"]
 
 
-def pair_contact(times: SampleTimes, views: bool) -> ca.Function:
+_Seen = tuple[ca.SX | None, ca.SX | None]
+"""How far targets are within the view, and sight lines clear of obstacles, where there are such."""
+
+
+def pair_contact(
+    times: SampleTimes, views: bool, pieces: tuple[ConvexPiece, ...] = ()
+) -> ca.Function:
     """Return the function (a, b, parameters, step) -> log samples in contact.
 
     `a`, `b` are circles (x, y, R, phi), scaled. Parameters are the senses of a and b, their ranges,
     the shares of the two directions of sight in the contact, and with `views` the half views and
     boresights of both in rad. `step` holds the step's width, as a share of the range, and the
-    margin by which contact stays within the range.
+    margin by which contact stays within the range. Scaled `pieces` block sight.
     """
     a, b = ca.SX.sym("a", 4), ca.SX.sym("b", 4)
     parameters = ca.SX.sym("parameters", 10 if views else 6)
@@ -33,13 +40,17 @@ def pair_contact(times: SampleTimes, views: bool) -> ca.Function:
     if views:
         view_a = _view(arm_a, sense_a, q, parameters[6], parameters[8])
         view_b = _view(arm_b, sense_b, -q, parameters[7], parameters[9])
-    one = _log_count(squared, range_a - step[1], view_a, step[0], times)
-    other = _log_count(squared, range_b - step[1], view_b, step[0], times)
+    here = ca.repmat(a[:2], 1, len(times.angles)) + arm_a
+    gap = _gap(pieces, here, here + q)
+    one = _log_count(squared, range_a - step[1], (view_a, gap), step[0], times)
+    other = _log_count(squared, range_b - step[1], (view_b, gap), step[0], times)
     contact = ca.logsumexp(ca.vertcat(one + ca.log(share_a), other + ca.log(share_b)))
     return ca.Function("pair_contact", [a, b, parameters, step], [contact])
 
 
-def anchor_contact(times: SampleTimes, views: bool) -> ca.Function:
+def anchor_contact(
+    times: SampleTimes, views: bool, pieces: tuple[ConvexPiece, ...] = ()
+) -> ca.Function:
     """Return the function (a, place, parameters, step) -> log samples in contact.
 
     As `pair_contact` for a landmark at `place` (2,); parameters are a's sense and range, and with
@@ -52,7 +63,9 @@ def anchor_contact(times: SampleTimes, views: bool) -> ca.Function:
     arm = _arms(a, sense, times)
     q = ca.repmat(place - a[:2], 1, len(times.angles)) - arm
     view = _view(arm, sense, q, parameters[2], parameters[3]) if views else None
-    contact = _log_count(ca.sum1(q * q), reach - step[1], view, step[0], times)
+    here = ca.repmat(a[:2], 1, len(times.angles)) + arm
+    gap = _gap(pieces, here, here + q, to_landmark=True)
+    contact = _log_count(ca.sum1(q * q), reach - step[1], (view, gap), step[0], times)
     return ca.Function("anchor_contact", [a, place, parameters, step], [contact])
 
 
@@ -74,17 +87,34 @@ def _view(arms: ca.SX, sense: ca.SX, q: ca.SX, half: ca.SX, boresight: ca.SX) ->
     return half - ca.sqrt(off**2 + ROUNDED_ANGLE)
 
 
-def _log_weight(squared: ca.SX, reach: ca.SX, view: ca.SX | None, width: ca.SX) -> ca.SX:
-    """Logarithm of a sighting's weight; the view's step is as wide in rad as the range's share."""
+def _gap(
+    pieces: tuple[ConvexPiece, ...], here: ca.SX, there: ca.SX, *, to_landmark: bool = False
+) -> ca.SX | None:
+    """(1, k) by which sight lines from (2, k) to (2, k) clear what blocks sight, where it is."""
+    if not pieces:
+        return None
+    ends = here[0, :], here[1, :], there[0, :], there[1, :]
+    return sight_gap(pieces, ends, to_landmark=to_landmark)
+
+
+def _log_weight(squared: ca.SX, reach: ca.SX, seen: _Seen, width: ca.SX) -> ca.SX:
+    """Logarithm of a sighting's weight.
+
+    The view's step is as wide in rad as the range's share, that of obstacles as wide as the range's
+    own.
+    """
     log = _log_logistic((reach**2 - squared) / (2.0 * width * reach**2))
-    return log if view is None else log + _log_logistic(view / width)
+    view, gap = seen
+    if view is not None:
+        log += _log_logistic(view / width)
+    return log if gap is None else log + _log_logistic(gap / (width * reach))
 
 
 def _log_count(
-    squared: ca.SX, reach: ca.SX, view: ca.SX | None, width: ca.SX, times: SampleTimes
+    squared: ca.SX, reach: ca.SX, seen: _Seen, width: ca.SX, times: SampleTimes
 ) -> ca.SX:
     """Logarithm of the number of samples in contact."""
-    log = _log_weight(squared, reach, view, width) + ca.DM(np.log(times.counts)).T
+    log = _log_weight(squared, reach, seen, width) + ca.DM(np.log(times.counts)).T
     return ca.logsumexp(log.T)
 
 

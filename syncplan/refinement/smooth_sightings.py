@@ -31,7 +31,14 @@ from syncplan.orbits.compasses import COMPASS
 from syncplan.orbits.distances import DISTANCE
 from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sighting_kind import SightingKind
+from syncplan.orbits.team import Team
 from syncplan.refinement.sample_times import SampleTimes
+from syncplan.refinement.smooth_sight_lines import (
+    ConvexPiece,
+    SightLine,
+    convex_pieces,
+    sight_gap,
+)
 
 __all__ = [
     "ALL_ROUND",
@@ -67,6 +74,7 @@ class Paths:
     ----------
     times : the samples
     sensors : of the vehicles, with ranges in the scale
+    pieces : convex pieces of what blocks sight, scaled
     x, y : positions
     arm_x, arm_y : from the centre
     gone_x, gone_y : displacement since time 0
@@ -75,6 +83,7 @@ class Paths:
 
     times: SampleTimes
     sensors: Sensors
+    pieces: tuple[ConvexPiece, ...]
     x: ca.MX
     y: ca.MX
     arm_x: ca.MX
@@ -84,8 +93,9 @@ class Paths:
     senses: Array
 
     @classmethod
-    def of(cls, circles: ca.MX, senses: Array, sensors: Sensors, times: SampleTimes) -> "Paths":
-        """Return the paths of circles (x, y, R, phi), (4, n), scaled."""
+    def of(cls, circles: ca.MX, team: Team, times: SampleTimes, scale: float) -> "Paths":
+        """Return the paths of circles (x, y, R, phi), (4, n), all lengths in units of `scale` m."""
+        senses = team.orbits.senses
         arm_x = circles[2, :] * ca.cos(circles[3, :])
         arm_y = circles[2, :] * ca.sin(circles[3, :])
         turn = ca.DM(senses).T
@@ -95,7 +105,8 @@ class Paths:
         arms_y = cos @ arm_y + sin @ (turn * arm_x)
         return cls(
             times,
-            sensors,
+            team.sensors.scaled(scale),
+            convex_pieces(team.obstacles, scale),
             arms_x + ones @ circles[0, :],
             arms_y + ones @ circles[1, :],
             arms_x,
@@ -124,6 +135,10 @@ def pair_information(paths: Paths, pairs: Index, width: float, each: bool) -> ca
         seen_b = seen_a
     else:
         seen_b = _weight(paths, pairs[:, 1], squared, -qx, -qy, width)
+    if paths.pieces:
+        ends = paths.x[:, a], paths.y[:, a], paths.x[:, b], paths.y[:, b]
+        free = _unobstructed(paths, ends, width)
+        seen_a, seen_b = seen_a * free, seen_b * free
     weight_a = seen_a * _certainty(paths, BEARING, pairs[:, 0])
     weight_b = seen_b * _certainty(paths, BEARING, pairs[:, 1])
     share = 1.0 / (squared + _NEAREST_SQUARED)
@@ -162,10 +177,13 @@ def anchor_information(
     """
     a = anchors.tolist()
     ones = ca.DM.ones(len(paths.times.angles), 1)
-    qx = ones @ ca.DM(places[:, 0]).T - paths.x[:, a]
-    qy = ones @ ca.DM(places[:, 1]).T - paths.y[:, a]
+    place_x, place_y = ones @ ca.DM(places[:, 0]).T, ones @ ca.DM(places[:, 1]).T
+    qx, qy = place_x - paths.x[:, a], place_y - paths.y[:, a]
     squared = qx * qx + qy * qy
     seen = _weight(paths, anchors, squared, qx, qy, width)
+    if paths.pieces:
+        ends = paths.x[:, a], paths.y[:, a], ca.MX(place_x), ca.MX(place_y)
+        seen *= _unobstructed(paths, ends, width, to_landmark=True)
     weight = seen * _certainty(paths, BEARING, anchors)
     share = 1.0 / (squared + _NEAREST_SQUARED)
     tx, ty = qx * share, qy * share
@@ -262,6 +280,17 @@ def _weight(
     half = np.where(views < 2.0 * np.pi, 0.5 * views, ALL_ROUND)
     left = ca.DM(np.tile(half, shape)) - ca.sqrt(off * off + ROUNDED_ANGLE)
     return weight * (0.5 + 0.5 * ca.tanh(left * (0.5 / width)))
+
+
+def _unobstructed(
+    paths: Paths, ends: SightLine[ca.MX], width: float, *, to_landmark: bool = False
+) -> ca.MX:
+    """(k, e) weights of sight lines by how far they clear what blocks sight.
+
+    The step is as wide as that of the mean range.
+    """
+    gap = sight_gap(paths.pieces, ends, to_landmark=to_landmark)
+    return 0.5 + 0.5 * ca.tanh(gap * (0.5 / (width * float(paths.sensors.ranges.mean()))))
 
 
 def _stacked(sums: list[ca.MX], each: bool) -> ca.MX:

@@ -16,6 +16,7 @@ from syncplan.refinement.constraint_blocks import Blocks, pair_blocks, single_bl
 from syncplan.refinement.problem import RefineProblem
 from syncplan.refinement.sample_times import SampleTimes
 from syncplan.refinement.smooth_contacts import anchor_contact, pair_contact
+from syncplan.refinement.smooth_sight_lines import convex_pieces
 from syncplan.refinement.smooth_sightings import (
     ALL_ROUND,
     ANCHOR_SUMS,
@@ -75,8 +76,7 @@ class SmoothTeam:
     def information(self, circles: ca.MX, width: float, *, each: bool = False) -> ca.MX:
         """Return the non-zeros of the information, (nnz, 1), or (nnz, k) for each sample."""
         problem = self.problem
-        sensors = problem.sensors.scaled(problem.scale)
-        paths = Paths.of(circles, problem.orbits.senses, sensors, self.times)
+        paths = Paths.of(circles, problem.team, self.times, problem.scale)
         parts = self._of_targets(paths, width, each)
         compasses = _compasses(problem)
         if len(compasses):
@@ -88,8 +88,7 @@ class SmoothTeam:
     def information_now(self, circles: ca.MX, width: float) -> ca.MX:
         """Return (nnz, k) what the sightings of targets at each sample tell of the poses there."""
         problem = self.problem
-        sensors = problem.sensors.scaled(problem.scale)
-        paths = Paths.of(circles, problem.orbits.senses, sensors, self.times).begun_at_each()
+        paths = Paths.of(circles, problem.team, self.times, problem.scale).begun_at_each()
         parts = self._of_targets(paths, width, each=True)
         if not parts:
             return ca.MX.zeros(self.sparsity.nnz(), len(self.times.angles))
@@ -115,6 +114,7 @@ class SmoothTeam:
         problem = self.problem
         kept, held = problem.pairs, problem.anchors
         views = bool(np.any(problem.sensors.fields_of_view < 2.0 * np.pi))
+        pieces = convex_pieces(problem.team.obstacles, problem.scale)
         blocks = []
         if len(kept):
             inputs = [
@@ -122,7 +122,7 @@ class SmoothTeam:
                 self._steps(width, problem.pair_margins + safety),
             ]
             lower, labels = np.log(problem.pair_samples), self._labels(kept, problem.pair_margins)
-            function = pair_contact(times, views)
+            function = pair_contact(times, views, pieces)
             blocks.append(pair_blocks(function, circles, kept, inputs, lower, labels))
         if len(held):
             inputs = [
@@ -133,7 +133,7 @@ class SmoothTeam:
             # contacts are counted at all samples, those at which the sensor is ready must suffice
             lower = np.log(problem.anchor_samples * problem.sensors.every[held[:, 0]])
             labels = self._labels(held, problem.anchor_margins)
-            function = anchor_contact(times, views)
+            function = anchor_contact(times, views, pieces)
             blocks.append(single_blocks(function, circles, held[:, 0], inputs, lower, labels))
         return stacked_blocks(blocks, problem.orbits.count)
 

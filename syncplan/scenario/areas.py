@@ -14,7 +14,7 @@ import numpy as np
 
 from syncplan.arrays import Array, Flags
 
-__all__ = ["Area", "polygon_fault"]
+__all__ = ["Area", "convex_parts", "polygon_fault"]
 
 
 _ARC_SEGMENTS = 64
@@ -22,6 +22,9 @@ _ARC_SEGMENTS = 64
 
 _ARC_ERROR = 2e-4
 """Share of a radius by which such arcs may miss the true one: a chord spans up to 1.5 segments."""
+
+_CONVEX = 1e-12
+"""Share of its area by which a convex polygon may fall short of its hull."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,6 +185,20 @@ def _depths(polygon: Any, points: Any) -> Array:
 def _farthest(corners: Array, centers: Array) -> Array:
     """(n,) m: the distance of each centre from the corner farthest from it."""
     return np.asarray(np.hypot(*(centers[:, None] - corners[None]).T).max(axis=0))
+
+
+def convex_parts(corners: Array) -> list[Array]:
+    """Return convex polygons (k, 2) that make up a polygon: itself if it is convex, else triangles.
+
+    Source: constrained Delaunay triangulation, by GEOS.
+    """
+    import shapely
+
+    polygon = shapely.Polygon(corners)
+    if polygon.convex_hull.area <= polygon.area * (1.0 + _CONVEX):
+        return [corners]
+    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
+    return [shapely.get_coordinates(one)[:-1] for one in triangles if one.area > 0.0]
 
 
 def polygon_fault(corners: Sequence[tuple[float, float]]) -> str:

@@ -1,6 +1,5 @@
 """The smooth functions that the solver sees, against the exact code and finite differences."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -10,11 +9,9 @@ import pytest
 
 from syncplan.arrays import Array
 from syncplan.estimation.bounds import posterior_bound
-from syncplan.observability.referred_rows import sighting_rows
 from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.paths import relative_motion
 from syncplan.orbits.separation import least_distances
-from syncplan.orbits.sightings import sample_sightings
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.judgement import judge
 from syncplan.planning.planner import plan
@@ -23,12 +20,17 @@ from syncplan.refinement.nlp import StageNlp, nlp_of
 from syncplan.refinement.problem import RefineProblem, circles_of, orbits_of
 from syncplan.refinement.problem_setup import problem_of
 from syncplan.refinement.refiner import options_for
-from syncplan.refinement.sample_times import samples_of
 from syncplan.refinement.smooth_bound import coarse_run, smooth_rms
 from syncplan.refinement.smooth_team import SmoothTeam
 from syncplan.refinement.stages import Stage
 from syncplan.scenario.objectives import OBJECTIVES
 from tests.tools.scenarios import example, small
+from tests.tools.smooth_problems import (
+    differences,
+    exact_information,
+    scaled_circles,
+    smooth_information,
+)
 
 STAGE = Stage(samples=64, width=0.05, barrier=0.1, iterations=1, tolerance=1e-5, last=True)
 PERIOD_S = 2.0 * np.pi / 0.2
@@ -71,36 +73,6 @@ def _problem_of(given: Plan, objective: str = "logdet", refine: Any = None) -> R
     return problem_of(given, options)
 
 
-def _scaled(problem: RefineProblem) -> Array:
-    circles = circles_of(problem.orbits)
-    circles[:3] /= problem.scale
-    return circles
-
-
-def _smooth_information(problem: RefineProblem, width: float, most: int = 10_000) -> Array:
-    times = samples_of(problem.window, problem.sensors, problem.orbits.rate, most)
-    team = SmoothTeam.of(problem, times)
-    circles = ca.MX.sym("X", 4, problem.orbits.count)
-    entries = ca.MX(team.sparsity, team.information(circles, width))
-    return np.array(ca.Function("W", [circles], [entries])(_scaled(problem)))
-
-
-def _exact_information(problem: RefineProblem) -> Array:
-    orbits, sensors, n = problem.orbits, problem.sensors, problem.orbits.count
-    last = int(np.ceil(problem.window / sensors.sample_time - 1e-9)) - 1
-    windows = find_windows(problem.team)
-    seen = sample_sightings(windows, orbits.period, sensors, 0, last)
-    rows = sighting_rows(problem.team, seen)
-    total = np.zeros((3 * n, 3 * n))
-    for row, observer, target in zip(rows, seen.observers, seen.targets, strict=True):
-        dense = np.zeros(3 * n)
-        dense[3 * observer : 3 * observer + 3] += row[:3]
-        if target < n:
-            dense[3 * target : 3 * target + 3] += row[3:]
-        total += np.outer(dense, dense)
-    return total
-
-
 @pytest.mark.parametrize(
     "changes",
     [
@@ -128,9 +100,9 @@ def test_the_information_approaches_the_exact_one_as_the_step_narrows(
     changes: dict[str, Any],
 ) -> None:
     problem = _problem(**changes)
-    exact = _exact_information(problem)
+    exact = exact_information(problem)
     off = [
-        np.abs(_smooth_information(problem, width) - exact).max() / np.abs(exact).max()
+        np.abs(smooth_information(problem, width) - exact).max() / np.abs(exact).max()
         for width in (0.1, 0.01, 1e-3, 1e-6)
     ]
     assert off[1] < 0.5 * off[0]
@@ -140,19 +112,8 @@ def test_the_information_approaches_the_exact_one_as_the_step_narrows(
 
 def test_samples_counted_together_tell_nearly_as_much_as_one_by_one() -> None:
     problem = _problem(sensor=UNEQUAL)
-    each, together = (_smooth_information(problem, 0.03, most) for most in (10_000, 64))
+    each, together = (smooth_information(problem, 0.03, most) for most in (10_000, 64))
     assert np.abs(together - each).max() < 3e-4 * np.abs(each).max()
-
-
-def _differences(function: Callable[[Array], Any], at: Array, step: float = 1e-6) -> Array:
-    """(outputs, variables) by central differences."""
-    columns = []
-    for k in range(len(at)):
-        shift = np.zeros(len(at))
-        shift[k] = step
-        up, down = (np.array(function(at + sign * shift)).ravel() for sign in (1.0, -1.0))
-        columns.append((up - down) / (2.0 * step))
-    return np.array(columns).T
 
 
 def _point(nlp: StageNlp, problem: RefineProblem, seed: int = 0) -> Array:
@@ -171,13 +132,13 @@ RADII = {"vary": ["phases", "centers", "radii"], "radius_m": [10.0, 30.0]}
 @pytest.mark.parametrize(
     "sensor", [UNEQUAL, VIEWS, FURTHER], ids=["all round", "views", "further kinds"]
 )
-def test_objective_gradients_are_those_of_finite_differences(objective: str, sensor: Any) -> None:
+def test_objective_gradients_are_those_of_finitedifferences(objective: str, sensor: Any) -> None:
     problem = _problem(objective, RADII, sensor=sensor)
     nlp = nlp_of(problem, STAGE)
     at = _point(nlp, problem)
     function = ca.Function("f", [nlp.variables], [nlp.objective.value])
     gradient = ca.Function("g", [nlp.variables], [ca.gradient(nlp.objective.value, nlp.variables)])
-    found, wanted = np.array(gradient(at)).ravel(), _differences(function, at)[0]
+    found, wanted = np.array(gradient(at)).ravel(), differences(function, at)[0]
     assert np.all(np.isfinite(found))
     np.testing.assert_allclose(found, wanted, atol=1e-6 * np.abs(wanted).max(), rtol=1e-5)
 
@@ -188,7 +149,7 @@ DENTED = [[-60.0, -60.0], [130.0, -60.0], [130.0, 130.0], [80.0, 90.0], [-60.0, 
 
 @pytest.mark.parametrize("area", [CONVEX, CONVEX[::-1], DENTED], ids=["ccw", "cw", "dented"])
 @pytest.mark.parametrize("objective", ["trace", "min_eigenvalue", "predicted_rms"])
-def test_the_sparse_jacobian_of_the_constraints_is_that_of_finite_differences(
+def test_the_sparse_jacobian_of_the_constraints_is_that_of_finitedifferences(
     area: Any, objective: str
 ) -> None:
     problem = _problem(
@@ -212,7 +173,7 @@ def test_the_sparse_jacobian_of_the_constraints_is_that_of_finite_differences(
     assert set(np.sign(sides)) == {1.0, -1.0}
     values, jacobian = nlp.jacobian(at, sides)
     function = ca.Function("g", [nlp.variables, nlp.sides], [nlp.constraints])
-    wanted = _differences(lambda moved: function(moved, sides), at)
+    wanted = differences(lambda moved: function(moved, sides), at)
     np.testing.assert_allclose(np.array(values), np.array(function(at, sides)))
     np.testing.assert_allclose(
         np.array(ca.DM(jacobian)), wanted, atol=1e-6 * np.abs(wanted).max(), rtol=1e-5
@@ -279,7 +240,7 @@ def test_the_smooth_separation_of_opposite_senses_is_close_to_the_true_one() -> 
     )
     circles = ca.MX.sym("X", 4, 2)
     value = ca.Function("s", [circles], [separations(problem, circles).values])
-    moved = _scaled(problem)
+    moved = scaled_circles(problem)
     for gap in np.linspace(-1.0, 3.0, 9):
         moved[0, 1] = (49.0 + gap) / problem.scale
         orbits = orbits_of(moved * np.array([[20.0], [20.0], [20.0], [1.0]]), problem.orbits)
@@ -295,7 +256,10 @@ def _smooth_rms(problem: RefineProblem, width: float) -> Array:
     rms = smooth_rms(
         problem, run, team.sparsity, team.information(circles, width, each=True), circles
     )
-    return np.array(ca.Function("r", [circles], [rms])(_scaled(problem))).ravel() * problem.scale
+    return (
+        np.array(ca.Function("r", [circles], [rms])(scaled_circles(problem))).ravel()
+        * problem.scale
+    )
 
 
 def _exact_rms(problem: RefineProblem) -> Array:

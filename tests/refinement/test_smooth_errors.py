@@ -21,6 +21,7 @@ from syncplan.refinement.smooth_team import SmoothTeam
 from syncplan.refinement.smooth_wide_bound import smooth_wide_rms
 from syncplan.refinement.stages import Stage
 from tests.tools.scenarios import small
+from tests.tools.smooth_problems import differences, scaled_circles
 
 STAGE = Stage(samples=64, width=0.05, barrier=0.1, iterations=1, tolerance=1e-5, last=True)
 NOISE = {"speed_sigma_mps": 0.1, "turn_rate_sigma_rad_s": 0.01}
@@ -70,9 +71,8 @@ def _wide_rms(problem: RefineProblem) -> Array:
 
 
 def _at_the_plan(problem: RefineProblem, circles: ca.MX, rms: ca.MX) -> Array:
-    scaled = circles_of(problem.orbits)
-    scaled[:3] /= problem.scale
-    return np.array(ca.Function("r", [circles], [rms])(scaled)).ravel() * problem.scale
+    found = ca.Function("r", [circles], [rms])(scaled_circles(problem))
+    return np.array(found).ravel() * problem.scale
 
 
 def test_without_errors_the_state_of_the_moment_gives_what_that_of_time_0_does() -> None:
@@ -122,8 +122,5 @@ def test_the_gradient_with_all_errors_is_that_of_finite_differences() -> None:
     value = ca.Function("f", [nlp.variables], [nlp.objective.value])
     slope = ca.Function("g", [nlp.variables], [ca.gradient(nlp.objective.value, nlp.variables)])
     found = np.array(slope(at)).ravel()
-    wanted = np.empty(len(at))
-    for k in range(len(at)):
-        step = 1e-6 * (np.arange(len(at)) == k)
-        wanted[k] = (float(value(at + step)) - float(value(at - step))) / 2e-6
+    wanted = differences(value, at)[0]
     np.testing.assert_allclose(found, wanted, atol=1e-6 * np.abs(wanted).max(), rtol=1e-5)

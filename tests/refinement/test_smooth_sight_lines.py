@@ -1,0 +1,156 @@
+"""Sight past obstacles as the solver sees it, against Shapely and the exact code."""
+
+from dataclasses import replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+import shapely
+
+from syncplan.arrays import Array
+from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import plan
+from syncplan.refinement.measures import measure
+from syncplan.refinement.nlp import nlp_of
+from syncplan.refinement.problem import RefineProblem, circles_of
+from syncplan.refinement.problem_setup import problem_of
+from syncplan.refinement.refiner import options_for, refine
+from syncplan.refinement.smooth_sight_lines import ConvexPiece, convex_pieces, sight_gap
+from syncplan.refinement.stages import Stage
+from tests.tools.scenarios import small
+from tests.tools.smooth_problems import differences, exact_information, smooth_information
+
+TRIANGLE = np.array([[1.0, 0.0], [4.0, 1.0], [2.0, 3.0]])
+DENTED = np.array([[0.0, 0.0], [6.0, 0.0], [6.0, 5.0], [3.0, 1.5], [0.0, 5.0]])
+
+
+def _gaps(pieces: tuple[ConvexPiece, ...], start: Array, end: Array, **options: Any) -> Array:
+    ends = [ca.MX.sym(name, 1, len(start)) for name in ("ax", "ay", "bx", "by")]
+    gap = sight_gap(pieces, tuple(ends), **options)  # type: ignore[arg-type]
+    function = ca.Function("gap", ends, [gap])
+    return np.array(function(*start.T[:, None], *end.T[:, None])).ravel()
+
+
+@pytest.mark.parametrize("corners", [TRIANGLE, TRIANGLE[::-1], DENTED], ids=["ccw", "cw", "dented"])
+def test_a_sight_line_has_a_gap_where_it_misses_the_polygon(corners: Array) -> None:
+    generator = np.random.default_rng(0)
+    start, end = generator.uniform(-3.0, 9.0, (2, 4000, 2))
+    gaps = _gaps(convex_pieces((corners,), 1.0), start, end)
+    polygon = shapely.Polygon(corners)
+    lines = shapely.linestrings(np.stack([start, end], axis=1))
+    blocked = shapely.intersects(lines, polygon)
+    assert blocked.any()
+    assert not blocked.all()
+    np.testing.assert_array_equal(gaps <= 0.0, blocked)
+    # never more than the true distance, which it is where the nearest point is on an edge
+    assert np.all(gaps[~blocked] <= shapely.distance(lines[~blocked], polygon) + 1e-9)
+
+
+def test_the_depth_is_how_far_a_sight_line_has_to_move() -> None:
+    square = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 1.0], [0.0, 1.0]])
+    start, end = np.array([[-5.0, 0.7], [4.0, -5.0]]), np.array([[15.0, 0.7], [4.0, 5.0]])
+    np.testing.assert_allclose(_gaps(convex_pieces((square,), 1.0), start, end), [-0.3, -4.0])
+
+
+def test_a_wall_does_not_hide_the_landmark_that_hangs_on_it() -> None:
+    wall = convex_pieces((np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 1.0], [0.0, 1.0]]),), 1.0)
+    start, end = np.array([[3.0, -2.0], [3.0, 4.0]]), np.array([[5.0, 0.0], [5.0, 0.0]])
+    gaps = _gaps(wall, start, end, to_landmark=True)
+    np.testing.assert_allclose(gaps[0], 2.0)
+    assert gaps[1] < -0.5
+
+
+SHELF = [[23.0, -9.0], [26.0, -9.0], [25.0, 4.0], [23.0, 2.0]]
+NOTCHED = [[-4.0, 22.0], [4.0, 22.0], [4.0, 30.0], [0.0, 25.0], [-4.0, 30.0]]
+
+
+def _problem(**changes: Any) -> RefineProblem:
+    keys: dict[str, Any] = {
+        "orbit": {
+            "radius_m": [20.0, 17.0, 23.0],
+            "angular_rate_rad_s": 0.2,
+            "direction": ["ccw", "cw", "ccw"],
+            "desync_rad": [0.0, 0.3, -0.2],
+        },
+        "formation": {"centers_m": [[0.0, 0.0], [50.0, 5.0], [10.0, 56.0]]},
+        "landmarks_m": [[0.0, -40.0], [70.0, 50.0], [40.0, 30.0]],
+        "obstacles_m": [SHELF, NOTCHED],
+        "sensor": {"range_m": 50.0, "bearing_sigma_rad": 0.1, "sample_time_s": 0.2},
+        "min_separation_m": 1.0,
+        "duration_s": 60.0,
+    }
+    given = plan(small(**{**keys, **changes}), bound="never")
+    return problem_of(given, options_for(given.scenario, None, {"objective": "logdet"}))
+
+
+def test_the_information_among_obstacles_approaches_the_exact_one() -> None:
+    problem = _problem()
+    exact = exact_information(problem)
+    open_field = exact_information(replace(problem, team=replace(problem.team, obstacles=())))
+    off = [
+        np.abs(smooth_information(problem, width) - exact).max() / np.abs(exact).max()
+        for width in (0.1, 0.01, 1e-3, 1e-6)
+    ]
+    assert np.abs(open_field - exact).max() > 0.1 * np.abs(exact).max()
+    assert off[1] < 0.5 * off[0]
+    assert off[3] < 1e-5
+
+
+def test_contacts_among_obstacles_have_the_jacobian_of_finite_differences() -> None:
+    problem = _problem()
+    stage = Stage(samples=64, width=0.05, barrier=0.1, iterations=1, tolerance=1e-5, last=True)
+    nlp = nlp_of(problem, stage)
+    at, sides = (
+        nlp.variables_of(circles_of(problem.orbits)),
+        nlp.sides_of(circles_of(problem.orbits)),
+    )
+    at = at + 0.02 * np.random.default_rng(0).uniform(-1.0, 1.0, len(at))
+    _, jacobian = nlp.jacobian(at, sides)
+    wanted = differences(lambda moved: nlp.values(moved, sides)[1], at)
+    np.testing.assert_allclose(
+        np.array(ca.DM(jacobian)), wanted, atol=1e-6 * np.abs(wanted).max(), rtol=1e-5
+    )
+
+
+CORRIDOR: dict[str, Any] = {
+    "orbit": {"radius_m": 2.0, "speed_mps": 0.8, "direction": "ccw"},
+    "formation": {"centers_m": [[0.0, 0.0], [7.0, 0.0]]},
+    "landmarks_m": [[-3.5, -3.5], [-3.5, 3.5]],
+    "sensor": {"range_m": 5.0, "bearing_sigma_rad": 0.02, "sample_time_s": 0.1},
+    "initial_sigma": {"position_m": 0.5, "heading_rad": 0.1},
+    "min_separation_m": 0.6,
+    "duration_s": 120.0,
+}
+BETWEEN = [[3.2, -2.5], [3.8, -2.5], [3.8, 2.5], [3.2, 2.5]]
+"""A shelf across the way between the two, as long as their circles are wide."""
+
+
+def _meets(given: Plan, shelf: Any) -> bool:
+    """Whether the two see each other at some sample, by Shapely alone."""
+    orbits = given.orbits
+    samples = np.arange(0.0, orbits.period, 0.1)
+    angles = orbits.phases + orbits.senses * orbits.rate * samples[:, None]
+    way = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    places = orbits.centers + orbits.radii[:, None] * way
+    lines = shapely.linestrings(places)
+    near = shapely.length(lines) <= float(given.sensors.ranges.min())
+    return bool(np.any(near & ~shapely.intersects(lines, shapely.Polygon(shelf))))
+
+
+def test_a_shelf_in_the_way_is_planned_round() -> None:
+    # v2 sees no landmark, and the only meeting of the two is behind the shelf
+    walled = {"obstacles_m": [BETWEEN], "keep_out_m": [BETWEEN]}
+    refine_keys = {"refine": {"center_box_m": 4.0, "starts": 2}}
+    before = plan(small(**CORRIDOR, **walled, **refine_keys))
+    assert plan(small(**CORRIDOR)).observable
+    assert not before.observable
+    assert not _meets(before, BETWEEN)
+    after = refine(before, workers=1)
+    assert after.observable
+    assert not after.dropped_links
+    assert _meets(after, BETWEEN)
+    problem = problem_of(before, options_for(before.scenario, None, {}))
+    found = measure(problem, after.orbits)
+    assert not found.violations(measure(problem, before.orbits))
+    assert found.shortfall == 0.0
