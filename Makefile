@@ -66,8 +66,9 @@ check-all: postgresql check
 
 CORES := $(shell nproc)
 # the longest first
-SEARCHES := start-up predictions neglect consistency clearances refinements phases sight-lines contract losses counterexamples
+SEARCHES := equipment start-up predictions neglect consistency clearances refinements phases sight-lines contract losses counterexamples
 
+search-equipment:       ARGUMENTS = 4 $(SEED)
 search-start-up:        ARGUMENTS = 40 $(SEED) --trials 100 --missed 0.4 --wrong 0.2
 search-predictions:     ARGUMENTS = 16 $(SEED) --trials 100 --median 0.06 --ninety 0.15
 search-neglect:         ARGUMENTS = 12 $(SEED) --most 0.2

@@ -11,10 +11,12 @@ their edges, the error by the filter's own covariance recursion.
 import math
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import shapely
 
 from syncplan.arrays import Array
 from syncplan.planning.judged_plan import Plan
@@ -27,7 +29,9 @@ from tests.tools.draws import draw_tree
 __all__ = [
     "NEAR_SHARE",
     "ROUNDING",
+    "Equip",
     "Finding",
+    "as_drawn",
     "draw_scenario",
     "faults_of",
     "landmark_passes",
@@ -59,25 +63,36 @@ class Finding:
 
 # --- drawing --------------------------------------------------------------------------------------
 
+Equip = Callable[[dict[str, Any], np.random.Generator], None]
 
-def draw_scenario(number: int) -> tuple[Scenario, Plan]:
+
+def as_drawn(document: dict[str, Any], generator: np.random.Generator) -> None:
+    """Add no key to a document."""
+
+
+def draw_scenario(
+    number: int, sizes: tuple[int, int] = (4, 8), equip: Equip = as_drawn
+) -> tuple[Scenario, Plan]:
     """Return the `number`-th feasible scenario and its plan.
 
+    `sizes` are the fewest and most vehicles; `equip` adds keys to the document drawn.
     4 to 8 vehicles on a random tree or a shaken grid, both senses, equal or mixed radii, some with
     limited views, some with a least separation, some with an area, some whose radii may change.
     Feasible: the plan meets whatever is asked of it, and half of the links or more are in contact.
     """
     generator = np.random.default_rng([number, 20260])
     while True:
-        scenario = scenario_from(_document(generator))
+        document = _document(generator, sizes)
+        equip(document, generator)
+        scenario = scenario_from(document)
         given = plan(scenario)
         kept = len(given.links)
         if not given.too_close and kept >= len(given.dropped_links) and kept and _within(given):
             return scenario, given
 
 
-def _document(generator: np.random.Generator) -> dict[str, Any]:
-    count = int(generator.integers(4, 9))
+def _document(generator: np.random.Generator, sizes: tuple[int, int]) -> dict[str, Any]:
+    count = int(generator.integers(sizes[0], sizes[1] + 1))
     radii = np.full(count, 20.0)
     if generator.random() < 0.6:
         radii = generator.uniform(14.0, 26.0, count)
@@ -271,7 +286,10 @@ def _landmark_faults(before: Plan, after: Plan) -> list[str]:
 
 
 def _rooms(given: Plan, times: Array) -> Array:
-    """(k, n, n + m) m by which each vehicle has each body in range; -inf outside its view."""
+    """(k, n, n + m) m by which each vehicle has each body in range; -inf where it is not seen.
+
+    Outside its view, behind an obstacle, or where its sensor is not ready.
+    """
     orbits, sensors = given.orbits, given.scenario.sensors
     path = _paths(given, times)
     still = np.broadcast_to(given.landmarks, (len(times), *given.landmarks.shape))
@@ -279,6 +297,8 @@ def _rooms(given: Plan, times: Array) -> Array:
     sight = bodies[:, None, :, :] - path[:, :, None, :]
     angle = orbits.phases + orbits.senses * (orbits.rate * times[:, None] + np.pi / 2.0)
     room = np.full(sight.shape[:3], -np.inf)
+    hidden = _hidden(given, bodies, orbits.count)
+    samples = np.round(times / given.scenario.sample_time).astype(int)
     for k, sensor in enumerate(sensors):
         away = np.hypot(sight[:, k, :, 0], sight[:, k, :, 1])
         axis = angle[:, k] + math.radians(sensor.boresight_deg)
@@ -287,7 +307,23 @@ def _rooms(given: Plan, times: Array) -> Array:
         seen = off <= math.radians(sensor.fov_deg) / 2.0 + 1e-9
         room[:, k] = np.where(seen, sensor.range_m - away, -np.inf)
         room[:, k, k] = -np.inf
+        interval = sensor.interval_s or given.scenario.sample_time
+        room[samples % round(interval / given.scenario.sample_time) != 0, k] = -np.inf
+    room[hidden] = -np.inf
     return room
+
+
+def _hidden(given: Plan, bodies: Array, count: int) -> Any:
+    """(k, n, n + m) whether an obstacle stands between vehicle and body, by Shapely."""
+    obstacles = given.scenario.obstacles_m or []
+    times, number = bodies.shape[:2]
+    if not obstacles:
+        return np.zeros((times, count, number), dtype=bool)
+    start = np.broadcast_to(bodies[:, :count, None], (times, count, number, 2))
+    end = np.broadcast_to(bodies[:, None], (times, count, number, 2))
+    lines = shapely.linestrings(np.stack([start, end], axis=-2))
+    blocking = [shapely.Polygon(corners) for corners in obstacles]
+    return np.any([shapely.intersects(lines, one) for one in blocking], axis=0)
 
 
 def _window_times(given: Plan) -> Array:
@@ -332,35 +368,58 @@ def _contact_faults(before: Plan, after: Plan) -> list[str]:
 
 
 def _sighting_rows(given: Plan, times: Array) -> list[Array]:
-    """For each time (s, 3 n): bearings by the initial poses in m and rad, over their sigma."""
+    """For each time (s, 4 n): sightings by the initial poses in m and rad, over their sigma.
+
+    After the poses the bearing bias of each vehicle, in rad.
+    """
     orbits, sensors, n = given.orbits, given.scenario.sensors, given.orbits.count
+    compasses = _compasses(given)
     room = _rooms(given, times)
     path, first = _paths(given, times), _paths(given, np.zeros(1))[0]
     matrices = []
     for k in range(len(times)):
         seen = np.argwhere(room[k] >= -1e-12 * orbits.radii.max())
-        rows = np.zeros((len(seen), 3 * n))
-        for row, (i, j) in zip(rows, seen, strict=True):
+        rows = []
+        for i, j in seen:
             target = path[k, j] if j < n else given.landmarks[j - n]
             qx, qy = target - path[k, i]
             squared = max(qx**2 + qy**2, 1e-20)
-            by_target = np.array([-qy, qx]) / squared
-            gone = path[k, i] - first[i]
-            row[3 * i : 3 * i + 2] = -by_target
-            row[3 * i + 2] = -by_target @ [-gone[1], gone[0]] - 1.0
-            if j < n:
-                gone = path[k, j] - first[j]
-                row[3 * j : 3 * j + 2] = by_target
-                row[3 * j + 2] = by_target @ [-gone[1], gone[0]]
-            # sightings from very near are weighted down: see syncplan.observability.rank
-            near = math.sqrt(squared) / (NEAREST * orbits.radii.mean())
-            row *= min(1.0, near) / sensors[i].bearing_sigma_rad
-        matrices.append(rows)
+            bearing = np.array([-qy, qx]) / squared
+            kinds = [(bearing, -1.0, sensors[i].bearing_sigma_rad)]
+            if sensors[i].range_sigma_m is not None:
+                distance = np.array([qx, qy]) / math.sqrt(squared)
+                kinds.append((distance, 0.0, sensors[i].range_sigma_m))
+            for by_target, turned, sigma in kinds:
+                row = np.zeros(4 * n)
+                gone = path[k, i] - first[i]
+                row[3 * i : 3 * i + 2] = -by_target
+                row[3 * i + 2] = -by_target @ [-gone[1], gone[0]] + turned
+                row[3 * n + i] = -turned
+                if j < n:
+                    gone = path[k, j] - first[j]
+                    row[3 * j : 3 * j + 2] = by_target
+                    row[3 * j + 2] = by_target @ [-gone[1], gone[0]]
+                # sightings from very near are weighted down: see syncplan.observability.rank
+                near = math.sqrt(squared) / (NEAREST * orbits.radii.mean())
+                row *= math.sqrt(sensors[i].detection_probability or 1.0)
+                rows.append(row * min(1.0, near) / sigma)
+        for i, sigma in compasses:
+            rows.append(np.eye(4 * n)[3 * i + 2] / sigma)
+        matrices.append(np.array(rows).reshape(len(rows), 4 * n))
     return matrices
 
 
+def _compasses(given: Plan) -> list[tuple[int, float]]:
+    """Vehicles with a compass, and its standard deviation in rad."""
+    stated = given.scenario.heading_sigma_rad
+    each = stated if isinstance(stated, list) else [stated] * given.orbits.count
+    return [(i, sigma) for i, sigma in enumerate(each) if sigma is not None]
+
+
 def _rows(given: Plan) -> Array:
-    return np.concatenate(_sighting_rows(given, _window_times(given)))
+    """(s, 3 n) by the initial poses alone."""
+    rows = np.concatenate(_sighting_rows(given, _window_times(given)))
+    return rows[:, : 3 * given.orbits.count]
 
 
 def _scaled(rows: Array, scale: float) -> Array:
@@ -391,7 +450,11 @@ def _cost(given: Plan, objective: str, rows: Array, scale: float, observable: bo
 
 
 def _predicted(given: Plan) -> Array:
-    """(n,) m: RMS of the filter's covariance over the run's second half, pose by pose."""
+    """(n,) m: RMS of the filter's covariance over the run's second half, in each moment's state.
+
+    Poses, then wind (2), speed scales (n), turn-rate biases (n), bearing biases (n) and gusts
+    (2 n), all estimated.
+    """
     scenario, orbits, n = given.scenario, given.orbits, given.orbits.count
     step = scenario.sample_time
     number = math.floor(scenario.duration_s / step + 1e-6)
@@ -399,18 +462,24 @@ def _predicted(given: Plan) -> Array:
     path = _paths(given, times)
     rows = _sighting_rows(given, times)
     sigma, motion = scenario.initial_sigma, scenario.motion
-    covariance = np.diag(
-        np.tile([sigma.position_m**2, sigma.position_m**2, sigma.heading_rad**2], n)
-    )
+    pose = np.tile([sigma.position_m, sigma.position_m, sigma.heading_rad], n)
+    covariance = np.diag(np.concatenate([pose, _error_sigmas(given)]) ** 2)
+    size = len(covariance)
+    wind, scales, biases, shifts, gusts = np.cumsum([3 * n, 2, n, n, n])
+    gust = 0.0 if scenario.wind is None else scenario.wind.gust_sigma_mps
+    kept = 0.0 if scenario.wind is None else math.exp(-step / scenario.wind.gust_time_s)
+    fresh = np.zeros((size, size))
+    fresh[gusts:, gusts:] = np.eye(2 * n) * gust**2 * (1.0 - kept**2)
     sample_time = scenario.sample_time
     speed, turn = motion.speed_sigma(sample_time), motion.turn_rate_sigma(sample_time)
     control = np.diag(np.tile([speed**2, turn**2], n))
     speeds, turns = orbits.rate * orbits.radii, orbits.rate * orbits.senses
-    kept = []
+    variances = []
     for k in range(1, number + 1):
         gone = path[k] - path[k - 1]
         heading = orbits.phases + orbits.senses * (orbits.rate * times[k - 1] + np.pi / 2.0)
-        move, drive = np.eye(3 * n), np.zeros((3 * n, 2 * n))
+        move, drive = np.eye(size), np.zeros((size, 2 * n))
+        move[gusts:, gusts:] = kept * np.eye(2 * n)
         for i in range(n):
             move[3 * i, 3 * i + 2], move[3 * i + 1, 3 * i + 2] = -gone[i, 1], gone[i, 0]
             drive[3 * i : 3 * i + 2, 2 * i] = gone[i] / speeds[i]
@@ -418,18 +487,41 @@ def _predicted(given: Plan) -> Array:
             slope = (slope - _arc(speeds[i], turns[i] - 1e-6, heading[i], step)) / 2e-6
             drive[3 * i : 3 * i + 2, 2 * i + 1] = slope
             drive[3 * i + 2, 2 * i + 1] = step
-        covariance = move @ covariance @ move.T + drive @ control @ drive.T
+            # a scale errs by a share of the speed, a bias as a reading of the turn rate does
+            move[:, scales + i] += drive[:, 2 * i] * speeds[i]
+            move[:, biases + i] += drive[:, 2 * i + 1]
+            for axis in (0, 1):
+                move[3 * i + axis, wind + axis] = step
+                move[3 * i + axis, gusts + 2 * i + axis] = step
+        covariance = move @ covariance @ move.T + drive @ control @ drive.T + fresh
         if len(rows[k]):
             # rows are by the initial pose: bring them to the pose now
-            now = rows[k].copy()
+            now = np.zeros((len(rows[k]), size))
+            now[:, : 3 * n], now[:, shifts:gusts] = rows[k][:, : 3 * n], rows[k][:, 3 * n :]
             since = path[k] - path[0]
-            now[:, 2::3] += now[:, 0::3] * since[:, 1] - now[:, 1::3] * since[:, 0]
+            now[:, 2 : 3 * n : 3] += now[:, 0 : 3 * n : 3] * since[:, 1]
+            now[:, 2 : 3 * n : 3] -= now[:, 1 : 3 * n : 3] * since[:, 0]
             spread = now @ covariance @ now.T + np.eye(len(now))
             covariance = covariance - covariance @ now.T @ np.linalg.solve(spread, now @ covariance)
         if 2 * k > number:
-            variance = np.diag(covariance).reshape(-1, 3)
-            kept.append(variance[:, 0] + variance[:, 1])
-    return np.asarray(np.sqrt(np.mean(kept, axis=0)))
+            variance = np.diag(covariance)[: 3 * n].reshape(-1, 3)
+            variances.append(variance[:, 0] + variance[:, 1])
+    return np.asarray(np.sqrt(np.mean(variances, axis=0)))
+
+
+def _error_sigmas(given: Plan) -> Array:
+    """(2 + 5 n,) of wind, speed scales, turn-rate biases, bearing biases, gusts; 0 without."""
+    scenario, n = given.scenario, given.orbits.count
+    wind, motion = scenario.wind, scenario.motion
+    return np.concatenate(
+        [
+            np.full(2, 0.0 if wind is None else wind.sigma_mps),
+            np.full(n, motion.speed_scale_sigma or 0.0),
+            np.full(n, motion.turn_rate_bias_sigma_rad_s or 0.0),
+            [sensor.bearing_bias_sigma_rad or 0.0 for sensor in scenario.sensors],
+            np.full(2 * n, 0.0 if wind is None else wind.gust_sigma_mps),
+        ]
+    )
 
 
 def _arc(speed: float, turn: float, heading: float, step: float) -> Array:
@@ -442,9 +534,11 @@ def _arc(speed: float, turn: float, heading: float, step: float) -> Array:
 # --- the search -----------------------------------------------------------------------------------
 
 
-def search_one(number: int, **changes: Any) -> Finding:
+def search_one(
+    number: int, sizes: tuple[int, int] = (4, 8), equip: Equip = as_drawn, **changes: Any
+) -> Finding:
     """Return what the refinement of drawn scenario `number` came to."""
-    scenario, given = draw_scenario(number)
+    scenario, given = draw_scenario(number, sizes, equip)
     began = time.monotonic()
     after = refine(given, workers=1, **changes)
     seconds = time.monotonic() - began
