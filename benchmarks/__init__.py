@@ -16,7 +16,7 @@ class Figure:
     value : s where the unit is "s", times as fast where it is "x", how many a second where it is
         "/s", megabytes where it is "MB", the exponent of n where it is "power", a plain number
         where empty
-    unit : "s", "x", "/s", "%", "MB", "power" or empty
+    unit : "s", "x", "/s", "%", "MB", "power", "times" (as long) or empty
     target : a least for ratios and rates, a most for all else; None where there is none
     """
 
