@@ -31,6 +31,9 @@ from syncplan.orbits.circles import Orbits, position
 
 __all__ = ["AirMotion", "motion_in_air"]
 
+SMALL = 0.05
+"""rad: up to here, series are exact to rounding."""
+
 AT_ONCE = 64
 """Samples that are taken at once, so that what they need stays in the processor's cache."""
 
@@ -75,9 +78,7 @@ def _fly(flown: AirMotion, moved: Array, time: float, drift: Array, begin: int, 
     blown = time * (drift if still else drift[np.clip(samples - 2, 0, len(drift) - 1)])
     x = moved[begin : end + 4, :, 0, None] - blown[:, :, 0]
     y = moved[begin : end + 4, :, 1, None] - blown[:, :, 1]
-    along = np.arctan2(y, x)
-    turns = np.diff(along, axis=0)
-    turns -= 2.0 * np.pi * np.floor((turns + np.pi) / (2.0 * np.pi))
+    turns = _turns(x, y)
     steady = flown.turn_rates[begin:end]
     np.add(turns[1:-2], turns[2:-1], out=steady)
     steady *= 5.0
@@ -85,11 +86,33 @@ def _fly(flown: AirMotion, moved: Array, time: float, drift: Array, begin: int, 
     steady -= turns[3:]
     steady *= 0.125
     if begin == 0:
-        flown.headings[0] = along[1] + 0.125 * (4.0 * turns[1] - turns[2] + turns[0])
+        flown.headings[0] = np.arctan2(y[1], x[1])
+        flown.headings[0] += 0.125 * (4.0 * turns[1] - turns[2] + turns[0])
     ahead = flown.headings[begin + 1 : end + 1]
     np.cumsum(steady, axis=0, out=ahead)
     ahead += flown.headings[begin]
     x, y = x[2:-2], y[2:-2]
     np.sqrt(x * x + y * y, out=flown.speeds[begin:end])
-    flown.speeds[begin:end] /= time * np.sinc(steady / (2.0 * np.pi))
+    flown.speeds[begin:end] /= time * _shortening(steady)
     steady /= time
+
+
+def _turns(x: Array, y: Array) -> Array:
+    """(k - 1, ...) rad, from each way (k, ...) to the next; by its series where all are small."""
+    across = x[:-1] * y[1:]
+    across -= y[:-1] * x[1:]
+    along = x[:-1] * x[1:]
+    along += y[:-1] * y[1:]
+    if not (along.min() > 0.0 and np.all(np.abs(across) < SMALL * along)):
+        return np.asarray(np.arctan2(across, along))
+    across /= along
+    square = across * across
+    return across * (1.0 - square * (1 / 3 - square * (1 / 5 - square * (1 / 7 - square / 9))))
+
+
+def _shortening(turns: Array) -> Array:
+    """Chord over arc, sin(a) / a of half the turns a."""
+    square = 0.25 * turns * turns
+    if square.max() > SMALL**2:
+        return np.asarray(np.sinc(turns / (2.0 * np.pi)))
+    return np.asarray(1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0)))

@@ -176,16 +176,22 @@ def _multiply(P: Array, row: Sparse, count: int, u: Array, lanes: Lanes) -> None
     for c in range(0, count, 3):
         p, q, r = columns[c], columns[c + 1], columns[c + 2]
         for k in range(len(P)):
-            if c == 0:
-                u[k] = 0.0
             a0, b0, a1, b1 = max(k, p), min(k, p), max(k, q), min(k, q)
             a2, b2 = max(k, r), min(k, r)
-            for lane in range(len(lanes)):
-                u[k, lane] += (
-                    h[c, lane] * P[a0, b0, lane]
-                    + h[c + 1, lane] * P[a1, b1, lane]
-                    + h[c + 2, lane] * P[a2, b2, lane]
-                )
+            if c == 0:
+                for lane in range(len(lanes)):
+                    u[k, lane] = (
+                        h[0, lane] * P[a0, b0, lane]
+                        + h[1, lane] * P[a1, b1, lane]
+                        + h[2, lane] * P[a2, b2, lane]
+                    )
+            else:
+                for lane in range(len(lanes)):
+                    u[k, lane] += (
+                        h[c, lane] * P[a0, b0, lane]
+                        + h[c + 1, lane] * P[a1, b1, lane]
+                        + h[c + 2, lane] * P[a2, b2, lane]
+                    )
 
 
 @compiled
@@ -250,12 +256,23 @@ def _correct_state(
         r, own = 3 * i, setup.columns[i]
         for lane in range(len(lanes)):
             turn = gain[r + 2, lane] * innovation[lane]
-            x[i, 0, lane] += gain[r, lane] * innovation[lane] - since[i, 1, lane] * turn
-            x[i, 1, lane] += gain[r + 1, lane] * innovation[lane] + since[i, 0, lane] * turn
             x[i, 2, lane] += turn
         for axis in range(2):
-            _add_error(x[i, axis], gain, own[WIND + axis], age[0], innovation, lanes)
-            _add_error(x[i, axis], gain, own[GUST + axis], age[1], innovation, lanes)
+            # a unit of heading moves x by -Y and y by X
+            sign, across = (-1.0, 1) if axis == 0 else (1.0, 0)
+            wind, blown = own[WIND + axis], own[GUST + axis]
+            if wind >= 0:
+                for lane in range(len(lanes)):
+                    moved = gain[r + axis, lane] + sign * since[i, across, lane] * gain[r + 2, lane]
+                    moved += age[0] * gain[wind, lane]
+                    x[i, axis, lane] += moved * innovation[lane]
+            else:
+                for lane in range(len(lanes)):
+                    moved = gain[r + axis, lane] + sign * since[i, across, lane] * gain[r + 2, lane]
+                    x[i, axis, lane] += moved * innovation[lane]
+            if blown >= 0:
+                for lane in range(len(lanes)):
+                    x[i, axis, lane] += age[1] * gain[blown, lane] * innovation[lane]
         if own[SCALE] >= 0:
             for lane in range(len(lanes)):
                 change = gain[own[SCALE], lane] * innovation[lane]
@@ -271,16 +288,6 @@ def _correct_state(
         left = age[2] if first + k >= setup.first_gust else 1.0
         for lane in range(len(lanes)):
             errors[k, lane] += left * gain[first + k, lane] * innovation[lane]
-
-
-@compiled
-def _add_error(
-    moved: Array, gain: Array, column: int, share: float, innovation: Array, lanes: Lanes
-) -> None:
-    """Move by `share` of the change of an error, if there is one."""
-    if column >= 0:
-        for lane in range(len(lanes)):
-            moved[lane] += share * gain[column, lane] * innovation[lane]
 
 
 @compiled
