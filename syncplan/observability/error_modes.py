@@ -7,8 +7,8 @@ chosen so that each has an error of its own. Such a direction may move poses too
     speed scales of v1, v3 and v5 against v2, v4 and v6, with a turn of the team
 
 A vehicle whose speed scale is c flies a circle that is larger by c; with its centre kept, it starts
-c times its radius further out. What its pose moves besides is compared with shifts and turns of all
-the vehicles concerned.
+c times its radius further out. What its pose moves besides is compared with shifts, turns and
+stretches of all the vehicles concerned.
 """
 
 from collections.abc import Sequence
@@ -187,21 +187,22 @@ def _motion_words(
         columns = found.layout.columns["speed_scale"][:, 0]
         grown = np.where(columns >= 0, vector[columns] * team.errors.speed_scale, 0.0)
         motion[:, :2] -= grown[:, None] * (places - orbits.centers) / scale
-    rigid = np.zeros((3, len(vehicles), 3))
-    rigid[0, :, 0] = rigid[1, :, 1] = 1.0
-    rigid[2, :, :2] = perpendicular(places[vehicles] - places[vehicles].mean(axis=0)) / scale
-    rigid[2, :, 2] = 1.0
-    flat, seen = rigid.reshape(3, -1), motion[vehicles].ravel()
+    named = np.zeros((4, len(vehicles), 3))
+    named[0, :, 0] = named[1, :, 1] = 1.0
+    named[2, :, :2] = perpendicular(places[vehicles] - places[vehicles].mean(axis=0)) / scale
+    named[2, :, 2] = 1.0
+    centers = orbits.centers[vehicles]
+    named[3, :, :2] = (centers - centers.mean(axis=0)) / scale
+    flat, seen = named.reshape(4, -1), motion[vehicles].ravel()
     shares = np.linalg.lstsq(flat.T, seen, rcond=None)[0]
-    who = (
-        "the team"
-        if len(vehicles) == count > 1
-        else joined([names[k] for k in vehicles], MOST_NAMED)
-    )
+    everyone = len(vehicles) == count > 1
+    who = "the team" if everyone else joined([names[k] for k in vehicles], MOST_NAMED)
     size = np.linalg.norm(seen)
     if size <= MOVES or np.linalg.norm(seen - shares @ flat) > _MATCHES * size:
         return f"motions of {who}"
-    return f"a turn of {who}" if abs(shares[2]) > _MATCHES * size else f"a shift of {who}"
+    takes = np.abs(shares[2:]) > _MATCHES * size
+    words = [word for word, one in zip(("turn", "stretch"), takes, strict=True) if one]
+    return f"a {' and '.join(words) or 'shift'} of {who}"
 
 
 def _cure(team: Team, found: ExtendedObservability, vector: Array, takes: Array) -> str:

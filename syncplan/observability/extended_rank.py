@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.linalg import qr, solve_triangular
 
 from syncplan.arrays import Array, Flags, Index
 from syncplan.observability.rank import RANK_TOLERANCE, VECTORS_LIMIT, decomposed, matrix_rank
@@ -35,8 +35,6 @@ MOVES = 1e-6
 
 Null vectors are known to about 1e-15 / RANK_TOLERANCE.
 """
-
-_ITERATIONS = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,8 +103,8 @@ def assess_extended(
 def _spectrum(matrix: Array, size: int) -> tuple[Array, Array]:
     """Singular values (size,) and null space of an upper trapezoid (r, size), r <= size.
 
-    A large one is too slow for all vectors: those of the null space are found by inverse iteration,
-    and taken where the matrix leaves no more of them than counts as zero.
+    A large one is too slow for all vectors: those of the null space are found by QR, and taken
+    where the matrix leaves no more of them than counts as zero.
     """
     if size > VECTORS_LIMIT:
         values = np.zeros(size)
@@ -114,26 +112,21 @@ def _spectrum(matrix: Array, size: int) -> tuple[Array, Array]:
         rank = matrix_rank(values, RANK_TOLERANCE)
         if rank == size:
             return values, np.zeros((0, size))
-        found = _inverse_iterated(matrix, size - rank, values[0])
+        found = _null_space(matrix, rank)
         if np.linalg.norm(matrix @ found.T, axis=0).max() <= RANK_TOLERANCE * values[0]:
             return values, found
     values, null_space, _ = decomposed(matrix, size)
     return values, null_space
 
 
-def _inverse_iterated(matrix: Array, missing: int, largest: float) -> Array:
-    """(missing, size) orthonormal, close to the null space of an upper trapezoid."""
+def _null_space(matrix: Array, rank: int) -> Array:
+    """(size - rank, size) orthonormal, close to the null space, by QR with pivoting."""
     size = matrix.shape[1]
-    square = np.zeros((size, size))
-    square[: len(matrix)] = matrix
-    least = np.finfo(float).eps * max(largest, np.finfo(float).tiny)
-    diagonal = np.diagonal(square)
-    np.fill_diagonal(square, np.where(np.abs(diagonal) < least, least, diagonal))
-    found: Array = np.random.default_rng(size).normal(size=(size, missing))
-    for _ in range(_ITERATIONS):
-        below = solve_triangular(square, found, trans="T", check_finite=False)
-        found = np.linalg.qr(solve_triangular(square, below, check_finite=False))[0]
-    return np.asarray(found.T)
+    triangle, order = qr(matrix, mode="r", pivoting=True, check_finite=False)
+    null = np.zeros((size, size - rank))
+    null[order[rank:]] = np.eye(size - rank)
+    null[order[:rank]] = solve_triangular(triangle[:rank, :rank], -triangle[:rank, rank:])
+    return np.asarray(np.linalg.qr(null)[0].T)
 
 
 def _blocks(rows: WideRows, sightings: Sightings) -> Iterator[tuple[Index, Array]]:
