@@ -308,7 +308,10 @@ def _filter(
         for s in range(setup.first[step], setup.first[step + 1]):
             o, t, z = setup.observers[s], setup.targets[s], readings.sightings[s]
             kind, variance = setup.kinds[s], setup.variances[s]
-            sighting_lanes(kind, x, o, t, setup.landmarks, z, work[0], work[1], lanes)
+            if kind == BEARING_KIND:
+                bearing_lanes(x, o, t, setup.landmarks, z, work[0], work[1], lanes)
+            else:
+                sighting_lanes(kind, x, o, t, setup.landmarks, z, work[0], work[1], lanes)
             correct_lanes(x, P, o, t, variance, setup.gate, work, statistics, lanes)
         record_lanes(x, P, setup, step, scratch, statistics, lanes)
     return x, P

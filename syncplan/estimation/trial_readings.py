@@ -224,7 +224,7 @@ class TrialReadings:
         return np.repeat(np.arange(len(self.setup.first) - 1), np.diff(self.setup.first))
 
     def _misses(self) -> bool:
-        return bool(self._missable().any())
+        return has_misses(self.team) and bool(self._missable().any())
 
     def _missable(self) -> Flags:
         """(s,) whether a sighting may be missed."""
