@@ -8,6 +8,7 @@ objectives           what a refinement can improve
 refine_options       what a refinement may change, and to what end
 areas                polygons that circles stay within or clear of
 rules                conditions between keys that JSON Schema cannot state
+polygon_rules        conditions on areas and obstacles
 models               the sections of a scenario: circles, formation, sensor
 disturbances         what disturbs vehicles and readings, what of it the filter estimates
 formations           shapes by name, their centres and neighbours

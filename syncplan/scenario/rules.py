@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from syncplan.scenario.areas import polygon_fault
 from syncplan.scenario.quantities import FURTHEST_M, Pair, Point, fault
 from syncplan.scenario.refine_options import Limits, RefineOptions
 
@@ -17,7 +16,6 @@ __all__ = [
     "check_link_names",
     "check_links",
     "check_names",
-    "check_polygons",
     "check_samples",
     "check_shared_circles",
     "excess",
@@ -110,14 +108,6 @@ def check_landmarks(names: Sequence[str], places: Sequence[Point]) -> None:
             f"{names[a]} and {names[b]} are at the same place; remove one of them",
             list(places[a]),
         )
-
-
-def check_polygons(polygons: Mapping[str, Sequence[Point]]) -> None:
-    """Raise the fault if the corners under a key make no polygon."""
-    for key, corners in polygons.items():
-        problem = polygon_fault(corners)
-        if problem:
-            raise fault(key, problem)
 
 
 def check_limits(

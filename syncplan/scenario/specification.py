@@ -19,6 +19,7 @@ from syncplan.scenario.disturbances import (
 from syncplan.scenario.formations import SHAPES
 from syncplan.scenario.georeference import GeoOrigin
 from syncplan.scenario.models import Formation, Orbit, Sensor
+from syncplan.scenario.polygon_rules import check_obstacles, check_polygons
 from syncplan.scenario.quantities import (
     ListedOrNamed,
     OneOrMany,
@@ -37,7 +38,6 @@ from syncplan.scenario.rules import (
     check_link_names,
     check_links,
     check_names,
-    check_polygons,
     check_samples,
     check_shared_circles,
 )
@@ -146,6 +146,7 @@ class Scenario(Result, Section):
             self.size,
         )
         check_landmarks(self.landmark_names, self.landmarks)
+        check_obstacles(self.obstacles_m or [])
         check_polygons(self._polygons)
         check_estimated(self.filter.estimate if self.filter else "auto", self.error_sigmas)
         if self.limits is not None:
