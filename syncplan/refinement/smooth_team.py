@@ -121,7 +121,9 @@ class SmoothTeam:
                 ca.DM(_pair_parameters(problem, kept, views)),
                 self._steps(width, problem.pair_margins + safety),
             ]
-            lower, labels = np.log(problem.pair_samples), self._labels(kept, problem.pair_margins)
+            every = problem.sensors.every[kept].max(axis=1)
+            lower = np.log(problem.pair_samples - 1.0 + 1.0 / every)
+            labels = self._labels(kept, problem.pair_margins)
             function = pair_contact(times, views, pieces)
             blocks.append(pair_blocks(function, circles, kept, inputs, lower, labels))
         if len(held):
@@ -130,8 +132,9 @@ class SmoothTeam:
                 ca.DM(_anchor_parameters(problem, held[:, 0], views)),
                 self._steps(width, problem.anchor_margins + safety),
             ]
-            # contacts are counted at all samples, those at which the sensor is ready must suffice
-            lower = np.log(problem.anchor_samples * problem.sensors.every[held[:, 0]])
+            # counted at all samples: the fewest that hold so many at which the sensor is ready
+            every = problem.sensors.every[held[:, 0]]
+            lower = np.log((problem.anchor_samples - 1.0) * every + 1.0)
             labels = self._labels(held, problem.anchor_margins)
             function = anchor_contact(times, views, pieces)
             blocks.append(single_blocks(function, circles, held[:, 0], inputs, lower, labels))
