@@ -4,8 +4,9 @@ from rich.markup import escape
 
 from syncplan.cli.fitted_tables import FittedTable
 from syncplan.reports.plan_schemas import PlanDocument
+from syncplan.reports.run_schemas import ValidationDocument
 
-__all__ = ["determined_line", "further_states_table"]
+__all__ = ["determined_line", "expected_line", "found_states_table", "further_states_table"]
 
 MOST_ROWS = 40
 
@@ -20,6 +21,19 @@ def determined_line(document: PlanDocument) -> str | None:
     return f"with errors as states: rank {found.rank} of {found.state_dim}{rest}"
 
 
+def expected_line(document: PlanDocument) -> str | None:
+    """Return what to expect of a filter that leaves errors out; None where it leaves out none."""
+    expected = document.expected_rms_m
+    if expected is None or expected.overall is None:
+        return None
+    own = document.predicted_rms_m.overall
+    beside = "" if own is None else f" where the filter predicts {own:.3g} m"
+    return (
+        f"expected RMS error {expected.overall:.3g} m over all vehicles{beside}: some errors are "
+        "not estimated"
+    )
+
+
 def further_states_table(document: PlanDocument) -> FittedTable | None:
     """Return the table of what a plan predicts of further states; None where there are none."""
     states = document.predicted_errors
@@ -32,4 +46,27 @@ def further_states_table(document: PlanDocument) -> FittedTable | None:
     for one in states[:MOST_ROWS]:
         table.add_row(escape(one.state), one.unit, f"{one.sigma:.4g}", f"{one.predicted_rms:.3g}")
     table.count_hidden(len(states) - MOST_ROWS)
+    return table
+
+
+def found_states_table(report: ValidationDocument) -> FittedTable | None:
+    """Return the table of what trials found of further states; None where there are none."""
+    if not report.errors:
+        return None
+    table = FittedTable(
+        "RMS error of what else the filter estimates, over the run and over its second half",
+        ("state", "unit", "total", "2nd half", "bound", "ratio", "3 sigma"),
+        goes=("3 sigma", "total", "ratio"),
+    )
+    for one in report.errors[:MOST_ROWS]:
+        table.add_row(
+            escape(one.state),
+            one.unit,
+            f"{one.rms:.3g}",
+            f"{one.rms_second_half:.3g}",
+            "-" if one.predicted_rms is None else f"{one.predicted_rms:.3g}",
+            "-" if one.ratio is None else f"{one.ratio:.2f}",
+            f"{100.0 * one.coverage:.1f} %",
+        )
+    table.count_hidden(len(report.errors) - MOST_ROWS)
     return table

@@ -5,7 +5,12 @@ from rich.console import Console
 from rich.markup import escape
 
 from syncplan.cli.fitted_tables import FittedTable
-from syncplan.cli.state_tables import determined_line, further_states_table
+from syncplan.cli.state_tables import (
+    determined_line,
+    expected_line,
+    found_states_table,
+    further_states_table,
+)
 from syncplan.cli.verdict_lines import show_findings, show_verdict
 from syncplan.phrases import listed
 from syncplan.placement.centers import Placement
@@ -54,9 +59,7 @@ def show_plan(document: PlanDocument, console: Console) -> None:
         )
     console.print(_synchronisation(document))
     console.print(_vehicle_table(document))
-    states = further_states_table(document)
-    if states is not None:
-        console.print(states)
+    _print_errors(document, console)
     _print_links(document, console)
     if document.refinement is not None:
         console.print(_refinement_table(document.refinement))
@@ -65,6 +68,14 @@ def show_plan(document: PlanDocument, console: Console) -> None:
             console.print(f"held by: {escape(listed(held, MOST_NAMED))}")
     if document.verdict is not None:
         show_findings(document.verdict, console)
+
+
+def _print_errors(document: PlanDocument, console: Console) -> None:
+    """What else the filter estimates, and what the errors cost that it does not."""
+    if (expected := expected_line(document)) is not None:
+        console.print(f"[yellow]{escape(expected)}[/]")
+    if (states := further_states_table(document)) is not None:
+        console.print(states)
 
 
 def show_validation(report: ValidationDocument, console: Console) -> None:
@@ -84,6 +95,9 @@ def show_validation(report: ValidationDocument, console: Console) -> None:
     table.add_section()
     table.add_row("overall", *_figures(report.overall))
     console.print(table)
+    further = found_states_table(report)
+    if further is not None:
+        console.print(further)
     far, lost = report.overall.share_over_3_predicted, report.overall.share_over_10_predicted
     if far is not None and lost is not None:
         console.print(

@@ -2,6 +2,7 @@
 
 import copy
 import json
+import math
 from typing import Any
 
 import pytest
@@ -146,7 +147,9 @@ def test_a_rounded_file_loads(name: str) -> None:
     for one in values["vehicles"]:
         one["phase_rad"] = round(one["phase_rad"], 5)
         one["speed_mps"] = round(one["speed_mps"], 4)
-        one["position_m"] = [round(part, 3) for part in one["position_m"]]
+        # four digits after the first of the radius
+        places = 4 - math.floor(math.log10(one["radius_m"]))
+        one["position_m"] = [round(part, places) for part in one["position_m"]]
         # the same direction, a turn further
         one["heading_rad"] = round(one["heading_rad"], 4) + 6.2832
     values["period_s"] = round(values["period_s"], 3)

@@ -27,15 +27,21 @@ def _at_density(scenario: Scenario, share: float) -> Scenario:
     """The scenario with its noise as random walks, and so much of its sample time."""
     document = scenario.model_dump(exclude_none=True)
     sample_time, motion = scenario.sample_time, scenario.motion
+    lasting = {"speed_scale_sigma", "turn_rate_bias_sigma_rad_s"}
     document["motion"] = {
+        **{key: value for key, value in document["motion"].items() if key in lasting},
         "position_random_walk_m_sqrt_s": motion.speed_sigma(sample_time) * sample_time**0.5,
         "angle_random_walk_rad_sqrt_s": motion.turn_rate_sigma(sample_time) * sample_time**0.5,
     }
     document["sensor"] = {
+        "interval_s": sample_time,
         **document["sensor"],
         "sample_time_s": share * sample_time,
-        "interval_s": sample_time,
     }
+    compass = scenario.heading_sigma_rad
+    if isinstance(compass, float):
+        # read at every sample: as much in a second
+        document["heading_sigma_rad"] = compass / share**0.5
     return scenario_from(document)
 
 

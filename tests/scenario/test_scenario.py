@@ -14,6 +14,8 @@ from syncplan.scenario.specification import Scenario
 from tests.tools.scenarios import BAD_FILES, FILES, document
 
 REMEDIES = {
+    "estimated-without-sigma": ("filter.estimate[0]", "give wind.sigma_mps"),
+    "interval-not-a-multiple": ("sensor.interval_s", "multiple of sample_time_s, 0.1 s"),
     "misspelt-key": ("sensr", "did you mean sensor"),
     "nan-rate": ("orbit.angular_rate_rad_s", "finite"),
     "negative-radius": ("orbit.radius_m", "greater than 0"),
@@ -22,6 +24,7 @@ REMEDIES = {
     "out-of-reach": ("formation.links[0]", "raise range_m"),
     "rate-and-speed-disagree": ("orbit.speed_mps", "one of the two"),
     "unknown-vehicle": ("formation.links[0]", "vehicles are v1, v2"),
+    "walk-and-sigma": ("motion.position_random_walk_m_sqrt_s", "give one of the two"),
 }
 
 

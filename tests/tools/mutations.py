@@ -13,6 +13,7 @@ import numpy as np
 
 import syncplan
 from syncplan.planning.plan_files import stated
+from syncplan.scenario.dotted_keys import numeric_keys, with_number
 from syncplan.scenario.loading import parse_document
 from tests.tools.scenarios import FILES
 
@@ -278,6 +279,38 @@ def _polygons(draw: Draw, document: Tree) -> None:
         document["keep_out_m"] = [corners] * int(draw.integers(1, 30))
 
 
+def _world(draw: Draw, document: Tree) -> None:
+    """Some of the keys of errors that last, of further sightings and of what blocks sight."""
+    keys = {key: one for key, one in numeric_keys().items() if key.startswith(_WORLD)}
+    for key in draw.choice(sorted(keys), int(draw.integers(1, 6)), replace=False).tolist():
+        document.update(with_number(document, key, _log(draw, 1e-6, 1e3)))
+    if draw.random() < 0.5:
+        document["sensor"]["interval_s"] = float(draw.choice([0.1, 0.5, 0.25, 3.0]))
+    if draw.random() < 0.5:
+        document["sensor"]["detection_probability"] = float(draw.choice([1e-6, 0.3, 1.0]))
+    if draw.random() < 0.5:
+        estimate: Any = ["auto", "all", "none", ["wind"], ["gusts", "speed_scale"]]
+        document["filter"] = {"estimate": estimate[int(draw.integers(len(estimate)))]}
+    if draw.random() < 0.5:
+        document["heading_sigma_rad"] = draw.choice(
+            [0.1, 1e-6, 3.0], int(draw.integers(1, 7))
+        ).tolist()
+    corners = draw.uniform(-200.0, 200.0, (int(draw.integers(3, 9)), 2)).tolist()
+    document["obstacles_m"] = [corners] * int(draw.integers(0, 3))
+
+
+_WORLD = (
+    "wind.",
+    "sensor.range_sigma",
+    "sensor.bearing_bias",
+    "heading_sigma",
+    "motion.position_random",
+    "motion.angle_random",
+    "motion.speed_scale",
+    "motion.turn_rate_bias",
+)
+
+
 def _placement(draw: Draw, document: Tree) -> None:
     count = int(draw.integers(2, 9))
     pairs = [[f"v{k + 1}", f"v{draw.integers(1, count + 1)}"] for k in range(count)]
@@ -296,10 +329,19 @@ EXTREMES: dict[str, Callable[[Draw, Tree], None]] = {
     "sizes": _sizes,
     "team": _team,
     "times": _times,
+    "world": _world,
 }
 
 
 # --- jobs -----------------------------------------------------------------------------------------
+
+
+def _swept(draw: Draw) -> Tree:
+    """A list of a swept key, or any key with its values."""
+    if draw.random() < 0.5:
+        return {"angular_rate_rad_s": [0.2, 0.4]}
+    key = str(draw.choice([*numeric_keys(), "sensor.colour", "name"]))
+    return {"key": key, "values": [_log(draw, 1e-3, 1e3) for _ in range(int(draw.integers(1, 4)))]}
 
 
 def _job(draw: Draw, scenarios: list[Tree], plans: list[str]) -> Sent:
@@ -307,7 +349,7 @@ def _job(draw: Draw, scenarios: list[Tree], plans: list[str]) -> Sent:
     bodies: dict[str, Tree] = {
         "refinements": {"starts": 1, "time_limit_s": 0.5, "center_box_m": 2.0},
         "validations": {**small, "seed": 1, "gate_probability": 0.99, "series": True},
-        "sweeps": {**small, "scenario": scenarios[0], "angular_rate_rad_s": [0.2, 0.4]},
+        "sweeps": {**small, "scenario": scenarios[0], **_swept(draw)},
     }
     kind = str(draw.choice(sorted(bodies)))
     path = "/v1/sweeps" if kind == "sweeps" else f"/v1/plans/{_plan(draw, plans)}/{kind}"
