@@ -61,15 +61,30 @@ class Sent:
         return [opening, *(b"%x\r\n%s\r\n" % (len(one), one) for one in parts), b"0\r\n\r\n"]
 
 
+LARGEST_TEAM = 10
+"""Most vehicles of a valid scenario: the services that are searched have limits of their own."""
+
+LONGEST_RUN_S = 200.0
+"""Longest run of one."""
+
+
 def valid_scenarios() -> list[Tree]:
     """Return the documents of examples/scenarios, and at the end a plan in place of one.
 
-    Every other one is on Earth and dated.
+    Every other one is on Earth and dated. What is larger than small services take stays out: teams,
+    and the rest of long runs.
     """
-    files = sorted(FILES.glob("*.yaml"))
+    files = [
+        path
+        for path in sorted(FILES.glob("*.yaml"))
+        if syncplan.load_scenario(path).size <= LARGEST_TEAM
+    ]
     made = syncplan.plan(syncplan.load_scenario(FILES / "four-ground-robots.yaml"))
     given = json.loads(json.dumps(stated(made.scenario, made.orbits)))
     found = [parse_document(path.read_text(), "") for path in files]
+    for document in found:
+        if document.get("duration_s", 0.0) > LONGEST_RUN_S:
+            document["duration_s"] = LONGEST_RUN_S
     for document in found[::2]:
         document["geo_origin"] = {"lat_deg": 47.4, "lon_deg": 8.5, "alt_m": 488.0}
         document["start_time"] = "2027-05-01T09:00:00Z"
@@ -284,6 +299,7 @@ def _world(draw: Draw, document: Tree) -> None:
     keys = {key: one for key, one in numeric_keys().items() if key.startswith(_WORLD)}
     for key in draw.choice(sorted(keys), int(draw.integers(1, 6)), replace=False).tolist():
         document.update(with_number(document, key, _log(draw, 1e-6, 1e3)))
+    document["sensor"] = {"range_m": 50.0, **_sections(document)[0]}
     if draw.random() < 0.5:
         document["sensor"]["interval_s"] = float(draw.choice([0.1, 0.5, 0.25, 3.0]))
     if draw.random() < 0.5:
@@ -297,6 +313,12 @@ def _world(draw: Draw, document: Tree) -> None:
         ).tolist()
     corners = draw.uniform(-200.0, 200.0, (int(draw.integers(3, 9)), 2)).tolist()
     document["obstacles_m"] = [corners] * int(draw.integers(0, 3))
+
+
+def _sections(document: Tree) -> list[Tree]:
+    """The sensors of a scenario, one for all or one each."""
+    sensor = document.get("sensor", {})
+    return sensor if isinstance(sensor, list) else [sensor]
 
 
 _WORLD = (
