@@ -15,6 +15,7 @@ export const WORLD = {
     { path: "sensor.range_sigma_m", label: "Distance sigma", unit: "m", min: 0 },
     { path: "sensor.bearing_bias_sigma_rad", label: "Bearing bias sigma", unit: "rad", min: 0 },
     { path: "heading_sigma_rad", label: "Compass sigma", unit: "rad", min: 0 },
+    { path: "heading_interval_s", label: "Compass interval", unit: "s", min: 0 },
   ],
   "Errors of motion readings": [
     { path: "motion.position_random_walk_m_sqrt_s", label: "Position random walk", unit: "m/√s", min: 0 },

@@ -31,6 +31,7 @@ from syncplan.estimation.wide_system import WideSystem
 from syncplan.observability.rank import Observability
 from syncplan.orbits.contacts import Windows
 from syncplan.orbits.error_states import layout_of
+from syncplan.orbits.sighting_kinds import kinds_measured, samples_between
 from syncplan.orbits.sightings import steps_within
 from syncplan.orbits.team import Team
 
@@ -113,7 +114,7 @@ def _repeating(team: Team) -> tuple[Team, int]:
     _MOST_PERIODS for which it changes least.
     """
     period, sample_time = team.orbits.period, team.sensors.sample_time
-    together = lcm(*team.sensors.every.tolist())
+    together = lcm(*samples_between(team.sensors)[kinds_measured(team.sensors).T].tolist())
     if together == 1:
         samples = max(round(period / sample_time), 1)
         return _sampled(team, period / samples), samples

@@ -23,6 +23,7 @@ COMPASS = SightingKind(
     _no_slopes,
     by_heading=1.0,
     of_target=False,
+    every_name="compass_every",
     own_sensor=OwnSensor("compass", "heading_sigma_rad"),
 )
 """The vehicle's own heading, in rad."""

@@ -30,9 +30,8 @@ def sensors_of(scenario: Scenario) -> Sensors:
         sample_time=scenario.sample_time,
         range_sigmas=np.array([sensor.range_sigma_m or np.inf for sensor in sensors]),
         compass_sigmas=_compass_sigmas(scenario),
-        every=np.array(
-            [round((one.interval_s or one.sample_time_s) / one.sample_time_s) for one in sensors]
-        ),
+        compass_every=np.array(scenario.samples_in(scenario.heading_interval_s)),
+        every=np.array([scenario.samples_in(one.interval_s) for one in sensors]),
         detection=np.array([sensor.detection_probability or 1.0 for sensor in sensors]),
         bearing_bias_sigmas=np.array([one.bearing_bias_sigma_rad or 0.0 for one in sensors]),
     )

@@ -24,6 +24,7 @@ class Sensors:
     sample_time : s, common to all
     range_sigmas : (n,) m, of distances; infinite where none are measured
     compass_sigmas : (n,) rad, of the vehicle's own heading; infinite without a compass
+    compass_every : (n,) samples from one reading of the compass to the next
     every : (n,) samples from one sighting of a target to the next
     detection : (n,) share of the sightings within range and view that are made
     bearing_bias_sigmas : (n,) rad, of an error of the sensor's bearings that is constant in a run
@@ -36,6 +37,7 @@ class Sensors:
     sample_time: float
     range_sigmas: Array = field(default_factory=lambda: np.array(np.inf))
     compass_sigmas: Array = field(default_factory=lambda: np.array(np.inf))
+    compass_every: Index = field(default_factory=lambda: np.array(1))
     every: Index = field(default_factory=lambda: np.array(1))
     detection: Array = field(default_factory=lambda: np.array(1.0))
     bearing_bias_sigmas: Array = field(default_factory=lambda: np.array(0.0))
@@ -57,6 +59,11 @@ class Sensors:
     def only(self, vehicles: Index) -> "Sensors":
         """Return the sensors of the vehicles (k,), in that order; a vehicle may stand twice."""
         return replace(self, **{name: getattr(self, name)[vehicles] for name in self._names()})
+
+    @property
+    def compass_sigmas_each_sample(self) -> Array:
+        """(n,) rad: of readings at every sample that say as much as those that there are."""
+        return np.asarray(self.compass_sigmas * np.sqrt(self.compass_every))
 
     def scaled(self, unit: float) -> "Sensors":
         """Return the same sensors with all lengths in units of `unit` m."""

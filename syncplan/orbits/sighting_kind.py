@@ -61,7 +61,8 @@ class SightingKind:
     slopes : of q (2, ...) m and weights (...), each weight times dz / dq, (2, ...); 0 at q = 0
     by_heading : dz / dpsi
     of_target : whether it measures something that must be within range and view; otherwise a
-        vehicle measures it of itself, at every sample
+        vehicle measures it of itself
+    every_name : attribute of Sensors that holds from how many samples one is made, (n,)
     second_order : what the slopes leave out; None where nothing
     own_sensor : what measures it; None where every vehicle's sensor does
     """
@@ -72,6 +73,7 @@ class SightingKind:
     slopes: Callable[[Array, Array], Array]
     by_heading: float
     of_target: bool = True
+    every_name: str = "every"
     second_order: SecondOrder | None = None
     own_sensor: OwnSensor | None = None
 

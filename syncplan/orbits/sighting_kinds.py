@@ -29,6 +29,7 @@ __all__ = [
     "measured_by_kind",
     "of_targets",
     "place_of",
+    "samples_between",
     "sigmas_by_kind",
     "slopes_by_kind",
     "turns_by_kind",
@@ -52,6 +53,12 @@ def kinds_measured(sensors: Sensors) -> Flags:
 def of_targets(kinds: Index) -> Flags:
     """Return (s,) whether each sighting is one of a target, not of the vehicle itself."""
     return np.array([kind.of_target for kind in SIGHTING_KINDS.values()])[kinds]
+
+
+def samples_between(sensors: Sensors) -> Index:
+    """Return (K, n): from how many samples each vehicle makes one sighting of each of K kinds."""
+    every: list[Index] = [getattr(sensors, one.every_name) for one in SIGHTING_KINDS.values()]
+    return np.stack(every)
 
 
 def sigmas_by_kind(sensors: Sensors, kinds: Index, observers: Index) -> Array:

@@ -7,7 +7,7 @@ import numpy as np
 from syncplan.arrays import Flags, Index
 from syncplan.orbits.contacts import Windows
 from syncplan.orbits.sensors import Sensors
-from syncplan.orbits.sighting_kinds import kinds_measured, of_targets
+from syncplan.orbits.sighting_kinds import kinds_measured, of_targets, samples_between
 from syncplan.orbits.team import Team
 
 __all__ = ["Sightings", "sample_sightings", "samples_before", "sightings_over", "steps_within"]
@@ -76,7 +76,7 @@ def sample_sightings(
 
     Windows repeat with the period; a sample exactly at a window's edge belongs to it. At each
     sample in a window there is one sighting for each kind that the observer's sensor measures,
-    at every sample or as often as it is ready; what a vehicle measures of itself, at every sample.
+    at every sample or as often as it is ready; what a vehicle measures of itself needs no window.
     """
     sample_time = sensors.sample_time
     pair = np.repeat(np.arange(len(windows.observers)), np.diff(windows.first))
@@ -97,20 +97,21 @@ def sample_sightings(
     pair_of = np.repeat(np.repeat(pair, len(turns)), count)
     steps = begin + within
     observers, targets = windows.observers[pair_of], windows.targets[pair_of]
-    if np.any(sensors.every > 1):
-        ready = steps % sensors.every[observers] == 0
-        steps, observers, targets = steps[ready], observers[ready], targets[ready]
     measured = kinds_measured(sensors)
     alone = ~of_targets(np.arange(measured.shape[1]))
     own = np.flatnonzero(measured[:, alone].any(axis=1))
     if len(own):
-        every = np.arange(first_step, last_step + 1)
-        steps = np.concatenate([steps, np.repeat(every, len(own))])
+        all_steps = np.arange(first_step, last_step + 1)
+        steps = np.concatenate([steps, np.repeat(all_steps, len(own))])
         observers, targets = (
-            np.concatenate([of, np.tile(own, len(every))]) for of in (observers, targets)
+            np.concatenate([of, np.tile(own, len(all_steps))]) for of in (observers, targets)
         )
     order = np.lexsort((targets, observers, steps))
     itself = observers[order] == targets[order]
     which, kinds = np.nonzero(measured[observers[order]] & (itself[:, None] == alone))
     order = order[which]
+    every = samples_between(sensors)
+    if np.any(every > 1):
+        ready = steps[order] % every[kinds, observers[order]] == 0
+        order, kinds = order[ready], kinds[ready]
     return Sightings(steps[order], observers[order], targets[order], kinds)

@@ -16,7 +16,7 @@ from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import reachable_pairs
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
 from syncplan.orbits.scenario_arrays import radii_of, team_of
-from syncplan.orbits.sighting_kinds import kinds_measured, of_targets
+from syncplan.orbits.sighting_kinds import kinds_measured, of_targets, samples_between
 from syncplan.planning.judgement import bound_is_affordable
 from syncplan.scenario.specification import Scenario
 
@@ -67,7 +67,8 @@ def work_of(scenario: Scenario, duration: float | None = None) -> ExpectedWork |
     measured = kinds_measured(team.sensors)
     paired = of_targets(np.arange(measured.shape[1]))
     share *= measured[a][:, paired].sum(axis=1) / team.sensors.every[a]
-    each = float(share.sum()) + float(measured[:, ~paired].sum())
+    alone = measured[:, ~paired] / samples_between(team.sensors)[~paired].T
+    each = float(share.sum()) + float(alone.sum())
     sightings = each * length / team.sensors.sample_time
     size = float(layout_of(team, tuple(ERROR_STATES)).size)
     return ExpectedWork(sightings, sightings * size**2, bound_is_affordable(team, length))

@@ -27,7 +27,6 @@ import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.orbits.bearings import BEARING
-from syncplan.orbits.compasses import COMPASS
 from syncplan.orbits.distances import DISTANCE
 from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sighting_kind import SightingKind
@@ -215,7 +214,7 @@ def anchor_information(
 
 def compass_information(paths: Paths, each: bool) -> ca.DM:
     """Return what each vehicle's compass says of its heading, (n, 1), or (n, k) with `each`."""
-    inverse = 1.0 / COMPASS.sigmas(paths.sensors) ** 2
+    inverse = 1.0 / paths.sensors.compass_sigmas_each_sample**2
     known = np.outer(inverse, paths.times.counts)
     return ca.DM(known if each else known.sum(axis=1))
 

@@ -26,7 +26,6 @@ import casadi as ca
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.orbits.compasses import COMPASS
 from syncplan.orbits.error_states import ERROR_STATES, StateLayout, layout_of
 from syncplan.refinement.problem import RefineProblem
 from syncplan.refinement.smooth_bound import CoarseRun, turn_of_vehicles
@@ -161,7 +160,7 @@ def _observed(problem: RefineProblem, layout: StateLayout, run: CoarseRun) -> tu
         for k, column in enumerate(layout.columns[name][:, 0].tolist()):
             if column >= 0:
                 poses[3 * k + 2, column] = -layout.sigmas[column - 3 * layout.count]
-    sigmas = COMPASS.sigmas(problem.sensors)
+    sigmas = problem.sensors.compass_sigmas_each_sample
     own = np.flatnonzero(sigmas < np.inf)
     headings = np.zeros((len(own), layout.size))
     headings[np.arange(len(own)), 3 * own + 2] = 1.0

@@ -23,10 +23,12 @@ from syncplan.scenario.quantities import (
     Section,
     fault,
 )
+from syncplan.scenario.rules import check_interval
 
 __all__ = [
     "MAX_VEHICLES",
     "Formation",
+    "Interval",
     "Orbit",
     "Sensor",
 ]
@@ -36,6 +38,9 @@ MAX_VEHICLES = 2000
 
 SPEED_AGREEMENT = 1e-6
 """Relative difference up to which speed and rate times radius agree."""
+
+Interval = Annotated[float, Field(ge=1e-6, le=1e6)]
+"""Time between sightings or readings in s."""
 
 Rate = Annotated[float, Field(ge=1e-6, le=1e4)]
 Speed = Annotated[float, Field(ge=1e-9, le=1e6)]
@@ -270,7 +275,7 @@ class Sensor(Section):
         "vehicles",
         examples=[0.1],
     )
-    interval_s: Annotated[float, Field(ge=1e-6, le=1e6)] | None = Field(
+    interval_s: Interval | None = Field(
         default=None,
         description="Time between sightings of one target, a multiple of sample_time_s, which it "
         "is if not given",
@@ -295,16 +300,8 @@ class Sensor(Section):
 
     @model_validator(mode="after")
     def _whole_interval(self) -> Self:
-        if self.interval_s is None:
-            return self
-        samples = self.interval_s / self.sample_time_s
-        if round(samples) < 1 or abs(samples - round(samples)) > 1e-6 * samples:
-            raise fault(
-                "interval_s",
-                f"is not a multiple of sample_time_s, {self.sample_time_s:g} s; sightings are made "
-                "at samples",
-                self.interval_s,
-            )
+        if self.interval_s is not None:
+            check_interval("interval_s", self.interval_s, self.sample_time_s)
         return self
 
 

@@ -10,6 +10,7 @@ __all__ = [
     "MAX_SAMPLES",
     "SAME_PLACE_M",
     "check_extent",
+    "check_interval",
     "check_landmarks",
     "check_lengths",
     "check_limits",
@@ -76,6 +77,17 @@ def check_samples(
             raise fault(key, f"a period of {problem}" if key == "orbit" else problem)
     if durations["duration_s"] < times[0]:
         raise fault("duration_s", f"must be at least sample_time_s, {times[0]:g} s")
+
+
+def check_interval(key: str, interval: float, sample_time: float) -> None:
+    """Raise the fault if an interval in s is not a whole number of samples."""
+    samples = interval / sample_time
+    if round(samples) < 1 or abs(samples - round(samples)) > 1e-6 * samples:
+        raise fault(
+            key,
+            f"is not a multiple of sample_time_s, {sample_time:g} s; sightings are made at samples",
+            interval,
+        )
 
 
 def excess(duration: float, sample_time: float, period: float, count: int) -> str:

@@ -18,7 +18,7 @@ from syncplan.scenario.disturbances import (
 )
 from syncplan.scenario.formations import SHAPES
 from syncplan.scenario.georeference import GeoOrigin
-from syncplan.scenario.models import Formation, Orbit, Sensor
+from syncplan.scenario.models import Formation, Interval, Orbit, Sensor
 from syncplan.scenario.polygon_rules import check_obstacles, check_polygons
 from syncplan.scenario.quantities import (
     ListedOrNamed,
@@ -28,10 +28,12 @@ from syncplan.scenario.quantities import (
     Section,
     StartTime,
     Title,
+    fault,
 )
 from syncplan.scenario.refine_options import Limits, RefineOptions
 from syncplan.scenario.rules import (
     check_extent,
+    check_interval,
     check_landmarks,
     check_lengths,
     check_limits,
@@ -64,9 +66,15 @@ class Scenario(Result, Section):
     sensor: OneOrMany[Sensor] = Field(description="One sensor for all, or one per vehicle")
     heading_sigma_rad: OneOrMany[CompassSigma | None] = Field(
         default=None,
-        description="Standard deviation of a compass, read at every sample, one value or one per "
-        "vehicle, null for one that has none; no compass if not given",
+        description="Standard deviation of a reading of a compass, one value or one per vehicle, "
+        "null for one that has none; no compass if not given",
         examples=[0.05],
+    )
+    heading_interval_s: Interval | None = Field(
+        default=None,
+        description="Time between readings of a compass, a multiple of sample_time_s, which it is "
+        "if not given",
+        examples=[0.5],
     )
     motion: Motion = Field(default_factory=Motion)
     wind: Wind | None = Field(default=None, description="Wind or current; none if not given")
@@ -145,6 +153,10 @@ class Scenario(Result, Section):
             self.period,
             self.size,
         )
+        if self.heading_interval_s is not None:
+            if self.heading_sigma_rad is None:
+                raise fault("heading_interval_s", "does nothing unless heading_sigma_rad is given")
+            check_interval("heading_interval_s", self.heading_interval_s, self.sample_time)
         check_landmarks(self.landmark_names, self.landmarks)
         check_obstacles(self.obstacles_m or [])
         check_polygons(self._polygons)
@@ -224,6 +236,10 @@ class Scenario(Result, Section):
     def window(self) -> float:
         """What observability is judged over, in s."""
         return self.window_s if self.window_s is not None else self.period
+
+    def samples_in(self, interval: float | None) -> int:
+        """Return how many samples an interval in s has; one if not given."""
+        return 1 if interval is None else round(interval / self.sample_time)
 
     @property
     def separation(self) -> float:

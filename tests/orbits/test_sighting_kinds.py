@@ -116,6 +116,19 @@ def test_a_slow_camera_sees_at_multiples_of_its_interval_and_a_compass_at_all_sa
     assert np.sum(~of_others) == 60 * team.count
 
 
+def test_a_slow_compass_is_read_at_multiples_of_its_interval() -> None:
+    team = draw_team(np.random.default_rng(3))
+    sensors = replace(team.sensors, compass_sigmas=np.array(0.1), compass_every=np.array(7))
+    slow = sensors.only(np.arange(team.count))
+    windows, period = find_windows(team), team.orbits.period
+    seen = sample_sightings(windows, period, slow, 1, 60)
+    own = seen.kinds == place_of(COMPASS)
+    assert np.unique(seen.steps[own]).tolist() == list(range(7, 61, 7))
+    full = sample_sightings(windows, period, team.sensors, 1, 60)
+    np.testing.assert_array_equal(seen.steps[~own], full.steps)
+    np.testing.assert_allclose(slow.compass_sigmas_each_sample, 0.1 * np.sqrt(7.0))
+
+
 def test_a_sighting_made_with_some_probability_counts_as_that_share_of_one() -> None:
     team = _with_all_kinds(draw_team(np.random.default_rng(3)))
     seen = sightings_of(team, 30)

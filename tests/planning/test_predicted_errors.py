@@ -38,10 +38,8 @@ def _at_density(scenario: Scenario, share: float) -> Scenario:
         **document["sensor"],
         "sample_time_s": share * sample_time,
     }
-    compass = scenario.heading_sigma_rad
-    if isinstance(compass, float):
-        # read at every sample: as much in a second
-        document["heading_sigma_rad"] = compass / share**0.5
+    if scenario.heading_sigma_rad is not None:
+        document["heading_interval_s"] = sample_time
     return scenario_from(document)
 
 

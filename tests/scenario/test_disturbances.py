@@ -75,6 +75,12 @@ def test_a_walk_stands_in_place_of_the_default_of_the_sigma_alone() -> None:
         ({"sensor": {"detection_probability": 0.0}}, "sensor.detection_probability", "greater"),
         ({"sensor": {"detection_probability": 1.1}}, "sensor.detection_probability", "less"),
         ({"sensor": {"range_sigma_m": 0.0}}, "sensor.range_sigma_m", "0.000001"),
+        ({"heading_interval_s": 0.5}, "heading_interval_s", "heading_sigma_rad is given"),
+        (
+            {"heading_sigma_rad": 0.1, "heading_interval_s": 0.25},
+            "heading_interval_s",
+            "multiple of sample_time_s, 0.1 s",
+        ),
         ({"heading_sigma_rad": [0.1, 0.1]}, "heading_sigma_rad", "6 vehicles"),
         ({"wind": {"sigma": 1.0}}, "wind.sigma", "sigma_mps"),
         ({"wind": {"gust_time_s": 0.0}}, "wind.gust_time_s", "0.001"),
@@ -134,7 +140,9 @@ def test_a_scenario_without_the_keys_has_none_of_them_written() -> None:
         *("range_m", "fov_deg", "boresight_deg", "bearing_sigma_rad", "sample_time_s")
     }
     assert set(written["motion"]) == {"speed_sigma_mps", "turn_rate_sigma_rad_s"}
-    assert not {"wind", "filter", "obstacles_m", "heading_sigma_rad"} & set(written)
+    assert not {"wind", "filter", "obstacles_m", "heading_sigma_rad", "heading_interval_s"} & set(
+        written
+    )
 
 
 def test_the_arrays_hold_what_the_keys_say() -> None:

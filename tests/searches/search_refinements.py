@@ -403,7 +403,9 @@ def _sighting_rows(given: Plan, times: Array) -> list[Array]:
                 near = math.sqrt(squared) / (NEAREST * orbits.radii.mean())
                 row *= math.sqrt(sensors[i].detection_probability or 1.0)
                 rows.append(row * min(1.0, near) / sigma)
-        for i, sigma in compasses:
+        read = given.scenario.heading_interval_s or given.scenario.sample_time
+        ready = abs(times[k] / read - round(times[k] / read)) < 1e-6
+        for i, sigma in compasses if ready else ():
             rows.append(np.eye(4 * n)[3 * i + 2] / sigma)
         matrices.append(np.array(rows).reshape(len(rows), 4 * n))
     return matrices
