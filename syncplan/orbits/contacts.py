@@ -39,6 +39,9 @@ SMALLEST_STEP_RAD = 1e-11
 BOUNDARY_SLACK = 1e-12
 """Relative slack of range and field of view, so that a contact exactly at its limit counts."""
 
+_BESIDE = 0.618
+"""Share of an interval at which obstacles are looked at besides its middle."""
+
 DENSE_LIMIT = 500
 """Up to this many bodies all pairs are tried; above, a k-d tree proposes them."""
 
@@ -149,8 +152,12 @@ class _DirectedPairs:
         lines = SightLines.of(team, observers, targets) if team.obstacles else None
         return cls(team, observers, targets, motion, lines)
 
-    def seen_at(self, tau: Array) -> Flags:
-        """(p, k) whether each observer sees its target at tau (p, k) rad."""
+    def seen_between(self, tau: Array, beside: Array) -> Flags:
+        """(p, k) whether each observer sees its target in intervals that hold no root.
+
+        Both (p, k) rad are within the interval. An end that touches a wall from inside is free for
+        that instant, so sight has to be free at both.
+        """
         sensors, observers = self.team.sensors, self.observers
         q = self.motion.at(tau)
         distance = np.hypot(q[..., 0], q[..., 1])
@@ -163,6 +170,7 @@ class _DirectedPairs:
             seen &= ~limited[:, None] | within
         if self.lines is not None:
             seen &= ~self.lines.blocked(tau, seen)
+            seen &= ~self.lines.blocked(beside, seen)
         return np.asarray(seen)
 
 
@@ -236,9 +244,12 @@ def _classified(asked: _DirectedPairs, splits: Array) -> Windows:
     following = np.column_stack([splits[:, 1:], np.full(rows, np.inf)])
     last = np.arange(columns) == count[:, None] - 1
     following = np.where(last, splits[:, :1] + 2.0 * np.pi, following)
-    middle = np.where(real, 0.5 * (np.where(real, splits, 0.0) + following), 0.0)
+    begin = np.where(real, splits, 0.0)
+    middle = np.where(real, 0.5 * (begin + following), 0.0)
     middle[~np.isfinite(middle)] = 0.0
-    seen = asked.seen_at(middle)
+    beside = np.where(real, _BESIDE * begin + (1.0 - _BESIDE) * following, _BESIDE)
+    beside[~np.isfinite(beside)] = _BESIDE
+    seen = asked.seen_between(middle, beside)
     always = (seen | ~real).all(axis=1) & np.where(count == 0, seen[:, 0], True)
     seen &= real
     before = np.column_stack([np.zeros(rows, dtype=bool), seen[:, :-1]])

@@ -16,11 +16,12 @@ corner), the change comes with another root: that of the edge's other corner, or
 edge.
 
 A segment that only touches the boundary is free: it may graze a corner, run along a wall or end at
-a landmark mounted on it. One with an end in the interior is blocked. Polygons are simple, concave
-or not. Between the crossings of a line with the edges nothing changes, so the midpoint of each
-piece says whether it runs through the interior. Crossings are counted for the line moved a hair to
-its left and to its right: a piece is in the interior where both are, which needs no special case
-for corners and edges on the line.
+a landmark mounted on it. One with an end in the interior is blocked. So an end that touches a wall
+from inside has an instant of free sight, which no root need show: intervals are looked at in two
+places. Polygons are simple, concave or not. Between the crossings of a line with the edges nothing
+changes, so the midpoint of each piece says whether it runs through the interior. Crossings are
+counted for the line moved a hair to its left and to its right: a piece is in the interior where
+both are, which needs no special case for corners and edges on the line.
 """
 
 from dataclasses import dataclass

@@ -212,7 +212,10 @@ class PredictedStateError(DocumentPart):
     state: str = Field(description="What it is", examples=["wind x", "speed scale of v1"])
     unit: str = Field(examples=["m/s"])
     sigma: float = Field(description="Its standard deviation before anything is seen")
-    predicted_rms: float = Field(description="Over the second half of the run, as predicted_rms_m")
+    predicted_rms: float = Field(
+        description="Over the second half of the run, as predicted_rms_m, for circles flown in "
+        "still air: in a wind of a quarter of the speed, the wind itself is known half as well"
+    )
 
 
 class SynchronisationRecord(DocumentPart):

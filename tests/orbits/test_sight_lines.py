@@ -133,6 +133,12 @@ def test_a_vehicle_is_hidden_while_it_is_within_an_obstacle() -> None:
     np.testing.assert_allclose(windows.of(0), [[enters, 2.0 * np.pi - enters]], atol=1e-12)
 
 
+@pytest.mark.parametrize("draw", [667, 3409])
+def test_a_vehicle_that_touches_a_wall_from_within_stays_hidden(draw: int) -> None:
+    # midway between the moments at which it enters and leaves; no root is found there
+    assert compare(draw_obstructed(np.random.default_rng([20261122, draw]))).mismatches == ()
+
+
 def test_a_disc_of_many_corners_hides_what_is_beyond_its_tangents() -> None:
     orbits = Orbits(np.zeros((1, 2)), np.array([10.0]), np.ones(1), np.zeros(1), 1.0)
     disc = 6.0 * unit(np.linspace(0.0, 2.0 * np.pi, 2001)[:-1])
