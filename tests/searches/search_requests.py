@@ -43,7 +43,7 @@ CLIENTS = 3
 WARM_UP = 200
 REHEARSED = 240
 """Drawn requests that are sent, and looked at, before memory is measured."""
-PASSES = 3
+PASSES = 6
 """Times the same requests are sent while memory grows: a child may first load in any of them."""
 PATIENCE = 5
 """Tries of a valid request: the processes are only starting, on a machine with other work."""
