@@ -26,6 +26,7 @@ from syncplan.refinement.stages import Stage
 from syncplan.scenario.objectives import OBJECTIVES
 from tests.tools.scenarios import example, small
 from tests.tools.smooth_problems import (
+    MIXED,
     differences,
     exact_information,
     scaled_circles,
@@ -34,20 +35,6 @@ from tests.tools.smooth_problems import (
 
 STAGE = Stage(samples=64, width=0.05, barrier=0.1, iterations=1, tolerance=1e-5, last=True)
 PERIOD_S = 2.0 * np.pi / 0.2
-
-MIXED: dict[str, Any] = {
-    "orbit": {
-        "radius_m": [20.0, 17.0, 23.0],
-        "angular_rate_rad_s": 0.2,
-        "direction": ["ccw", "cw", "ccw"],
-        "first_phase_rad": 0.7,
-        "desync_rad": [0.0, 0.3, -0.2],
-    },
-    "formation": {"centers_m": [[0.0, 0.0], [68.0, 5.0], [20.0, 66.0]]},
-    "landmarks_m": [[0.0, -40.0], [70.0, 50.0], [40.0, 30.0]],
-    "min_separation_m": 8.0,
-    "duration_s": 60.0,
-}
 UNEQUAL = [
     {"range_m": reach, "bearing_sigma_rad": sigma, "sample_time_s": 0.2}
     for reach, sigma in ((50.0, 0.1), (42.0, 0.05), (55.0, 0.2))

@@ -21,7 +21,7 @@ from syncplan.refinement.smooth_team import SmoothTeam
 from syncplan.refinement.smooth_wide_bound import smooth_wide_rms
 from syncplan.refinement.stages import Stage
 from tests.tools.scenarios import small
-from tests.tools.smooth_problems import differences, scaled_circles
+from tests.tools.smooth_problems import MIXED, differences, scaled_circles
 
 STAGE = Stage(samples=64, width=0.05, barrier=0.1, iterations=1, tolerance=1e-5, last=True)
 NOISE = {"speed_sigma_mps": 0.1, "turn_rate_sigma_rad_s": 0.01}
@@ -43,19 +43,7 @@ def _problem(sensor: dict[str, Any], changes: dict[str, Any], **refine: Any) -> 
         {"range_m": reach, "bearing_sigma_rad": 0.1, "sample_time_s": 0.2, "fov_deg": view}
         for reach, view in ((50.0, 200.0), (42.0, 300.0), (55.0, 360.0))
     ]
-    keys: dict[str, Any] = {
-        "orbit": {
-            "radius_m": [20.0, 17.0, 23.0],
-            "angular_rate_rad_s": 0.2,
-            "direction": ["ccw", "cw", "ccw"],
-            "first_phase_rad": 0.7,
-            "desync_rad": [0.0, 0.3, -0.2],
-        },
-        "formation": {"centers_m": [[0.0, 0.0], [68.0, 5.0], [20.0, 66.0]]},
-        "landmarks_m": [[0.0, -40.0], [70.0, 50.0], [40.0, 30.0]],
-        "min_separation_m": 8.0,
-        "duration_s": 120.0,
-    }
+    keys: dict[str, Any] = {**MIXED, "duration_s": 120.0}
     orbits = plan(small(**keys, sensor=[{**one, "fov_deg": 360.0} for one in sensors])).orbits
     scenario = small(**keys, **changes, sensor=[{**one, **sensor} for one in sensors])
     given = judge(scenario, orbits, bound="never")

@@ -14,6 +14,21 @@ from syncplan.refinement.problem import RefineProblem, circles_of
 from syncplan.refinement.sample_times import samples_of
 from syncplan.refinement.smooth_team import SmoothTeam
 
+MIXED: dict[str, Any] = {
+    "orbit": {
+        "radius_m": [20.0, 17.0, 23.0],
+        "angular_rate_rad_s": 0.2,
+        "direction": ["ccw", "cw", "ccw"],
+        "first_phase_rad": 0.7,
+        "desync_rad": [0.0, 0.3, -0.2],
+    },
+    "formation": {"centers_m": [[0.0, 0.0], [68.0, 5.0], [20.0, 66.0]]},
+    "landmarks_m": [[0.0, -40.0], [70.0, 50.0], [40.0, 30.0]],
+    "min_separation_m": 8.0,
+    "duration_s": 60.0,
+}
+"""Three vehicles of unequal circles and both senses, three landmarks; without sensors."""
+
 
 def scaled_circles(problem: RefineProblem) -> Array:
     """Return the plan's circles (4, n), lengths in its mean radius."""
