@@ -22,6 +22,7 @@ from syncplan.cli.console import (
     deliver_document,
     refuse_overwriting,
     say,
+    say_notes,
     search_progress,
 )
 from syncplan.cli.required_verdicts import RequireGo, RequireObservable, verdict_status
@@ -213,6 +214,7 @@ def _place(
 
         show_placement(placed, console)
 
+    say_notes(placed.notes)
     values = placed.scenario.model_dump(mode="json", exclude_none=True)
     deliver(values, output, format_, show)
     return 0

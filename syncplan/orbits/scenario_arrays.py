@@ -11,12 +11,17 @@ from syncplan.orbits.team import Team
 from syncplan.scenario.disturbances import Wind
 from syncplan.scenario.specification import Scenario, per_vehicle
 
-__all__ = ["radii_of", "sensors_of", "team_of"]
+__all__ = ["obstacles_of", "radii_of", "sensors_of", "team_of"]
 
 
 def radii_of(scenario: Scenario) -> Array:
     """Return (n,) m: the radius of each vehicle's circle."""
     return np.array(per_vehicle(scenario.orbit.radius_m, scenario.size), dtype=float)
+
+
+def obstacles_of(scenario: Scenario) -> tuple[Array, ...]:
+    """Return the polygons that block sight, each (k, 2) m."""
+    return tuple(np.array(corners, dtype=float) for corners in scenario.obstacles_m or [])
 
 
 def sensors_of(scenario: Scenario) -> Sensors:
@@ -50,7 +55,7 @@ def team_of(scenario: Scenario, orbits: Orbits) -> Team:
             heading_sigma=scenario.initial_sigma.heading_rad,
         ),
         errors=_errors_of(scenario),
-        obstacles=tuple(np.array(corners, dtype=float) for corners in scenario.obstacles_m or []),
+        obstacles=obstacles_of(scenario),
     )
 
 

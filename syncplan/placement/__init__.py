@@ -5,6 +5,7 @@ drawing         a drawing, measured: what it attains and misses
 layouts         first drawings of links
 layout_qp       the quadratic program of one step
 improvement     steps towards a drawing that meets its demands
+hidden_sight    what obstacles hide in a drawing
 infeasibility   why there is no drawing
 centers         demands, drawing, certificate: centres for a scenario
 """

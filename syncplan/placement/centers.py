@@ -16,6 +16,7 @@ from syncplan.errors import InputError, NoSolutionError
 from syncplan.orbits.separation import outer_gaps
 from syncplan.placement.demands import Demands, demands_of
 from syncplan.placement.drawing import Drawing, draw
+from syncplan.placement.hidden_sight import hidden_pairs
 from syncplan.placement.improvement import improved
 from syncplan.placement.infeasibility import complaint, obstacle
 from syncplan.placement.layouts import starting_layouts
@@ -49,6 +50,8 @@ class Placement:
         without
     sightings : (k, 2) vehicle and landmark, two landmarks for each connected group of links
     sighting_distances : (k,) m, least distance of that vehicle's circle from the landmark
+    hidden : (h, 2) bodies of links and sightings that obstacles hide from each other whatever the
+        phases; landmarks from n on
     starts, iterations : layouts tried, convex problems solved in all; 0 for closed forms
     seed : of the layouts
     """
@@ -62,11 +65,22 @@ class Placement:
     clearance: float
     sightings: Index
     sighting_distances: Array
+    hidden: Index
     starts: int
     iterations: int
     seed: int
 
     __repr__ = short_repr
+
+    @property
+    def notes(self) -> list[str]:
+        """What obstacles hide, in words."""
+        names = [*self.scenario.vehicle_names, *self.scenario.landmark_names]
+        return [
+            f"{names[a]} and {names[b]} come within range, but obstacles_m hides them from each "
+            "other at all phases; more starts, other links or a shorter obstacle may cure it"
+            for a, b in self.hidden.tolist()
+        ]
 
 
 @single_threaded_blas
@@ -99,18 +113,20 @@ def place(
 
 
 def _draw_links(demands: Demands, starts: int, seed: int) -> Drawing:
-    """The best of the layouts, improved; the first that meets all demands."""
+    """The best of the layouts, improved; the first that meets all demands and hides nothing."""
     reason = obstacle(demands)
     if reason:
         raise NoSolutionError(reason)
     best: Drawing | None = None
+    least = (np.inf, 0)
     tried = rounds = 0
     for layout in starting_layouts(demands, starts, seed):
         drawing = improved(draw(demands, layout))
         tried, rounds = tried + 1, rounds + drawing.rounds
-        if best is None or drawing.missed.total < best.missed.total:
-            best = drawing
-        if best.missed.total == 0.0:
+        hidden = 0 if drawing.missed.total else len(hidden_pairs(drawing, demands.links))
+        if (drawing.missed.total, hidden) < least:
+            best, least = drawing, (drawing.missed.total, hidden)
+        if least == (0.0, 0):
             break
     centers = np.zeros((0, 2)) if best is None else best.centers
     if not len(demands.landmarks) and not demands.area.limited:
@@ -167,6 +183,7 @@ def _certified(scenario: Scenario, drawing: Drawing, seed: int) -> Placement:
         smallest_gap=float(outer_gaps(centers, demands.radii, every).min(initial=np.inf)),
         clearance=float(demands.area.clearances(centers, demands.radii).min()),
         sightings=drawing.sightings,
+        hidden=hidden_pairs(drawing, links),
         sighting_distances=np.abs(drawing.sighted_from - demands.radii[drawing.sightings[:, 0]]),
         starts=tried,
         iterations=drawing.rounds,

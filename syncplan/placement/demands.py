@@ -12,7 +12,7 @@ import numpy as np
 from syncplan.arrays import Array, Index, as_pairs
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.orbits.graphs import components
-from syncplan.orbits.scenario_arrays import radii_of
+from syncplan.orbits.scenario_arrays import obstacles_of, radii_of
 from syncplan.scenario.areas import Area
 from syncplan.scenario.formations import SHAPES
 from syncplan.scenario.specification import Scenario
@@ -63,6 +63,8 @@ class Demands:
     sight : (n,) largest distance off its circle at which a vehicle sights a landmark
     groups : connected components of the links; each is to sight two landmarks, or the only one
     area : where the circles may lie
+    ranges : (n,)
+    obstacles : polygons (k, 2) that block sight
     """
 
     names: Names
@@ -76,6 +78,8 @@ class Demands:
     sight: Array
     groups: tuple[Index, ...]
     area: Area
+    ranges: Array
+    obstacles: tuple[Array, ...]
 
     @property
     def count(self) -> int:
@@ -133,6 +137,8 @@ def _of_links(scenario: Scenario, names: Names, ranges: Array) -> Demands:
         sight=ranges - names.margin,
         groups=tuple(np.array(part) for part in components(scenario.size, scenario.linked)),
         area=Area.of(scenario.area_m, scenario.keep_out_m),
+        ranges=ranges,
+        obstacles=obstacles_of(scenario),
     )
 
 
@@ -160,6 +166,8 @@ def _of_shape(scenario: Scenario, names: Names, ranges: Array) -> Demands:
         sight=np.zeros(len(radii)),
         groups=(),
         area=Area.of(scenario.area_m, scenario.keep_out_m),
+        ranges=ranges,
+        obstacles=obstacles_of(scenario),
     )
 
 

@@ -12,6 +12,7 @@ from syncplan.errors import InputError
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import reachable_pairs
 from syncplan.orbits.scenario_arrays import radii_of, team_of
+from syncplan.orbits.team import Team
 from syncplan.placement.centers import place
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.judgement import BoundChoice, judge, listed_pairs
@@ -21,6 +22,7 @@ from syncplan.scenario.rules import SAME_PLACE_M
 from syncplan.scenario.specification import Scenario, per_vehicle
 from syncplan.synchronisation.phases import synchronise
 from syncplan.synchronisation.senses import alternating_senses
+from syncplan.synchronisation.sighted_phases import hidden_at_all_phases
 
 __all__ = ["plan"]
 
@@ -54,7 +56,7 @@ def plan(
     circles = _circles(resolved)
     team = team_of(resolved, circles)
     pairs = listed_pairs(resolved, team)
-    senses, proven = _senses(resolved, circles, pairs)
+    senses, proven = _senses(resolved, team, pairs)
     found = synchronise(
         circles.centers,
         circles.radii,
@@ -90,12 +92,15 @@ def _circles(scenario: Scenario) -> Orbits:
     return Orbits(centers, radii_of(scenario), zeros + 1.0, zeros, scenario.orbit.rate)
 
 
-def _senses(scenario: Scenario, circles: Orbits, pairs: Index) -> tuple[Array, bool | None]:
-    """Senses (n,), and whether as many links alternate as can be; None where they were given."""
+def _senses(scenario: Scenario, team: Team, pairs: Index) -> tuple[Array, bool | None]:
+    """Senses (n,), and whether as many links alternate as can be; None where they were given.
+
+    Links that obstacles hide whatever the senses do not count.
+    """
     direction = scenario.orbit.direction
     if direction == "alternate":
-        edges = [(int(a), int(b)) for a, b in pairs]
-        return alternating_senses(scenario.size, edges, _sharing_a_circle(circles))
+        edges = [(int(a), int(b)) for a, b in pairs[~hidden_at_all_phases(team, pairs)]]
+        return alternating_senses(scenario.size, edges, _sharing_a_circle(team.orbits))
     turn = {"ccw": 1.0, "cw": -1.0}
     listed = direction if isinstance(direction, list) else [direction] * scenario.size
     return np.array([turn[one] for one in listed]), None

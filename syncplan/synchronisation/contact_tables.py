@@ -70,9 +70,14 @@ class ContactTables:
         return np.asarray(left + part * (self.share[rows, (below + 1) % samples] - left))
 
 
-def seeing_team(orbits: Orbits, sensors: Sensors, obstacles: tuple[Array, ...] = ()) -> Team:
+def seeing_team(
+    orbits: Orbits,
+    sensors: Sensors,
+    obstacles: tuple[Array, ...] = (),
+    landmarks: Array = NO_LANDMARKS,
+) -> Team:
     """Return the team of vehicles that see each other, all else about which is left out."""
-    return Team(orbits, NO_LANDMARKS, sensors, _NO_NOISE, obstacles=obstacles)
+    return Team(orbits, landmarks, sensors, _NO_NOISE, obstacles=obstacles)
 
 
 def tabulated_contact(rules: Rules, team: Team) -> ContactTables:

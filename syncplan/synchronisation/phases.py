@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from syncplan.arrays import Array, Index, as_pairs
+from syncplan.arrays import Array, Flags, Index, as_pairs
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.graphs import components, odd_cycle
 from syncplan.orbits.sensors import Sensors
@@ -138,6 +138,11 @@ class _PhaseProblem:
     separation: float
     cycle: tuple[int, ...]
 
+    def cycle_of(self, links: Flags) -> tuple[int, ...]:
+        """Return the vehicles of an odd cycle of those links (e,)."""
+        some = self.rules.only(np.flatnonzero(links))
+        return tuple(odd_cycle(self.circles.count, some.edges))
+
     def kept(self, unserved: Index) -> Rules:
         """Return the rules of the links but for those."""
         return self.rules.only(np.setdiff1d(np.arange(len(self.rules)), unserved))
@@ -186,7 +191,7 @@ def _by_contact(
             Dropped(k, why_unseen(team, np.array(rules.edges[k]), float(most[k])))
             for k in found.unserved.tolist()
         ),
-        odd_cycle=case.cycle,
+        odd_cycle=case.cycle_of(most > 0.0) if team.obstacles else case.cycle,
         attainable=attainable,
     )
 

@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from syncplan.arrays import Array, Index
+from syncplan.arrays import Array, Flags, Index
+from syncplan.orbits.sight_lines import obstructible
 from syncplan.orbits.team import Team
 from syncplan.phrases import listed
 from syncplan.synchronisation.contact_search import ContactPhases, phases_of_most_contact
@@ -21,6 +22,7 @@ from syncplan.synchronisation.phase_rules import Rules, closest_distance, rules_
 __all__ = [
     "SightedPhases",
     "attainable_contact",
+    "hidden_at_all_phases",
     "obstacles_blocking",
     "phases_in_sight",
     "why_unseen",
@@ -85,6 +87,22 @@ def attainable_contact(team: Team, pairs: Index) -> dict[tuple[int, int], float]
     rules = rules_of(orbits.centers, orbits.radii, orbits.senses, team.sensors.ranges, pairs)
     most = tabulated_contact(rules, team).attainable
     return dict(zip(rules.edges, most.tolist(), strict=True))
+
+
+def hidden_at_all_phases(team: Team, pairs: Index) -> Flags:
+    """Return (e,) whether obstacles hide the vehicles of each pair (e, 2), which are within range.
+
+    Senses, phases and fields of view do not matter: over all phase differences, each vehicle is
+    looked for at every place on its circle from every place on the other, whatever the senses.
+    """
+    hidden = np.zeros(len(pairs), dtype=bool)
+    near = np.flatnonzero(obstructible(team, pairs[:, 0], pairs[:, 1]))
+    if len(near):
+        views = np.full(team.count, 2.0 * np.pi)
+        seeing = replace(team, sensors=replace(team.sensors, fields_of_view=views))
+        most = attainable_contact(seeing, pairs[near])
+        hidden[near] = [share <= 0.0 for share in most.values()]
+    return hidden
 
 
 def why_unseen(team: Team, pair: Index, attainable: float) -> str:

@@ -406,3 +406,37 @@ def test_a_gap_near_or_beyond_the_range_is_met_too(gap: float) -> None:
         )
     )
     np.testing.assert_allclose(placed.gaps, gap, atol=1e-6)
+
+
+WALL = [[-2.0, -15.0], [2.0, -15.0], [2.0, 15.0], [-2.0, 15.0]]
+
+
+def beside_a_wall(links: Edges, landmarks: list[list[float]]) -> Scenario:
+    return linked(
+        links,
+        radius=6.0,
+        sensed=15.0,
+        landmarks_m=landmarks,
+        obstacles_m=[WALL],
+        keep_out_m=[WALL],
+    )
+
+
+def test_a_drawing_whose_links_see_each_other_is_taken_before_one_across_a_wall() -> None:
+    scenario = beside_a_wall(path(3), [[-15.0, 0.0], [15.0, 0.0]])
+    first, best = (place(scenario, starts=starts, seed=1) for starts in (1, 8))
+    assert first.hidden.tolist() == [[0, 1]]
+    assert best.hidden.tolist() == []
+    assert best.notes == []
+    served = plan(best.scenario, bound="never")
+    assert served.dropped_links == ()
+    (lost,) = plan(first.scenario, bound="never").dropped_links
+    assert (lost.a, lost.b) == (0, 1)
+
+
+def test_what_no_drawing_brings_into_sight_is_named() -> None:
+    # one landmark is within the wall
+    found = place(beside_a_wall(path(2), [[0.0, 0.0], [15.0, 0.0]]), starts=2)
+    assert 2 in found.hidden[:, 1]
+    assert 3 not in found.hidden[:, 1]
+    assert "and L1 come within range, but obstacles_m hides them" in found.notes[-1]

@@ -121,3 +121,18 @@ def test_a_phase_that_slips_by_more_than_its_tolerance_loses_sight() -> None:
     assert meets(0.999 * link.tolerance)
     assert meets(-0.999 * link.tolerance)
     assert not (meets(1.001 * link.tolerance) and meets(-1.001 * link.tolerance))
+
+
+def test_a_link_that_nothing_can_serve_has_no_say_in_the_senses() -> None:
+    # a triangle of links, which can't alternate all round: v1-v3 behind the wall is the odd one out
+    centers = [[0.0, 0.0], [70.0, 0.0], [35.0, 60.6]]
+    across = np.array([[-30.0, -5.0], [30.0, -5.0], [30.0, 5.0], [-30.0, 5.0]])
+    turn = np.radians(150.0)
+    way = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    wall = (across @ way + np.array([17.5, 30.3])).tolist()
+    orbit = {"radius_m": 20.0, "angular_rate_rad_s": 0.2, "direction": "alternate"}
+    judged = made(orbit=orbit, formation={"centers_m": centers}, obstacles_m=[wall])
+    assert [(link.a, link.b) for link in judged.dropped_links] == [(0, 2)]
+    assert judged.orbits.senses.tolist() == [1.0, -1.0, 1.0]
+    assert judged.synchronisation is not None
+    assert judged.synchronisation.odd_cycle == ()
