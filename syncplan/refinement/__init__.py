@@ -13,7 +13,8 @@ smooth_sightings     the information of sightings, smooth
 smooth_contacts      contacts, smooth
 smooth_team          information and contacts of the whole team
 smooth_bound         the posterior bound, smooth
-smooth_wide_bound    the same with errors as states beside the poses
+smooth_passages      how poses and errors as states go on from step to step
+smooth_wide_bound    the posterior bound with errors as states, and its slopes
 smooth_determinants  log determinant and window bound of the information
 objective_forms      each objective, exact and smooth
 clearances           separation, landmarks and areas, smooth

@@ -149,6 +149,9 @@ class StagedSolver:
 def _ipopt(nlp: StageNlp, stage: Stage, watcher: "_Watcher") -> ca.Function:
     options: dict[str, Any] = {
         "print_time": False,
+        # multipliers of the parameters, which nobody reads, would take further derivatives
+        "calc_lam_p": False,
+        "no_nlp_grad": True,
         "show_eval_warnings": False,
         "jac_g": nlp.jacobian,
         "iteration_callback": watcher,
@@ -168,6 +171,8 @@ def _ipopt(nlp: StageNlp, stage: Stage, watcher: "_Watcher") -> ca.Function:
             "bound_frac": 1e-3,
         },
     }
+    if nlp.gradient is not None:
+        options["grad_f"] = nlp.gradient
     return ca.nlpsol("refine", "ipopt", nlp.as_dictionary(), options)
 
 

@@ -32,6 +32,7 @@ class StageNlp:
     objective : what is minimised, with the variable that it adds
     constraints : expression
     jacobian : function (x, p) -> (constraints, their sparse Jacobian)
+    gradient : function (x, p) -> (objective, its gradient), where the objective has one; or None
     values : function (x, p) -> (objective, constraints)
     information : function of the circles' variables -> the windowed information (3 n, 3 n), where
         the start of the objective's own variable needs it
@@ -45,6 +46,7 @@ class StageNlp:
     objective: SmoothObjective
     constraints: ca.MX
     jacobian: ca.Function
+    gradient: ca.Function | None
     values: ca.Function
     information: ca.Function | None
     lower: Array
@@ -134,6 +136,7 @@ def nlp_of(problem: RefineProblem, stage: Stage) -> StageNlp:
         jacobian=ca.Function(
             "jac_g", [variables, sides], [constraints, jacobian], ["x", "p"], ["g", "jac_g_x"]
         ),
+        gradient=_gradient(objective, circles, variables, chosen, sides),
         values=ca.Function("values", [variables, sides], [objective.value, constraints]),
         information=None
         if objective.extra is None
@@ -143,6 +146,17 @@ def nlp_of(problem: RefineProblem, stage: Stage) -> StageNlp:
         constraint_lower=np.append(limits.lower, np.zeros(len(labels) - len(limits.lower))),
         constraint_upper=np.full(len(labels), np.inf),
         labels=labels,
+    )
+
+
+def _gradient(
+    objective: SmoothObjective, circles: ca.MX, variables: ca.MX, chosen: ca.MX, sides: ca.MX
+) -> ca.Function | None:
+    if objective.gradient is None:
+        return None
+    gradient = ca.jtimes(circles, chosen, objective.gradient, True)
+    return ca.Function(
+        "grad_f", [variables, sides], [objective.value, gradient], ["x", "p"], ["f", "grad_f_x"]
     )
 
 

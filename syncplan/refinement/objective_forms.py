@@ -76,11 +76,13 @@ class SmoothObjective:
     Attributes
     ----------
     value : expression
+    gradient : (4, n) by the circles, where it is written out rather than left to CasADi; or None
     extra : a variable without bounds beside those of the circles, or None
     extra_start : its value to start from, of the information (3 n, 3 n) there
     """
 
     value: ca.MX
+    gradient: ca.MX | None = None
     extra: ca.MX | None = None
     extra_start: Callable[[Array], float] | None = None
 
@@ -127,7 +129,7 @@ def _min_eigenvalue(given: SmoothInputs) -> SmoothObjective:
         return float(np.log(_INSIDE * share))
 
     value = -below - given.stage.barrier * inside / sparsity.size1()
-    return SmoothObjective(value, below, start)
+    return SmoothObjective(value, extra=below, extra_start=start)
 
 
 def _trace(given: SmoothInputs) -> SmoothObjective:
@@ -139,8 +141,7 @@ def _trace(given: SmoothInputs) -> SmoothObjective:
 
 
 def _predicted_rms(given: SmoothInputs) -> SmoothObjective:
-    rms = _rms_of_vehicles(given)
-    return SmoothObjective(0.5 * ca.log(ca.sumsqr(rms) / rms.numel()))
+    return _of_vehicles(given, lambda rms: 0.5 * ca.log(ca.sumsqr(rms) / rms.numel()))
 
 
 _WORST_POWER = 16.0
@@ -148,19 +149,22 @@ _WORST_POWER = 16.0
 
 
 def _worst_predicted_rms(given: SmoothInputs) -> SmoothObjective:
-    rms = _rms_of_vehicles(given)
-    return SmoothObjective(ca.logsumexp(_WORST_POWER * ca.log(rms)) / _WORST_POWER)
+    return _of_vehicles(given, lambda rms: ca.logsumexp(_WORST_POWER * ca.log(rms)) / _WORST_POWER)
 
 
-def _rms_of_vehicles(given: SmoothInputs) -> ca.MX:
+def _of_vehicles(given: SmoothInputs, cost: Callable[[ca.MX], ca.MX]) -> SmoothObjective:
+    """The cost of the vehicles' RMS errors (n,)."""
     problem = given.problem
     run = coarse_run(problem)
     seen = SmoothTeam.of(problem, run.times)
     width = max(given.stage.width, step_width(problem, run.times))
-    if layout_of(problem.team).names:
-        return smooth_wide_rms(problem, run, seen, given.circles, width)
-    each = seen.information(given.circles, width, each=True)
-    return smooth_rms(problem, run, seen.sparsity, each, given.circles)
+    if not layout_of(problem.team).names:
+        each = seen.information(given.circles, width, each=True)
+        return SmoothObjective(cost(smooth_rms(problem, run, seen.sparsity, each, given.circles)))
+    rms = smooth_wide_rms(problem, run, seen, given.circles, width)
+    one = ca.MX.sym("rms", problem.orbits.count)
+    weights = ca.Function("weights", [one], [ca.gradient(cost(one), one)])
+    return SmoothObjective(cost(rms.value), rms.slopes(weights(rms.value)))
 
 
 _LARGEST_EXPONENT = 700.0

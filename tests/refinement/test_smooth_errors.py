@@ -54,7 +54,7 @@ def _wide_rms(problem: RefineProblem) -> Array:
     run = coarse_run(problem)
     team = SmoothTeam.of(problem, run.times)
     circles = ca.MX.sym("X", 4, problem.orbits.count)
-    rms = smooth_wide_rms(problem, run, team, circles, 0.02)
+    rms = smooth_wide_rms(problem, run, team, circles, 0.02).value
     return _at_the_plan(problem, circles, rms)
 
 
@@ -105,10 +105,12 @@ def test_the_gradient_with_all_errors_is_that_of_finite_differences() -> None:
     free = {"vary": ["phases", "centers", "radii"], "radius_m": [10.0, 30.0]}
     problem = _problem(BIASED, ALL, objective="predicted_rms", **free)
     nlp = nlp_of(replace(problem, duration=40.0), STAGE)
-    at = nlp.variables_of(circles_of(problem.orbits))
+    circles = circles_of(problem.orbits)
+    at, sides = nlp.variables_of(circles), nlp.sides_of(circles)
     at = at + 0.02 * np.random.default_rng(0).uniform(-1.0, 1.0, len(at))
-    value = ca.Function("f", [nlp.variables], [nlp.objective.value])
-    slope = ca.Function("g", [nlp.variables], [ca.gradient(nlp.objective.value, nlp.variables)])
-    found = np.array(slope(at)).ravel()
-    wanted = differences(value, at)[0]
+    assert nlp.gradient is not None
+    value, slope = nlp.gradient(at, sides)
+    np.testing.assert_allclose(float(value), float(nlp.values(at, sides)[0]), rtol=1e-14)
+    wanted = differences(lambda moved: nlp.values(moved, sides)[0], at)[0]
+    found = np.array(slope).ravel()
     np.testing.assert_allclose(found, wanted, atol=1e-6 * np.abs(wanted).max(), rtol=1e-5)
