@@ -1,4 +1,4 @@
-"""What the filter does not estimate: the finding on what that costs."""
+"""What the filter does not estimate: the findings on what that costs."""
 
 from collections.abc import Iterator
 
@@ -8,10 +8,13 @@ from syncplan.phrases import listed
 from syncplan.planning.findings import MOST_NAMED, Cure, Finding
 from syncplan.planning.judged_team import JudgedTeam
 
-__all__ = ["not_estimated"]
+__all__ = ["expected_worse", "not_estimated"]
 
 WORTH_A_WARNING = 1.1
 """Expected over predicted RMS error, of any vehicle, from which on neglect counts."""
+
+WORSE = 1.01
+"""Expected RMS error of all vehicles, over that of the input, from which on it has grown."""
 
 _LEAST = 1e-300
 """m: a prediction of nothing but 0 still has a ratio."""
@@ -44,4 +47,23 @@ def not_estimated(judged: JudgedTeam) -> Iterator[Finding]:
         f"{listed(each, MOST_NAMED)}",
         tuple(names[k] for k in sorted(worse)),
         cure,
+    )
+
+
+def expected_worse(judged: JudgedTeam) -> Iterator[Finding]:
+    """Yield the finding that refinement made worse what is to be expected of the filter."""
+    record, neglect = judged.refinement, judged.prediction.neglect
+    before = None if record is None or not record.improved else record.expected_before
+    after = None if neglect is None else neglect.expected_of_all
+    if before is None or after is None or after <= WORSE * before:
+        return
+    yield Finding(
+        "expected-worse",
+        "warning",
+        "refinement counted only what the filter estimates; with the errors that it leaves out, "
+        f"the RMS error to be expected of all vehicles rose from {before:.3g} m to {after:.3g} m",
+        cure=Cure(
+            "estimate them as states, which refinement then counts, or keep the plan as it was",
+            {"filter.estimate": "auto"},
+        ),
     )

@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from syncplan.arrays import Array
 from syncplan.errors import NoSolutionError
 from syncplan.estimation.considered_errors import expected_errors, neglected_errors
@@ -45,6 +47,11 @@ class Neglect:
 
     names: tuple[str, ...]
     expected: Array | None
+
+    @property
+    def expected_of_all(self) -> float | None:
+        """RMS over the vehicles of what is expected, in m; None where that is."""
+        return None if self.expected is None else float(np.sqrt(np.mean(self.expected**2)))
 
 
 @dataclass(frozen=True, slots=True)

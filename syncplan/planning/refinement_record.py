@@ -50,6 +50,8 @@ class RefinementRecord:
     active : constraints that the result meets with hardly any margin
     starts : in order
     start_before : how the input starts; None where that was not judged
+    expected_before : m, RMS error of all vehicles to be expected of the input, where its filter
+        leaves out errors; None where it leaves out none or no bound is computed
     cleared : whether the result keeps distances that the input did not, whatever its figures
     """
 
@@ -63,4 +65,5 @@ class RefinementRecord:
     active: tuple[str, ...]
     starts: tuple[StartRecord, ...]
     start_before: StartBefore | None = None
+    expected_before: float | None = None
     cleared: bool = False

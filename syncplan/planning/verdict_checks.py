@@ -6,7 +6,7 @@ from syncplan.planning.findings import Finding, Verdict
 from syncplan.planning.judged_team import JudgedTeam
 from syncplan.planning.link_checks import fragile_links, landmarks_hidden, lost_links
 from syncplan.planning.loss_checks import single_points_of_failure
-from syncplan.planning.neglect_checks import not_estimated
+from syncplan.planning.neglect_checks import expected_worse, not_estimated
 from syncplan.planning.observability_checks import (
     error_undetermined,
     near_degenerate,
@@ -47,6 +47,7 @@ CHECKS: dict[str, Callable[[JudgedTeam], Iterable[Finding]]] = {
     "start-up": start_up,
     "start-up-worse": start_up_worse,
     "not-estimated": not_estimated,
+    "expected-worse": expected_worse,
     "error-undetermined": error_undetermined,
     "single-point-of-failure": single_points_of_failure,
     "not-refined": not_refined,

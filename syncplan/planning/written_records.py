@@ -80,6 +80,7 @@ class _WrittenRefinement(_Read):
     active_constraints: list[Words]
     starts: list[_WrittenStart]
     start_up_before: _WrittenInputStart | None = None
+    expected_rms_before_m: float | None = None
 
 
 class _WrittenFinding(_Read):
@@ -191,6 +192,7 @@ def _refinement(given: _WrittenRefinement | None, *, cleared: bool) -> Refinemen
             for one in given.starts
         ),
         start_before=_start_before(given.start_up_before),
+        expected_before=given.expected_rms_before_m,
         cleared=cleared,
     )
 

@@ -47,7 +47,11 @@ RefineProgress = Callable[[int, int, float], None]
 _IMPROVED = 1e-9
 """Least relative gain that counts as better."""
 
-_NO_RESULT = "the search was cut short before any start had a result"
+_CUT_SHORT = "the search was cut short; give it more time (time_limit_s)"
+
+_NO_RESULT = (
+    "the search was cut short before any start had a result; give it more time (time_limit_s)"
+)
 
 _ACTIVE = 0.01
 """Constraints with less room than this share of their size hold the result where it is."""
@@ -224,7 +228,7 @@ def _best(case: _Case, attempts: list["Attempt"], cut_short: bool, bound: BoundC
     from syncplan.refinement.parallel_starts import rank_of
 
     given, problem, before = case.given, case.problem, case.before
-    objective = problem.objective
+    objective, neglect = problem.objective, given.prediction.neglect
     passed = [one for one in attempts if one.after is not None and not one.violations]
     best = min(passed, key=lambda one: rank_of(problem, one), default=None)
     short, cost = before.standing(objective.name)
@@ -243,6 +247,7 @@ def _best(case: _Case, attempts: list["Attempt"], cut_short: bool, bound: BoundC
         active=(),
         starts=tuple(_record(one, objective) for one in attempts),
         start_before=None if given.start_up is None else given.start_up.before,
+        expected_before=None if neglect is None else neglect.expected_of_all,
     )
     if not better or best is None or best.after is None or best.circles is None:
         return replace(given, refinement=record)
@@ -286,11 +291,12 @@ def _why_not(
             f"give landmarks, or the objective {default_objective(0).name}"
         )
     if any(not one.violations for one in attempts if one.after is not None):
-        within = " before the search was cut short" if cut_short else ""
-        return f"no start found a better plan than the one given{within}"
+        reason = "no start found a better plan than the one given"
+        return f"{reason}; {_CUT_SHORT}" if cut_short else reason
     named = Counter(label for one in attempts for label in (*one.run.unmet, *one.violations))
     worst = ", ".join(label for label, _ in named.most_common(3))
-    return f"every result violates a constraint: {worst}"
+    reason = f"every result violates a constraint: {worst}"
+    return f"{reason}; {_CUT_SHORT}" if cut_short else reason
 
 
 def _active(after: Measurement) -> tuple[str, ...]:

@@ -28,6 +28,7 @@ def refinement_result(record: RefinementRecord) -> RefinementResult:
         active_constraints=list(record.active),
         starts=[_start(item) for item in record.starts],
         start_up_before=None if record.start_before is None else _before(record.start_before),
+        expected_rms_before_m=record.expected_before,
     )
 
 

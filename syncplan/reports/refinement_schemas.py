@@ -1,11 +1,11 @@
 """The JSON contract of refinements: part of a plan's document."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field, create_model
 
 from syncplan.planning.figures_of_merit import FIGURES
-from syncplan.reports.document_base import DocumentPart
+from syncplan.reports.document_base import Document, DocumentPart
 
 __all__ = ["FiguresOfMerit", "InputStart", "RefinementResult", "StartResult"]
 
@@ -67,8 +67,10 @@ class InputStart(DocumentPart):
     )
 
 
-class RefinementResult(DocumentPart):
+class RefinementResult(Document):
     """How a plan was refined; `improved` says whether this is a better plan or the input."""
+
+    left_out_if_none: ClassVar[frozenset[str]] = frozenset({"expected_rms_before_m"})
 
     objective: str
     improved: bool
@@ -80,4 +82,9 @@ class RefinementResult(DocumentPart):
     starts: list[StartResult]
     start_up_before: InputStart | None = Field(
         default=None, description="How the input starts; null where that was not tried"
+    )
+    expected_rms_before_m: float | None = Field(
+        default=None,
+        description="RMS of the input's `expected_rms_m` over all vehicles. Only where its filter "
+        "leaves errors out",
     )

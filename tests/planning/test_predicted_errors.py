@@ -1,5 +1,6 @@
 """What plans predict: at any sample time the same, of states that are no poses, and of neglect."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -8,7 +9,9 @@ from rich.console import Console
 
 from syncplan.cli.state_tables import further_states_table
 from syncplan.planning.judged_plan import Plan
+from syncplan.planning.plan_files import loaded_from, plan_of
 from syncplan.planning.planner import plan
+from syncplan.refinement.refiner import refine
 from syncplan.reports.plan_report import plan_document
 from syncplan.reports.plan_schemas import PlanDocument
 from syncplan.scenario.loading import scenario_from
@@ -115,6 +118,44 @@ def test_neglect_that_costs_next_to_nothing_is_but_a_note() -> None:
     [finding] = [one for one in made.verdict.findings if one.code == "not-estimated"]
     assert finding.level == "note"
     assert finding.cure is None
+
+
+@pytest.fixture(scope="module")
+def refined() -> Plan:
+    return refine(_with("none"), vary=["phases"], objective="logdet", starts=1, workers=1)
+
+
+@pytest.mark.parametrize(("share", "worse"), [(0.9, True), (1.0, False), (1.1, False)])
+def test_a_refinement_that_makes_worse_what_is_to_be_expected_says_so(
+    refined: Plan, share: float, worse: bool
+) -> None:
+    neglect, record = refined.prediction.neglect, refined.refinement
+    assert neglect is not None
+    assert record is not None
+    after = neglect.expected_of_all
+    assert after is not None
+    record = replace(record, improved=True, expected_before=share * after)
+    changed = replace(refined, refinement=record)
+    told = [one for one in changed.verdict.findings if one.code == "expected-worse"]
+    assert len(told) == worse
+    for one in told:
+        assert f"rose from {share * after:.3g} m to {after:.3g} m" in one.message
+    # and a plan that is read back says the same
+    values = plan_document(changed).as_json()
+    assert values["refinement"]["expected_rms_before_m"] == share * after
+    again = plan_of(loaded_from(values))
+    assert again.verdict.findings == changed.verdict.findings
+
+
+def test_the_record_holds_what_was_to_be_expected_of_the_input(refined: Plan) -> None:
+    neglect, record = _with("none").prediction.neglect, refined.refinement
+    assert record is not None
+    assert neglect is not None
+    assert neglect.expected is not None
+    assert record.expected_before == pytest.approx(np.sqrt(np.mean(neglect.expected**2)))
+    known = refine(_with("all"), vary=["phases"], objective="logdet", starts=1, workers=1)
+    values = plan_document(known).as_json()["refinement"]
+    assert "expected_rms_before_m" not in values
 
 
 def test_without_a_bound_nothing_is_said_of_neglect() -> None:

@@ -59,6 +59,7 @@ def test_hardly_any_time_gives_the_plan_back() -> None:
     assert record is not None
     assert (record.improved, record.cut_short) == (False, True)
     assert "cut short" in record.reason
+    assert "time_limit_s" in record.reason
 
 
 def test_a_margin_larger_than_the_range_is_refused_by_name() -> None:
