@@ -6,7 +6,13 @@ from syncplan.cli.fitted_tables import FittedTable
 from syncplan.reports.plan_schemas import PlanDocument
 from syncplan.reports.run_schemas import ValidationDocument
 
-__all__ = ["determined_line", "expected_line", "found_states_table", "further_states_table"]
+__all__ = [
+    "determined_line",
+    "expected_line",
+    "found_states_table",
+    "further_states_table",
+    "merits_line",
+]
 
 MOST_ROWS = 40
 
@@ -31,6 +37,16 @@ def expected_line(document: PlanDocument) -> str | None:
     return (
         f"expected RMS error {expected.overall:.3g} m over all vehicles{beside}: some errors are "
         "not estimated"
+    )
+
+
+def merits_line(document: PlanDocument) -> str | None:
+    """Return what the figures of a refinement leave out; None where poses are all states."""
+    if document.refinement is None or document.observability.extended is None:
+        return None
+    return (
+        "rank, window bound, determinant, eigenvalue and trace are of the poses, as if all else "
+        "were known; predicted errors are of all states"
     )
 
 

@@ -10,6 +10,7 @@ from syncplan.cli.state_tables import (
     expected_line,
     found_states_table,
     further_states_table,
+    merits_line,
 )
 from syncplan.cli.verdict_lines import show_findings, show_verdict
 from syncplan.phrases import listed
@@ -63,6 +64,8 @@ def show_plan(document: PlanDocument, console: Console) -> None:
     _print_links(document, console)
     if document.refinement is not None:
         console.print(_refinement_table(document.refinement))
+        if (merits := merits_line(document)) is not None:
+            console.print(merits)
         held = document.refinement.active_constraints
         if held:
             console.print(f"held by: {escape(listed(held, MOST_NAMED))}")

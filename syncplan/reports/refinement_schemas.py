@@ -37,7 +37,8 @@ else:
         __base__=_ComparedPlan,
         __module__=__name__,
         __doc__="What a plan is measured by; positions in the mean radius of the plan that was "
-        "refined.",
+        "refined. Predicted errors count whatever the filter estimates; rank, certificate, "
+        "information and window bound are of the poses, as if all else were known.",
         **_merit_fields(),
     )
 

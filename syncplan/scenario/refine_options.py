@@ -30,7 +30,8 @@ def _described_objectives() -> str:
     small, large = default_objective(PREDICTED_UP_TO), default_objective(PREDICTED_UP_TO + 1)
     return (
         f"What to improve: {each}. If not given, {small.name} for teams of up to "
-        f"{PREDICTED_UP_TO} and {large.name} for larger ones"
+        f"{PREDICTED_UP_TO} and {large.name} for larger ones. Only predicted errors count what the "
+        "filter estimates beside the poses"
     )
 
 

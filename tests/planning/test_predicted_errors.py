@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from syncplan.cli.state_tables import further_states_table
+from syncplan.cli.state_tables import further_states_table, merits_line
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.plan_files import loaded_from, plan_of
 from syncplan.planning.planner import plan
@@ -154,8 +154,12 @@ def test_the_record_holds_what_was_to_be_expected_of_the_input(refined: Plan) ->
     assert neglect.expected is not None
     assert record.expected_before == pytest.approx(np.sqrt(np.mean(neglect.expected**2)))
     known = refine(_with("all"), vary=["phases"], objective="logdet", starts=1, workers=1)
-    values = plan_document(known).as_json()["refinement"]
-    assert "expected_rms_before_m" not in values
+    document = plan_document(known)
+    assert "expected_rms_before_m" not in document.as_json()["refinement"]
+    line = merits_line(document)
+    assert line is not None
+    assert "as if all else were known" in line
+    assert merits_line(plan_document(refined)) is None
 
 
 def test_without_a_bound_nothing_is_said_of_neglect() -> None:
