@@ -1,7 +1,8 @@
 """Whether the sightings determine every position and heading, why, and what is lost if not.
 
 referred_rows        how each sighting changes with the state at time 0
-rank                 singular values of the windowed matrix
+singular_values      rank, gap and null space of a matrix
+rank                 of the windowed matrix, link by link
 certificate          the corrected theorem, with its witness
 window_assessment    windows, sightings, rank and certificate of one window
 loss_ranks           losses that end observability

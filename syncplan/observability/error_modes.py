@@ -135,11 +135,13 @@ def _mode(
         has = columns >= 0
         own |= (has & takes[np.where(has, columns - 3 * count, 0)]).any(axis=1)
     vehicles = np.flatnonzero(moving | own)
-    trades = _trades(found, errors, takes, names)
+    *others, last = _trades(found, errors, takes, names)
+    # lists of vehicles have an "and" of their own
+    description = f"{', '.join(others)}, and {last}" if others else last
     if moving.any():
-        trades.append(_motion_words(team, found, vector, vehicles, names))
+        description += f", with {_motion_words(team, found, vector, vehicles, names)}"
     return ErrorMode(
-        description=", with ".join(trades),
+        description=description,
         states=tuple(label for label, one in zip(labels, takes, strict=True) if one),
         vehicles=tuple(vehicles.tolist()),
         moves_poses=bool(moving.any()),
@@ -150,7 +152,7 @@ def _mode(
 def _trades(
     found: ExtendedObservability, errors: Array, takes: Array, names: Sequence[str]
 ) -> list[str]:
-    """Of each kind that takes part, in words: the errors that grow against those that fall."""
+    """Each kind of error that takes part, in words: those that grow against those that fall."""
     layout, words = found.layout, []
     for name in layout.names:
         state, columns = ERROR_STATES[name], layout.columns[name] - 3 * layout.count
@@ -171,7 +173,8 @@ def _trades(
             for sign in (first, -first)
         ]
         whose = " against ".join(filter(None, sides))
-        words.append(f"{what}{'s' if len(part) > 1 else ''} of {whose}")
+        plural = "es" if what.endswith("s") else "s"
+        words.append(f"{what}{plural if len(part) > 1 else ''} of {whose}")
     return words
 
 
@@ -223,5 +226,5 @@ def _cure(team: Team, found: ExtendedObservability, vector: Array, takes: Array)
     compass = "a compass (heading_sigma_rad), " if np.any(lacking & (turning > MOVES)) else ""
     return (
         f"the filter rests on the prior, {keys}; {compass}sightings of further vehicles or "
-        "landmarks, or refinement can determine what it is"
+        "landmarks, or refinement may determine more"
     )

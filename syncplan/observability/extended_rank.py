@@ -21,8 +21,14 @@ import numpy as np
 from scipy.linalg import qr, solve_triangular
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.observability.rank import RANK_TOLERANCE, VECTORS_LIMIT, decomposed, matrix_rank
 from syncplan.observability.referred_rows import WideRows, wide_rows
+from syncplan.observability.singular_values import (
+    RANK_TOLERANCE,
+    VECTORS_LIMIT,
+    decomposed,
+    matrix_rank,
+    rank_gap,
+)
 from syncplan.observability.window_assessment import Assessment
 from syncplan.orbits.error_states import ERROR_STATES, StateLayout, layout_of
 from syncplan.orbits.sightings import Sightings
@@ -95,9 +101,7 @@ def assess_extended(
     matrix = _triangle(_blocks(rows, assessed.sightings), layout.size)
     values, null_space = _spectrum(matrix, layout.size)
     rank = matrix_rank(values, RANK_TOLERANCE)
-    below = values[rank] if rank < layout.size else 0.0
-    gap = float(values[rank - 1] / below) if rank and below > 0.0 else float("inf")
-    return ExtendedObservability(layout, rank, values, gap, null_space)
+    return ExtendedObservability(layout, rank, values, rank_gap(values, rank), null_space)
 
 
 def _spectrum(matrix: Array, size: int) -> tuple[Array, Array]:

@@ -16,32 +16,28 @@ import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.observability.referred_rows import sighting_rows
+from syncplan.observability.singular_values import (
+    RANK_TOLERANCE,
+    decomposed,
+    matrix_rank,
+    rank_gap,
+)
 from syncplan.orbits.sighting_kinds import of_targets
 from syncplan.orbits.sightings import Sightings
 from syncplan.orbits.team import Team
 
 __all__ = [
     "LINK_TOLERANCE",
-    "RANK_TOLERANCE",
-    "VECTORS_LIMIT",
     "LinkInformation",
     "Observability",
     "PairRows",
     "assess",
-    "decomposed",
     "link_information",
     "lone_rows",
-    "matrix_rank",
     "pair_rows",
     "stacked_rows",
 ]
 
-
-RANK_TOLERANCE = 1e-8
-"""A singular value of the whole matrix counts above this share of the largest."""
-
-VECTORS_LIMIT = 900
-"""State dimension above which singular vectors are computed only where rank is lacking."""
 
 NEGLIGIBLE = 1e-15
 """Rows smaller than this share of the largest singular value of any link are left out."""
@@ -216,34 +212,15 @@ def assess(
         matrix = np.asarray(np.linalg.qr(matrix, mode="r"))
     values, null_space, variances = decomposed(matrix, size)
     rank = matrix_rank(values, RANK_TOLERANCE)
-    below = values[rank] if rank < size else 0.0
     return Observability(
         rank=rank,
         state_dim=size,
         singular_values=values,
-        gap=float(values[rank - 1] / below) if rank and below > 0.0 else float("inf"),
+        gap=rank_gap(values, rank),
         null_space=null_space,
         variances=variances,
         scale=float(team.orbits.radii.mean()) if scale is None else scale,
     )
-
-
-def decomposed(matrix: Array, size: int) -> tuple[Array, Array, Array]:
-    """Return singular values (size,), null space, diagonal of the information's pseudo-inverse.
-
-    `matrix` is (r, size), with r at most `size`. Large matrices of full rank need no singular
-    vectors, which halves the time.
-    """
-    if size > VECTORS_LIMIT and len(matrix) == size:
-        values = np.asarray(np.linalg.svd(matrix, compute_uv=False), dtype=float)
-        if matrix_rank(values, RANK_TOLERANCE) == size:
-            return values, np.zeros((0, size)), np.sum(np.linalg.inv(matrix) ** 2, axis=1)
-    _, found, vectors = np.linalg.svd(matrix, full_matrices=True)
-    right = np.asarray(vectors, dtype=float)
-    values = np.concatenate([found, np.zeros(size - len(found))]).astype(float)
-    rank = matrix_rank(values, RANK_TOLERANCE)
-    variances = np.sum((right[:rank] / values[:rank, None]) ** 2, axis=0)
-    return values, right[rank:], variances
 
 
 def stacked_rows(links: list[LinkInformation], count: int, alone: Array | None = None) -> Array:
@@ -264,10 +241,3 @@ def stacked_rows(links: list[LinkInformation], count: int, alone: Array | None =
     if alone is not None and len(alone):
         blocks.append(alone)
     return np.concatenate(blocks) if blocks else np.zeros((0, 3 * count))
-
-
-def matrix_rank(values: Array, tolerance: float) -> int:
-    """Return how many singular values, descending, are above `tolerance` times the largest."""
-    if len(values) == 0 or values[0] == 0.0:
-        return 0
-    return int(np.sum(values > tolerance * values[0]))

@@ -197,7 +197,7 @@ def _boundary_distance(corners: Array, points: Array) -> Array:
     away = points[:, None] - corners
     share = np.clip(dot(away, edges) / _squared_lengths(edges), 0.0, 1.0)
     off = away - share[..., None] * edges
-    return np.asarray(np.hypot(off[..., 0], off[..., 1]).min(axis=1))
+    return np.asarray(np.sqrt(dot(off, off).min(axis=1)))
 
 
 def _may_cross(corners: Array, start: Array, end: Array) -> Flags:

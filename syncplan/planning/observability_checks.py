@@ -4,9 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from syncplan.observability.error_modes import ErrorMode
 from syncplan.observability.unobservable_modes import UnobservableMode
-from syncplan.planning.findings import Cure, Finding
+from syncplan.planning.findings import Cure, Finding, Level
 from syncplan.planning.judged_team import JudgedTeam
 from syncplan.scenario.specification import per_vehicle
 
@@ -14,6 +13,10 @@ __all__ = ["error_undetermined", "near_degenerate", "needs_prior", "not_certifie
 
 LARGEST_CONDITION_NUMBER = 1e6
 """Of the windowed matrix: beyond it, full rank rests on noise-free geometry."""
+
+_WITH_POSES: tuple[str, Level, str] = ("needs-prior", "warning", "positions and headings rest")
+_ERRORS_ALONE: tuple[str, Level, str] = ("error-undetermined", "note", "the filter rests")
+"""Code, level and opening words of what errors leave open with poses, and without."""
 
 
 def unobservable(judged: JudgedTeam) -> Iterator[Finding]:
@@ -45,15 +48,7 @@ def near_degenerate(judged: JudgedTeam) -> Iterator[Finding]:
 
 def needs_prior(judged: JudgedTeam) -> Iterator[Finding]:
     """Yield a finding for each way in which errors not determined take poses with them."""
-    for mode, found in _error_modes(judged):
-        if mode.moves_poses:
-            yield Finding(
-                "needs-prior",
-                "warning",
-                f"positions and headings rest on what is known of errors beforehand: {found}",
-                tuple(judged.scenario.vehicle_names[k] for k in mode.vehicles),
-                Cure(mode.cure),
-            )
+    yield from _resting_on_priors(judged, poses=True)
 
 
 def error_undetermined(judged: JudgedTeam) -> Iterator[Finding]:
@@ -63,28 +58,33 @@ def error_undetermined(judged: JudgedTeam) -> Iterator[Finding]:
         yield Finding(
             "error-undetermined",
             "note",
-            f"not checked for {verdict.state_dim} states which errors one window determines",
+            f"not checked for {verdict.state_dim} states which errors one window determines: it "
+            "takes long",
+            cure=Cure(
+                "a smaller team of the same pattern, or fewer errors in filter.estimate; in Python "
+                "syncplan.observability.extended_rank.assess_extended has no limit"
+            ),
         )
-    for mode, found in _error_modes(judged):
-        if not mode.moves_poses:
-            yield Finding(
-                "error-undetermined",
-                "note",
-                f"the filter rests on what is known of errors beforehand: {found}",
-                tuple(judged.scenario.vehicle_names[k] for k in mode.vehicles),
-                Cure(mode.cure),
-            )
+    yield from _resting_on_priors(judged, poses=False)
 
 
-def _error_modes(judged: JudgedTeam) -> Iterator[tuple[ErrorMode, str]]:
-    """Each way in which errors are not determined, and what was found in words."""
+def _resting_on_priors(judged: JudgedTeam, *, poses: bool) -> Iterator[Finding]:
+    """A finding for each way in which errors are not determined that moves poses, or does not."""
     verdict = judged.error_verdict
     if verdict is None or verdict.extended is None:
         return
+    code, level, rests = _WITH_POSES if poses else _ERRORS_ALONE
     rank = f"rank {verdict.extended.rank} of {verdict.state_dim} with errors as states"
     for mode in verdict.modes:
-        words = f"no sighting can detect {mode.description}"
-        yield mode, f"{words}; {rank}, over {judged.scenario.window:.4g} s"
+        if mode.moves_poses == poses:
+            yield Finding(
+                code,
+                level,
+                f"{rests} on what is known of errors beforehand: no sighting can detect "
+                f"{mode.description}; {rank}, over {judged.scenario.window:.4g} s",
+                tuple(judged.scenario.vehicle_names[k] for k in mode.vehicles),
+                Cure(mode.cure),
+            )
 
 
 def not_certified(judged: JudgedTeam) -> Iterator[Finding]:

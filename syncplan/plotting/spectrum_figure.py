@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from syncplan.observability.rank import RANK_TOLERANCE
+from syncplan.observability.singular_values import RANK_TOLERANCE
 from syncplan.planning.judged_plan import Plan
 from syncplan.plotting.canvas import Spec, axis, escaped, layout, numbers
 from syncplan.plotting.formation_figure import verdict_words

@@ -12,7 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from syncplan.arrays import Array, Index
+from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import Windows, find_windows
 from syncplan.orbits.noise import Noise
@@ -26,6 +26,7 @@ __all__ = [
     "ContactTables",
     "contact_of_pairs",
     "seeing_team",
+    "seen_when_shifted",
     "tabulated_contact",
     "windows_when_shifted",
 ]
@@ -166,6 +167,12 @@ def windows_when_shifted(team: Team, pairs: Index, shift: Array) -> Windows:
     one, other = np.arange(len(first)), len(first) + np.arange(len(first))
     ways = (np.concatenate([one, other]), np.concatenate([other, one]))
     return find_windows(replace(copies, orbits=shifted, landmarks=NO_LANDMARKS), ways)
+
+
+def seen_when_shifted(team: Team, pairs: Index, shift: Array) -> Flags:
+    """Return (e, k) whether either of a pair sees the other, when the second is shifted so."""
+    met = np.diff(windows_when_shifted(team, pairs, shift).first) > 0
+    return np.asarray((met[: shift.size] | met[shift.size :]).reshape(shift.shape))
 
 
 def _time_in_either(windows: Windows, count: int) -> Array:

@@ -12,7 +12,7 @@ from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.sight_lines import obstructible
 from syncplan.orbits.team import Team
-from syncplan.synchronisation.contact_tables import windows_when_shifted
+from syncplan.synchronisation.contact_tables import seen_when_shifted
 from syncplan.synchronisation.phase_rules import Rules, closest_distance, phase_residuals, rules_of
 
 __all__ = ["contact_tolerances", "rule_residuals", "separation_tolerances"]
@@ -63,7 +63,7 @@ def _contact_when_shifted(team: Team, pairs: Index) -> Callable[[Array], Flags]:
     """Whether pairs still meet when the second vehicle's phase shifts by (e, k) rad: (e, k)."""
     orbits, sensors = team.orbits, team.sensors
     if not np.all(sensors.fields_of_view >= 2.0 * np.pi):
-        return lambda shift: _seen_when_shifted(team, pairs, shift)
+        return lambda shift: seen_when_shifted(team, pairs, shift)
     rules = _rules(orbits, sensors.ranges, pairs)
     residual, reach = phase_residuals(rules, orbits.phases)[:, None], rules.reach[:, None]
     hindered = np.flatnonzero(obstructible(team, pairs[:, 0], pairs[:, 1]))
@@ -71,16 +71,10 @@ def _contact_when_shifted(team: Team, pairs: Index) -> Callable[[Array], Flags]:
     def met(shift: Array) -> Flags:
         found = np.asarray(closest_distance(rules, residual + shift) <= reach)
         if len(hindered):
-            found[hindered] = _seen_when_shifted(team, pairs[hindered], shift[hindered])
+            found[hindered] = seen_when_shifted(team, pairs[hindered], shift[hindered])
         return found
 
     return met
-
-
-def _seen_when_shifted(team: Team, pairs: Index, shift: Array) -> Flags:
-    """(e, k) whether a pair has a contact window either way."""
-    met = np.diff(windows_when_shifted(team, pairs, shift).first) > 0
-    return (met[: shift.size] | met[shift.size :]).reshape(shift.shape)
 
 
 def separation_tolerances(orbits: Orbits, pairs: Index, distance: float) -> Array:

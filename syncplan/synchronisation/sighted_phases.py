@@ -15,7 +15,7 @@ from syncplan.orbits.sight_lines import obstructible
 from syncplan.orbits.team import Team
 from syncplan.phrases import listed
 from syncplan.synchronisation.contact_search import ContactPhases, phases_of_most_contact
-from syncplan.synchronisation.contact_tables import tabulated_contact
+from syncplan.synchronisation.contact_tables import seen_when_shifted, tabulated_contact
 from syncplan.synchronisation.difference_tables import DifferenceTables
 from syncplan.synchronisation.phase_rules import Rules, closest_distance, rules_of
 
@@ -39,6 +39,7 @@ TOO_NEAR = 0.1
 far apart."""
 
 _STARTS, _STARTS_QUICK = 32, 12
+_LOOKS = 8
 _MOST_NAMED = 3
 
 
@@ -95,13 +96,16 @@ def hidden_at_all_phases(team: Team, pairs: Index) -> Flags:
     Senses, phases and fields of view do not matter: over all phase differences, each vehicle is
     looked for at every place on its circle from every place on the other, whatever the senses.
     """
-    hidden = np.zeros(len(pairs), dtype=bool)
-    near = np.flatnonzero(obstructible(team, pairs[:, 0], pairs[:, 1]))
-    if len(near):
+    hidden = obstructible(team, pairs[:, 0], pairs[:, 1])
+    if hidden.any():
         views = np.full(team.count, 2.0 * np.pi)
         seeing = replace(team, sensors=replace(team.sensors, fields_of_view=views))
-        most = attainable_contact(seeing, pairs[near])
-        hidden[near] = [share <= 0.0 for share in most.values()]
+        # most are seen at one of these; the others need their tables
+        looks = np.arange(_LOOKS) * (2.0 * np.pi / _LOOKS)
+        shifts = np.broadcast_to(looks, (int(hidden.sum()), _LOOKS))
+        hidden[hidden] = ~seen_when_shifted(seeing, pairs[hidden], shifts).any(axis=1)
+        most = attainable_contact(seeing, pairs[hidden])
+        hidden[hidden] = [share <= 0.0 for share in most.values()]
     return hidden
 
 

@@ -11,8 +11,8 @@ from syncplan.arrays import Array
 from syncplan.observability import extended_rank
 from syncplan.observability.error_modes import judge_errors
 from syncplan.observability.extended_rank import ExtendedObservability, assess_extended
-from syncplan.observability.rank import RANK_TOLERANCE
 from syncplan.observability.referred_rows import NEAREST
+from syncplan.observability.singular_values import RANK_TOLERANCE
 from syncplan.observability.window_assessment import Assessment, assess_team
 from syncplan.orbits.circles import Orbits, heading, position, wrap
 from syncplan.orbits.error_states import ERROR_STATES, StateLayout
@@ -179,6 +179,25 @@ def test_without_landmarks_nobody_can_detect_that_all_is_larger() -> None:
     assert mode.description == "speed scales of v1, v2 and v3, with a stretch of the team"
     assert mode.moves_poses
     assert "compass" not in mode.cure
+
+
+def test_errors_that_trade_against_each_other_are_named_together() -> None:
+    two = [{"range_m": 50.0, "bearing_bias_sigma_rad": 0.02}] * 2
+    made = plan(small(sensor=two), bound="never")
+    assert made.error_verdict is not None
+    (mode,) = made.error_verdict.modes
+    assert mode.description == "bearing biases of v1 against v2, with motions of the team"
+    alone = small(
+        formation={"centers_m": [[0.0, 0.0]]},
+        landmarks_m=[[35.0, 10.0]],
+        motion={"turn_rate_bias_sigma_rad_s": 0.005},
+        wind={"sigma_mps": 1.0},
+    )
+    found = plan(alone, bound="never").error_verdict
+    assert found is not None
+    (mode,) = found.modes
+    assert mode.description == "wind x, wind y, and turn rate bias of v1, with a shift of v1"
+    assert mode.states == ("wind x", "wind y", "turn rate bias of v1")
 
 
 def test_gusts_and_errors_not_estimated_have_no_column() -> None:

@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from syncplan.observability.certificate import DISTINCT_LANDMARKS
-from syncplan.observability.rank import RANK_TOLERANCE, assess, link_information, lone_rows
+from syncplan.observability.rank import assess, link_information, lone_rows
 from syncplan.observability.referred_rows import NEAREST, sighting_rows
+from syncplan.observability.singular_values import RANK_TOLERANCE
 from syncplan.observability.unobservable_modes import name_modes
 from syncplan.observability.window_assessment import assess_team
 from syncplan.orbits.circles import Orbits, heading, position
