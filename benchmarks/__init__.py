@@ -46,6 +46,8 @@ def _text(value: float, unit: str) -> str:
         return f"{value:.2f} s" if value >= 1.0 else f"{1e3 * value:.3g} ms"
     if unit == "power":
         return f"n^{value:.2f}"
+    if unit == "times":
+        return f"{value:.2f} times"
     number = f"{value:,.0f}" if value >= 100.0 or not unit else f"{value:.2g}"
     return f"{number} {unit}".strip()
 

@@ -20,6 +20,7 @@ from benchmarks import (
     service,
     startup,
     states,
+    trials,
 )
 from benchmarks import figures as drawings
 from benchmarks.readme_tables import README, machine, markdown, write_between
@@ -37,6 +38,7 @@ PARTS = (
     observability,
     losses,
     montecarlo,
+    trials,
     refinement,
     service,
     drawings,

@@ -1,15 +1,13 @@
 """How much faster the compiled Monte Carlo is than the same filter written with filterpy.
 
 Both filter the paper's grid (section 5.1, all vehicles turning the same way, 200 s) with the same
-readings; that they end at the same state is checked before anything is timed. Beside it, how many
-times as long trials take whose filter has further states.
+readings; that they end at the same state is checked before anything is timed.
 
     python benchmarks/montecarlo.py
 """
 
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +22,6 @@ from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.montecarlo import run_trials
 from syncplan.orbits.circles import Orbits, heading, position, wrap
 from syncplan.orbits.contacts import find_windows
-from syncplan.orbits.error_states import ERROR_STATES, ErrorSigmas
 from syncplan.orbits.noise import Noise
 from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import Sightings, sample_sightings
@@ -143,42 +140,6 @@ def _difference(a: Array, b: Array) -> Array:
     return wrap(a - b)
 
 
-def with_errors(*names: str) -> Team:
-    """Return the team of paper-grid-same with the errors named, which are states of its filter."""
-    team, _, _ = paper_grid_same()
-    sigmas = {"wind": 1.0, "speed_scale": 0.02, "turn_rate_bias": 0.005, "gust": 0.2}
-    own = {key: sigma for key, sigma in sigmas.items() if key in names or f"{key}s" in names}
-    bearing_bias = np.full(6, 0.02 if "bearing_bias" in names else 0.0)
-    sensors = replace(team.sensors, bearing_bias_sigmas=bearing_bias)
-    return replace(team, sensors=sensors, errors=ErrorSigmas(**own, estimated=names))
-
-
-STATES = {
-    "wind": ("wind",),
-    "wind, scales and biases": ("wind", "speed_scale", "turn_rate_bias", "bearing_bias"),
-    "all of these and gusts": tuple(ERROR_STATES),
-}
-MOST_TIMES = {"wind": 1.4, "wind, scales and biases": 3.0}
-
-
-def times_as_long(trials: int = 48, rounds: int = 7) -> dict[str, float]:
-    """Return how many times as long trials with further states take, on one thread.
-
-    The least of several rounds, in which all kinds take turns, of processor time.
-    """
-    team, sightings, steps = paper_grid_same()
-    teams = {"": team, **{label: with_errors(*names) for label, names in STATES.items()}}
-    least = dict.fromkeys(teams, np.inf)
-    for number in range(rounds + 1):
-        for label, one in teams.items():
-            begin = time.process_time()
-            options = FilterOptions(trials=trials, seed=SEED)
-            run_trials(one, sightings, steps, options, threads=1)
-            if number:  # the first compiles
-                least[label] = min(least[label], time.process_time() - begin)
-    return {label: least[label] / least[""] for label in STATES}
-
-
 def main(trials: int = 1000, filterpy_trials: int = 3) -> dict[str, float]:
     """Return seconds per trial of both, their ratio, and how far their final errors differ."""
     scene = paper_grid_same()
@@ -203,7 +164,6 @@ def main(trials: int = 1000, filterpy_trials: int = 3) -> dict[str, float]:
         "ratio_one_thread": slow / timings[0],
         "ratio_all_cores": slow / timings[1],
         "difference": difference,
-        **{f"times_{label}": times for label, times in times_as_long().items()},
     }
 
 
@@ -216,15 +176,6 @@ def figures(result: dict[str, float]) -> list[Figure]:
         Figure(f"{name}: all cores", result["all_cores_s"], "s"),
         Figure(f"{name}: faster than filterpy, one thread", result["ratio_one_thread"], "x"),
         Figure(f"{name}: faster than filterpy, all cores", result["ratio_all_cores"], "x", 200.0),
-        *(
-            Figure(
-                f"{name}: times as long with {label} as states",
-                result[f"times_{label}"],
-                "times",
-                MOST_TIMES.get(label),
-            )
-            for label in STATES
-        ),
     ]
 
 
@@ -237,6 +188,4 @@ if __name__ == "__main__":
         ("all_cores", "syncplan, all cores"),
     ):
         print(f"{label:24}{1e3 * found[name + '_s']:14.2f}{found['ratio_' + name]:15.0f}")
-    for label in STATES:
-        print(f"with {label} as states: {found['times_' + label]:.2f} times as long")
     print(f"final errors agree to {found['difference']:.1e}")

@@ -15,7 +15,6 @@ import gc
 import hashlib
 import json
 import statistics
-import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -23,14 +22,15 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks import Figure, print_figures
+from benchmarks.sides import Side, answer, served_side
+
 ROOT = Path(__file__).resolve().parents[1]
-SIDE_OPTION = "--serve"
 
 # the library of the side that is measured: this checkout's, unless another is named
-SIDE = Path(sys.argv[2]) if sys.argv[1:2] == [SIDE_OPTION] else ROOT
-sys.path.insert(0, str(SIDE))
-
-from benchmarks import Figure, print_figures  # noqa: E402
+sys.path.insert(0, str(served_side() or ROOT))
 
 GRIDS = {6: 3, 12: 4, 24: 6, 50: 10}
 """Vehicles of each grid, and its columns."""
@@ -96,6 +96,10 @@ def _works(count: int) -> dict[str, Callable[[], Any]]:
         found = posterior_bound(made.team, made.windows, scenario.duration_s, start_up=True)
         return repr((found.rms_second_half().tolist(), found.start_up))
 
+    def losses() -> str:
+        found = decisive_losses(assessed, single_losses(made.team))
+        return repr([(one.vehicles, one.sensors, one.landmarks) for one in found])
+
     def preview(quick: bool) -> None:
         previewed(body, "json", limits, quick, ["formation"], "light")
 
@@ -103,52 +107,27 @@ def _works(count: int) -> dict[str, Callable[[], Any]]:
         "plan": lambda: as_plan_text(plan(scenario)).text,
         "bound": single_threaded_blas(bound),
         "connectivity": single_threaded_blas(lambda: repr(connectivity_period(assessed))),
-        "losses": single_threaded_blas(
-            lambda: repr(decisive_losses(assessed, single_losses(made.team)))
-        ),
+        "losses": single_threaded_blas(losses),
         "preview": lambda: preview(False),
         "quick": lambda: preview(True),
     }
 
 
-def serve() -> None:
-    """Time what each line of standard input names, "COUNT PART"; answer with s and a digest."""
-    works: dict[int, dict[str, Callable[[], Any]]] = {}
-    for line in sys.stdin:
-        count, part = line.split()
-        work = works.setdefault(int(count), _works(int(count)))[part]
-        gc.collect()
-        began = time.process_time()
-        made = work()
-        seconds = time.process_time() - began
-        digest = hashlib.sha256(str(made).encode()).hexdigest()
-        print(json.dumps([seconds, digest]), flush=True)
+WORKS: dict[int, dict[str, Callable[[], Any]]] = {}
+
+
+def timed(request: str) -> tuple[float, str]:
+    """Return s and a digest of what a request names, "COUNT PART"."""
+    count, part = request.split()
+    work = WORKS.setdefault(int(count), _works(int(count)))[part]
+    gc.collect()
+    began = time.process_time()
+    made = work()
+    seconds = time.process_time() - began
+    return seconds, hashlib.sha256(str(made).encode()).hexdigest()
 
 
 # --- both sides ---------------------------------------------------------------------------------
-
-
-class _Side:
-    def __init__(self, path: Path) -> None:
-        self._process = subprocess.Popen(
-            [sys.executable, __file__, SIDE_OPTION, str(path.resolve())],
-            cwd=path,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-
-    def run(self, count: int, part: str) -> tuple[float, str]:
-        """Return processor time in s and what was made, as a digest."""
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        print(count, part, file=self._process.stdin, flush=True)
-        seconds, digest = json.loads(self._process.stdout.readline())
-        return float(seconds), str(digest)
-
-    def end(self) -> None:
-        """End the process."""
-        self._process.communicate()
 
 
 def main(base: Path | None = None) -> dict[str, float]:
@@ -156,19 +135,18 @@ def main(base: Path | None = None) -> dict[str, float]:
 
     Raises RuntimeError where the two sides differ in a byte.
     """
-    own, other = _Side(ROOT), None if base is None else _Side(base)
+    own, other = Side(__file__, ROOT), None if base is None else Side(__file__, base)
     found: dict[str, float] = {}
     for count in GRIDS:
         for part in PARTS:
-            pairs = []
+            pairs, name = [], f"{count} {part}"
             for repeat in range(REPEATS[count] + 1):
-                seconds, digest = own.run(count, part)
-                before, expected = (seconds, digest) if other is None else other.run(count, part)
+                seconds, digest = own.run(name)
+                before, expected = (seconds, digest) if other is None else other.run(name)
                 if digest != expected:
                     raise RuntimeError(f"{count} vehicles, {part}: not the bytes of the base")
                 if repeat:
                     pairs.append((seconds, before))
-            name = f"{count} {part}"
             found[name] = min(seconds for seconds, _ in pairs)
             if other is not None:
                 found[f"{name} base"] = min(before for _, before in pairs)
@@ -196,8 +174,8 @@ def figures(result: dict[str, float]) -> list[Figure]:
 
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == [SIDE_OPTION]:
-        serve()
+    if served_side():
+        answer(timed)
     else:
         parser = argparse.ArgumentParser(description=__doc__)
         parser.add_argument("--base", type=Path, help="another checkout to compare with")

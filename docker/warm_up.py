@@ -5,4 +5,3 @@ from syncplan.estimation.filters import FILTERS
 for vehicles in (6, 100):
     for one in FILTERS.values():
         one.lane_filter.compile(vehicles)
-        one.augmented_lane_filter.compile(vehicles)

@@ -25,8 +25,8 @@ reference_states   the same with further states
 lane_filter        a compiled filter, many trials side by side
 lane_statistics    kernels that compare lanes with the truth
 batched_filter     the kernels of the extended Kalman filter
+augmented_frame    the covariance with further states, in an earlier frame
 augmented_prediction  its prediction with further states
-augmented_frame    the covariance brought to the present
 augmented_correction  its correction with further states
 augmented_filter   its kernels with further states
 trials             results of trials, whole and in parts

@@ -14,7 +14,7 @@ corrections are kept, taken off what is read of P, and P is corrected by all of 
 import math
 
 from syncplan.arrays import Array, Index
-from syncplan.estimation.augmented_prediction import BIAS, GUST, SCALE, TURN, WIND, Frame
+from syncplan.estimation.augmented_frame import BIAS, GUST, SCALE, TURN, WIND, Frame
 from syncplan.estimation.augmented_setup import (
     AugmentedReadings,
     AugmentedSetup,

@@ -139,7 +139,7 @@ def _filter(
     _record(x, errors, P, setup, readings, 0, scratch, block, statistics, lanes)
     for step in range(1, len(poses.truth)):
         speeds, turn_rates = readings.speeds[step - 1], readings.turn_rates[step - 1]
-        predict_augmented(x, errors, P, speeds, turn_rates, setup, frame, slopes, lanes)
+        predict_augmented(x, errors, P, speeds, turn_rates, setup, frame, slopes, before, lanes)
         correct_augmented(
             x, errors, P, step, setup, readings, frame, seen, row, halves, statistics, lanes
         )

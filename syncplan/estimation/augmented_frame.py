@@ -5,11 +5,18 @@ move, so only rows and columns of poses change, one vehicle after another; gusts
 """
 
 from syncplan.arrays import Array, Index
-from syncplan.estimation.augmented_prediction import BIAS, GUST, SCALE, TURN, WIND, Frame
 from syncplan.estimation.augmented_setup import AugmentedSetup
 from syncplan.estimation.lane_filter import Lanes, compiled
 
-__all__ = ["bring_to_now"]
+__all__ = ["BIAS", "GUST", "SCALE", "TURN", "WIND", "Frame", "bring_to_now"]
+
+Frame = tuple[Array, Array]
+"""Where P is: (n, 6, lanes) the way of each vehicle since, in m, and its derivatives by turn-rate
+bias and by speed scale; (3,) the time since in s, the way in m that a gust of 1 m/s then has blown
+since, and the share that is left of it."""
+
+WIND, SCALE, TURN, BIAS, GUST = 0, 2, 3, 4, 5
+"""Places in a row of AugmentedSetup.columns; wind and gusts take two each."""
 
 
 @compiled

@@ -10,7 +10,8 @@ and its heading has T for the bias; (dx, dy) is the way through the air.
 P itself stays in the frame of an earlier sample: errors then, whose product of all F since is in
 closed form, (dx, dy) and its derivatives summed up. There prediction only adds noise, and a
 sighting's row gains entries for the errors; P is brought to the present where it is asked for.
-`augmented_frame`. This is exact, and of all that a sample takes, carrying P was most.
+`augmented_frame`. This is exact, and of all that a sample takes, carrying P was most. Where gusts
+pass within a few samples, P is brought along that often.
 """
 
 import math
@@ -18,20 +19,19 @@ import math
 import numpy as np
 
 from syncplan.arrays import Array, Index
+from syncplan.estimation.augmented_frame import GUST, SCALE, TURN, WIND, Frame, bring_to_now
 from syncplan.estimation.augmented_setup import AugmentedSetup
 from syncplan.estimation.batched_filter import shortening
 from syncplan.estimation.filter_setup import MotionModel
 from syncplan.estimation.lane_filter import Lanes, compiled
 
-__all__ = ["BIAS", "GUST", "SCALE", "TURN", "WIND", "Frame", "predict_augmented"]
+__all__ = ["predict_augmented"]
 
-Frame = tuple[Array, Array]
-"""Where P is: (n, 6, lanes) the way of each vehicle since, in m, and its derivatives by turn-rate
-bias and by speed scale; (3,) the time since in s, the way in m that a gust of 1 m/s then has blown
-since, and the share that is left of it."""
+LEAST_LEFT = 0.1
+"""Share left of a gust below which P is brought to the present.
 
-WIND, SCALE, TURN, BIAS, GUST = 0, 2, 3, 4, 5
-"""Places in a row of AugmentedSetup.columns; wind and gusts take two each."""
+Noise that is referred to an earlier frame is divided by its square, and rounding grows with it.
+"""
 
 SMALL = 0.03
 """rad: half a sample's turn up to which a chord's length is by series."""
@@ -47,12 +47,14 @@ def predict_augmented(
     setup: AugmentedSetup,
     frame: Frame,
     slopes: Array,
+    before: Array,
     lanes: Lanes,
 ) -> None:
     """Advance x (n, 3, lanes) and errors (e, lanes) by one sample of readings (n, lanes).
 
     P stays in its frame, but for the noise. `slopes` (12, lanes) is scratch: the way through the
-    air, its derivatives by read speed, turn rate and scale, and what they are made of.
+    air, its derivatives by read speed, turn rate and scale, and what they are made of; `before` is
+    that of `bring_to_now`.
     """
     motion, (since, age) = setup.poses.motion, frame
     for i in range(len(x)):
@@ -63,6 +65,8 @@ def predict_augmented(
     age[1] += motion.time * age[2]
     age[2] *= setup.decay
     if setup.first_gust < len(P):
+        if age[2] < LEAST_LEFT:
+            bring_to_now(P, setup, frame, before, lanes)
         _blow(P, errors, setup, age, lanes)
 
 

@@ -1,10 +1,7 @@
 """The set-up of a filter run: motion model, initial variances, gate, sightings and readings.
 
-Monte Carlo and replays both build it here.
-
-Extension: the variance of a further state (a wind, a sensor's bias) goes beside
-`initial_variances`. A further kind of sighting (a distance) is a number in `kinds`; a measurement
-that is no sighting (a compass) needs fields of its own.
+Monte Carlo and replays both build it here. `kinds` says what each sighting measures; a compass is a
+sighting without a target. `augmented_setup` has what further states add (a wind, a sensor's bias).
 """
 
 from typing import NamedTuple

@@ -1,5 +1,6 @@
 """The filter with further states against its plain form, and the plain form against differences."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -109,6 +110,22 @@ def filtered(
     return state, np.where(lower, P, P.transpose(1, 0, 2)), statistics
 
 
+def plain_steps(given: Scene, lane: int) -> Iterator[tuple[int, Array, Array, Array]]:
+    """Each sample by the plain filter: state, covariance, innovations with their variances."""
+    setup, readings = given
+    errors = np.zeros(len(setup.variances))
+    x = np.concatenate([readings.initial[..., lane].ravel(), errors])
+    C = covariance_at_start(setup)
+    for k in range(1, len(setup.poses.truth)):
+        speeds, turns = readings.speeds[k - 1, :, lane], readings.turn_rates[k - 1, :, lane]
+        x, C = predict_state(x, C, speeds, turns, setup)
+        made = []
+        for s in range(setup.poses.first[k], setup.poses.first[k + 1]):
+            x, C, nu, S = update_state(x, C, s, float(readings.sightings[s, lane]), setup)
+            made.append((nu, S))
+        yield k, x, C, np.reshape(made, (-1, 2))
+
+
 def derivative(function: object, x: Array, step: float = 1e-6) -> Array:
     """Central differences of a vector function, (outputs, inputs)."""
     assert callable(function)
@@ -175,21 +192,12 @@ def test_compiled_trials_are_those_of_the_plain_filter(
     # with a series, the covariance is brought to the present at every sample
     state, P, statistics = filtered(given, with_series=with_series)
     lane, e = 2, len(setup.variances)
-    x, C = (
-        np.concatenate([readings.initial[..., lane].ravel(), np.zeros(e)]),
-        covariance_at_start(setup),
-    )
     constants, squares, late, nis, made = len(readings.constants), 0.0, 0.0, 0.0, 0
     covered, nees, series = 0.0, 0.0, []
-    for k in range(1, 46):
-        x, C = predict_state(
-            x, C, readings.speeds[k - 1, :, lane], readings.turn_rates[k - 1, :, lane], setup
-        )
-        for s in range(setup.poses.first[k], setup.poses.first[k + 1]):
-            reading = float(readings.sightings[s, lane])
-            x, C, nu, S = update_state(x, C, s, reading, setup)
-            if nu**2 <= setup.poses.gate * S:
-                nis, made = nis + nu**2 / S, made + 1
+    for k, x, C, sightings in plain_steps(given, lane):
+        nu, S = sightings.T
+        accepted = nu**2 <= setup.poses.gate * S
+        nis, made = nis + np.sum(nu[accepted] ** 2 / S[accepted]), made + accepted.sum()
         true = np.concatenate([readings.constants[:, lane], readings.gusts[k, :, lane]])
         off = x[:9].reshape(3, 3) - setup.poses.truth[k]
         off[:, 2] = wrap(x[2:9:3] - readings.headings[k, :, lane])
@@ -215,6 +223,16 @@ def test_compiled_trials_are_those_of_the_plain_filter(
         poses.squares[..., lane], np.sum(np.square(series), axis=0), rtol=1e-7
     )
     assert constants + readings.gusts.shape[1] == e
+
+
+@pytest.mark.parametrize("gust_time", [1e-3, 0.05, 0.2])
+def test_gusts_that_pass_within_a_sample_or_two_are_filtered_alike(gust_time: float) -> None:
+    team = a_team(("wind", "gusts"))
+    given = scene_of(replace(team, errors=replace(team.errors, gust_time=gust_time)), 25, 2)
+    state, P, _ = filtered(given)
+    *_, (_, x, C, _) = plain_steps(given, 1)
+    np.testing.assert_allclose(state[:, 1], x, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(P[..., 1], C, rtol=1e-7, atol=1e-10)
 
 
 def test_without_further_states_it_is_the_filter_of_poses() -> None:
