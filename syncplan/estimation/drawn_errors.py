@@ -39,7 +39,7 @@ class DrawnErrors:
             sigma = state.sigma(team)[: shape[1]]
             if not state.constant:
                 drawn = _gauss_markov(drawn, gust_decay(team.errors, team.sensors.sample_time))
-            values[name] = drawn * sigma[:, None, None]
+            values[name] = np.multiply(drawn, sigma[:, None, None], order="C")
             begin = end
         if "speed_scale" in values:
             np.maximum(values["speed_scale"], LEAST_SCALE, out=values["speed_scale"])
@@ -58,18 +58,16 @@ class DrawnErrors:
 
     def states(self, layout: StateLayout, steps: int, lanes: int) -> tuple[Array, Array]:
         """Return the true constants (c, lanes) and gusts (steps + 1, g, lanes) of a layout."""
-        found = np.zeros((steps + 1, len(layout.sigmas), lanes))
-        constants = 0
+        parts: dict[bool, list[Array]] = {True: [], False: []}
         for name in layout.names:
-            place = layout.columns[name] - 3 * layout.count
-            constants += len(np.unique(place[place >= 0])) * ERROR_STATES[name].constant
-            values = self.values.get(name)
-            if values is not None:
-                whole = np.broadcast_to(values, (values.shape[0], *place.shape, lanes))
-                found[:, place[place >= 0]] = whole[:, place >= 0]
-        return np.ascontiguousarray(found[0, :constants]), np.ascontiguousarray(
-            found[:, constants:]
-        )
+            constant, place = ERROR_STATES[name].constant, layout.columns[name]
+            # of a common error, the first vehicle's column is everyone's
+            held = (place[:1] if ERROR_STATES[name].common else place) >= 0
+            times = 1 if constant else steps + 1
+            true = self.values.get(name, np.zeros((1, *held.shape, 1)))
+            whole = np.broadcast_to(true, (times, *held.shape, lanes))
+            parts[constant].append(whole[:, held])
+        return _stacked(parts[True], 1, lanes)[0], _stacked(parts[False], steps + 1, lanes)
 
 
 def error_draws(team: Team, steps: int) -> int:
@@ -90,12 +88,19 @@ def _shape(state: ErrorState, count: int, steps: int) -> tuple[int, int, int]:
     )
 
 
+def _stacked(parts: list[Array], times: int, lanes: int) -> Array:
+    """Parts (times, states, lanes) one after another; there may be none."""
+    return np.concatenate([np.zeros((times, 0, lanes)), *parts], axis=1)
+
+
 def _gauss_markov(draws: Array, decay: float) -> Array:
     """A stationary process of unit variance along the first axis."""
-    found = np.empty_like(draws)
+    found = np.multiply(draws, np.sqrt(1.0 - decay * decay), order="C")
     found[0] = draws[0]
-    gain = np.sqrt(1.0 - decay * decay)
-    for k in range(1, len(draws)):
-        np.multiply(draws[k], gain, out=found[k])
-        found[k] += decay * found[k - 1]
+    rows = found.reshape(len(found), -1)
+    left, last = np.empty(rows.shape[1]), rows[0]
+    for row in rows[1:]:
+        np.multiply(last, decay, out=left)
+        np.add(row, left, out=row)
+        last = row
     return found
