@@ -44,11 +44,9 @@ serve: $(VENV)/.api
 	$(BIN)/syncplan serve
 
 check: chromium $(VENV)/.dev
-	$(BIN)/ruff format --check .
-	$(BIN)/ruff check .
-	$(BIN)/lint-imports
-	@# beside the types, the filter's kernels are compiled, once for all tests
-	$(BIN)/python docker/warm_up.py & $(BIN)/mypy && wait $$!
+	@# beside these, the filters' kernels are compiled, once for all tests
+	$(BIN)/python docker/warm_up.py & $(BIN)/ruff format --check . && $(BIN)/ruff check . && \
+		$(BIN)/lint-imports && $(BIN)/mypy && wait $$!
 	@# on small matrices, a second thread of BLAS costs more than it brings
 	OPENBLAS_NUM_THREADS=1 $(TESTS) --no-loadscope-reorder -m "not long"
 

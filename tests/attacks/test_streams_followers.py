@@ -18,7 +18,7 @@ from tests.tools.serving import Server
 
 FOLLOWERS = 500
 CHECKS = 30
-STEPS = 60
+STEPS = 20
 ROOM = {"SYNCPLAN_MAX_STREAMS": "2000", "SYNCPLAN_MAX_QUEUED_JOBS": "100"}
 
 
