@@ -92,6 +92,7 @@ async function ended(job, result) {
   const at = `v1/jobs/${job.id}/figures`;
   const found = Object.fromEntries(RUN_FIGURES.map((name) => [name, `${at}/${name}`]));
   if (result.series) found.errors = `${at}/errors`;
+  if (result.series?.errors) found.states = `${at}/states`;
   await charts.add(found, { show: "accuracy" });
   return true;
 }

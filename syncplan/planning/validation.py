@@ -51,6 +51,8 @@ class Validation(Result):
     predicted : (n,) m, the bound's RMS over the second half; None where not computed
     predicted_errors : the same of the filter's further states; empty where there are none, or it is
         not computed
+    predicted_over_time : (steps + 1, e) the bound of each further state, in its unit; None where
+        there are none, no series was asked for, or it is not computed
     expected : (n,) m, what the filter is expected to make of it, as it does not estimate errors
         that the scenario names; None where it estimates all, or not computed
     coverage : (n,) share of coordinates within three sigma
@@ -64,6 +66,7 @@ class Validation(Result):
     accuracy: Accuracy
     predicted: Array | None
     predicted_errors: tuple[PredictedState, ...]
+    predicted_over_time: Array | None
     expected: Array | None
     coverage: Array
     anees: Consistency
@@ -196,7 +199,7 @@ def conclude(run: TrialRun, parts: Sequence[MonteCarloResult]) -> Validation:
             f"the filter diverged in {lost} of {run.trials} trials: its errors are no longer "
             "finite; smaller sigmas or a shorter sample time may help"
         )
-    found, prediction = accuracy(result), _prediction(flown, run.duration)
+    found, (prediction, over_time) = accuracy(result), _prediction(run)
     expected = None if prediction.neglect is None else prediction.neglect.expected
     return Validation(
         plan=_with_own_trials(run, found, prediction.rms if expected is None else expected),
@@ -206,6 +209,7 @@ def conclude(run: TrialRun, parts: Sequence[MonteCarloResult]) -> Validation:
         accuracy=found,
         predicted=prediction.rms,
         predicted_errors=prediction.states,
+        predicted_over_time=over_time,
         expected=expected,
         coverage=coverage(result.covered.mean(axis=0), result.coverage_samples),
         anees=anees(result.nees, 3 * flown.orbits.count),
@@ -231,21 +235,28 @@ def _with_own_trials(run: TrialRun, found: Accuracy, predicted: Array | None) ->
     return replace(flown, start_up=start_up)
 
 
-def _prediction(flown: Plan, duration: float) -> Prediction:
-    """The plan's own, or one for another duration."""
+def _prediction(run: TrialRun) -> tuple[Prediction, Array | None]:
+    """The plan's own prediction, or one for another duration; and that of states over time."""
+    flown, duration, team = run.plan, run.duration, run.plan.team
     known = flown.prediction
-    if duration == flown.scenario.duration_s and known.rms is not None:
-        return known
+    lasts = duration == flown.scenario.duration_s and known.rms is not None
+    if lasts and not (known.states and run.options.with_series):
+        return known, None
     nothing = replace(known, rms=None, states=(), neglect=None)
-    if not bound_is_affordable(flown.team, duration):
-        return nothing
+    if not (lasts or bound_is_affordable(team, duration)):
+        return nothing, None
     try:
-        bound = posterior_bound(flown.team, flown.windows, duration)
+        bound = posterior_bound(team, flown.windows, duration)
     except NoSolutionError:
-        return nothing
-    return replace(
+        return nothing, None
+    of_errors = bound.errors if run.options.with_series else None
+    over_time = None if of_errors is None else np.sqrt(of_errors)
+    if lasts:
+        return known, over_time
+    prediction = replace(
         known,
         rms=bound.rms_second_half(),
-        states=predicted_states(flown.team, bound, flown.scenario.vehicle_names),
-        neglect=neglect_of(flown.team, flown.windows, duration),
+        states=predicted_states(team, bound, flown.scenario.vehicle_names),
+        neglect=neglect_of(team, flown.windows, duration),
     )
+    return prediction, over_time

@@ -9,6 +9,7 @@ link_lines           where links are drawn: from rim to rim
 map_view             what a map shows, and its scale
 map_labels           names on maps, clear of links and rims
 map_layers           layers of maps: areas, circles, vehicles
+panels_over_time     axes of panels that share an axis of time
 figure_table         the table of figures; it names the module of each
 catalogue            the figures of a plan or report, drawn
 html_page            a page of figures that works offline

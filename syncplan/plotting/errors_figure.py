@@ -11,9 +11,10 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.errors import InputError
-from syncplan.plotting.canvas import Spec, axis, escaped, layout, numbers, panel_title
+from syncplan.plotting.canvas import Spec, escaped, layout, numbers
 from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.palette import INK, SKY, VERMILLION, translucent
+from syncplan.plotting.panels_over_time import every_so_many, panels
 from syncplan.reports.run_schemas import ReplayDocument, Series, ValidationDocument, VehicleSeries
 
 __all__ = ["MOST_VEHICLES", "errors_spec"]
@@ -21,12 +22,6 @@ __all__ = ["MOST_VEHICLES", "errors_spec"]
 MOST_VEHICLES = 8
 """Vehicles drawn where none are named: of larger teams, those with the largest errors."""
 
-MOST_POINTS = 400
-"""Moments drawn of a run: every k-th sample."""
-
-_ROW_PX = 150
-_NARROW_ROW_PX = 110
-_GAP_PX = 38
 _COLUMNS = ("x in m", "y in m", "heading in rad")
 _WORTH_CLIPPING = 1.5
 """How many times larger than the settled half a start must be to be clipped."""
@@ -48,7 +43,7 @@ def errors_spec(
     """
     series = _series_of(report)
     rows = _chosen(report, series, vehicles)
-    every = max(1, -(-len(series.time_s) // MOST_POINTS))
+    every = every_so_many(len(series.time_s))
     times = np.array(series.time_s)[::every]
     places = [(row, column) for row in rows for column in range(3)]
     traces = list(
@@ -58,7 +53,8 @@ def errors_spec(
         )
     )
     ranges = [_settled(row, column) for row, column in places]
-    axes, titles, inner = _axes(rows, ranges, style)
+    named = [f"{row.name}: {_COLUMNS[column]}" for row, column in places]
+    axes, titles, inner = panels(named, ranges, style)
     shown = "error" if report.trials == 1 else "mean error"
     note = f"{shown} of {report.run}, and the filter's own 3-sigma band"
     if len(rows) < len(report.vehicles) and vehicles is None:
@@ -191,38 +187,3 @@ def _spread(at: list[float | None], rms: Array) -> Spec:
         "line": {"color": VERMILLION, "width": 1.4, "dash": "dot"},
         "hoverinfo": "skip",
     }
-
-
-def _axes(
-    rows: list[VehicleSeries], ranges: list[float | None], style: FigureStyle
-) -> tuple[Spec, list[Spec], int]:
-    """Panels in three columns, or in one where three find no room; titles; height in px."""
-    columns = 1 if style.narrow else 3
-    row_px, gap_px = _NARROW_ROW_PX if style.narrow else _ROW_PX, style.px(_GAP_PX)
-    lines = 3 * len(rows) // columns
-    whole = row_px * lines + gap_px * (lines - 1)
-    axes: Spec = {}
-    titles = []
-    for number, half in enumerate(ranges):
-        line, column = divmod(number, columns)
-        top = 1.0 - line * (row_px + gap_px) / whole
-        suffix = str(number + 1) if number else ""
-        left = column * 0.35
-        last = line == lines - 1
-        name, kind = rows[number // 3].name, _COLUMNS[number % 3]
-        titles.append(panel_title(f"{escaped(name)}: {kind}", left, top))
-        axes[f"xaxis{suffix}"] = axis(
-            "time, s" if last else "",
-            domain=[left, 1.0 if columns == 1 else left + 0.30],
-            anchor=f"y{suffix}",
-            showticklabels=last,
-            **({"matches": "x"} if number else {}),
-        )
-        fixed: Spec = {} if half is None else {"range": numbers([-half, half], 5)}
-        axes[f"yaxis{suffix}"] = axis(
-            domain=[max(top - row_px / whole, 0.0), top],
-            anchor=f"x{suffix}",
-            nticks=5,
-            **fixed,
-        )
-    return axes, titles, whole

@@ -62,6 +62,10 @@ def _subject_in_style(given: FigureInput) -> tuple[Any, ...]:
     return given.subject, given.style
 
 
+def _states_of(given: FigureInput) -> Any:
+    return None if given.subject.series is None else given.subject.series.errors
+
+
 @dataclass(frozen=True, slots=True)
 class Figure:
     """One figure.
@@ -172,6 +176,17 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             takes=_subject_in_style,
             there=lambda given: given.subject.series is not None,
             why_not="the report has no errors over time (--series keeps them)",
+        ),
+        "states": Figure(
+            "Further states over time",
+            "RMS error of each state of the filter that is no pose, such as wind or a bias, beside "
+            "the filter's own sigma and the predicted error.",
+            "run",
+            "states_figure.states_spec",
+            takes=_subject_in_style,
+            there=lambda given: _states_of(given) is not None,
+            why_not="the report has no errors of further states over time (--series keeps those "
+            "that filter.estimate names)",
         ),
         "consistency": Figure(
             "Consistency",

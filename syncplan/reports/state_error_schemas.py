@@ -24,6 +24,9 @@ class StateErrorSeries(DocumentPart):
 
     state: str = Field(examples=["wind x", "speed scale of v1"])
     unit: str = Field(examples=["m/s"])
-    rms: list[float]
+    rms: list[float] = Field(description="Over the trials, at each sample of `time_s`")
     mean: list[float]
     sigma: list[float] = Field(description="The filter's own sigma")
+    predicted: list[float] | None = Field(
+        default=None, description="The bound; null where none is computed"
+    )

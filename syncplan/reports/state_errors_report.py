@@ -44,7 +44,7 @@ def series_of_states(validation: Validation) -> list[StateErrorSeries] | None:
     names = _names(validation)
     if not names:
         return None
-    kept = state_series(validation.result)
+    kept, predicted = state_series(validation.result), validation.predicted_over_time
     return [
         StateErrorSeries(
             state=label,
@@ -52,6 +52,7 @@ def series_of_states(validation: Validation) -> list[StateErrorSeries] | None:
             rms=kept.rms[:, k].tolist(),
             mean=kept.mean_errors[:, k].tolist(),
             sigma=kept.sigma[:, k].tolist(),
+            predicted=None if predicted is None else predicted[:, k].tolist(),
         )
         for k, (label, unit) in enumerate(names)
     ]

@@ -40,7 +40,12 @@ def test_further_states_have_their_errors_beside_the_bound() -> None:
         assert 0.97 < one.coverage <= 1.0
     assert document.series is not None
     assert document.series.errors is not None
+    steps = found.result.steps
     for one, line in zip(document.errors, document.series.errors, strict=True):
+        assert line.predicted is not None
+        assert line.predicted[0] == pytest.approx(line.sigma[0])
+        settled = np.array(line.predicted)[steps // 2 + 1 :]
+        assert np.sqrt(np.mean(settled**2)) == pytest.approx(one.predicted_rms)
         assert (line.state, line.unit) == (one.state, one.unit)
         assert np.mean(np.square(line.rms[1:])) == pytest.approx(one.rms**2)
         assert len(line.sigma) == len(line.mean) == len(document.series.time_s)

@@ -1,0 +1,91 @@
+"""The figure of further states over time: what is drawn is what the report holds."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from syncplan.errors import InputError
+from syncplan.planning.validation import validate
+from syncplan.plotting.catalogue import specs_of
+from syncplan.plotting.figure_style import FigureStyle
+from syncplan.plotting.states_figure import MOST_STATES
+from syncplan.reports.run_schemas import ValidationDocument
+from syncplan.reports.validation_report import validation_document
+from tests.tools.scenarios import small
+
+
+@pytest.fixture(scope="module")
+def report() -> ValidationDocument:
+    given = small(wind={"sigma_mps": 0.5}, motion={"speed_scale_sigma": 0.02})
+    return validation_document(validate(given, trials=4, duration=20.0, with_series=True))
+
+
+def _of(report: ValidationDocument, **changes: object) -> ValidationDocument:
+    assert report.series is not None
+    series = report.series.model_copy(update=changes)
+    return report.model_copy(update={"series": series})
+
+
+def _drawn(report: ValidationDocument, **style: Any) -> dict[str, Any]:
+    return specs_of(report, ["states"], style=FigureStyle(**style))["states"]
+
+
+def test_each_state_has_a_panel_with_what_was_found_and_predicted(
+    report: ValidationDocument,
+) -> None:
+    assert report.series is not None
+    assert report.series.errors is not None
+    assert list(specs_of(report)) == ["accuracy", "errors", "states", "consistency"]
+    curves = {one["uid"]: one for one in _drawn(report)["data"]}
+    assert len(curves) == 3 * len(report.series.errors)
+    for state in report.series.errors:
+        assert state.predicted is not None
+        for key, values in (("rms", state.rms), ("sigma", state.sigma)):
+            assert curves[f"{key}-{state.state}"]["y"] == pytest.approx(values, rel=1e-3)
+        dotted = curves[f"predicted-{state.state}"]
+        assert dotted["y"] == pytest.approx(state.predicted, rel=1e-3)
+        assert dotted["x"] == pytest.approx(report.series.time_s)
+    titles = [one["text"] for one in _drawn(report)["layout"]["annotations"]]
+    assert titles[:3] == ["wind x, m/s", "wind y, m/s", "speed scale of v1"]
+
+
+def test_the_lowest_panel_of_each_column_has_the_times(report: ValidationDocument) -> None:
+    def timed(**style: Any) -> list[bool]:
+        shown = _drawn(report, **style)["layout"]
+        return [shown[name]["showticklabels"] for name in shown if name.startswith("xaxis")]
+
+    assert timed(width=1000) == [False, True, True, True]
+    assert timed(width=400) == [False, False, False, True]
+
+
+def test_of_many_states_the_least_known_of_each_kind_are_drawn(report: ValidationDocument) -> None:
+    assert report.series is not None
+    assert report.series.errors is not None
+    wind, _, scale, _ = report.series.errors
+    many = [
+        scale.model_copy(
+            update={"state": f"speed scale of v{k}", "rms": (0.01 * k * np.ones(5)).tolist()}
+        )
+        for k in range(40)
+    ]
+    shown = _drawn(_of(report, errors=[*many, wind]))
+    titles = [one["text"] for one in shown["layout"]["annotations"]]
+    assert titles[-1] == "wind x, m/s"
+    assert titles[:-1] == [f"speed scale of v{k}" for k in range(40 - MOST_STATES + 1, 40)]
+    assert f"{MOST_STATES} of 41 states" in str(shown["layout"]["title"])
+
+
+def test_without_a_bound_none_is_drawn(report: ValidationDocument) -> None:
+    assert report.series is not None
+    assert report.series.errors is not None
+    unknown = [one.model_copy(update={"predicted": None}) for one in report.series.errors]
+    curves = _drawn(_of(report, errors=unknown))["data"]
+    assert {one["uid"].split("-")[0] for one in curves} == {"sigma", "rms"}
+
+
+def test_a_report_of_poses_alone_has_no_such_figure(report: ValidationDocument) -> None:
+    for without in (_of(report, errors=None), report.model_copy(update={"series": None})):
+        assert "states" not in specs_of(without)
+        with pytest.raises(InputError, match="--series"):
+            specs_of(without, ["states"])
