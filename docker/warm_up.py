@@ -5,3 +5,4 @@ from syncplan.estimation.filters import FILTERS
 for vehicles in (6, 100):
     for one in FILTERS.values():
         one.lane_filter.compile(vehicles)
+        one.augmented_lane_filter.compile(vehicles)

@@ -81,8 +81,8 @@ function table(losses) {
   );
 }
 
-function row({ lost, rank, state_dim: size, worst_predicted_rms_m: worst, unobservable, verdict: { go } }) {
-  const lostModes = unobservable.map((mode) => mode.description).join("; ");
+function row({ lost, rank, state_dim: size, worst_predicted_rms_m: worst, unobservable, extended, verdict: { go } }) {
+  const lostModes = [...unobservable, ...(extended?.undetermined ?? [])].map((mode) => mode.description).join("; ");
   return element(
     "tr",
     {},

@@ -34,7 +34,7 @@ def show_losses(document: WhatIfDocument, console: Console) -> None:
             f"{one.rank} of {one.state_dim}",
             _metres(one.worst_predicted_rms_m),
             "[green]GO[/]" if one.verdict.go else "[red]NO-GO[/]",
-            escape("; ".join(mode.description for mode in one.unobservable)),
+            escape("; ".join(_undetected(one))),
         )
         if one is document.baseline:
             table.add_section()
@@ -47,6 +47,14 @@ def show_losses(document: WhatIfDocument, console: Console) -> None:
 
 def _lost(names: list[str]) -> str:
     return " and ".join(phrase_of(name) for name in names) or "nothing"
+
+
+def _undetected(one: RemainingTeam) -> list[str]:
+    """Motions of the team, and changes of errors that the filter estimates, in words."""
+    found = [mode.description for mode in one.unobservable]
+    return found + [
+        mode.description for mode in (one.extended.undetermined if one.extended else [])
+    ]
 
 
 def _state(baseline: RemainingTeam) -> str:

@@ -47,6 +47,9 @@ LARGEST_SEARCHED = 200
 MOST_STATES = 1500
 """Poses' coordinates and errors up to which every plan says which of them a window determines."""
 
+MOST_STATES_LEFT = 400
+"""The same after a loss, of which there are many: 60 vehicles with errors of every kind."""
+
 
 @single_threaded_blas
 def judge(
@@ -97,7 +100,7 @@ def judged(
     """Return the plan of a team assessed, from its resolved scenario, its links and its prediction.
 
     With `remainder`, of a team that has lost something, what is not asked of one is left out: the
-    connectivity period, links not listed, errors and what a further loss would do. Without
+    connectivity period, links not listed and what a further loss would do. Without
     `single_points` it is not looked for which losses end observability, as in teams too large.
     """
     team, orbits = assessed.team, assessed.team.orbits
@@ -123,7 +126,7 @@ def judged(
         certificate=assessed.certificate,
         unobservable=tuple(name_modes(assessed, names, scenario.landmark_names)),
         prediction=prediction,
-        error_verdict=None if remainder else judge_errors(assessed, names, MOST_STATES),
+        error_verdict=judge_errors(assessed, names, MOST_STATES_LEFT if remainder else MOST_STATES),
         start_up=start_up,
         single_points=() if remainder else _single_points(assessed, sought=single_points),
     )

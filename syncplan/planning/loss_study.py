@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal
 from syncplan.arrays import Array
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.bounds import window_bound
+from syncplan.observability.error_modes import ErrorVerdict
 from syncplan.observability.unobservable_modes import UnobservableMode
 from syncplan.observability.window_assessment import Assessment, assess_remainder, assess_team
 from syncplan.orbits.losses import Loss, Remainder, remainder_of
@@ -46,6 +47,8 @@ class LossOutcome:
     vehicles : names of those left
     rank, state_dim : of the windowed matrix
     unobservable : a named mode for each dimension that the rank lacks
+    error_verdict : what the window determines of errors that the filter estimates; None where it
+        estimates none
     predicted_rms : (k,) m, of each vehicle left; None where not computed
     note : why there are no predicted errors
     verdict : on flying on without what is lost
@@ -56,6 +59,7 @@ class LossOutcome:
     rank: int
     state_dim: int
     unobservable: tuple[UnobservableMode, ...]
+    error_verdict: ErrorVerdict | None
     predicted_rms: Array | None
     note: str
     verdict: Verdict
@@ -237,6 +241,7 @@ def _judged_as(found: JudgedTeam, lost: tuple[str, ...]) -> LossOutcome:
         rank=found.observability.rank,
         state_dim=found.observability.state_dim,
         unobservable=found.unobservable,
+        error_verdict=found.error_verdict,
         predicted_rms=found.prediction.rms,
         note=found.prediction.note,
         verdict=verdict_of(found),

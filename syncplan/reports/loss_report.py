@@ -2,6 +2,7 @@
 
 from syncplan import __version__
 from syncplan.planning.loss_study import LossOutcome, WhatIf
+from syncplan.reports.error_report import extended_rank_record
 from syncplan.reports.loss_schemas import RemainingTeam, WhatIfDocument
 from syncplan.reports.plan_report import error_prediction, unobservable_motions
 from syncplan.reports.verdict_schemas import plan_verdict
@@ -27,6 +28,7 @@ def _remaining(outcome: LossOutcome) -> RemainingTeam:
         state_dim=outcome.state_dim,
         observable=outcome.observable,
         unobservable=unobservable_motions(outcome.unobservable, outcome.vehicles),
+        extended=extended_rank_record(outcome.error_verdict, outcome.vehicles),
         predicted_rms_m=error_prediction(outcome.predicted_rms, outcome.vehicles, outcome.note),
         worst_predicted_rms_m=outcome.worst_predicted_rms,
         verdict=plan_verdict(outcome.verdict),

@@ -1,9 +1,11 @@
 """The JSON contract of what losses do to a plan."""
 
+from typing import ClassVar
+
 from pydantic import Field
 
 from syncplan.reports.document_base import Document, VersionedDocument
-from syncplan.reports.plan_schemas import ErrorPrediction, Unobservable
+from syncplan.reports.plan_schemas import ErrorPrediction, ExtendedRank, Unobservable
 from syncplan.reports.verdict_schemas import PlanVerdict
 
 __all__ = ["RemainingTeam", "WhatIfDocument"]
@@ -11,6 +13,8 @@ __all__ = ["RemainingTeam", "WhatIfDocument"]
 
 class RemainingTeam(Document):
     """What a loss leaves of a team, judged afresh on the orbits it has."""
+
+    left_out_if_none: ClassVar[frozenset[str]] = frozenset({"extended"})
 
     lost: list[str] = Field(
         description="Names of what is lost: vehicles, landmarks, and sensors as sensor:v3, whose "
@@ -22,6 +26,11 @@ class RemainingTeam(Document):
     state_dim: int
     observable: bool
     unobservable: list[Unobservable]
+    extended: ExtendedRank | None = Field(
+        default=None,
+        description="Rank with errors as states; absent where the filter estimates none that are "
+        "constant, or where there are more than 400 states",
+    )
     predicted_rms_m: ErrorPrediction = Field(
         description="Of a run without what is lost, from its start"
     )

@@ -23,7 +23,8 @@ from syncplan.orbits.sightings import sightings_over
 from syncplan.planning import judgement
 from syncplan.planning.findings import Finding
 from syncplan.planning.judged_plan import Plan
-from syncplan.planning.loss_study import what_if
+from syncplan.planning.judgement import judge
+from syncplan.planning.loss_study import WhatIf, what_if
 from syncplan.planning.lost_parts import (
     lost_together,
     names_of,
@@ -36,7 +37,7 @@ from syncplan.reports.loss_report import what_if_document
 from syncplan.reports.loss_schemas import WhatIfDocument
 from tests.tools.draws import draw_equipped_team
 from tests.tools.lost import differences, drawn_plan, from_scratch, independent_rank
-from tests.tools.scenarios import example, small
+from tests.tools.scenarios import changed, example, small
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -311,6 +312,45 @@ def test_an_error_whose_only_vehicle_is_lost_is_no_longer_estimated() -> None:
     )
     left = scenario_after(biased.resolved(), Loss(vehicles=(0,)))
     assert left.estimated == []
+
+
+@pytest.fixture(scope="module")
+def one_compass() -> WhatIf:
+    """Of a grid whose speed scales trade against a turn of the team unless a heading is known."""
+    motion = {"speed_sigma_mps": 0.1, "turn_rate_sigma_rad_s": 0.01, "speed_scale_sigma": 0.02}
+    compasses = [0.05, *[None] * 5]
+    grid = changed("paper-grid-same", motion=motion, heading_sigma_rad=compasses)
+    return what_if(grid, bound="never", threads=1)
+
+
+def test_a_lost_compass_shows_which_errors_it_determined(one_compass: WhatIf) -> None:
+    before = one_compass.baseline.error_verdict
+    assert before is not None
+    assert before.modes == ()
+    (lost,) = [one for one in one_compass.losses if one.lost == ("compass:v1",)]
+    assert lost.observable
+    assert lost.error_verdict is not None
+    (mode,) = lost.error_verdict.modes
+    assert mode.description == (
+        "speed scales of v1, v3 and v5 against v2, v4 and v6, with a turn of the team"
+    )
+    assert "needs-prior" in {one.code for one in lost.verdict.findings}
+    document = what_if_document(one_compass)
+    assert document.baseline.extended is not None
+    assert (document.baseline.extended.rank, document.baseline.extended.state_dim) == (24, 24)
+
+
+def test_errors_after_a_loss_are_those_of_the_reduced_scenario(one_compass: WhatIf) -> None:
+    for name in ("v2", "sensor:v3", "compass:v1"):
+        (outcome,) = [one for one in one_compass.losses if one.lost == (name,)]
+        whole = one_compass.plan
+        loss = lost_together([name], whole.scenario)
+        orbits = remainder_of(whole.team, loss).team.orbits
+        reduced = scenario_after(whole.scenario, loss)
+        afresh = judge(reduced, orbits, bound="never").error_verdict
+        assert outcome.error_verdict is not None
+        assert afresh is not None
+        assert outcome.error_verdict.modes == afresh.modes
 
 
 # --- the verdict ----------------------------------------------------------------------------------

@@ -129,10 +129,10 @@ class Tabs:
         """Let a tab forget what was done in it, or close it where that fails."""
         try:
             page.unroute_all()
-            # the page itself keeps what was edited when it is left
+            # the page itself keeps what was edited when it is left. Not about:blank: for another
+            # origin the browser starts a process that has compiled nothing
             page.goto(urljoin(page.url, "/healthz"))
             page.evaluate("localStorage.clear(), sessionStorage.clear()")
-            page.goto("about:blank")
             page.context.new_cdp_session(page).send("Page.resetNavigationHistory")
         except BrowserError:
             page.context.close()
