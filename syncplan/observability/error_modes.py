@@ -1,8 +1,8 @@
 """Names for unobservable directions of errors that last: which errors trade against which.
 
-What remains of the null space of [P E] without the motions that no sighting detects though all
-errors are known (syncplan.observability.unobservable_modes): one direction for each error too many,
-chosen so that each has an error of its own. Such a direction may move poses too:
+From the null space of [P E], the motions that no sighting can detect even with all errors known
+(syncplan.observability.unobservable_modes) are taken out. One direction is left for each error too
+many, chosen so that each has an error of its own. Such a direction may move poses too:
 
     speed scales of v1, v3 and v5 against v2, v4 and v6, with a turn of the team
 

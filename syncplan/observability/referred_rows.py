@@ -184,7 +184,7 @@ def _slopes(team: Team, sightings: Sightings) -> _Slopes:
 
 
 def _of_those_made(weight: Array, team: Team, sightings: Sightings) -> None:
-    """Of sightings that are missed now and then, or have no target, weigh in place."""
+    """Weigh in place: by their chance, and what has no target without regard to nearness."""
     alone = ~of_targets(sightings.kinds)
     if alone.any():
         observers = sightings.observers[alone]

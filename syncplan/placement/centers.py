@@ -78,7 +78,7 @@ class Placement:
         names = [*self.scenario.vehicle_names, *self.scenario.landmark_names]
         return [
             f"{names[a]} and {names[b]} come within range, but obstacles_m hides them from each "
-            "other at all phases; more starts, other links or a shorter obstacle may cure it"
+            "other at all phases; try another seed, other links or another gap"
             for a, b in self.hidden.tolist()
         ]
 
