@@ -74,7 +74,7 @@ def grid() -> dict[str, Any]:
 
 
 def main(repeats: int = REPEATS) -> dict[str, float]:
-    """Return the times in s by case, of windows and of a plan, with obstacles and without."""
+    """Return processor times in s by case, of windows and of a plan, with obstacles and without."""
     result: dict[str, float] = {}
     for case, document in zip(CASES, (shelves(), grid()), strict=True):
         free = {key: one for key, one in document.items() if key != "obstacles_m"}
@@ -94,13 +94,13 @@ def _planned(scenario: Scenario) -> None:
 
 
 def _in_turn(works: Sequence[Callable[[], Any]], repeats: int) -> list[float]:
-    """Seconds of the fastest call of each, called in turn."""
+    """Processor time in s of the fastest call of each, called in turn."""
     fastest = [float("inf") for _ in works]
     for _ in range(repeats):
         for k, work in enumerate(works):
-            began = time.perf_counter()
+            began = time.process_time()
             work()
-            fastest[k] = min(fastest[k], time.perf_counter() - began)
+            fastest[k] = min(fastest[k], time.process_time() - began)
     return fastest
 
 

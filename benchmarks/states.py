@@ -42,10 +42,10 @@ TARGET_S = 1.0
 
 LABELS = {
     "poses": "posterior bound, poses alone",
-    "none": "  by the recursion for further states",
-    "wind": "  wind as states",
-    "all": "  every error as states",
-    "neglected": "  what every error costs that is left out",
+    "none": "posterior bound, poses alone, by the recursion for further states",
+    "wind": "posterior bound, wind as states",
+    "all": "posterior bound, every error as states",
+    "neglected": "cost of every error, all left out",
 }
 
 
