@@ -37,6 +37,13 @@ THIN: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
 }
 
 
+@pytest.fixture(autouse=True)
+def short_exact_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few measurements: nothing here is about how good a plan the exact search finds."""
+    monkeypatch.setattr("syncplan.refinement.exact_search._MOST_LOOKS", 40)
+    monkeypatch.setattr("syncplan.refinement.exact_search._MOST_RUNS", 30)
+
+
 def _given(**changes: Any) -> Plan:
     return plan(small(**{"landmarks_m": LANDMARKS, "duration_s": 20.0, **changes}))
 
