@@ -37,6 +37,9 @@ __all__ = ["WideRms", "smooth_wide_rms"]
 
 _LINEAR_SOLVER = "lapackqr"
 
+_AT_ONCE = {"base": -1}
+"""Unrolls a recursion in one go: levels within levels only pay where CasADi differentiates them."""
+
 
 @dataclass(frozen=True, slots=True)
 class WideRms:
@@ -95,7 +98,7 @@ def _forward(step: "_Step", chosen: Index, start: ca.MX, turn: list[ca.MX]) -> t
     `turn` are information, noise and what varies in F at the samples of a turn, a column each.
     """
     number = len(chosen)
-    _, variances, after = step.forward().mapaccum("run", number, 1)(
+    _, variances, after = step.forward().mapaccum("run", number, _AT_ONCE)(
         start, *(one[:, chosen.tolist()] for one in turn)
     )
     late = variances[:, number // 2 :]
@@ -113,7 +116,7 @@ def _backward(
     back = np.arange(number)[::-1]
     counted = ca.DM(np.where(back >= number // 2, 0.5, 0.0)).T
     columns = (size * back[:, None] + np.arange(size)).ravel()
-    by_start, *by_step = step.backward().mapaccum("back", number, 1)(
+    by_start, *by_step = step.backward().mapaccum("back", number, _AT_ONCE)(
         ca.MX.zeros(size, size),
         after[:, columns.tolist()],
         *(one[:, chosen[back].tolist()] for one in turn),
