@@ -96,7 +96,7 @@ def vehicle_verdicts(assessed: Assessment, pairs: Index) -> list[LinkVerdict]:
                 backward=backward,
                 rank=min(link.rank, 3) if link else 0,
                 certified=link is not None and counts(link, 3, largest),
-                reason=_why_short_of_three(team, link, len(met), largest),
+                reason=_why_short_of_three(team, (a, b), link, len(met), largest),
                 residual=float(residual[k]),
                 tolerance=float(tolerance[k]),
             )
@@ -126,7 +126,7 @@ def landmark_verdicts(assessed: Assessment) -> list[LinkVerdict]:
                 backward=np.zeros((0, 2)),
                 rank=min(link.rank, 2) if link else 0,
                 certified=link is not None and counts(link, 2, largest),
-                reason=_why_short_of_two(link, largest),
+                reason=_why_short_of_two(team, int(a[row]), link, largest),
                 residual=0.0,
                 tolerance=np.pi,
             )
@@ -134,11 +134,17 @@ def landmark_verdicts(assessed: Assessment) -> list[LinkVerdict]:
     return sorted(found, key=lambda verdict: (verdict.a, verdict.b))
 
 
+def _why_unsighted(team: Team, observers: list[int]) -> str:
+    """Why a pair in contact is never sighted."""
+    rare = np.any(team.sensors.every[observers] > 1)
+    return f"in contact only between {'sightings (interval_s)' if rare else 'samples'}"
+
+
 def _why_short_of_three(
-    team: Team, link: LinkInformation | None, windows: int, largest: float
+    team: Team, pair: tuple[int, int], link: LinkInformation | None, windows: int, largest: float
 ) -> str:
     if link is None:
-        return "in contact only between samples" if windows else "never in contact"
+        return _why_unsighted(team, list(pair)) if windows else "never in contact"
     if link.rank >= 3:
         return "" if counts(link, 3, largest) else _TOO_WEAK
     if link.sightings < 3:
@@ -166,9 +172,11 @@ def _why_short_of_three(
     return f"nearly degenerate: third singular value is {ratio:.1e} of the first"
 
 
-def _why_short_of_two(link: LinkInformation | None, largest: float) -> str:
+def _why_short_of_two(
+    team: Team, vehicle: int, link: LinkInformation | None, largest: float
+) -> str:
     if link is None:
-        return "in contact only between samples"
+        return _why_unsighted(team, [vehicle])
     if link.rank >= 2:
         return "" if counts(link, 2, largest) else _TOO_WEAK
     if link.sightings < 2:

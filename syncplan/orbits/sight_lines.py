@@ -1,27 +1,28 @@
 """Sight lines: when polygons stand between an observer and its target.
 
 Both ends of a sight line are trigonometric polynomials of degree one in tau = omega t. Whether the
-open segment between them meets the interior of a polygon can change only where the segment touches
-the boundary and would not meet the interior without: with a corner, or with an end on an edge.
+open segment between them meets the interior of a polygon can change only where a corner comes to
+lie on the segment, or an end of the segment on an edge.
 
     a corner V on the line     (p_a - V) x (p_b - V) = 0      degree two
     an end p on an edge V W    (p - V) x (W - V) = 0          degree one
 
-At a corner that lies between the ends with its edges on either side of the line, or that is hollow,
-nothing changes, as the segment meets the interior before and after.
+Nothing changes at a corner whose two edges lie on either side of the line, nor at a hollow corner:
+the segment meets the interior before and after.
 
-In the first polynomial, second harmonics vanish identically for two vehicles of one sense and for
-landmarks. Where a polynomial vanishes identically (two vehicles whose line of sight turns about a
-corner), the change comes with another root: that of the edge's other corner, or of an end on the
-edge.
+The second harmonics of the first polynomial vanish identically for two vehicles of one sense and
+for landmarks. A whole polynomial vanishes identically for two vehicles whose line of sight turns
+about a corner; sight then changes at another root, that of the edge's other corner or of an end on
+the edge.
 
 A segment that only touches the boundary is free: it may graze a corner, run along a wall or end at
-a landmark mounted on it. One with an end in the interior is blocked. So an end that touches a wall
-from inside has an instant of free sight, which no root need show: intervals are looked at in two
-places. Polygons are simple, concave or not. Between the crossings of a line with the edges nothing
-changes, so the midpoint of each piece says whether it runs through the interior. Crossings are
-counted for the line moved a hair to its left and to its right: a piece is in the interior where
-both are, which needs no special case for corners and edges on the line.
+a landmark mounted on it. A segment with an end in the interior is blocked. An end that touches a
+wall from inside is free for that instant, which need not be a root, so each interval between roots
+is looked at in two places.
+
+Polygons are simple, concave or not. The edges cut a line into pieces, each of them inside or
+outside. Crossings are counted for the line moved a hair to its left and to its right: a piece runs
+through the interior where both do, which needs no special case for corners and edges on the line.
 """
 
 from dataclasses import dataclass

@@ -124,3 +124,18 @@ def test_a_link_has_the_rows_of_both_kinds() -> None:
     assert [2 * link.sightings for link in bearings] == [
         link.sightings for link in both.information
     ]
+
+
+def test_contact_that_no_sighting_falls_into_says_so() -> None:
+    orbit = {
+        "radius_m": 20.0,
+        "angular_rate_rad_s": 0.2,
+        "direction": "ccw",
+        "first_phase_rad": 1.5,
+    }
+    sensor = {"range_m": 40.0, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1, "interval_s": 100.0}
+    scenario = small(orbit=orbit, landmarks_m=[[0, -40]], sensor=sensor)
+    made = plan(scenario, bound="never")
+    (link,), (landmark,) = made.links, made.landmark_links
+    assert link.contact > 0.0
+    assert link.reason == landmark.reason == "in contact only between sightings (interval_s)"

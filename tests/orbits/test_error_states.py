@@ -33,7 +33,7 @@ def _flown(orbits: Orbits, errors: dict[str, Array], time: float) -> Array:
         ).ravel()
 
     start = np.column_stack([position(orbits, 0.0), heading(orbits, 0.0)])
-    solved = solve_ivp(rates, (0.0, time), start.ravel(), rtol=1e-11, atol=1e-11)
+    solved = solve_ivp(rates, (0.0, time), start.ravel(), method="DOP853", rtol=1e-11, atol=1e-11)
     return np.asarray(solved.y[:, -1].reshape(-1, 3))
 
 
@@ -64,7 +64,7 @@ def test_columns_of_errors_are_the_derivatives_of_sightings_along_an_integrated_
     orbits, layout = team.orbits, layout_of(team)
     seen = sightings_of(team, round(0.8 * orbits.period / team.sensors.sample_time))
     wide = wide_rows(team, seen, layout)
-    dense = dense_rows(wide, layout.size)
+    dense, rows = dense_rows(wide, layout.size), sighting_rows(team, seen)
     labels = layout.labels([str(k) for k in range(team.count)])
     random = np.random.default_rng(seed)
     h, checked = 1e-6, 0
@@ -72,8 +72,7 @@ def test_columns_of_errors_are_the_derivatives_of_sightings_along_an_integrated_
         time = float(seen.steps[s]) * team.sensors.sample_time
         name = list(SIGHTING_KINDS)[int(seen.kinds[s])]
         sigma = SIGHTING_KINDS[name].sigmas(team.sensors)[seen.observers[s]]
-        own = sighting_rows(team, seen)[s]
-        if np.abs(own).max() * sigma > 20.0:
+        if np.abs(rows[s]).max() * sigma > 20.0:
             continue  # so near that it is weighted down, or not to be differentiated
         for column, sigma_state in enumerate(layout.sigmas):
             kind, _, vehicle = labels[column].replace("turn rate", "turn_rate").partition(" of ")
