@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
@@ -123,11 +123,17 @@ def open_closed_streams() -> None:
         sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
 
 
-def announce_compilation(options: "FilterOptions", count: int, *, augmented: bool = False) -> None:
-    """Say that the filter's kernels for `count` vehicles are compiled first, if they are."""
+def announce_compilation(options: "FilterOptions", runs: Iterable[tuple[int, bool]]) -> None:
+    """Say that the filter's kernels are compiled first, if any is.
+
+    Each of `runs` is a number of vehicles, and whether its filter has further states or misses
+    sightings.
+    """
     model = options.filter_model
-    chosen = model.augmented_lane_filter if augmented else model.lane_filter
-    if not chosen.is_compiled(count):
+    if not all(
+        (model.augmented_lane_filter if augmented else model.lane_filter).is_compiled(count)
+        for count, augmented in set(runs)
+    ):
         say("compiling the filter's kernels, once; this takes some seconds ...")
 
 

@@ -69,7 +69,7 @@ def _replay(
     log = load_log(log_dir)
     for recorded in log_dir.glob("*.dat"):
         refuse_overwriting(str(recorded), output)
-    announce_compilation(OPTIONS, len(log.robots))
+    announce_compilation(OPTIONS, [(len(log.robots), False)])
     noise = replace(
         GROUND_ROBOTS, speed_sigma=speed_sigma_mps, turn_rate_sigma=turn_rate_sigma_rad_s
     )

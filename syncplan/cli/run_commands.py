@@ -115,7 +115,7 @@ def _validate(
     )
     refuse_overwriting(subject, output)
     flown = plan_of(load(subject, max_vehicles=max_vehicles or MAX_VEHICLES), pilot=False)
-    announce_compilation(options, flown.team.count, augmented=needs_augmented(flown.team))
+    announce_compilation(options, [(flown.team.count, needs_augmented(flown.team))])
     with progress_bar("trials", trials) as progress:
         result = validate(flown, options, threads=threads, progress=progress)
     deliver_document("validation", validation_document(result), output, format_)
@@ -169,7 +169,8 @@ def _sweep(
     **swept: Any,
 ) -> int:
     """Vary one key: plan and validate each value, tables like the paper's Tables 1 and 2."""
-    from syncplan.planning.sweeps import sweep
+    from syncplan.estimation.trial_readings import needs_augmented
+    from syncplan.planning.sweeps import planned_rows, validated
     from syncplan.reports.validation_report import sweep_document, validation_document
     from syncplan.scenario.loading import load_scenario
     from syncplan.scenario.models import MAX_VEHICLES
@@ -178,17 +179,11 @@ def _sweep(
     options = FilterOptions(trials=trials, seed=seed, duration=duration)
     refuse_overwriting(scenario, output)
     loaded = load_scenario(scenario, max_vehicles=max_vehicles or MAX_VEHICLES)
-    announce_compilation(options, loaded.size)
-    with progress_bar("trials", trials * (len(numbers_of_it) + connected)) as progress:
-        rows = sweep(
-            loaded,
-            varied.name,
-            numbers_of_it,
-            options,
-            connected=connected,
-            threads=threads,
-            progress=progress,
-        )
+    planned = planned_rows(loaded, varied.name, numbers_of_it, connected=connected)
+    teams = [row.plan.team for row in planned]
+    announce_compilation(options, [(team.count, needs_augmented(team)) for team in teams])
+    with progress_bar("trials", trials * len(planned)) as progress:
+        rows = validated(varied.name, planned, options, threads=threads, progress=progress)
     reports = [validation_document(row.validation) for row in rows]
     deliver_document("sweep", sweep_document(varied.name, rows, reports), output, format_)
     return 0

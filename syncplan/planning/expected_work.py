@@ -6,21 +6,30 @@ range r for the share arccos((D^2 + rho'^2 - r^2) / (2 D rho')) / pi of the time
 at rho' = sqrt(D^2 - r^2), or at rho where that is less; if D <= r, it may be in range always. This
 bounds vehicles of one sense, and landmarks; of opposite senses it is an estimate. Obstacles, which
 only take sightings away, are left out.
+
+A narrow view turns with its vehicle, so what it shows depends on where the target is, not only on
+how near. There the share is counted at instants around the circle, with the target at each of some
+phases, and the largest is taken.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from syncplan.arrays import Array, Index
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import reachable_pairs
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
 from syncplan.orbits.scenario_arrays import radii_of, team_of
 from syncplan.orbits.sighting_kinds import kinds_measured, of_targets, samples_between
+from syncplan.orbits.team import Team
 from syncplan.planning.judgement import bound_is_affordable
 from syncplan.scenario.specification import Scenario
 
 __all__ = ["ExpectedWork", "work_of"]
+
+_INSTANTS, _PHASES = 72, 8
+"""Instants around a circle, and phases of a target, at which narrow views are looked at."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +60,8 @@ def work_of(scenario: Scenario, duration: float | None = None) -> ExpectedWork |
     length = resolved.duration_s if duration is None else duration
     zeros = np.zeros(resolved.size)
     centers = np.array(resolved.centers, dtype=float)
-    circles = Orbits(centers, radii_of(resolved), zeros + 1.0, zeros, resolved.orbit.rate)
+    senses = _senses(resolved)
+    circles = Orbits(centers, radii_of(resolved), senses, zeros, resolved.orbit.rate)
     team = team_of(resolved, circles)
     a, b = reachable_pairs(circles, team.sensors.ranges, team.landmarks)
     places = np.concatenate([centers, team.landmarks.reshape(-1, 2)])
@@ -63,7 +73,8 @@ def work_of(scenario: Scenario, duration: float | None = None) -> ExpectedWork |
     with np.errstate(divide="ignore", invalid="ignore"):
         cosine = (distance**2 + rho**2 - reach**2) / (2.0 * distance * rho)
     share = np.where(distance <= reach, 1.0, np.arccos(np.clip(cosine, -1.0, 1.0)) / np.pi)
-    share *= np.minimum(team.sensors.fields_of_view[a] / (2.0 * np.pi), 1.0)
+    narrow = team.sensors.fields_of_view[a] < 2.0 * np.pi
+    share[narrow] = _share_in_view(team, places, a[narrow], b[narrow])
     measured = kinds_measured(team.sensors)
     paired = of_targets(np.arange(measured.shape[1]))
     share *= measured[a][:, paired].sum(axis=1) / team.sensors.every[a]
@@ -72,3 +83,39 @@ def work_of(scenario: Scenario, duration: float | None = None) -> ExpectedWork |
     sightings = each * length / team.sensors.sample_time
     size = float(layout_of(team, tuple(ERROR_STATES)).size)
     return ExpectedWork(sightings, sightings * size**2, bound_is_affordable(team, length))
+
+
+def _senses(scenario: Scenario) -> Array:
+    """(n,) senses given; where they are yet to be chosen, neighbours in the list alternate."""
+    direction = scenario.orbit.direction
+    given = direction if isinstance(direction, list) else [direction] * scenario.size
+    senses = np.array([1.0 if one == "ccw" else -1.0 for one in given])
+    chosen = np.array([one == "alternate" for one in given])
+    return np.where(chosen, 1.0 - 2.0 * (np.arange(scenario.size) % 2), senses)
+
+
+def _share_in_view(team: Team, places: Array, a: Index, b: Index) -> Array:
+    """(p,) largest share of the time that each target is in range and view, over its phases."""
+    orbits, sensors = team.orbits, team.sensors
+    apart = (places[b] - places[a]) @ np.array([1.0, 1.0j])
+    own = orbits.senses[a, None]
+    fixed = len(team.landmarks)
+    radii = np.concatenate([orbits.radii, np.zeros(fixed)])[b, None]
+    senses = np.concatenate([orbits.senses, np.ones(fixed)])[b, None]
+    turn = 2.0 * np.pi * (np.arange(_INSTANTS) + 0.5) / _INSTANTS
+    arm = np.exp(1.0j * own * turn)
+    # the way of the camera is a quarter turn from the arm
+    ahead = 1.0j * own * arm * np.exp(1.0j * sensors.boresights[a, None])
+    least = np.cos(0.5 * sensors.fields_of_view[a, None])
+    # from the observer to the target's centre, and on to the target
+    start, further = (
+        apart[:, None] - orbits.radii[a, None] * arm,
+        radii * np.exp(1j * senses * turn),
+    )
+    share = np.zeros(len(a))
+    for late in 2.0 * np.pi * np.arange(_PHASES) / _PHASES:
+        q = start + np.exp(1.0j * late) * further
+        far = np.abs(q)
+        seen = (far <= sensors.ranges[a, None]) & ((q * ahead.conj()).real >= least * far)
+        share = np.maximum(share, seen.mean(axis=1))
+    return share

@@ -18,7 +18,15 @@ from syncplan.planning.validation import Validation, validate
 from syncplan.results import Result
 from syncplan.scenario.specification import Scenario
 
-__all__ = ["PlannedRow", "Sweep", "ValidatedRow", "connected_range", "planned_rows", "sweep"]
+__all__ = [
+    "PlannedRow",
+    "Sweep",
+    "ValidatedRow",
+    "connected_range",
+    "planned_rows",
+    "sweep",
+    "validated",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,16 +83,8 @@ def sweep(
     called with the number of trials done in all.
     """
     chosen = options_with(options, changes)
-    rows: list[ValidatedRow] = []
-    for one in planned_rows(scenario, name, values, connected=connected):
-        validation = validate(
-            one.plan,
-            chosen,
-            threads=threads,
-            progress=_shifted(progress, len(rows) * chosen.trials),
-        )
-        rows.append(ValidatedRow(one.label, one.value, validation))
-    return Sweep(name, rows)
+    rows = planned_rows(scenario, name, values, connected=connected)
+    return validated(name, rows, chosen, threads=threads, progress=progress)
 
 
 def planned_rows(
@@ -105,6 +105,23 @@ def planned_rows(
         label = f"connected, {last.label} at range {reach:.4g} m"
         rows.append(PlannedRow(label, last.value, wider))
     return rows
+
+
+def validated(
+    name: str,
+    rows: Iterable[PlannedRow],
+    options: FilterOptions,
+    *,
+    threads: int | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Sweep:
+    """Return the sweep of the key `name` whose planned rows are validated, each in turn."""
+    found: list[ValidatedRow] = []
+    for one in rows:
+        done = _shifted(progress, len(found) * options.trials)
+        validation = validate(one.plan, options, threads=threads, progress=done)
+        found.append(ValidatedRow(one.label, one.value, validation))
+    return Sweep(name, found)
 
 
 _INSTANTS = 720

@@ -14,6 +14,8 @@ import pytest
 from syncplan.cli import command_line
 from syncplan.cli.plan_commands import VARIABLES
 from syncplan.errors import InputError
+from syncplan.estimation.augmented_filter import AUGMENTED
+from syncplan.estimation.lane_filter import LaneFilter
 from syncplan.exporting.format_table import ALL, FORMATS
 from syncplan.plotting.figure_table import FIGURES
 from syncplan.scenario.loading import load_scenario
@@ -321,6 +323,29 @@ def test_a_sweep_reports_each_value_and_the_connected_row(run: Any) -> None:
     assert rows[2]["label"].startswith("connected")
     for name in ("--range", "--radius"):
         assert run("sweep", GRID, name, "50", "--trials", "2", "--duration", "5")[0] == 0
+
+
+def test_a_sweep_announces_the_kernels_of_all_its_values(
+    run: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+
+    def unready(*_: object, **__: object) -> None:
+        raise InputError("not today")
+
+    def uncompiled(kernel: LaneFilter, count: int) -> bool:
+        asked.append((kernel is AUGMENTED, count))
+        return kernel is not AUGMENTED
+
+    monkeypatch.setattr(LaneFilter, "is_compiled", uncompiled)
+    monkeypatch.setattr("syncplan.planning.sweeps.validate", unready)
+    short = ("--trials", "1", "--duration", "2")
+    varied = ("--key", "sensor.detection_probability", "--values")
+    _, _, said = run("sweep", GRID, *varied, "1", *short)
+    assert "compiling" not in said
+    assert asked == [(False, 6)]
+    _, _, said = run("sweep", GRID, *varied, "1,0.9", *short)
+    assert said.count("compiling") == 1
 
 
 @pytest.mark.parametrize("contract", ["scenario", "plan", "sites", "validation", "replay", "sync"])
