@@ -6,6 +6,7 @@ move, so only rows and columns of poses change, one vehicle after another; gusts
 
 from syncplan.arrays import Array, Index
 from syncplan.estimation.augmented_setup import AugmentedSetup
+from syncplan.estimation.batched_filter import turn_block
 from syncplan.estimation.lane_filter import Lanes, compiled
 
 __all__ = ["BIAS", "GUST", "SCALE", "TURN", "WIND", "Frame", "bring_to_now"]
@@ -44,43 +45,29 @@ def _carry_column(
     P: Array, r: int, k: int, own: Index, age: Array, since: Array, lanes: Lanes
 ) -> None:
     """P[r : r + 3, k] = F P[:, k] for the vehicle at row r and a column k of another state."""
-    scale, bias, begin = own[SCALE], own[TURN], own[WIND]
-    if begin >= 0 and scale >= 0 and bias >= 0:
-        _add_drift_and_rates(P, r, k, own, age[0], since, lanes)
-    elif begin >= 0:
-        _add_drift(P, r, k, begin, age[0], since, lanes)
-    else:
-        a, b = max(r, k), min(r, k)
-        down, right = (1, 0) if k < r else (0, 1)
-        for lane in range(len(lanes)):
-            turned = P[a + 2 * down, b + 2 * right, lane]
-            P[a, b, lane] -= since[1, lane] * turned
-            P[a + down, b + right, lane] += since[0, lane] * turned
-    if begin < 0 or scale < 0 or bias < 0:
-        if scale >= 0:
-            _add_rate(P, r, k, scale, 0.0, since[4:6], lanes)
-        if bias >= 0:
-            _add_rate(P, r, k, bias, age[0], since[2:4], lanes)
+    a, b = max(r, k), min(r, k)
+    down, right = (1, 0) if k < r else (0, 1)
+    for lane in range(len(lanes)):
+        turned = P[a + 2 * down, b + 2 * right, lane]
+        P[a, b, lane] -= since[1, lane] * turned
+        P[a + down, b + right, lane] += since[0, lane] * turned
+    if own[SCALE] >= 0:
+        _add_rate(P, r, k, own[SCALE], 0.0, since[4:6], lanes)
+    if own[TURN] >= 0:
+        _add_rate(P, r, k, own[TURN], age[0], since[2:4], lanes)
+    if own[WIND] >= 0:
+        _add_drift(P, r, k, own[WIND], age[0], lanes)
     if own[GUST] >= 0:
-        for axis in range(2):
-            column = own[GUST + axis]
-            a, b, c, d = max(r + axis, k), min(r + axis, k), max(column, k), min(column, k)
-            for lane in range(len(lanes)):
-                P[a, b, lane] += age[1] * P[c, d, lane]
+        _add_drift(P, r, k, own[GUST], age[1], lanes)
 
 
 @compiled
-def _add_drift(
-    P: Array, r: int, k: int, wind: int, time: float, since: Array, lanes: Lanes
-) -> None:
-    """The part of the heading and of the wind in a column of P."""
-    a, b = max(r, k), min(r, k)
-    down, right = (1, 0) if k < r else (0, 1)
-    cx, dx, cy, dy = max(wind, k), min(wind, k), max(wind + 1, k), min(wind + 1, k)
-    for lane in range(len(lanes)):
-        turned = P[a + 2 * down, b + 2 * right, lane]
-        P[a, b, lane] += time * P[cx, dx, lane] - since[1, lane] * turned
-        P[a + down, b + right, lane] += time * P[cy, dy, lane] + since[0, lane] * turned
+def _add_drift(P: Array, r: int, k: int, begin: int, time: float, lanes: Lanes) -> None:
+    """The part of a wind or a gust, in columns `begin` and the next, that has blown for `time`."""
+    for axis in range(2):
+        a, b, c, d = max(r + axis, k), min(r + axis, k), max(begin + axis, k), min(begin + axis, k)
+        for lane in range(len(lanes)):
+            P[a, b, lane] += time * P[c, d, lane]
 
 
 @compiled
@@ -96,34 +83,6 @@ def _add_rate(
         P[a, b, lane] += moved[0, lane] * share
         P[a + down, b + right, lane] += moved[1, lane] * share
         P[a + 2 * down, b + 2 * right, lane] += time * share
-
-
-@compiled
-def _add_drift_and_rates(
-    P: Array, r: int, k: int, own: Index, time: float, since: Array, lanes: Lanes
-) -> None:
-    """The parts of heading, wind, scale and bias in a column of P, at once."""
-    a, b = max(r, k), min(r, k)
-    down, right = (1, 0) if k < r else (0, 1)
-    wind, scale, bias = own[WIND], own[SCALE], own[TURN]
-    cx, dx, cy, dy = max(wind, k), min(wind, k), max(wind + 1, k), min(wind + 1, k)
-    cs, ds, ct, dt = max(scale, k), min(scale, k), max(bias, k), min(bias, k)
-    for lane in range(len(lanes)):
-        turned = P[a + 2 * down, b + 2 * right, lane]
-        grown, swung = P[cs, ds, lane], P[ct, dt, lane]
-        P[a, b, lane] += (
-            time * P[cx, dx, lane]
-            - since[1, lane] * turned
-            + since[4, lane] * grown
-            + since[2, lane] * swung
-        )
-        P[a + down, b + right, lane] += (
-            time * P[cy, dy, lane]
-            + since[0, lane] * turned
-            + since[5, lane] * grown
-            + since[3, lane] * swung
-        )
-        P[a + 2 * down, b + 2 * right, lane] = turned + time * swung
 
 
 @compiled
@@ -143,23 +102,10 @@ def _carry(
         _carry_column(P, r, k, own, age, since, lanes)
     for k in range(r + 3, len(P)):
         _carry_column(P, r, k, own, age, since, lanes)
-    _turn_block(P, r, since, lanes)
+    turn_block(P, r, since, lanes)
     for s in range(len(own)):
         if own[s] >= 0 and s != BIAS:
             _add_errors_part(P, r, s, own[s], age, since, before[s], lanes)
-
-
-@compiled
-def _turn_block(P: Array, r: int, since: Array, lanes: Lanes) -> None:
-    """A B A' of the pose at row r."""
-    for lane in range(len(lanes)):
-        a, b = -since[1, lane], since[0, lane]
-        hx, hy, hh = P[r + 2, r, lane], P[r + 2, r + 1, lane], P[r + 2, r + 2, lane]
-        P[r, r, lane] += a * (2.0 * hx + a * hh)
-        P[r + 1, r, lane] += a * hy + b * (hx + a * hh)
-        P[r + 1, r + 1, lane] += b * (2.0 * hy + b * hh)
-        P[r + 2, r, lane] = hx + a * hh
-        P[r + 2, r + 1, lane] = hy + b * hh
 
 
 @compiled

@@ -21,7 +21,7 @@ import numpy as np
 from syncplan.arrays import Array, Index
 from syncplan.estimation.augmented_frame import GUST, SCALE, TURN, WIND, Frame, bring_to_now
 from syncplan.estimation.augmented_setup import AugmentedSetup
-from syncplan.estimation.batched_filter import shortening
+from syncplan.estimation.batched_filter import add_motion_noise, shortening
 from syncplan.estimation.filter_setup import MotionModel
 from syncplan.estimation.lane_filter import Lanes, compiled
 
@@ -60,7 +60,11 @@ def predict_augmented(
     for i in range(len(x)):
         _move(x, errors, i, speeds, turn_rates, motion, setup.columns[i], slopes, lanes)
         _lengthen(since[i], age[0], slopes, motion.time, lanes)
-        _add_noise(P, 3 * i, since[i], slopes, motion, lanes)
+        # in P's frame a turn rate swings the vehicle about where its way began
+        for lane in range(len(lanes)):
+            slopes[4, lane] += since[i, 1, lane] * motion.time
+            slopes[5, lane] -= since[i, 0, lane] * motion.time
+        add_motion_noise(P, 3 * i, slopes, motion, lanes)
     age[0] += motion.time
     age[1] += motion.time * age[2]
     age[2] *= setup.decay
@@ -185,24 +189,3 @@ def _sine_and_cosine(angle: float) -> tuple[float, float]:
     odd = quadrant == 1.0 or quadrant == 3.0
     s, c = (cos, sin) if odd else (sin, cos)
     return (-s if quadrant >= 2.0 else s), (-c if quadrant == 1.0 or quadrant == 2.0 else c)
-
-
-@compiled
-def _add_noise(
-    P: Array, r: int, since: Array, slopes: Array, motion: MotionModel, lanes: Lanes
-) -> None:
-    """P += G Q G' for the vehicle at row r, in P's frame.
-
-    slopes[2:4] is G by speed, slopes[4:6] by turn rate, which there is about where the way began.
-    """
-    time, speed_variance = motion.time, motion.speed_variance
-    turn_variance = motion.turn_rate_variance
-    for lane in range(len(lanes)):
-        vx, vy = slopes[2, lane], slopes[3, lane]
-        wx, wy = slopes[4, lane] + since[1, lane] * time, slopes[5, lane] - since[0, lane] * time
-        P[r, r, lane] += speed_variance * vx * vx + turn_variance * wx * wx
-        P[r + 1, r, lane] += speed_variance * vx * vy + turn_variance * wx * wy
-        P[r + 1, r + 1, lane] += speed_variance * vy * vy + turn_variance * wy * wy
-        P[r + 2, r, lane] += turn_variance * wx * time
-        P[r + 2, r + 1, lane] += turn_variance * wy * time
-        P[r + 2, r + 2, lane] += turn_variance * time * time

@@ -35,10 +35,12 @@ from syncplan.estimation.lane_statistics import record_lanes, subtract_outer
 __all__ = [
     "BEARING_KIND",
     "EXTENDED",
+    "add_motion_noise",
     "correct_lanes",
     "predict_lanes",
     "shortening",
     "sighting_lanes",
+    "turn_block",
 ]
 
 Work = tuple[Array, Array, Array, Array]
@@ -95,7 +97,7 @@ def predict_lanes(
             moves[4, lane] = along * cos - across * sin
             moves[5, lane] = along * sin + across * cos
         _turn_covariance(P, 3 * i, moves, lanes)
-        _add_motion_noise(P, 3 * i, moves, motion, lanes)
+        add_motion_noise(P, 3 * i, moves, motion, lanes)
         for lane in range(len(lanes)):
             x[i, 0, lane] += moves[0, lane]
             x[i, 1, lane] += moves[1, lane]
@@ -109,6 +111,16 @@ def _turn_covariance(P: Array, r: int, moves: Array, lanes: Lanes) -> None:
         for lane in range(len(lanes)):
             P[r, k, lane] -= moves[1, lane] * P[r + 2, k, lane]
             P[r + 1, k, lane] += moves[0, lane] * P[r + 2, k, lane]
+    turn_block(P, r, moves, lanes)
+    for k in range(r + 3, len(P)):
+        for lane in range(len(lanes)):
+            P[k, r, lane] -= moves[1, lane] * P[k, r + 2, lane]
+            P[k, r + 1, lane] += moves[0, lane] * P[k, r + 2, lane]
+
+
+@compiled
+def turn_block(P: Array, r: int, moves: Array, lanes: Lanes) -> None:
+    """Turn the block of the pose at row r, whose place is moves[0:2] from where it began."""
     for lane in range(len(lanes)):
         a, b = -moves[1, lane], moves[0, lane]
         hx, hy, hh = P[r + 2, r, lane], P[r + 2, r + 1, lane], P[r + 2, r + 2, lane]
@@ -117,14 +129,10 @@ def _turn_covariance(P: Array, r: int, moves: Array, lanes: Lanes) -> None:
         P[r + 1, r + 1, lane] += b * (2.0 * hy + b * hh)
         P[r + 2, r, lane] = hx + a * hh
         P[r + 2, r + 1, lane] = hy + b * hh
-    for k in range(r + 3, len(P)):
-        for lane in range(len(lanes)):
-            P[k, r, lane] -= moves[1, lane] * P[k, r + 2, lane]
-            P[k, r + 1, lane] += moves[0, lane] * P[k, r + 2, lane]
 
 
 @compiled
-def _add_motion_noise(P: Array, r: int, moves: Array, motion: MotionModel, lanes: Lanes) -> None:
+def add_motion_noise(P: Array, r: int, moves: Array, motion: MotionModel, lanes: Lanes) -> None:
     """P += G Q G' for the vehicle at row r: moves[2:4] is G by speed, moves[4:6] by turn rate."""
     time, speed_variance = motion.time, motion.speed_variance
     turn_variance = motion.turn_rate_variance
