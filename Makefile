@@ -16,10 +16,11 @@ DEMO   ?= examples/scenarios/paper-grid-same.yaml
 
 UV     := 'uv>=0.9,<1'
 
-# one process a core; a file's tests stay together
-TESTS  := $(BIN)/python -m pytest --numprocesses auto --dist loadfile
-# the draws of the long searches: other ones each day
-SEED   ?= $(shell date +%Y%m%d)
+CORES  := $(shell nproc)
+# one process more than there are cores: many tests wait; a file's tests stay together
+TESTS  := $(BIN)/python -m pytest --numprocesses $(shell expr $(CORES) + 1) --dist loadfile
+# the draws of the long searches: other ones each day, a hundred seeds in a row
+SEED   ?= $(shell date +%y%m%d)00
 
 export PIP_DISABLE_PIP_VERSION_CHECK = 1
 # the checks start hundreds of processes: each would compile all modules anew
@@ -54,30 +55,29 @@ check-all: postgresql check
 	@# test by test: the survival tests, kept together, would go on long after all others have ended
 	$(TESTS) --dist worksteal -m long
 	$(TESTS) -m hypothesis --hypothesis-profile=fresh-cases
-	@# each search is one process: as many at once as there are cores, what each prints together
-	OPENBLAS_NUM_THREADS=1 $(MAKE) --no-print-directory --output-sync --jobs $(CORES) $(SEARCHES:%=search-%)
+	@# as many at once as there are cores, what each prints together; some start services and wait
+	OPENBLAS_NUM_THREADS=1 $(MAKE) --no-print-directory --output-sync --jobs $(CORES) \
+		$(SEARCHES:%=search-%) container-steps
 	@# alone: a process's share of memory grows as others that use the same libraries end
 	$(BIN)/python -m tests.searches.search_requests 400 $(SEED)
-	$(BIN)/python -m tests.searches.search_survival 3 $(SEED)
-	$(BIN)/python -m tests.searches.search_upgrade 1 $(SEED)
-	docker/steps.sh
 
-CORES := $(shell nproc)
 # the longest first
-SEARCHES := equipment start-up predictions neglect consistency clearances refinements phases sight-lines contract losses counterexamples
+SEARCHES := survival contract upgrade sight-lines equipment clearances refinements counterexamples phases start-up predictions losses consistency neglect
 
-search-equipment:       ARGUMENTS = 4 $(SEED)
+search-survival:        ARGUMENTS = 3 $(SEED)
+search-upgrade:         ARGUMENTS = 1 $(SEED)
+search-equipment:       ARGUMENTS = 2 $(SEED)
 search-start-up:        ARGUMENTS = 40 $(SEED) --trials 100 --missed 0.4 --wrong 0.2
 search-predictions:     ARGUMENTS = 16 $(SEED) --trials 100 --median 0.06 --ninety 0.15
 search-neglect:         ARGUMENTS = 12 $(SEED) --most 0.2
-search-consistency:     ARGUMENTS = 40 $(SEED)
+search-consistency:     ARGUMENTS = 20 $(SEED)
 search-clearances:      ARGUMENTS = 6 $(SEED)
 search-refinements:     ARGUMENTS = 8 $(SEED)
 search-phases:          ARGUMENTS = 200 $(SEED)
-search-sight-lines:     ARGUMENTS = 5000 $(SEED)
+search-sight-lines:     ARGUMENTS = 1500 $(SEED)
 search-contract:        ARGUMENTS = 500 $(SEED)
 search-losses:          ARGUMENTS = 40 $(SEED)
-search-counterexamples: ARGUMENTS = 20000 $(SEED)
+search-counterexamples: ARGUMENTS = 10000 $(SEED)
 
 .PHONY: $(SEARCHES:%=search-%)
 $(SEARCHES:%=search-%): search-%:

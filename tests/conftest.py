@@ -12,7 +12,7 @@ from tests.tools.serving import Postgres, own_postgres
 # The first is for `make check`: the same few cases each time, however busy the machine is.
 # `make check-all` chooses the second: fresh cases, and many of them. What they find is written
 # above the test as an explicit @example, so that both have it from then on.
-for name, examples, same in (("same-cases", 25, True), ("fresh-cases", 300, False)):
+for name, examples, same in (("same-cases", 25, True), ("fresh-cases", 150, False)):
     settings.register_profile(
         name,
         max_examples=examples,

@@ -16,6 +16,7 @@ from syncplan.observability.window_assessment import Assessment
 from syncplan.orbits.circles import Orbits, perpendicular, position, unit
 from syncplan.orbits.graphs import components
 from syncplan.orbits.separation import circle_gaps
+from syncplan.orbits.sight_lines import obstructible
 from syncplan.orbits.team import Team
 from syncplan.phrases import joined
 
@@ -245,14 +246,15 @@ def _grounding(
         if number != passed_over:
             gap, k = min((_gap_to_point(naming, k, place), k) for k in part)
             who, what = naming.names[k], naming.landmark_names[number]
-            choices.append(f"{who} passes {what} at {_beyond(naming, gap, k)}")
+            beyond = _beyond(naming, gap, k, naming.count + number)
+            choices.append(f"{who} passes {what} at {beyond}")
     others = [k for k in range(naming.count) if k not in set(part)]
     links = sorted((_gap(naming, a, b), a, b) for a in part for b in others)[:1]
     text = wanted + (f" ({'; '.join(choices[:2])})" if choices else "")
     for gap, a, b in links:
         text += (
             f", or a rank-3 link to a located vehicle "
-            f"({naming.names[a]} and {naming.names[b]} can pass at {_beyond(naming, gap, a)})"
+            f"({naming.names[a]} and {naming.names[b]} can pass at {_beyond(naming, gap, a, b)})"
         )
     return text
 
@@ -267,9 +269,11 @@ def _gap_to_point(naming: _Naming, vehicle: int, place: Array) -> float:
     return float(abs(distance - naming.team.orbits.radii[vehicle]))
 
 
-def _beyond(naming: _Naming, gap: float, vehicle: int) -> str:
+def _beyond(naming: _Naming, gap: float, vehicle: int, body: int) -> str:
     excess = gap - float(naming.team.sensors.ranges[vehicle])
-    return f"{gap:.3g} m, {f'{excess:.3g} m out of' if excess > 0.0 else 'within'} range"
+    within = f"{gap:.3g} m, {f'{excess:.3g} m out of' if excess > 0.0 else 'within'} range"
+    hindered = obstructible(naming.team, np.array([vehicle]), np.array([body]))[0]
+    return f"{within}, with an obstacle nearby" if hindered else within
 
 
 def _left_over(null_space: Array, basis: Array) -> Array:

@@ -35,7 +35,7 @@ from syncplan.orbits.paths import body_paths
 from syncplan.orbits.team import Team
 from syncplan.orbits.trigonometric_polynomials import real_roots
 
-__all__ = ["SightLines", "crosses_interior", "hidden_landmarks", "obstructible"]
+__all__ = ["SightLines", "crosses_interior", "hidden_landmarks", "hidden_paths", "obstructible"]
 
 BOUNDARY_SLACK = 1e-12
 """Of the largest coordinate: nearer than this, a point counts as on the boundary."""
@@ -138,6 +138,18 @@ def hidden_landmarks(team: Team) -> dict[int, int]:
         inside = crosses_interior(corners, team.landmarks, team.landmarks)
         for landmark in np.flatnonzero(inside).tolist():
             found.setdefault(landmark, number)
+    return dict(sorted(found.items()))
+
+
+def hidden_paths(team: Team) -> dict[int, int]:
+    """Return the vehicles whose whole path is in the interior of an obstacle, and that one."""
+    found: dict[int, int] = {}
+    orbits = team.orbits
+    for number, corners in enumerate(team.obstacles):
+        within = crosses_interior(corners, orbits.centers, orbits.centers)
+        within &= _boundary_distance(corners, orbits.centers) > orbits.radii
+        for vehicle in np.flatnonzero(within).tolist():
+            found.setdefault(vehicle, number)
     return dict(sorted(found.items()))
 
 

@@ -2,12 +2,12 @@
 
 from collections.abc import Iterator
 
-from syncplan.orbits.sight_lines import hidden_landmarks
+from syncplan.orbits.sight_lines import hidden_landmarks, hidden_paths
 from syncplan.phrases import listed
 from syncplan.planning.findings import MOST_NAMED, Cure, Finding
 from syncplan.planning.judged_team import JudgedTeam
 
-__all__ = ["fragile_links", "landmarks_hidden", "lost_links"]
+__all__ = ["fragile_links", "landmarks_hidden", "lost_links", "vehicles_hidden"]
 
 FRAGILE_SHARE = 0.01
 """Of a period: a link that a vehicle this late loses is fragile."""
@@ -39,6 +39,26 @@ def landmarks_hidden(judged: JudgedTeam) -> Iterator[Finding]:
             f"{names[landmark]} lies within obstacles_m[{obstacle}], where nobody can see it",
             (names[landmark],),
             Cure("move the landmark to the obstacle's outline or off it, or correct the outline"),
+        )
+
+
+def vehicles_hidden(judged: JudgedTeam) -> Iterator[Finding]:
+    """Yield a finding for each obstacle within which vehicles fly all the way round."""
+    hidden = hidden_paths(judged.team)
+    for obstacle in sorted(set(hidden.values())):
+        names = [
+            judged.scenario.vehicle_names[k] for k, where in hidden.items() if where == obstacle
+        ]
+        yield Finding(
+            "vehicle-hidden",
+            "warning",
+            f"the whole path of {listed(names, MOST_NAMED)} lies within obstacles_m[{obstacle}], "
+            "where nobody sees or is seen",
+            tuple(names),
+            Cure(
+                "leave out of obstacles_m what vehicles fly in; the border of the area is area_m, "
+                "and walls round it are thin polygons"
+            ),
         )
 
 

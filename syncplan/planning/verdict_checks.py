@@ -4,7 +4,12 @@ from collections.abc import Callable, Iterable
 
 from syncplan.planning.findings import Finding, Verdict
 from syncplan.planning.judged_team import JudgedTeam
-from syncplan.planning.link_checks import fragile_links, landmarks_hidden, lost_links
+from syncplan.planning.link_checks import (
+    fragile_links,
+    landmarks_hidden,
+    lost_links,
+    vehicles_hidden,
+)
 from syncplan.planning.loss_checks import single_points_of_failure
 from syncplan.planning.neglect_checks import expected_worse, not_estimated
 from syncplan.planning.observability_checks import (
@@ -42,6 +47,7 @@ CHECKS: dict[str, Callable[[JudgedTeam], Iterable[Finding]]] = {
     "in-keep-out": in_keep_out,
     "over-limit": over_limit,
     "landmark-hidden": landmarks_hidden,
+    "vehicle-hidden": vehicles_hidden,
     "link-lost": lost_links,
     "link-fragile": fragile_links,
     "start-up": start_up,

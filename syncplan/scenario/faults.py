@@ -70,6 +70,7 @@ def _remedy(fault: dict[str, Any], model: type[BaseModel]) -> tuple[str, str]:
         ("String should", "must"),
         ("List should", "must"),
         ("Tuple should", "must"),
+        ("a valid tuple", "a pair, as [x, y] or [v1, v2]"),
     ):
         message = message.replace(old, new)
     return message, described(fault["input"])

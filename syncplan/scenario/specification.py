@@ -7,7 +7,6 @@ from typing import Annotated, Self, TypeVar
 from pydantic import Field, model_validator
 
 from syncplan.results import Result
-from syncplan.scenario.chunked_validation import Many
 from syncplan.scenario.disturbances import (
     EstimableName,
     Filter,
@@ -19,7 +18,7 @@ from syncplan.scenario.disturbances import (
 from syncplan.scenario.formations import SHAPES
 from syncplan.scenario.georeference import GeoOrigin
 from syncplan.scenario.models import Formation, Interval, Orbit, Sensor
-from syncplan.scenario.polygon_rules import check_obstacles, check_polygons
+from syncplan.scenario.polygon_rules import Polygons, check_obstacles, check_polygons
 from syncplan.scenario.quantities import (
     ListedOrNamed,
     OneOrMany,
@@ -107,12 +106,12 @@ class Scenario(Result, Section):
         description="Corners [x, y], in order, of the polygon that all circles must lie within",
         examples=[[[-50.0, -50.0], [250.0, -50.0], [250.0, 150.0], [-50.0, 150.0]]],
     )
-    keep_out_m: Many[Polygon] | None = Field(
+    keep_out_m: Polygons | None = Field(
         default=None,
         description="Polygons that no path may pass through; a circle may go round one",
         examples=[[[[100.0, 20.0], [110.0, 20.0], [105.0, 30.0]]]],
     )
-    obstacles_m: Many[Polygon] | None = Field(
+    obstacles_m: Polygons | None = Field(
         default=None,
         description="Polygons that block sight; what blocks paths is keep_out_m, and one polygon "
         "may stand in both",

@@ -68,6 +68,28 @@ def test_a_landmark_within_an_obstacle_is_warned_of_and_one_on_its_outline_is_no
     assert found(made(), "landmark-hidden") == []
 
 
+def test_a_vehicle_that_flies_within_an_obstacle_is_warned_of() -> None:
+    hall = [[-30.0, -30.0], [100.0, -30.0], [100.0, 50.0], [-30.0, 50.0]]
+    judged = made(obstacles_m=[WALL, hall])
+    (told,) = found(judged, "vehicle-hidden")
+    assert told.level == "warning"
+    assert told.subjects == ("v1", "v2")
+    assert "v1, v2 lies within obstacles_m[1]" in told.message
+    # a path that only passes through is sometimes seen, and one round an obstacle always
+    inner = [[-5.0, -5.0], [5.0, -5.0], [5.0, 5.0], [-5.0, 5.0]]
+    crossed = [[0.0, -30.0], [100.0, -30.0], [100.0, 50.0], [0.0, 50.0]]
+    (told,) = found(made(obstacles_m=[inner, crossed]), "vehicle-hidden")
+    assert told.subjects == ("v2",)
+
+
+def test_a_cure_says_that_an_obstacle_is_nearby() -> None:
+    landmarks = [[0.0, 40.0], [60.0, 0.0]]
+    behind = made(obstacles_m=[WALL], landmarks_m=landmarks).unobservable[0]
+    assert "v1 passes L2 at 40 m, within range, with an obstacle nearby" in behind.cure
+    free = made(landmarks_m=[[0.0, 40.0]], obstacles_m=[[[500, 0], [501, 0], [500, 9]]])
+    assert "obstacle" not in free.unobservable[0].cure
+
+
 def test_sites_for_landmarks_are_judged_with_sight_blocked() -> None:
     judged = made(obstacles_m=[WALL])
     sites = np.array([[33.0, 0.0], [37.0, 0.0], [35.0, 0.0], [35.0, 64.0]])

@@ -3,7 +3,6 @@
 import pytest
 
 from tests.searches.search_clearances import clear_one
-from tests.searches.search_equipment import KEYS, search_key
 from tests.searches.search_refinements import search_one
 
 
@@ -21,11 +20,3 @@ def test_no_refinement_of_drawn_scenarios_passes_a_landmark_nearer_than_asked() 
     assert not any(one.too_near for one in findings)
     assert any(one.before < one.asked for one in findings)
     assert any(one.orbited for one in findings)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("key", KEYS)
-def test_no_refinement_with_a_further_key_breaks_anything_or_errs_more(key: str) -> None:
-    (found,) = search_key(key, 1, starts=1)
-    assert found.faults == []
-    assert found.gain >= 0.0

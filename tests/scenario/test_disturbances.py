@@ -96,6 +96,8 @@ def test_a_walk_stands_in_place_of_the_default_of_the_sigma_alone() -> None:
             "twice",
         ),
         ({"obstacles_m": [[[0, 0], [1, 0]]]}, "obstacles_m[0]", "corners"),
+        ({"obstacles_m": POLYGON}, "obstacles_m", "is one polygon; give a list"),
+        ({"keep_out_m": POLYGON}, "keep_out_m", "is one polygon; give a list"),
         ({"obstacles_m": [POLYGON] * 334}, "obstacles_m", "1002 corners in all, more than 1000"),
         (
             {"obstacles_m": [POLYGON, [[0, 0], [2, 2], [2, 0], [0, 2]]]},

@@ -149,9 +149,7 @@ def test_of_many_wrong_values_the_first_ones_are_told_by_their_places(first: int
     landmarks = [[0.0, float(k)] for k in range(300_000)]
     wrong = [{"}": 0}] * (300_000 - first)
     values = document(landmarks_m=[*landmarks[:first], *wrong])
-    with pytest.raises(
-        InputError, match=rf"landmarks_m\[{first}\]: .*must be a valid tuple"
-    ) as caught:
+    with pytest.raises(InputError, match=rf"landmarks_m\[{first}\]: .*must be a pair") as caught:
         scenario_from(values)
     assert [one.key for one in caught.value.faults[:1]] == [f"landmarks_m[{first}]"]
     assert len(caught.value.faults) <= 20

@@ -360,4 +360,7 @@ def _family(process: int) -> list[int]:
 
 if __name__ == "__main__":
     result = main(*(int(argument) for argument in sys.argv[1:]))
-    sys.exit(bool(result.faults) or result.growth_mb > LARGEST_GROWTH_MB)
+    grown = result.growth_mb > LARGEST_GROWTH_MB
+    # without these it was no search: things made, jobs, and refusals of what is too large or wrong
+    looked = {201, 202, 413, 422} <= set(result.statuses) and bool(result.health_ms)
+    sys.exit(bool(result.faults) or grown or not looked)
