@@ -33,7 +33,7 @@ export function freeCenter(scenario) {
     vehicles.every((one) => away(at, one) >= one.radius + like.radius + separation) &&
     landmarks.every((one) => away(at, one) >= like.radius + clearance) &&
     clearOfPolygons(scenario, at, like.radius * (1 + SPARE));
-  const meets = (at) => vehicles.filter((one) => inReach(one, { ...like, ...at }));
+  const meets = (at) => vehicles.filter((one) => inReach(one, { ...like, ...at }) && sees(scenario, one, at));
   const span = (one) => [one.radius + like.radius + separation, one.radius + like.radius + reachOf(one, like)];
   const pattern = steps(vehicles).flatMap(([x, y]) => vehicles.map((one) => ({ x: one.x + x, y: one.y + y, pattern: true })));
   return chosen([...pattern, ...around(vehicles, span)], { scenario, vehicles, free, meets, span });
@@ -45,8 +45,10 @@ export function freeSite(scenario) {
   const { clearance, meanRadius } = distances(scenario, vehicles, 0);
   const landmarks = landmarksOf(scenario);
   const free = (at) =>
-    vehicles.every((one) => away(at, one) >= one.radius + clearance) && landmarks.every((one) => away(at, one) >= meanRadius);
-  const meets = (at) => vehicles.filter((one) => away(at, one) <= one.radius + one.sensor.range_m);
+    vehicles.every((one) => away(at, one) >= one.radius + clearance) &&
+    landmarks.every((one) => away(at, one) >= meanRadius) &&
+    (scenario.obstacles_m || []).every((one) => !within(one, at));
+  const meets = (at) => vehicles.filter((one) => away(at, one) <= one.radius + one.sensor.range_m && sees(scenario, one, at));
   const span = (one) => [one.radius + clearance, one.radius + one.sensor.range_m];
   return chosen(around(vehicles, span), { scenario, vehicles, free, meets, span });
 }
@@ -147,10 +149,25 @@ function distances({ min_separation_m: stated, landmark_clearance_m: clearance }
   };
 }
 
-/** Whether a circle lies within the area and clear of every keep-out. */
-function clearOfPolygons({ area_m: area, keep_out_m: kept }, at, radius) {
+/** Whether a circle lies within the area and clear of every keep-out and obstacle. */
+function clearOfPolygons({ area_m: area, keep_out_m: kept, obstacles_m: walls }, at, radius) {
   if (area && !(within(area, at) && toEdges(area, at) >= radius)) return false;
-  return (kept || []).every((one) => !within(one, at) && toEdges(one, at) >= radius);
+  return [...(kept || []), ...(walls || [])].every((one) => !within(one, at) && toEdges(one, at) >= radius);
+}
+
+/** Whether no obstacle stands between a circle's centre and a place: the plan knows exactly. */
+function sees({ obstacles_m: walls }, one, at) {
+  return (walls || []).every((wall) => edges(wall).every(([from, to]) => !cross([one.x, one.y], [at.x, at.y], from, to)));
+}
+
+/** Whether the segments from a to b and from c to d cross. */
+function cross(a, b, c, d) {
+  return side(a, b, c) * side(a, b, d) < 0 && side(c, d, a) * side(c, d, b) < 0;
+}
+
+/** On which side of the line from a to b a point is: positive left, negative right. */
+function side([ax, ay], [bx, by], [x, y]) {
+  return (bx - ax) * (y - ay) - (by - ay) * (x - ax);
 }
 
 /** Whether a point lies in a polygon: a ray from it crosses an odd number of edges. */

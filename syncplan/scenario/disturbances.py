@@ -6,9 +6,9 @@ reading does: with half the sample time there are twice as many readings to aver
 """
 
 from collections.abc import Collection, Sequence
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, get_args
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from syncplan.scenario.chunked_validation import Many
 from syncplan.scenario.quantities import Section, fault
@@ -37,6 +37,21 @@ ESTIMABLE: dict[EstimableName, str] = {
     "gusts": "wind.gust_sigma_mps",
 }
 """The key that says how large each is."""
+
+_Choice = Literal["auto", "all", "none"]
+
+
+def _choice_or_names(value: Any) -> Any:
+    """The value of `filter.estimate`, a choice or a list of names; raises the fault for others."""
+    if isinstance(value, list):
+        for k, name in enumerate(value):
+            if name not in list(ESTIMABLE):
+                raise fault(f"[{k}]", f"must be one of {', '.join(ESTIMABLE)}", name)
+    elif value not in get_args(_Choice):
+        names = f"a list of {', '.join(ESTIMABLE)}"
+        raise fault("", f"must be {', '.join(get_args(_Choice))} or {names}", value)
+    return value
+
 
 _WALKS = {
     "position_random_walk_m_sqrt_s": "speed_sigma_mps",
@@ -153,7 +168,7 @@ class Wind(Section):
 class Filter(Section):
     """What the filter has as states beside the poses."""
 
-    estimate: Literal["auto", "all", "none"] | Many[EstimableName] = Field(
+    estimate: Annotated[_Choice | Many[EstimableName], BeforeValidator(_choice_or_names)] = Field(
         default="auto",
         description="Errors that are states of the filter: auto and all, every one that has a "
         "sigma; none; or a list of wind, speed_scale, turn_rate_bias, bearing_bias, gusts. What is "

@@ -48,7 +48,8 @@ def _dotted(location: tuple[int | str, ...], inner: str) -> str:
             key += f"[{part}]"
         else:
             key += f".{part}" if key else str(part)
-    return f"{key}.{inner}" if key and inner else key or inner
+    joint = "" if inner.startswith("[") else "."
+    return f"{key}{joint}{inner}" if key and inner else key or inner
 
 
 def _remedy(fault: dict[str, Any], model: type[BaseModel]) -> tuple[str, str]:
@@ -64,6 +65,8 @@ def _remedy(fault: dict[str, Any], model: type[BaseModel]) -> tuple[str, str]:
     if kind == "rule":
         (value,) = fault["ctx"].get("value", (None,))
         return message, "" if value is None else described(value)
+    if kind == "model_type":
+        return "must be a section of keys", described(fault["input"])
     for old, new in (
         ("Input should be", "must be"),
         ("Input should have", "must have"),
@@ -71,6 +74,7 @@ def _remedy(fault: dict[str, Any], model: type[BaseModel]) -> tuple[str, str]:
         ("List should", "must"),
         ("Tuple should", "must"),
         ("a valid tuple", "a pair, as [x, y] or [v1, v2]"),
+        (" after validation, not", ", not"),
     ):
         message = message.replace(old, new)
     return message, described(fault["input"])

@@ -85,7 +85,7 @@ def check_interval(key: str, interval: float, sample_time: float) -> None:
     if round(samples) < 1 or abs(samples - round(samples)) > 1e-6 * samples:
         raise fault(
             key,
-            f"is not a multiple of sample_time_s, {sample_time:g} s; sightings are made at samples",
+            f"is not a multiple of sample_time_s, {sample_time:g} s; readings are taken at samples",
             interval,
         )
 

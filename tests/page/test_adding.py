@@ -119,13 +119,13 @@ def _drawn(generator: np.random.Generator) -> Tree:
     }
 
 
-def _free_centers(page: Page, scenarios: list[Tree]) -> list[dict[str, float] | None]:
+def _free(page: Page, scenarios: list[Tree], what: str) -> list[dict[str, float] | None]:
     found: list[dict[str, float] | None] = page.evaluate(
-        """async scenarios => {
-            const { freeCenter } = await import(new URL('assets/free_space.js', location.href));
-            return scenarios.map(freeCenter);
+        """async ([scenarios, what]) => {
+            const found = await import(new URL('assets/free_space.js', location.href));
+            return scenarios.map(found[what]);
         }""",
-        scenarios,
+        [scenarios, what],
     )
     return found
 
@@ -136,7 +136,7 @@ def test_free_centres_of_drawn_teams_are_clear_of_everything_and_within_reach(
     generator = np.random.default_rng(13)
     drawn = [_drawn(generator) for _ in range(60)]
     reached = 0
-    for scenario, place in zip(drawn, _free_centers(visit.page, drawn), strict=True):
+    for scenario, place in zip(drawn, _free(visit.page, drawn, "freeCenter"), strict=True):
         assert place is not None
         at = (place["x"], place["y"])
         radii, centers = scenario["orbit"]["radius_m"], scenario["formation"]["centers_m"]
@@ -150,3 +150,19 @@ def test_free_centres_of_drawn_teams_are_clear_of_everything_and_within_reach(
         assert not any(shapely.Polygon(one).intersects(disc) for one in scenario["keep_out_m"])
         reached += min(gaps) <= scenario["sensor"]["range_m"]
     assert reached == len(drawn)
+
+
+def test_free_places_among_obstacles_are_in_sight_of_the_team(visit: Visit) -> None:
+    generator = np.random.default_rng(14)
+    drawn = [_drawn(generator) for _ in range(40)]
+    for one in drawn:
+        one["obstacles_m"] = one.pop("keep_out_m")
+    for what in ("freeCenter", "freeSite"):
+        for scenario, place in zip(drawn, _free(visit.page, drawn, what), strict=True):
+            assert place is not None
+            at = shapely.Point(place["x"], place["y"])
+            walls = shapely.MultiPolygon([shapely.Polygon(w) for w in scenario["obstacles_m"]])
+            sight = [shapely.LineString([at, c]) for c in scenario["formation"]["centers_m"]]
+            disc = at.buffer(scenario["orbit"]["radius_m"][-1] if what == "freeCenter" else 0.01)
+            assert not walls.intersects(disc)
+            assert any(not walls.crosses(line) for line in sight)

@@ -85,6 +85,12 @@ def test_a_walk_stands_in_place_of_the_default_of_the_sigma_alone() -> None:
         ({"wind": {"sigma": 1.0}}, "wind.sigma", "sigma_mps"),
         ({"wind": {"gust_time_s": 0.0}}, "wind.gust_time_s", "0.001"),
         ({"filter": {"estimate": ["wind"]}}, "filter.estimate[0]", "give wind.sigma_mps"),
+        ({"filter": {"estimate": "wind"}}, "filter.estimate", "or a list of wind, speed_scale"),
+        ({"filter": {"estimate": None}}, "filter.estimate", "must be auto, all, none or a list"),
+        ({"filter": {"estimate": ["gusts", "winds"]}}, "filter.estimate[1]", "must be one of wind"),
+        ({"filter": {"estimate": [["wind"]]}}, "filter.estimate[0]", "must be one of wind"),
+        ({"wind": 3}, "wind", "must be a section of keys"),
+        ({"obstacles_m": [[[0, 0, 0]]]}, "obstacles_m[0][0]", "at most 2 items, not 3"),
         (
             {"filter": {"estimate": ["speed_scale"]}, "wind": {"sigma_mps": 1.0}},
             "filter.estimate[0]",
