@@ -85,7 +85,7 @@ def smooth_wide_rms(
 
     def slopes(weights: ca.MX) -> ca.MX:
         number = len(run.turn_of_step)
-        late = weights / (value * (number - number // 2))
+        late = 0.5 * weights / (value * (number - number // 2))
         found = _backward(step, run.turn_of_step, turn, after, late)
         return made.reverse(1)(circles, start, *turn, *found)
 
@@ -108,13 +108,13 @@ def _forward(step: "_Step", chosen: Index, start: ca.MX, turn: list[ca.MX]) -> t
 def _backward(
     step: "_Step", chosen: Index, turn: list[ca.MX], after: ca.MX, late: ca.MX
 ) -> list[ca.MX]:
-    """Slopes by the covariance at the start, and by `turn`, for RMS squared weighted by `late`/2.
+    """Slopes by the covariance at the start and by `turn`.
 
-    `late` (n,) are the weights of half the variances of the second half.
+    `late` (n,) are those by each vehicle's variance, at every step of the second half.
     """
     number, size = len(chosen), step.size
     back = np.arange(number)[::-1]
-    counted = ca.DM(np.where(back >= number // 2, 0.5, 0.0)).T
+    counted = ca.DM(np.where(back >= number // 2, 1.0, 0.0)).T
     columns = (size * back[:, None] + np.arange(size)).ravel()
     by_start, *by_step = step.backward().mapaccum("back", number, _AT_ONCE)(
         ca.MX.zeros(size, size),

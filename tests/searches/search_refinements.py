@@ -24,7 +24,7 @@ from syncplan.planning.planner import plan
 from syncplan.refinement.refiner import refine
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario
-from tests.tools.draws import draw_tree
+from tests.tools.scenario_draws import draw_centers, draw_landmarks
 
 __all__ = [
     "NEAR_SHARE",
@@ -97,17 +97,8 @@ def _document(generator: np.random.Generator, sizes: tuple[int, int]) -> dict[st
     if generator.random() < 0.6:
         radii = generator.uniform(14.0, 26.0, count)
     reach = generator.uniform(30.0, 50.0)
-    centers = draw_tree(generator, radii, reach, 0.25) if generator.random() < 0.5 else None
-    if centers is None:
-        columns = 2 if count < 7 else 3
-        place = np.array([(k % columns, k // columns) for k in range(count)], dtype=float)
-        spacing = 2.0 * radii.max() + reach * generator.uniform(0.3, 0.7)
-        centers = spacing * place + generator.uniform(-6.0, 6.0, (count, 2))
-    number = int(generator.integers(2, 5))
-    near = generator.choice(count, number)
-    turn = generator.uniform(0.0, 2.0 * np.pi, number)
-    away = (radii[near] + reach * generator.uniform(0.2, 0.8, number))[:, None]
-    landmarks = centers[near] + away * np.column_stack([np.cos(turn), np.sin(turn)])
+    centers = draw_centers(generator, radii, reach, trees=0.5, clear=0.25)
+    landmarks = draw_landmarks(generator, centers, radii, reach, most=4)
     sensor: Any = {"range_m": reach, "bearing_sigma_rad": 0.1, "sample_time_s": 0.2}
     if generator.random() < 0.35:
         sensor = [

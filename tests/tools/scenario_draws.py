@@ -4,9 +4,10 @@ from typing import Any
 
 import numpy as np
 
+from syncplan.arrays import Array
 from tests.tools.draws import draw_tree
 
-__all__ = ["draw_document", "with_world"]
+__all__ = ["draw_centers", "draw_document", "draw_landmarks", "with_world"]
 
 HEADING_RAD_A_METRE = 0.02
 
@@ -20,6 +21,34 @@ LASTING = (
 """Errors that last: section, key and a sigma that matters."""
 
 
+def draw_centers(
+    generator: np.random.Generator, radii: Array, reach: float, *, trees: float, clear: float
+) -> Array:
+    """Return centres (n, 2) in m: with probability `trees` on a tree, else on a shaken grid.
+
+    The circles of a tree are more than `clear` times the reach apart.
+    """
+    count = len(radii)
+    centers = draw_tree(generator, radii, reach, clear) if generator.random() < trees else None
+    if centers is None:
+        columns = 2 if count < 7 else 3
+        place = np.array([(k % columns, k // columns) for k in range(count)], dtype=float)
+        spacing = 2.0 * radii.max() + reach * generator.uniform(0.3, 0.7)
+        centers = spacing * place + generator.uniform(-6.0, 6.0, (count, 2))
+    return centers
+
+
+def draw_landmarks(
+    generator: np.random.Generator, centers: Array, radii: Array, reach: float, *, most: int
+) -> Array:
+    """Return 2 to `most` landmarks (m, 2) in m, each within reach of some circle."""
+    number = int(generator.integers(2, most + 1))
+    near = generator.choice(len(radii), number)
+    turn = generator.uniform(0.0, 2.0 * np.pi, number)
+    away = (radii[near] + reach * generator.uniform(0.2, 0.8, number))[:, None]
+    return np.asarray(centers[near] + away * np.column_stack([np.cos(turn), np.sin(turn)]))
+
+
 def draw_document(generator: np.random.Generator, sigma: float) -> dict[str, Any]:
     """Return the values of a scenario of 2 to 8 vehicles that start within `sigma` m.
 
@@ -28,16 +57,8 @@ def draw_document(generator: np.random.Generator, sigma: float) -> dict[str, Any
     count = int(generator.integers(2, 9))
     radii = generator.uniform(14.0, 26.0, count) if generator.random() < 0.6 else np.full(count, 20)
     reach = generator.uniform(30.0, 60.0)
-    centers = draw_tree(generator, radii, reach, 0.1) if generator.random() < 0.6 else None
-    if centers is None:
-        columns = 2 if count < 7 else 3
-        place = np.array([(k % columns, k // columns) for k in range(count)], dtype=float)
-        spacing = 2.0 * radii.max() + reach * generator.uniform(0.3, 0.7)
-        centers = spacing * place + generator.uniform(-6.0, 6.0, (count, 2))
-    number = int(generator.integers(2, 6))
-    near, turn = generator.choice(count, number), generator.uniform(0.0, 2.0 * np.pi, number)
-    away = (radii[near] + reach * generator.uniform(0.2, 0.8, number))[:, None]
-    landmarks = centers[near] + away * np.column_stack([np.cos(turn), np.sin(turn)])
+    centers = draw_centers(generator, radii, reach, trees=0.6, clear=0.1)
+    landmarks = draw_landmarks(generator, centers, radii, reach, most=5)
     sensor = {
         "range_m": reach,
         "bearing_sigma_rad": float(generator.choice([0.03, 0.1])),
