@@ -3,10 +3,10 @@
     python -m tests.searches.search_equipment [DRAWS [FIRST [KEY ...]]]
 
 Part of `make check-all`. Scenarios are those of tests.searches.search_refinements, of 3 to 5
-vehicles, each with one key drawn; the error of the whole state is what is minimised, and the result
-is looked at by the same judge, in plain NumPy and Shapely. Prints for each key how many improved,
-the largest ratio of predicted errors after to before, and what is violated; ends with status 1
-where anything is.
+vehicles, each with one key drawn, then with several; the error of the whole state is what is
+minimised, and the result is looked at by the same judge, in plain NumPy and Shapely. Prints for
+each key how many improved, the largest ratio of predicted errors after to before, and what is
+violated; ends with status 1 where anything is.
 """
 
 import sys
@@ -61,20 +61,26 @@ def _detection(document: dict[str, Any], generator: np.random.Generator) -> None
 
 
 def _wind(document: dict[str, Any], generator: np.random.Generator) -> None:
-    document["wind"] = {"sigma_mps": float(generator.uniform(0.2, 2.0))}
+    document.setdefault("wind", {}).update({"sigma_mps": float(generator.uniform(0.2, 2.0))})
 
 
 def _gusts(document: dict[str, Any], generator: np.random.Generator) -> None:
     sigma, time = generator.uniform(0.05, 0.4), generator.uniform(2.0, 20.0)
-    document["wind"] = {"gust_sigma_mps": float(sigma), "gust_time_s": float(time)}
+    document.setdefault("wind", {}).update(
+        {"gust_sigma_mps": float(sigma), "gust_time_s": float(time)}
+    )
 
 
 def _speed_scales(document: dict[str, Any], generator: np.random.Generator) -> None:
-    document["motion"] = {"speed_scale_sigma": float(generator.uniform(0.01, 0.1))}
+    document.setdefault("motion", {}).update(
+        {"speed_scale_sigma": float(generator.uniform(0.01, 0.1))}
+    )
 
 
 def _turn_rate_biases(document: dict[str, Any], generator: np.random.Generator) -> None:
-    document["motion"] = {"turn_rate_bias_sigma_rad_s": float(generator.uniform(0.002, 0.02))}
+    document.setdefault("motion", {}).update(
+        {"turn_rate_bias_sigma_rad_s": float(generator.uniform(0.002, 0.02))}
+    )
 
 
 def _bearing_biases(document: dict[str, Any], generator: np.random.Generator) -> None:
@@ -101,7 +107,7 @@ def _clearances(document: dict[str, Any], generator: np.random.Generator) -> Non
     document["landmark_clearance_m"] = float(generator.uniform(2.0, 10.0))
 
 
-KEYS: dict[str, Equip] = {
+ALONE: dict[str, Equip] = {
     "range_sigma_m": _distances,
     "heading_sigma_rad": _compasses,
     "interval_s": _intervals,
@@ -115,6 +121,17 @@ KEYS: dict[str, Equip] = {
     "landmark_clearance_m": _clearances,
 }
 """What each key adds to a document."""
+
+
+def _several(document: dict[str, Any], generator: np.random.Generator) -> None:
+    """Each key with a probability of a half."""
+    for equip in ALONE.values():
+        if generator.random() < 0.5:
+            equip(document, generator)
+
+
+KEYS: dict[str, Equip] = {**ALONE, "several": _several}
+"""What is searched: each key alone, and several together."""
 
 
 def _with(key: str) -> Equip:
