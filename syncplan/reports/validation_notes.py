@@ -15,6 +15,11 @@ __all__ = ["notes_on"]
 FEW_SHAPE_THE_RMS = 1.5
 """RMS over the median trial's error, above which a few trials make up the RMS."""
 
+_STILL_AIR = (
+    "the bound of the wind is that of circles flown in still air; in wind an error of a heading "
+    "looks like more of it, so the wind is known less well"
+)
+
 
 def notes_on(validation: Validation, report: ErrorFigures, figure: Spread) -> list[str]:
     """Return what the figures mean for the reader, in plain words; `figure` is the ANEES."""
@@ -30,6 +35,8 @@ def notes_on(validation: Validation, report: ErrorFigures, figure: Spread) -> li
             "than its sigmas say, because it linearises about its own estimate; smaller initial "
             "sigmas or more sightings help"
         )
+    if any(one.label.startswith("wind") for one in validation.predicted_errors):
+        notes.append(_STILL_AIR)
     outliers = _outliers_note(report)
     if outliers:
         notes.append(outliers)

@@ -51,6 +51,7 @@ def test_further_states_have_their_errors_beside_the_bound() -> None:
         assert len(line.sigma) == len(line.mean) == len(document.series.time_s)
     assert ValidationDocument.model_validate(document.as_json()) == document
     assert not any("estimate" in note for note in document.notes)
+    assert any("still air" in note for note in document.notes)
 
 
 def test_errors_that_are_left_out_are_named_with_what_they_cost() -> None:
@@ -77,4 +78,5 @@ def test_without_such_errors_nothing_is_said_of_them() -> None:
     report = document.as_json()
     assert "errors" not in report
     assert "errors" not in report["series"]
+    assert not any("still air" in note for note in document.notes)
     assert not any("estimate" in note for note in document.notes)
