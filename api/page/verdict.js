@@ -162,7 +162,7 @@ function errorsOf(predicted) {
   return [...kinds].map(([kind, all]) => {
     const [least, most] = [Math.min, Math.max].map((of) => of(...all.map((one) => one.predicted_rms)));
     const range = shown(least) === shown(most) ? shown(most, all[0].unit) : `${shown(least)} to ${shown(most, all[0].unit)}`;
-    return [`Predicted error, ${kind}`, range, ""];
+    return [`Predicted error, ${kind}`, range, kind.startsWith("wind ") ? "for circles flown in still air" : ""];
   });
 }
 

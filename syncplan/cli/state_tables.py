@@ -1,10 +1,13 @@
 """Tables of the filter's states that are no poses."""
 
+from collections.abc import Sequence
+
 from rich.markup import escape
 
 from syncplan.cli.fitted_tables import FittedTable
-from syncplan.reports.plan_schemas import PlanDocument
+from syncplan.reports.plan_schemas import PlanDocument, PredictedStateError
 from syncplan.reports.run_schemas import ValidationDocument
+from syncplan.reports.state_error_schemas import StateErrorFigures
 
 __all__ = [
     "determined_line",
@@ -56,7 +59,7 @@ def further_states_table(document: PlanDocument) -> FittedTable | None:
     if not states:
         return None
     table = FittedTable(
-        "errors that the filter estimates, with the predicted RMS error",
+        f"errors that the filter estimates, with the predicted RMS error{_supposed(states)}",
         ("state", "unit", "sigma at start", "error"),
     )
     for one in states[:MOST_ROWS]:
@@ -70,7 +73,8 @@ def found_states_table(report: ValidationDocument) -> FittedTable | None:
     if not report.errors:
         return None
     table = FittedTable(
-        "RMS error of what else the filter estimates, over the run and over its second half",
+        "RMS error of what else the filter estimates, over the run and over its second half"
+        f"{_supposed(report.errors)}",
         ("state", "unit", "total", "2nd half", "bound", "ratio", "3 sigma"),
         goes=("3 sigma", "total", "ratio"),
     )
@@ -86,3 +90,9 @@ def found_states_table(report: ValidationDocument) -> FittedTable | None:
         )
     table.count_hidden(len(report.errors) - MOST_ROWS)
     return table
+
+
+def _supposed(states: Sequence[PredictedStateError | StateErrorFigures]) -> str:
+    """What the bounds suppose, where wind is among the states: in wind it is known less well."""
+    windy = any(one.state.startswith("wind ") for one in states)
+    return "; predictions suppose still air" if windy else ""

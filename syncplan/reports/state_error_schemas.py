@@ -14,7 +14,10 @@ class StateErrorFigures(DocumentPart):
     unit: str = Field(description="Of the errors", examples=["m/s"])
     rms: float = Field(description="Over the samples after time 0")
     rms_second_half: float
-    predicted_rms: float | None = Field(description="The bound, over the second half")
+    predicted_rms: float | None = Field(
+        description="The bound, over the second half, for circles flown in still air: in a wind of "
+        "a quarter of the speed, the wind itself is known half as well"
+    )
     ratio: float | None = Field(description="Second-half RMS over predicted RMS")
     coverage: float = Field(description="Share of samples within 3 sigma; ideal 0.9973")
 

@@ -81,6 +81,15 @@ def test_states_that_are_no_poses_are_predicted_by_name() -> None:
     assert PlanDocument.model_validate(document.as_json()) == document
 
 
+@pytest.mark.parametrize(("estimate", "said"), [("auto", True), (["speed_scale"], False)])
+def test_the_table_says_that_predictions_of_wind_suppose_still_air(
+    estimate: str | list[str], said: bool
+) -> None:
+    table = further_states_table(plan_document(_with(estimate)))
+    assert table is not None
+    assert ("suppose still air" in table.title) == said
+
+
 def test_a_plan_without_such_errors_says_nothing_of_them() -> None:
     document = plan_document(plan(small()))
     assert not {"expected_rms_m", "predicted_errors"} & set(document.as_json())

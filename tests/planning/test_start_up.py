@@ -24,7 +24,7 @@ from syncplan.reports.plan_report import plan_document
 from syncplan.reports.validation_report import validation_document
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario
-from tests.tools.scenarios import example
+from tests.tools.scenarios import example, small
 
 
 def grid(position: float = 15.0, heading: float = 0.3, name: str = "paper-grid-same") -> Scenario:
@@ -94,6 +94,24 @@ def test_trials_that_find_no_harm_are_silent(
     assert start_of(made).trials is not None
     assert start_of(made).worst_ratio <= SAFE_RATIO
     assert found(made) == []
+
+
+def test_a_pilot_that_left_errors_out_does_not_clear_a_plan_with_errors_as_states(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # as if the index cleared nothing
+    monkeypatch.setattr(start_up, "CLEARING_INDEX", 0.0)
+    lasting = {"motion": {"speed_scale_sigma": 0.02}, "landmarks_m": [[0.0, 45.0], [70.0, 50.0]]}
+    made = plan(small(**lasting, duration_s=60.0))
+    assert start_of(made).worst_ratio <= SAFE_RATIO
+    (told,) = found(made)
+    assert told.level == "note"
+    assert "left these errors out" in told.message
+    own = start_of(made).trials
+    assert own is not None
+    with_all = replace(start_of(made), trials=replace(own, pilot=False))
+    assert found(replace(made, start_up=with_all)) == []
+    assert found(plan(small(**lasting, duration_s=60.0, filter={"estimate": "none"}))) == []
 
 
 def test_what_was_not_tried_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
