@@ -7,7 +7,6 @@ from rich.markup import escape
 from syncplan.cli.fitted_tables import FittedTable
 from syncplan.reports.plan_schemas import PlanDocument, PredictedStateError
 from syncplan.reports.run_schemas import ValidationDocument
-from syncplan.reports.state_error_schemas import StateErrorFigures
 
 __all__ = [
     "determined_line",
@@ -73,8 +72,7 @@ def found_states_table(report: ValidationDocument) -> FittedTable | None:
     if not report.errors:
         return None
     table = FittedTable(
-        "RMS error of what else the filter estimates, over the run and over its second half"
-        f"{_supposed(report.errors)}",
+        "RMS error of what else the filter estimates, over the run and over its second half",
         ("state", "unit", "total", "2nd half", "bound", "ratio", "3 sigma"),
         goes=("3 sigma", "total", "ratio"),
     )
@@ -92,7 +90,7 @@ def found_states_table(report: ValidationDocument) -> FittedTable | None:
     return table
 
 
-def _supposed(states: Sequence[PredictedStateError | StateErrorFigures]) -> str:
+def _supposed(states: Sequence[PredictedStateError]) -> str:
     """What the bounds suppose, where wind is among the states: in wind it is known less well."""
     windy = any(one.state.startswith("wind ") for one in states)
     return "; predictions suppose still air" if windy else ""
