@@ -13,6 +13,7 @@ from playwright.sync_api import (
     Browser,
     BrowserType,
     ConsoleMessage,
+    Locator,
     Page,
     Request,
     expect,
@@ -88,11 +89,15 @@ class Visit:
 
     def verdict(self, text: str) -> None:
         """Wait until the verdict holds a text, and is of what the fields hold."""
-        expect(self.page.locator("#badge.good, #badge.bad")).to_contain_text(text)
+        badge = self.page.locator("#badge.good, #badge.bad")
+        self._await(badge)
+        expect(badge).to_contain_text(text)
 
     def doubt(self, text: str) -> None:
         """Wait until the verdict is told, with a text, to be of something else."""
-        expect(self.page.locator("#badge:not(.good, .bad)")).to_contain_text(text)
+        badge = self.page.locator("#badge:not(.good, .bad)")
+        self._await(badge)
+        expect(badge).to_contain_text(text)
         expect(self.page.locator("#workspace")).to_contain_class("doubtful")
 
     def choose(self, example: str) -> None:
@@ -103,7 +108,16 @@ class Visit:
 
     def settle(self) -> None:
         """Wait until nothing is being planned any more."""
-        expect(self.page.locator("#workspace")).to_have_attribute("aria-busy", "false")
+        self._await(self.page.locator("#workspace[aria-busy=false]"))
+
+    @staticmethod
+    def _await(what: Locator) -> None:
+        """Wait until something is there.
+
+        Not by `expect`: whenever it does not find it yet, it describes the whole page for the
+        message of a failure, nearly half of what a browser computed in the tests.
+        """
+        what.wait_for(state="attached")
 
 
 class Tabs:
