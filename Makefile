@@ -57,9 +57,11 @@ check-all: postgresql check
 	$(TESTS) -m hypothesis --hypothesis-profile=fresh-cases
 	@# as many at once as there are cores, what each prints together; some start services and wait
 	OPENBLAS_NUM_THREADS=1 $(MAKE) --no-print-directory --output-sync --jobs $(CORES) \
-		$(SEARCHES:%=search-%) container-steps
-	@# alone: a process's share of memory grows as others that use the same libraries end
+		$(SEARCHES:%=search-%)
+	@# alone: a process's share of memory grows as others that use the same libraries end; the service
+	@# of the steps has real limits of time
 	$(BIN)/python -m tests.searches.search_requests 400 $(SEED)
+	docker/steps.sh
 
 # the longest first
 SEARCHES := survival contract upgrade sight-lines equipment clearances refinements counterexamples phases start-up predictions losses consistency neglect
