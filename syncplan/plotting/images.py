@@ -61,8 +61,9 @@ def _drawn(jobs: Sequence[Spec], image_format: str) -> list[bytes]:
 
     from kaleido.errors import ChromeNotFoundError
 
-    logging.getLogger("choreographer").setLevel(logging.ERROR)
-    logging.getLogger("kaleido").setLevel(logging.ERROR)
+    # what fails raises; a browser's goodbye that comes with its last answer is logged as an error
+    for library in ("choreographer", "kaleido"):
+        logging.getLogger(library).setLevel(logging.CRITICAL)
     try:
         # a thread of its own: a notebook's has an event loop that runs already
         with ThreadPoolExecutor(1) as pool:

@@ -3,6 +3,7 @@
 import importlib.util
 import io
 import json
+import logging
 import re
 import subprocess
 import sys
@@ -322,6 +323,22 @@ def test_several_images_need_one_browser_and_are_of_the_size_asked_for(
         header = file.read_bytes()[16:24]
         assert [int.from_bytes(header[k : k + 4], "big") for k in (0, 4)] == [500, 700]
     assert len({file.read_bytes() for file in files}) == 3
+
+
+def test_what_the_library_of_the_browser_logs_is_not_shown(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    import kaleido
+
+    def failing(**_: Any) -> Any:
+        logging.getLogger("choreographer.channels.pipe").error("a message that is no JSON")
+        raise RuntimeError("gone")
+
+    monkeypatch.setattr(kaleido, "Kaleido", failing)
+    status, _, err = run("plot", GRID, "-o", str(tmp_path / "plan.png"))
+    assert status == 1
+    assert "could not draw the image: gone" in err
+    assert not caplog.records
 
 
 @needs_browser
