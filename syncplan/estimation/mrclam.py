@@ -46,9 +46,10 @@ class RobotLog:
     Attributes
     ----------
     subject : its number
-    truth : (k, 4) time s, x m, y m, heading rad
+    truth : (k, 4) time s, x m, y m, heading rad; no rows where it is not known
     odometry : (k, 3) time s, speed m/s, turn rate rad/s
-    times, subjects, bearings : (s,) s; number of the subject seen, NOBODY where unknown; rad
+    times, subjects, bearings, ranges : (s,) s; number of the subject seen, NOBODY where unknown;
+        rad and m, NaN where not recorded
     """
 
     subject: int
@@ -57,6 +58,7 @@ class RobotLog:
     times: Array
     subjects: Index
     bearings: Array
+    ranges: Array
 
     @property
     def name(self) -> str:
@@ -80,6 +82,11 @@ class Log:
     robots: tuple[RobotLog, ...]
     landmark_subjects: Index
     landmarks: Array
+
+    @property
+    def has_truth(self) -> bool:
+        """Whether it is recorded where every robot truly was."""
+        return all(len(robot.truth) for robot in self.robots)
 
 
 def load_log(folder: str | Path) -> Log:
@@ -160,6 +167,7 @@ def _robot(folder: Path, number: int, carried: dict[int, int]) -> RobotLog:
         times=np.ascontiguousarray(seen[:, 0]),
         subjects=np.array(subjects, dtype=np.int64),
         bearings=np.ascontiguousarray(seen[:, 3]),
+        ranges=np.ascontiguousarray(seen[:, 2]),
     )
 
 

@@ -276,6 +276,9 @@ def _chosen(log: Log, landmarks: Iterable[int] | None) -> Index:
 
 def _clock(log: Log, sample_time: float) -> _Clock:
     """The samples at which the truth of all robots is known."""
+    if not log.has_truth:
+        problem = "holds no truth; the filter starts at it, and its errors are from it"
+        raise InputError(problem, source=log.name)
     begin = max(float(robot.truth[0, 0]) for robot in log.robots)
     end = min(float(robot.truth[-1, 0]) for robot in log.robots)
     duration = end - begin

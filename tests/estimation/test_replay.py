@@ -63,9 +63,12 @@ def test_a_recording_holds_what_was_written(noisy: Path) -> None:
     first = log.robots[0]
     lines = (noisy / "Robot1_Measurement.dat").read_text().splitlines()[2:]
     assert len(lines) == len(first.times) == len(first.bearings)
-    time, code, _, bearing = (float(word) for word in lines[5].split())
+    time, code, distance, bearing = (float(word) for word in lines[5].split())
     subject = int(code) // 10 if code != 99 else NOBODY
     assert (first.times[5], first.subjects[5], first.bearings[5]) == (time, subject, bearing)
+    assert first.ranges[5] == distance
+    assert len(lines) == len(first.ranges)
+    assert log.has_truth
     assert sum(int(np.sum(robot.subjects == NOBODY)) for robot in log.robots) == 3 * 7
 
 
@@ -340,7 +343,7 @@ def _still(*times: float) -> Log:
     """Two robots that stand still and see nobody."""
     truth = np.array([[time, 0.0, 0.0, 0.0] for time in times])
     none = np.zeros(0)
-    robots = [RobotLog(k, truth, truth[:, :3], none, none.astype(int), none) for k in (1, 2)]
+    robots = [RobotLog(k, truth, truth[:, :3], none, none.astype(int), none, none) for k in (1, 2)]
     return Log("still", tuple(robots), none.astype(int), np.zeros((0, 2)))
 
 
@@ -431,7 +434,9 @@ from syncplan.estimation.replays import replay
 none = np.zeros(0)
 truth = np.array([[0.0, 0.0, 0.0, 0.0], [1000.0, 0.0, 0.0, 0.0]])
 odometry = np.array([[0.0, 1.0, 0.1], [1000.0, 1.0, 0.1]])
-robots = [RobotLog(k, truth, odometry, none, none.astype(int), none) for k in range(1, 191)]
+robots = [
+    RobotLog(k, truth, odometry, none, none.astype(int), none, none) for k in range(1, 191)
+]
 log = Log("long", tuple(robots), none.astype(int), np.zeros((0, 2)))
 EXTENDED.compile(190)
 # a parent in the background has its children ignore interrupts
@@ -495,6 +500,11 @@ def test_what_can_not_be_run_is_refused(noisy: Path, tmp_path: Path) -> None:
         assert str(refused.value).startswith(told)
     with pytest.raises(InputError, match="speed_sigma: -1 given"):
         replay(log, noise=type(GROUND_ROBOTS)(-1.0, 0.5, 0.01, 0.01))
+    first = replace(log.robots[0], truth=np.zeros((0, 4)))
+    unknown = replace(log, robots=(first, *log.robots[1:]))
+    assert not unknown.has_truth
+    with pytest.raises(InputError, match="recording: holds no truth; the filter starts at it"):
+        replay(unknown)
 
 
 # --- the report -----------------------------------------------------------------------------------
