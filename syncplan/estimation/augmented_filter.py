@@ -137,15 +137,19 @@ def _filter(
     for k in range(e):
         P[3 * n + k, 3 * n + k] = setup.variances[k]
     _record(x, errors, P, setup, readings, 0, scratch, block, statistics, lanes)
-    for step in range(1, len(poses.truth)):
+    for step in range(1, len(poses.first) - 1):
         speeds, turn_rates = readings.speeds[step - 1], readings.turn_rates[step - 1]
-        predict_augmented(x, errors, P, speeds, turn_rates, setup, frame, slopes, before, lanes)
+        predict_augmented(
+            x, errors, P, speeds, turn_rates, setup, step, frame, slopes, before, lanes
+        )
         correct_augmented(
             x, errors, P, step, setup, readings, frame, seen, row, halves, statistics, lanes
         )
-        if _is_sampled(poses, step) or len(statistics.poses.series):
-            bring_to_now(P, setup, frame, before, lanes)
-        _record(x, errors, P, setup, readings, step, scratch, block, statistics, lanes)
+        at = poses.compared[step]
+        if at >= 0:
+            if _is_sampled(poses, at) or len(statistics.poses.series):
+                bring_to_now(P, setup, frame, before, lanes)
+            _record(x, errors, P, setup, readings, at, scratch, block, statistics, lanes)
     return x, errors, P
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from syncplan.arrays import Array, Index
 from syncplan.estimation.augmented_frame import GUST, SCALE, TURN, WIND, Frame, bring_to_now
 from syncplan.estimation.augmented_setup import AugmentedSetup
-from syncplan.estimation.batched_filter import add_motion_noise, shortening
+from syncplan.estimation.batched_filter import add_motion_noise, motion_in, shortening
 from syncplan.estimation.filter_setup import MotionModel
 from syncplan.estimation.lane_filter import Lanes, compiled
 
@@ -45,18 +45,20 @@ def predict_augmented(
     speeds: Array,
     turn_rates: Array,
     setup: AugmentedSetup,
+    step: int,
     frame: Frame,
     slopes: Array,
     before: Array,
     lanes: Lanes,
 ) -> None:
-    """Advance x (n, 3, lanes) and errors (e, lanes) by one sample of readings (n, lanes).
+    """Advance x (n, 3, lanes) and errors (e, lanes) by a step's readings (n, lanes).
 
     P stays in its frame, but for the noise. `slopes` (12, lanes) is scratch: the way through the
     air, its derivatives by read speed, turn rate and scale, and what they are made of; `before` is
     that of `bring_to_now`.
     """
-    motion, (since, age) = setup.poses.motion, frame
+    motion, (since, age) = motion_in(setup.poses, step), frame
+    decay, noise = _gusts_in(setup, motion.time)
     for i in range(len(x)):
         _move(x, errors, i, speeds, turn_rates, motion, setup.columns[i], slopes, lanes)
         _lengthen(since[i], age[0], slopes, motion.time, lanes)
@@ -67,11 +69,11 @@ def predict_augmented(
         add_motion_noise(P, 3 * i, slopes, motion, lanes)
     age[0] += motion.time
     age[1] += motion.time * age[2]
-    age[2] *= setup.decay
+    age[2] *= decay
     if setup.first_gust < len(P):
         if age[2] < LEAST_LEFT:
             bring_to_now(P, setup, frame, before, lanes)
-        _blow(P, errors, setup, age, lanes)
+        _blow(P, errors, setup.columns, age, decay, noise, lanes)
 
 
 @compiled
@@ -88,15 +90,33 @@ def _lengthen(since: Array, elapsed: float, slopes: Array, time: float, lanes: L
 
 
 @compiled
-def _blow(P: Array, errors: Array, setup: AugmentedSetup, age: Array, lanes: Lanes) -> None:
+def _gusts_in(setup: AugmentedSetup, span: float) -> tuple[float, float]:
+    """What is left of a gust after a step, and the variance that it gains."""
+    time, decay = setup.poses.motion.time, setup.decay
+    if span == time or decay in (0.0, 1.0):
+        return decay, setup.gust_noise
+    left = decay ** (span / time)
+    return left, setup.gust_noise * (1.0 - left * left) / (1.0 - decay * decay)
+
+
+@compiled
+def _blow(
+    P: Array,
+    errors: Array,
+    columns: Index,
+    age: Array,
+    decay: float,
+    gained: float,
+    lanes: Lanes,
+) -> None:
     """Let gusts decay and gain noise, which P's frame takes for a gust larger by 1 / decay."""
     first = len(P) - len(errors)
-    noise = setup.gust_noise / (age[2] * age[2])
-    for i in range(len(setup.columns)):
+    noise = gained / (age[2] * age[2])
+    for i in range(len(columns)):
         for axis in range(2):
-            c, r = setup.columns[i, GUST + axis], 3 * i + axis
+            c, r = columns[i, GUST + axis], 3 * i + axis
             for lane in range(len(lanes)):
-                errors[c - first, lane] *= setup.decay
+                errors[c - first, lane] *= decay
                 P[c, c, lane] += noise
                 P[c, r, lane] -= noise * age[1]
                 P[r, r, lane] += noise * age[1] * age[1]

@@ -39,7 +39,8 @@ class AugmentedSetup(NamedTuple):
     variances : (e,) of the further states at the start
     first_gust : place of the first gust in the state; those after it are gusts too
     decay : share of a gust that is left after a sample
-    gust_noise : (m/s)^2, variance that a gust gains in a sample
+    gust_noise : (m/s)^2, variance that a gust gains in a sample; for a step of another length both
+        follow from these
     """
 
     poses: FilterSetup
@@ -58,9 +59,9 @@ class AugmentedReadings(NamedTuple):
     initial : (n, 3, lanes) initial estimate in m, m, rad; that of the further states is zero
     speeds, turn_rates : (steps, n, lanes) m/s, rad/s
     sightings : (s, lanes) in the unit of their kind; NaN where a sighting is missed
-    headings : (steps + 1, n, lanes) rad, true
+    headings : (samples + 1, n, lanes) rad, true
     constants : (c, lanes) the true values of the further states but gusts
-    gusts : (steps + 1, e - c, lanes) m/s, true
+    gusts : (samples + 1, e - c, lanes) m/s, true
     """
 
     initial: Array

@@ -37,6 +37,7 @@ __all__ = [
     "EXTENDED",
     "add_motion_noise",
     "correct_lanes",
+    "motion_in",
     "predict_lanes",
     "shortening",
     "sighting_lanes",
@@ -66,6 +67,16 @@ def shortening(half_turn: float, substeps: int) -> tuple[float, float]:
     path = substeps * math.sin(part) if substeps else half_turn
     ratio = math.sin(half_turn) / path
     return ratio, (math.cos(half_turn) - ratio * math.cos(part)) / path
+
+
+@compiled
+def motion_in(setup: FilterSetup, step: int) -> MotionModel:
+    """Return the motion model of a step, 1 to the last: that of a sample for one as long."""
+    motion, span = setup.motion, setup.spans[step - 1]
+    share = motion.time / span
+    return MotionModel(
+        span, motion.substeps, motion.speed_variance * share, motion.turn_rate_variance * share
+    )
 
 
 @compiled
@@ -310,9 +321,9 @@ def _filter(
     for k in range(3 * n):
         P[k, k] = setup.initial_variances[k // 3, k % 3]
     record_lanes(x, P, setup, 0, scratch, statistics, lanes)
-    for step in range(1, len(setup.truth)):
+    for step in range(1, len(setup.first) - 1):
         speeds, turn_rates = readings.speeds[step - 1], readings.turn_rates[step - 1]
-        predict_lanes(x, P, speeds, turn_rates, setup.motion, moves, lanes)
+        predict_lanes(x, P, speeds, turn_rates, motion_in(setup, step), moves, lanes)
         for s in range(setup.first[step], setup.first[step + 1]):
             o, t, z = setup.observers[s], setup.targets[s], readings.sightings[s]
             kind, variance = setup.kinds[s], setup.variances[s]
@@ -321,7 +332,8 @@ def _filter(
             else:
                 sighting_lanes(kind, x, o, t, setup.landmarks, z, work[0], work[1], lanes)
             correct_lanes(x, P, o, t, variance, setup.gate, work, statistics, lanes)
-        record_lanes(x, P, setup, step, scratch, statistics, lanes)
+        if setup.compared[step] >= 0:
+            record_lanes(x, P, setup, setup.compared[step], scratch, statistics, lanes)
     return x, P
 
 

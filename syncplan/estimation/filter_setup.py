@@ -2,6 +2,10 @@
 
 Monte Carlo and replays both build it here. `kinds` says what each sighting measures; a compass is a
 sighting without a target. `augmented_setup` has what further states add (a wind, a sensor's bias).
+
+A run is a row of steps, each a prediction and the sightings at its end. Trials have one step for
+each sample, all of one length; a recording has one for each time at which something was read, and
+its errors are compared with the truth after some of them alone.
 """
 
 from typing import NamedTuple
@@ -24,7 +28,8 @@ class MotionModel(NamedTuple):
     ------
     time : s, of one sample
     substeps : Euler sub-steps in a sample, 0 for exact arcs
-    speed_variance, turn_rate_variance : (m/s)^2, (rad/s)^2, of each reading
+    speed_variance, turn_rate_variance : (m/s)^2, (rad/s)^2, of a reading that holds for a sample;
+        over a step k times as long it is 1 / k of that, so that errors are random walks
     """
 
     time: float
@@ -38,7 +43,10 @@ class FilterSetup(NamedTuple):
 
     Fields
     ------
-    truth : (steps + 1, n, 3) m, m, rad
+    truth : (samples + 1, n, 3) m, m, rad
+    spans : (steps,) s, the length of each step, more than 0
+    compared : (steps + 1,) entry of `truth` that the state after each step is compared with, or -1;
+        that of step 0 is 0, and that of the last step the last one
     landmarks : (m, 2) m
     first : (steps + 2,) sightings of step k are first[k] to first[k + 1]
     observers, targets : (s,) of each sighting; targets from n on are landmarks
@@ -47,10 +55,13 @@ class FilterSetup(NamedTuple):
     initial_variances : (n, 3) m^2, m^2, rad^2
     motion : the motion model
     gate : largest innovation^2 / variance that is accepted
-    sample_every : steps between samples of NEES and coverage; the last step is one too
+    sample_every : entries of `truth` between those at which NEES and coverage are taken; the last
+        one is one too
     """
 
     truth: Array
+    spans: Array
+    compared: Index
     landmarks: Array
     first: Index
     observers: Index
@@ -91,14 +102,20 @@ def build_setup(
     noise: Noise,
     sample_time: float,
     options: FilterOptions,
+    spans: Array | None = None,
+    compared: Index | None = None,
 ) -> FilterSetup:
-    """Return the set-up of a run of the vehicles in `truth`, (steps + 1, n, 3).
+    """Return the set-up of a run of the vehicles in `truth`, (samples + 1, n, 3).
 
-    The arguments are as in FilterSetup; `sample_time` is in s.
+    The arguments are as in FilterSetup; `sample_time` is in s. Where `spans` and `compared` are
+    None, each sample is a step.
     """
+    samples = len(truth) - 1
     deviations = [noise.position_sigma, noise.position_sigma, noise.heading_sigma]
     return FilterSetup(
         truth=truth,
+        spans=np.full(samples, float(sample_time)) if spans is None else spans,
+        compared=np.arange(samples + 1) if compared is None else compared,
         landmarks=landmarks,
         first=first,
         observers=observers,

@@ -166,6 +166,8 @@ def pose_specimen(n: int) -> tuple[FilterSetup, Readings, FilterStatistics, Lane
     still = np.zeros((0, n, 1))
     setup = FilterSetup(
         truth=np.zeros((1, n, 3)),
+        spans=np.zeros(0),
+        compared=np.zeros(1, dtype=np.int64),
         landmarks=np.zeros((0, 2)),
         first=np.zeros(2, dtype=np.int64),
         observers=none,

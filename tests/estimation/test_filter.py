@@ -70,6 +70,8 @@ def scene_of(steps: int, motion: MotionModel = MOTION, gate: float = np.inf) -> 
     step = np.repeat(np.arange(1, steps + 1), [len(pairs) for pairs in per_step])
     setup = FilterSetup(
         truth=poses,
+        spans=np.full(steps, motion.time),
+        compared=np.arange(steps + 1),
         landmarks=LANDMARKS,
         first=np.concatenate([[0, 0], np.cumsum([len(pairs) for pairs in per_step])]),
         observers=seen[:, 0].copy(),
@@ -226,6 +228,58 @@ def test_the_compiled_filter_equals_the_plain_one_to_round_off(substeps: int, ga
     assert (statistics.gated.sum() > 0) == np.isfinite(gate)
 
 
+def test_steps_of_unequal_length_have_the_noise_of_a_random_walk() -> None:
+    motion = motion_model(0.1, 0.3, 0.05)
+    given = scene_of(36, motion)
+    spans = np.random.default_rng(3).uniform(0.01, 0.3, 36)
+    # errors are compared after every fourth step alone
+    compared = np.where(np.arange(37) % 4 == 0, np.arange(37) // 4, -1)
+    setup = given.setup._replace(truth=given.setup.truth[:10], spans=spans, compared=compared)
+    readings, series = readings_of(given, lanes=2), empty_series(3, 9, wanted=True)
+    statistics = empty_statistics(3, 2, series)
+    x, P = EXTENDED.run(setup, readings, statistics)
+    plain, C = readings.initial[..., 1], np.diag(setup.initial_variances.ravel())
+    squares = np.zeros((3, 3))
+    for k in range(1, 37):
+        share = 0.1 / spans[k - 1]
+        held = MotionModel(spans[k - 1], 0, 0.3**2 * share, 0.05**2 * share)
+        speeds, turns = readings.speeds[k - 1, :, 1], readings.turn_rates[k - 1, :, 1]
+        plain, C = predict(plain, C, speeds, turns, held)
+        for s in range(setup.first[k], setup.first[k + 1]):
+            o, t = int(setup.observers[s]), int(setup.targets[s])
+            plain, C, *_ = update(
+                plain, C, o, t, readings.sightings[s, 1], SIGMAS[o], LANDMARKS, setup.gate
+            )
+        if k % 4 == 0:
+            error = plain - setup.truth[k // 4]
+            error[:, 2] = wrap(error[:, 2])
+            squares += error**2
+    np.testing.assert_allclose(x[..., 1], plain, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(np.tril(P[..., 1]), np.tril(C), rtol=0, atol=1e-10)
+    np.testing.assert_allclose(statistics.squares[..., 1], squares, atol=1e-9)
+    np.testing.assert_allclose(series[9, :, 9].sum(), P[[0, 3, 6], [0, 3, 6]].sum(), rtol=1e-12)
+
+
+def test_a_straight_way_in_parts_is_as_uncertain_as_at_once() -> None:
+    motion = motion_model(0.1, 0.3, 0.0)
+    given = scene_of(1, motion)
+    readings = readings_of(given, lanes=1)
+    straight = readings._replace(turn_rates=np.zeros_like(readings.turn_rates))
+    blind = given.setup._replace(first=np.zeros(3, dtype=np.int64), spans=np.array([2.0]))
+    parts = blind._replace(
+        first=np.zeros(5, dtype=np.int64),
+        spans=np.array([0.5, 0.1, 1.4]),
+        compared=np.array([0, -1, -1, 1]),
+    )
+    several = straight._replace(
+        speeds=np.repeat(straight.speeds, 3, axis=0), turn_rates=np.zeros((3, 3, 1))
+    )
+    x, P, _ = filtered(blind, straight)
+    x_parts, P_parts, _ = filtered(parts, several)
+    np.testing.assert_allclose(x_parts, x, rtol=1e-12)
+    np.testing.assert_allclose(P_parts, P, rtol=1e-12, atol=1e-14)
+
+
 def test_the_closed_form_holds_where_vehicles_hardly_turn() -> None:
     given = scene_of(6)
     readings = readings_of(given, lanes=2)
@@ -337,6 +391,8 @@ def test_a_large_team_in_one_lane_has_the_bytes_of_many_lanes() -> None:
     )
     setup = scene_of(1).setup._replace(
         truth=poses,
+        spans=np.full(steps, 0.1),
+        compared=np.arange(steps + 1),
         first=np.arange(steps + 2) * 3,
         observers=random.integers(0, n, 3 * steps + 3),
         targets=random.integers(n, n + 2, 3 * steps + 3),

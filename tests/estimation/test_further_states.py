@@ -176,6 +176,38 @@ def test_the_row_of_every_kind_is_the_derivative_of_the_sighting() -> None:
         assert row[9:].sum() == (kind == 0)
 
 
+def test_steps_of_unequal_length_are_those_of_the_plain_filter() -> None:
+    team = a_team(tuple(ERROR_STATES))
+    setup, readings = scene_of(team, 45, 2)
+    spans, steps = np.random.default_rng(5).uniform(0.02, 0.4, 45), np.arange(46)
+    poses = setup.poses._replace(
+        truth=setup.poses.truth[:16],
+        spans=spans,
+        compared=np.where(steps % 3 == 0, steps // 3, -1),
+    )
+    readings = readings._replace(headings=readings.headings[:16], gusts=readings.gusts[:16])
+    state, P, statistics = filtered(Scene(setup._replace(poses=poses), readings))
+    x = np.concatenate([readings.initial[..., 1].ravel(), np.zeros(len(setup.variances))])
+    C, squares = covariance_at_start(setup), 0.0
+    for k, span in enumerate(spans.tolist(), 1):
+        motion, share = poses.motion, poses.motion.time / span
+        held = poses.motion._replace(
+            time=span,
+            speed_variance=motion.speed_variance * share,
+            turn_rate_variance=motion.turn_rate_variance * share,
+        )
+        there = augmented_setup_of(poses._replace(motion=held), layout_of(team), team.errors)
+        speeds, turns = readings.speeds[k - 1, :, 1], readings.turn_rates[k - 1, :, 1]
+        x, C = predict_state(x, C, speeds, turns, there)
+        for s in range(poses.first[k], poses.first[k + 1]):
+            x, C, *_ = update_state(x, C, s, float(readings.sightings[s, 1]), there)
+        if k % 3 == 0:
+            squares += (x[0] - poses.truth[k // 3, 0, 0]) ** 2
+    np.testing.assert_allclose(state[:, 1], x, rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(P[..., 1], C, rtol=1e-6, atol=1e-8)
+    assert statistics.poses.squares[0, 0, 1] == pytest.approx(squares)
+
+
 @pytest.mark.parametrize("with_series", [False, True])
 @pytest.mark.parametrize(
     ("estimated", "changes"),
