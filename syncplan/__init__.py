@@ -36,12 +36,13 @@ Packages, each using only those before it; each lists its modules
     phrases           words for many things
     runtime           cores and threads, child processes, files written whole
     results           what each result can be turned into: a file, a data frame, HTML
+    recordings        what real robots recorded, read and checked
     scenario          what the user says, read and checked
     orbits            circles, contact windows, least distances, sightings
     synchronisation   senses and phases
     placement         centres, from links or from a gap
     observability     rank, certificate, unobservable modes
-    estimation        bounds, the filter, Monte Carlo, recordings
+    estimation        bounds, the filter, Monte Carlo, replays
     planning          plan, judge, validate, sweep
     refinement        the best plan near a plan
     landmarks         choice of landmark sites
@@ -103,7 +104,7 @@ _HOME = {
     "Validation": "planning.validation",
     "WhatIf": "planning.loss_study",
     "export": "exporting.formats",
-    "load_log": "estimation.mrclam",
+    "load_log": "recordings.recording_formats",
     "load_scenario": "scenario.loading",
     "place": "placement.centers",
     "plan": "planning.planner",
@@ -118,7 +119,6 @@ _MODULES = {"figures": "plotting.plotly_figures"}
 if TYPE_CHECKING:
     from syncplan.client.service_client import Client
     from syncplan.errors import InputError, NoGoError, NoSolutionError, SyncplanError
-    from syncplan.estimation.mrclam import load_log
     from syncplan.estimation.replays import Replay, replay
     from syncplan.exporting.formats import export
     from syncplan.landmarks.site_choice import choose_landmarks
@@ -130,6 +130,7 @@ if TYPE_CHECKING:
     from syncplan.planning.sweeps import sweep
     from syncplan.planning.validation import Validation, validate
     from syncplan.plotting import plotly_figures as figures
+    from syncplan.recordings.recording_formats import load_log
     from syncplan.refinement.refiner import refine
     from syncplan.scenario.loading import load_scenario
     from syncplan.scenario.specification import Scenario

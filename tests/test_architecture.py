@@ -16,6 +16,7 @@ import syncplan
 from syncplan.estimation.filters import FILTERS
 from syncplan.exporting.format_table import FORMATS
 from syncplan.plotting.figure_table import FIGURES
+from syncplan.recordings.recording_formats import FORMATS as LAYOUTS
 
 LARGEST_MODULE = 350
 LARGEST_FUNCTION = 45
@@ -123,7 +124,8 @@ def _named_by_tables() -> set[str]:
     formats = (f"syncplan.exporting.{one.writer}" for one in FORMATS.values())
     figures = (f"syncplan.plotting.{one.maker}" for one in FIGURES.values())
     filters = (f"syncplan.estimation.{one.kernel}" for one in FILTERS.values())
-    return {place.rpartition(".")[0] for place in (*formats, *figures, *filters)}
+    layouts = (f"syncplan.recordings.{one.reader}" for one in LAYOUTS.values())
+    return {place.rpartition(".")[0] for place in (*formats, *figures, *filters, *layouts)}
 
 
 def test_public_names_are_sorted_documented_and_few() -> None:

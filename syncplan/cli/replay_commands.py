@@ -1,5 +1,6 @@
 """The command that runs the filter on a recording: replay."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -12,21 +13,18 @@ from syncplan.cli.console import (
     deliver_document,
     refuse_overwriting,
 )
-from syncplan.errors import InputError
 
 __all__ = ["replays"]
 
 replays = typer.Typer()
 
-LogFolder = Annotated[
+Recording = Annotated[
     Path,
-    typer.Argument(
-        metavar="LOG_DIR", help="Folder of a recording in the format of the MRCLAM data sets"
-    ),
+    typer.Argument(metavar="LOG", help="Folder of a recording in the layout of MRCLAM"),
 ]
 Landmarks = Annotated[
     str,
-    typer.Option(help="Landmarks whose bearings count: numbers such as 7,15, or all, or none"),
+    typer.Option(help="Landmarks whose bearings count: names such as 7,15, or all, or none"),
 ]
 Meetings = Annotated[bool, typer.Option(help="Whether bearings between robots count")]
 BearingSigma = Annotated[float, typer.Option(help="Sigma of a bearing that the filter assumes")]
@@ -43,7 +41,7 @@ Gate = Annotated[
     epilog="Example: syncplan replay mrclam6 --landmarks 7,15 --series -o report.json",
 )
 def _replay(
-    log_dir: LogFolder,
+    log: Recording,
     output: Output = None,
     format_: Shown = Format.auto,
     landmarks: Landmarks = "all",
@@ -61,20 +59,20 @@ def _replay(
     """
     from dataclasses import replace
 
-    from syncplan.estimation.mrclam import load_log
     from syncplan.estimation.replays import GROUND_ROBOTS, OPTIONS, replay
+    from syncplan.recordings.recording_formats import load_log, recorded_files_in
     from syncplan.reports.replay_report import replay_document
 
-    chosen = _landmark_numbers(landmarks)
-    log = load_log(log_dir)
-    for recorded in log_dir.glob("*.dat"):
+    recording = load_log(log)
+    chosen = _named(landmarks, recording.landmark_names)
+    for recorded in recorded_files_in(log):
         refuse_overwriting(str(recorded), output)
-    announce_compilation(OPTIONS, [(len(log.robots), False)])
+    announce_compilation(OPTIONS, [(len(recording.robots), False)])
     noise = replace(
         GROUND_ROBOTS, speed_sigma=speed_sigma_mps, turn_rate_sigma=turn_rate_sigma_rad_s
     )
     replayed = replay(
-        log,
+        recording,
         landmarks=chosen,
         meetings=meetings,
         bearing_sigma=bearing_sigma_rad,
@@ -87,16 +85,11 @@ def _replay(
     return 0
 
 
-def _landmark_numbers(text: str) -> list[int] | None:
-    """The landmarks of an option, None for all; raises InputError where they are no numbers."""
+def _named(text: str, known: Sequence[int | str]) -> list[int | str] | None:
+    """The landmarks of an option, None for all."""
     if text == "all":
         return None
     if text == "none":
         return []
-    try:
-        return [int(part) for part in text.split(",")]
-    except ValueError:
-        raise InputError(
-            f"{text!r}: must be all, none or numbers with commas between, such as 7,15",
-            key="landmarks",
-        ) from None
+    names = {str(name): name for name in known}
+    return [names.get(word, word) for word in map(str.strip, text.split(","))]

@@ -36,6 +36,5 @@ air_motion         headings and airspeeds of circles in wind
 trial_readings     what is read in trials
 montecarlo         many trials along a plan
 trial_archive      trials as bytes
-mrclam             recordings in the format of the MRCLAM data sets
 replays            the filter on a recording
 """

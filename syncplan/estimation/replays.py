@@ -26,11 +26,11 @@ from syncplan.estimation.consistency import Consistency, coverage, recorded_anee
 from syncplan.estimation.filter_options import FilterChanges, FilterOptions, options_with
 from syncplan.estimation.filter_setup import FilterSetup, Readings, build_setup
 from syncplan.estimation.filter_statistics import empty_series, empty_statistics
-from syncplan.estimation.mrclam import NOBODY, Log
 from syncplan.estimation.trials import Accuracy, MonteCarloResult, accuracy, result_of
 from syncplan.orbits.bearings import BEARING
 from syncplan.orbits.noise import Noise
 from syncplan.orbits.sighting_kinds import place_of
+from syncplan.recordings.log import NOBODY, Log
 from syncplan.results import Result
 from syncplan.scenario.rules import excess
 
@@ -58,7 +58,7 @@ class Replay(Result):
     Attributes
     ----------
     log : the recording
-    landmarks : (l,) numbers of the landmarks whose bearings were used
+    landmarks : l names, or numbers, of the landmarks whose bearings were used
     meetings : whether bearings between robots were used
     sample_time, duration, begin : s; when the run begins by the recording's clock
     bearing_sigma, noise : what the filter assumed, rad and as Noise
@@ -72,7 +72,7 @@ class Replay(Result):
     """
 
     log: Log
-    landmarks: tuple[int, ...]
+    landmarks: tuple[int | str, ...]
     meetings: bool
     sample_time: float
     duration: float
@@ -107,7 +107,7 @@ def replay(
     log: Log,
     options: FilterOptions | None = None,
     *,
-    landmarks: Iterable[int] | None = None,
+    landmarks: Iterable[int | str] | None = None,
     meetings: bool = True,
     bearing_sigma: float = BEARING_SIGMA,
     noise: Noise = GROUND_ROBOTS,
@@ -116,17 +116,18 @@ def replay(
 ) -> Replay:
     """Return the errors of the filter on a recording's odometry and bearings.
 
-    `landmarks` are the numbers of those whose bearings count, all if None; `meetings` says whether
-    bearings between robots count. `bearing_sigma` is in rad, `sample_time` in s; the
-    sigmas of `noise`, a syncplan.orbits.noise.Noise, are per sample. `options`, or changes of it by
-    name, choose the filter: a bearing counts while it is within the gate of `gate_probability`,
-    0.999 if not given, where 1 accepts all; `with_series` keeps errors and sigmas over time. A
-    recording is one trial: `trials`, `seed` and `duration` have no effect. Raises InputError naming
-    the argument or the robot at fault, and NoSolutionError where the filter diverges.
+    `landmarks` are the names of those whose bearings count (numbers, where the recording numbers
+    them), all if None; `meetings` says whether bearings between robots count. `bearing_sigma` is
+    in rad, `sample_time` in s; the sigmas of `noise`, a syncplan.orbits.noise.Noise, are per
+    sample. `options`, or changes of it by name, choose the filter: a bearing counts while it is
+    within the gate of `gate_probability`, 0.999 if not given, where 1 accepts all; `with_series`
+    keeps errors and sigmas over time. A recording is one trial: `trials`, `seed` and `duration`
+    have no effect. Raises InputError naming the argument or the robot at fault, and
+    NoSolutionError where the filter diverges.
     """
     _check(bearing_sigma, noise, sample_time)
     chosen = _options(options, changes)
-    used = _chosen(log, landmarks)
+    used = log.landmark_places(landmarks)
     clock = _clock(log, sample_time)
     bearings = _bearings(log, clock, used, meetings=meetings)
     setup = build_setup(
@@ -144,7 +145,7 @@ def replay(
     result = _filtered(setup, _readings(log, clock, setup, bearings), chosen)
     return Replay(
         log=log,
-        landmarks=tuple(log.landmark_subjects[used].tolist()),
+        landmarks=tuple(log.landmark_names[place] for place in used.tolist()),
         meetings=meetings,
         sample_time=sample_time,
         duration=clock.steps * sample_time,
@@ -263,17 +264,6 @@ def _check(bearing_sigma: float, noise: Noise, sample_time: float) -> None:
             raise InputError(f"{value:g} given; {allowed}, or 0", key=key)
 
 
-def _chosen(log: Log, landmarks: Iterable[int] | None) -> Index:
-    """Places of the chosen landmarks among the recording's, in its order."""
-    known = log.landmark_subjects.tolist()
-    wanted = known if landmarks is None else list(landmarks)
-    for number in wanted:
-        if number not in known:
-            there = ", ".join(str(one) for one in known) or "none"
-            raise InputError(f"no landmark {number!r}; there are {there}", key="landmarks")
-    return np.flatnonzero(np.isin(log.landmark_subjects, np.array(wanted, dtype=np.int64)))
-
-
 def _clock(log: Log, sample_time: float) -> _Clock:
     """The samples at which the truth of all robots is known."""
     if not log.has_truth:
@@ -335,6 +325,7 @@ def _bearings(log: Log, clock: _Clock, used: Index, *, meetings: bool) -> _Beari
     subjects = np.concatenate([robot.subjects for robot in log.robots])
     angles = np.concatenate([robot.bearings for robot in log.robots])
     targets = np.array([targets_by_subject.get(one, -1) for one in subjects.tolist()], np.int64)
+    targets[np.isnan(angles)] = -1
     samples = np.rint(taken / clock.sample_time)
     order = np.flatnonzero((targets >= 0) & (samples >= 1) & (samples <= clock.steps))
     order = order[np.argsort(taken[order], kind="stable")]

@@ -197,7 +197,9 @@ class ReplayDocument(_RunReport):
 
     begin_s: float = Field(description="When the run begins by the recording's clock")
     duration_s: float
-    landmarks: list[int] = Field(description="Numbers of those whose bearings were asked for")
+    landmarks: list[int | str] = Field(
+        description="Names, or numbers, of those whose bearings were asked for"
+    )
     meetings: bool = Field(description="Whether bearings between robots were")
     filter: ReplayFilter
     position_rmse_m: float = Field(description="Over all robots and samples after the first")

@@ -20,16 +20,17 @@ from typer.main import get_command
 from syncplan import figures
 from syncplan.cli import command_line
 from syncplan.errors import InputError, NoSolutionError
-from syncplan.estimation import mrclam
 from syncplan.estimation.consistency import gate_threshold
 from syncplan.estimation.filter_setup import FilterSetup, MotionModel, Readings
 from syncplan.estimation.filter_statistics import FilterStatistics
 from syncplan.estimation.lane_filter import LaneFilter
-from syncplan.estimation.mrclam import NOBODY, Log, RobotLog, load_log
 from syncplan.estimation.reference_filter import predict, update
 from syncplan.estimation.replays import GROUND_ROBOTS, OPTIONS, longest_gap, replay
 from syncplan.orbits.circles import wrap
 from syncplan.orbits.noise import Noise
+from syncplan.recordings import mrclam, recorded_files
+from syncplan.recordings.log import NOBODY, Log, RobotLog
+from syncplan.recordings.recording_formats import load_log
 from syncplan.reports.replay_report import replay_document
 from tests.tools.processes import PATIENCE_S
 from tests.tools.recordings import CLOCK, LANDMARKS, REAL, Recipe, write_recording
@@ -121,8 +122,8 @@ def test_files_that_can_not_be_had_are_named(
         return str(err)
 
     folder = _copy(noisy, tmp_path)
-    assert "no such folder" in refused(folder / "nowhere")
-    assert "is not a folder" in refused(folder / "Barcodes.dat")
+    assert "no such file or folder; check the path" in refused(folder / "nowhere")
+    assert "is no recording; the folder of one holds" in refused(folder / "Barcodes.dat")
     (folder / "Robot3_Groundtruth.dat").write_text("# nothing yet\n")
     assert "Robot3_Groundtruth.dat: holds no rows" in refused(folder)
     (folder / "Robot2_Measurement.dat").write_bytes(b"\xff\xfe1 2 3 4")
@@ -131,7 +132,7 @@ def test_files_that_can_not_be_had_are_named(
     assert "Robot2_Measurement.dat: is missing" in refused(folder)
     (folder / "Robot2_Measurement.dat").mkdir()
     assert "Robot2_Measurement.dat: is a folder" in refused(folder)
-    monkeypatch.setattr(mrclam, "LARGEST_FILE_BYTES", 50)
+    monkeypatch.setattr(recorded_files, "LARGEST_FILE_BYTES", 50)
     assert "is larger than 0 MiB" in refused(folder)
     monkeypatch.setattr(mrclam, "MOST_ROBOTS", 2)
     assert "holds 3 robots, more than 2" in refused(folder)
@@ -343,8 +344,9 @@ def _still(*times: float) -> Log:
     """Two robots that stand still and see nobody."""
     truth = np.array([[time, 0.0, 0.0, 0.0] for time in times])
     none = np.zeros(0)
-    robots = [RobotLog(k, truth, truth[:, :3], none, none.astype(int), none, none) for k in (1, 2)]
-    return Log("still", tuple(robots), none.astype(int), np.zeros((0, 2)))
+    seen = (none, none.astype(int), none, none)
+    robots = [RobotLog(f"robot{k}", k, truth, truth[:, :3], *seen) for k in (1, 2)]
+    return Log("still", tuple(robots), (), none.astype(int), np.zeros((0, 2)))
 
 
 def test_a_whole_number_of_samples_is_not_lost_to_rounding() -> None:
@@ -429,15 +431,14 @@ INTERRUPTED = """
 import os, signal, threading, time
 import numpy as np
 from syncplan.estimation.batched_filter import EXTENDED
-from syncplan.estimation.mrclam import Log, RobotLog
 from syncplan.estimation.replays import replay
+from syncplan.recordings.log import Log, RobotLog
 none = np.zeros(0)
 truth = np.array([[0.0, 0.0, 0.0, 0.0], [1000.0, 0.0, 0.0, 0.0]])
 odometry = np.array([[0.0, 1.0, 0.1], [1000.0, 1.0, 0.1]])
-robots = [
-    RobotLog(k, truth, odometry, none, none.astype(int), none, none) for k in range(1, 191)
-]
-log = Log("long", tuple(robots), none.astype(int), np.zeros((0, 2)))
+seen = (none, none.astype(int), none, none)
+robots = [RobotLog(f"robot{k}", k, truth, odometry, *seen) for k in range(1, 191)]
+log = Log("long", tuple(robots), (), none.astype(int), np.zeros((0, 2)))
 EXTENDED.compile(190)
 # a parent in the background has its children ignore interrupts
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -555,8 +556,8 @@ def test_at_a_terminal_there_is_a_table(noisy: Path, run: Any) -> None:
 @pytest.mark.parametrize(
     ("options", "told"),
     [
-        (["--landmarks", "six"], "--landmarks: 'six': must be all, none or numbers"),
-        (["--landmarks", "6,99"], "--landmarks: no landmark 99; there are 8, 6, 7"),
+        (["--landmarks", "six"], "--landmarks: no landmark 'six'; there are 8, 6, 7"),
+        (["--landmarks", "6, 99"], "--landmarks: no landmark '99'; there are 8, 6, 7"),
         (["--gate", "2"], "--gate: 2 given"),
         (["--sample-time-s", "0"], "--sample-time-s: 0 given"),
     ],

@@ -17,103 +17,48 @@ dataset", International Journal of Robotics Research 30(8):969-974, 2011.
 
 import re
 import warnings
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.errors import InputError
+from syncplan.recordings.log import NOBODY, Log, RobotLog
+from syncplan.recordings.recorded_files import LARGEST_VALUE, MOST_ROBOTS, check_file
 
-__all__ = ["Log", "RobotLog", "load_log"]
+__all__ = ["holds_mrclam", "read_mrclam"]
 
-
-NOBODY = -1
-"""Subject of a reading whose barcode belongs to no subject."""
-
-MOST_ROBOTS = 200
-LARGEST_FILE_BYTES = 256 * 2**20
-LARGEST_VALUE = 1e12
-"""Larger than any clock in seconds and any coordinate."""
 
 _OF_ROBOT = re.compile(r"Robot([1-9][0-9]{0,5})_(?:Groundtruth|Odometry|Measurement)\.dat")
 
 
-@dataclass(frozen=True, slots=True)
-class RobotLog:
-    """The recording of one robot; times in s never decrease.
-
-    Attributes
-    ----------
-    subject : its number
-    truth : (k, 4) time s, x m, y m, heading rad; no rows where it is not known
-    odometry : (k, 3) time s, speed m/s, turn rate rad/s
-    times, subjects, bearings, ranges : (s,) s; number of the subject seen, NOBODY where unknown;
-        rad and m, NaN where not recorded
-    """
-
-    subject: int
-    truth: Array
-    odometry: Array
-    times: Array
-    subjects: Index
-    bearings: Array
-    ranges: Array
-
-    @property
-    def name(self) -> str:
-        """The robot's name in reports."""
-        return f"robot{self.subject}"
+def holds_mrclam(path: Path) -> bool:
+    """Return whether a folder holds a file of this layout; raises OSError if it can't be read."""
+    return path.is_dir() and any(
+        one.name == "Barcodes.dat" or _OF_ROBOT.fullmatch(one.name) for one in path.iterdir()
+    )
 
 
-@dataclass(frozen=True, slots=True)
-class Log:
-    """A recording of n robots among m landmarks.
-
-    Attributes
-    ----------
-    name : of the folder
-    robots : n of them, by number
-    landmark_subjects : (m,) their numbers
-    landmarks : (m, 2) m
-    """
-
-    name: str
-    robots: tuple[RobotLog, ...]
-    landmark_subjects: Index
-    landmarks: Array
-
-    @property
-    def has_truth(self) -> bool:
-        """Whether it is recorded where every robot truly was."""
-        return all(len(robot.truth) for robot in self.robots)
-
-
-def load_log(folder: str | Path) -> Log:
+def read_mrclam(folder: Path) -> Log:
     """Return the recording in a folder; raises InputError naming file, line and fault."""
-    folder = Path(folder)
     numbers = _robots_in(folder)
     landmark_subjects, landmarks = _landmarks(folder / "Landmark_Groundtruth.dat", numbers)
     carried = _barcodes(folder / "Barcodes.dat", {*numbers, *landmark_subjects.tolist()})
     robots = tuple(_robot(folder, number, carried) for number in numbers)
-    return Log(folder.resolve().name, robots, landmark_subjects, landmarks)
+    return Log(
+        name=folder.resolve().name,
+        robots=robots,
+        landmark_names=tuple(landmark_subjects.tolist()),
+        landmark_subjects=landmark_subjects,
+        landmarks=landmarks,
+    )
 
 
 def _robots_in(folder: Path) -> list[int]:
-    try:
-        found = [_OF_ROBOT.fullmatch(path.name) for path in folder.iterdir()]
-    except NotADirectoryError:
-        problem = "is not a folder; give the one that holds Barcodes.dat and Robot1_Odometry.dat"
-        raise InputError(problem, source=str(folder)) from None
-    except FileNotFoundError:
-        raise InputError("no such folder; check the path", source=str(folder)) from None
-    except OSError as error:
-        raise InputError(f"can't be read: {error.strerror}", source=str(folder)) from None
+    found = [_OF_ROBOT.fullmatch(path.name) for path in folder.iterdir()]
     numbers = sorted({int(match[1]) for match in found if match})
     if not numbers:
-        raise InputError(
-            "holds no Robot1_Odometry.dat; is it the right folder?", source=str(folder)
-        )
+        raise InputError("holds no Robot1_Odometry.dat", source=str(folder))
     if len(numbers) > MOST_ROBOTS:
         problem = f"holds {len(numbers)} robots, more than {MOST_ROBOTS}"
         raise InputError(problem, source=str(folder))
@@ -161,6 +106,7 @@ def _robot(folder: Path, number: int, carried: dict[int, int]) -> RobotLog:
     others = {code: subject for code, subject in carried.items() if subject != number}
     subjects = [others.get(code, NOBODY) for code in seen[:, 1].astype(np.int64).tolist()]
     return RobotLog(
+        name=f"robot{number}",
         subject=number,
         truth=truth,
         odometry=odometry,
@@ -176,7 +122,7 @@ def _table(
 ) -> Array:
     """The named columns (k, c) of a file; `whole` ones hold integers, `ordered` is by time."""
     names = columns.split(", ")
-    _check_file(path)
+    check_file(path)
     try:
         with warnings.catch_warnings():
             # a file of measurements may hold no rows
@@ -203,20 +149,6 @@ def _table(
             number, row = _rows(path)[int(wrong.argmax())]
             raise InputError(f"line {number}, {' '.join(row)!r}: {problem}", source=str(path))
     return values
-
-
-def _check_file(path: Path) -> None:
-    try:
-        size = path.stat().st_size
-    except FileNotFoundError:
-        raise InputError("is missing", source=str(path)) from None
-    except OSError as error:
-        raise InputError(f"can't be read: {error.strerror}", source=str(path)) from None
-    if not path.is_file():
-        kind = "a folder" if path.is_dir() else "no file of bytes"
-        raise InputError(f"is {kind}; a text file is needed", source=str(path))
-    if size > LARGEST_FILE_BYTES:
-        raise InputError(f"is larger than {LARGEST_FILE_BYTES // 2**20} MiB", source=str(path))
 
 
 def _rows(path: Path) -> list[tuple[int, list[str]]]:

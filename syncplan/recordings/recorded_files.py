@@ -1,0 +1,27 @@
+"""Files of a recording: there, no larger than is read, and values within what they can be."""
+
+from pathlib import Path
+
+from syncplan.errors import InputError
+
+__all__ = ["LARGEST_FILE_BYTES", "LARGEST_VALUE", "MOST_ROBOTS", "check_file"]
+
+MOST_ROBOTS = 200
+LARGEST_FILE_BYTES = 256 * 2**20
+LARGEST_VALUE = 1e12
+"""Larger than any clock in seconds and any coordinate."""
+
+
+def check_file(path: Path, kind: str = "text file") -> None:
+    """Raise InputError if the path is no file, or one that is too large or can't be read."""
+    try:
+        size = path.stat().st_size
+    except FileNotFoundError:
+        raise InputError("is missing", source=str(path)) from None
+    except OSError as error:
+        raise InputError(f"can't be read: {error.strerror}", source=str(path)) from None
+    if not path.is_file():
+        found = "a folder" if path.is_dir() else "no file of bytes"
+        raise InputError(f"is {found}; a {kind} is needed", source=str(path))
+    if size > LARGEST_FILE_BYTES:
+        raise InputError(f"is larger than {LARGEST_FILE_BYTES // 2**20} MiB", source=str(path))

@@ -1,0 +1,103 @@
+"""The table of layouts of recordings. A new one is a module that reads it and a line here.
+
+Costs nothing to import: a layout's own module is loaded once it is looked for.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from syncplan.errors import InputError
+
+if TYPE_CHECKING:
+    from syncplan.recordings.log import Log
+
+__all__ = ["FORMATS", "RecordingFormat", "load_log", "recorded_files_in"]
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingFormat:
+    """One layout.
+
+    Attributes
+    ----------
+    title : what it is called
+    sign : a file that shows it
+    files : patterns of the names of its files
+    detector, reader : module of this package and its function, from a path to whether it holds this
+        layout, and to the recording
+    """
+
+    title: str
+    sign: str
+    files: tuple[str, ...]
+    detector: str
+    reader: str
+
+    def detects(self, path: Path) -> bool:
+        """Return whether a folder or file holds this layout; raises OSError if it can't be read."""
+        return bool(_function(self.detector)(path))
+
+    def read(self, path: Path) -> "Log":
+        """Return the recording; raises InputError naming file, line and fault."""
+        log: Log = _function(self.reader)(path)
+        return log
+
+
+FORMATS: Mapping[str, RecordingFormat] = MappingProxyType(
+    {
+        "mrclam": RecordingFormat(
+            title="MRCLAM",
+            sign="Robot1_Odometry.dat",
+            files=("*.dat",),
+            detector="mrclam.holds_mrclam",
+            reader="mrclam.read_mrclam",
+        ),
+    }
+)
+"""All layouts by name."""
+
+
+def load_log(path: str | Path) -> "Log":
+    """Return the recording in a folder or file, whatever its layout.
+
+    Raises InputError naming file, line and fault, and where there is no recording, or two.
+    """
+    path = Path(path)
+    return _format_of(path).read(path)
+
+
+def recorded_files_in(path: Path) -> list[Path]:
+    """Return the files of the recordings that a folder holds; a file is its own."""
+    if not path.is_dir():
+        return [path]
+    return [one for layout in FORMATS.values() for name in layout.files for one in path.glob(name)]
+
+
+def _format_of(path: Path) -> RecordingFormat:
+    try:
+        path.stat()
+        found = [one for one in FORMATS.values() if one.detects(path)]
+    except FileNotFoundError:
+        raise InputError("no such file or folder; check the path", source=str(path)) from None
+    except OSError as error:
+        raise InputError(f"can't be read: {error.strerror}", source=str(path)) from None
+    if len(found) == 1:
+        return found[0]
+    if found:
+        problem = f"holds {len(found)} recordings, {_signs(found)}; keep each in its own folder"
+        raise InputError(problem, source=str(path))
+    problem = f"is no recording; the folder of one holds {_signs(FORMATS.values())}"
+    raise InputError(problem, source=str(path))
+
+
+def _signs(layouts: Iterable[RecordingFormat]) -> str:
+    return ", ".join(f"{one.sign} ({one.title})" for one in layouts)
+
+
+def _function(name: str) -> Any:
+    module, _, function = name.partition(".")
+    return getattr(import_module(f"{__package__}.{module}"), function)
