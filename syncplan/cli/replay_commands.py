@@ -20,7 +20,7 @@ replays = typer.Typer()
 
 Recording = Annotated[
     Path,
-    typer.Argument(metavar="LOG", help="Folder of a recording in the layout of MRCLAM"),
+    typer.Argument(metavar="LOG", help="Folder of a recording: CSV files, or those of MRCLAM"),
 ]
 Landmarks = Annotated[
     str,

@@ -124,7 +124,7 @@ def show_replay(report: ReplayDocument, console: Console) -> None:
     )
     console.print(
         f"bearings: {counts.used} used, {counts.rejected} rejected by the gate, "
-        f"{counts.unknown} of unknown barcodes, {counts.not_asked_for} not asked for, "
+        f"{counts.unknown} of unknown targets, {counts.not_asked_for} not asked for, "
         f"{counts.outside} outside the run"
     )
     table = FittedTable(

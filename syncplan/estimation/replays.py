@@ -67,7 +67,7 @@ class Replay(Result):
     accuracy : RMS errors by robot
     coverage : (n,) share of coordinates within the filter's own three sigma
     anees, nis : consistency figures
-    unknown, not_asked_for, outside : number of readings of unknown barcodes; of landmarks or
+    unknown, not_asked_for, outside : number of readings of unknown targets; of landmarks or
         robots not asked for; asked for, but nearest to no sample k = 1, 2 .. of the run
     """
 

@@ -3,5 +3,8 @@
 log                what a recording holds
 recorded_files     files of a recording, and limits of what is read
 mrclam             folders in the layout of the MRCLAM data sets
+named_teams        robots and landmarks with names
+csv_tables         CSV files with a header
+csv_layout         folders of such files
 recording_formats  the table of layouts, and the recording in a folder
 """

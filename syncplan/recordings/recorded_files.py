@@ -4,7 +4,7 @@ from pathlib import Path
 
 from syncplan.errors import InputError
 
-__all__ = ["LARGEST_FILE_BYTES", "LARGEST_VALUE", "MOST_ROBOTS", "check_file"]
+__all__ = ["LARGEST_FILE_BYTES", "LARGEST_VALUE", "MOST_ROBOTS", "check_file", "name_problem"]
 
 MOST_ROBOTS = 200
 LARGEST_FILE_BYTES = 256 * 2**20
@@ -12,12 +12,26 @@ LARGEST_VALUE = 1e12
 """Larger than any clock in seconds and any coordinate."""
 
 
-def check_file(path: Path, kind: str = "text file") -> None:
+LONGEST_NAME = 64
+
+
+def name_problem(name: str) -> str:
+    """Return what is wrong with the name of a robot or landmark, or "" if nothing is."""
+    if not name:
+        return "a name is needed"
+    if len(name) > LONGEST_NAME:
+        return f"a name has at most {LONGEST_NAME} characters"
+    if "," in name or not name.isprintable():
+        return "a name has neither commas nor control characters"
+    return ""
+
+
+def check_file(path: Path, *, kind: str = "text file", missing: str = "is missing") -> None:
     """Raise InputError if the path is no file, or one that is too large or can't be read."""
     try:
         size = path.stat().st_size
     except FileNotFoundError:
-        raise InputError("is missing", source=str(path)) from None
+        raise InputError(missing, source=str(path)) from None
     except OSError as error:
         raise InputError(f"can't be read: {error.strerror}", source=str(path)) from None
     if not path.is_file():

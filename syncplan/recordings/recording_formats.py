@@ -56,6 +56,13 @@ FORMATS: Mapping[str, RecordingFormat] = MappingProxyType(
             detector="mrclam.holds_mrclam",
             reader="mrclam.read_mrclam",
         ),
+        "csv": RecordingFormat(
+            title="CSV",
+            sign="odometry.csv",
+            files=("*.csv",),
+            detector="csv_layout.holds_csv",
+            reader="csv_layout.read_csv",
+        ),
     }
 )
 """All layouts by name."""

@@ -187,7 +187,7 @@ class ReadingCounts(DocumentPart):
 
     used: int
     rejected: int = Field(description="Rejected by the gate")
-    unknown: int = Field(description="Of a barcode that nobody carries")
+    unknown: int = Field(description="Of targets that nobody recognised")
     not_asked_for: int = Field(description="Of landmarks or robots left out on purpose")
     outside: int = Field(description="Asked for, but from before or after the run")
 

@@ -543,7 +543,7 @@ def test_at_a_terminal_there_is_a_table(noisy: Path, run: Any) -> None:
     assert status == 0
     assert "recording: a recording of" in out
     assert "robot3" in out
-    assert "0 used, 0 rejected by the gate, 21 of unknown barcodes" in " ".join(out.split())
+    assert "0 used, 0 rejected by the gate, 21 of unknown targets" in " ".join(out.split())
     shown = next(line.split() for line in out.splitlines() if line.startswith(" robot3"))
     alone = replay(load_log(noisy), landmarks=[], meetings=False).accuracy
     assert shown[1:6] == [

@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from syncplan.orbits.circles import Orbits, heading, position
+from syncplan.recordings.log import Log
 from tests.tools.serving import ROOT
 
-__all__ = ["CLOCK", "LANDMARKS", "REAL", "Recipe", "write_recording"]
+__all__ = ["CLOCK", "LANDMARKS", "REAL", "Recipe", "write_csv", "write_recording"]
 
 REAL = ROOT.parent / "shared" / "data" / "mrclam6.tar.xz"
 """The recording of real robots that some tests need, beside the checkout."""
@@ -80,6 +81,40 @@ def write_recording(folder: Path, recipe: Recipe, seed: int = 0) -> Path:
         rows = _sightings(orbits, k, seen, codes, recipe, rng)
         _write(folder / f"{name}_Measurement.dat", "Time, Barcode, range, bearing", rows)
     return folder
+
+
+def write_csv(log: Log, folder: Path) -> Path:
+    """Write a recording as a folder of CSV files; return the folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    names = {robot.subject: robot.name for robot in log.robots}
+    names |= dict(zip(log.landmark_subjects.tolist(), map(str, log.landmark_names), strict=True))
+    odometry, sightings, truth = [], [], []
+    for robot in log.robots:
+        odometry += [(robot.name, *row) for row in robot.odometry.tolist()]
+        truth += [(robot.name, *row) for row in robot.truth.tolist()]
+        for time, subject, *seen in zip(
+            robot.times.tolist(),
+            robot.subjects.tolist(),
+            robot.bearings.tolist(),
+            robot.ranges.tolist(),
+            strict=True,
+        ):
+            cells = ["" if np.isnan(one) else one for one in seen]
+            sightings.append((robot.name, time, names.get(subject, ""), *cells))
+    landmarks = [
+        (names[subject], *place)
+        for subject, place in zip(log.landmark_subjects.tolist(), log.landmarks, strict=True)
+    ]
+    _write_rows(folder / "odometry.csv", "robot,time_s,speed_mps,turn_rate_rad_s", odometry)
+    _write_rows(folder / "sightings.csv", "robot,time_s,target,bearing_rad,range_m", sightings)
+    _write_rows(folder / "landmarks.csv", "name,x_m,y_m", landmarks)
+    if truth:
+        _write_rows(folder / "truth.csv", "robot,time_s,x_m,y_m,heading_rad", truth)
+    return folder
+
+
+def _write_rows(path: Path, header: str, rows: list[tuple[object, ...]]) -> None:
+    path.write_text("\n".join([header, *(",".join(map(str, row)) for row in rows)]) + "\n")
 
 
 def _sightings(

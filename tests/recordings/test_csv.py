@@ -1,0 +1,339 @@
+"""Recordings as CSV files: read as those of MRCLAM, their faults named by file, line and cell."""
+
+import contextlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from syncplan.errors import InputError
+from syncplan.estimation.replays import replay
+from syncplan.recordings import csv_tables, named_teams, recorded_files
+from syncplan.recordings.log import NOBODY, Log
+from syncplan.recordings.recording_formats import load_log
+from syncplan.reports.replay_report import replay_document
+from tests.tools.recordings import Recipe, write_csv, write_recording
+
+SMALL = {
+    "odometry.csv": """\
+robot,time_s,speed_mps,turn_rate_rad_s
+rover,0.0,1.0,0.1
+mule 10,0.0,0.5,0
+mule 2,0.0,0.5,0
+rover,1.0,1.5,0.2
+""",
+    "sightings.csv": """\
+range_m,target,robot,bearing_rad,time_s
+2.5,rover,mule 2,,0.5
+,"pole",rover,-0.25,0.5
+
+1.0,,rover,0.5,0.75
+3.5, mule 10 ,rover,nan,0.75
+""",
+    "landmarks.csv": """\
+name,y_m,x_m
+pole,2.0,1.0
+gate,4.0,3.0
+""",
+    "truth.csv": """\
+robot,time_s,x_m,y_m,heading_rad
+rover,0.0,0.0,0.0,0.0
+rover,1.0,1.0,0.0,0.1
+mule 2,0.0,5.0,5.0,1e-3
+mule 10,0.0,6.0,5.0,3.0
+""",
+}
+
+
+def _written(folder: Path, **changed: str | None) -> Path:
+    """The small recording, with files replaced, or left out where None."""
+    folder.mkdir(exist_ok=True)
+    for name, usual in SMALL.items():
+        text = changed.get(name.removesuffix(".csv"), usual)
+        if text is not None:
+            (folder / name).write_text(text)
+    return folder
+
+
+def _assert_same(one: Log, other: Log) -> None:
+    assert [robot.name for robot in one.robots] == [robot.name for robot in other.robots]
+    assert list(map(str, one.landmark_names)) == list(map(str, other.landmark_names))
+    np.testing.assert_array_equal(one.landmarks, other.landmarks)
+    names, others = _names_by_subject(one), _names_by_subject(other)
+    for first, second in zip(one.robots, other.robots, strict=True):
+        for column in ("truth", "odometry", "times", "bearings", "ranges"):
+            np.testing.assert_array_equal(getattr(first, column), getattr(second, column))
+        assert [names[s] for s in first.subjects.tolist()] == [
+            others[s] for s in second.subjects.tolist()
+        ]
+
+
+def _names_by_subject(log: Log) -> dict[int, str]:
+    names = {NOBODY: ""} | {robot.subject: robot.name for robot in log.robots}
+    numbers = log.landmark_subjects.tolist()
+    return names | dict(zip(numbers, map(str, log.landmark_names), strict=True))
+
+
+def test_columns_in_any_order_with_names_and_gaps_are_read(tmp_path: Path) -> None:
+    log = load_log(_written(tmp_path / "small"))
+    assert log.name == "small"
+    assert [robot.name for robot in log.robots] == ["mule 2", "mule 10", "rover"]
+    assert [robot.subject for robot in log.robots] == [1, 2, 3]
+    assert log.landmark_names == ("pole", "gate")
+    assert log.landmark_subjects.tolist() == [4, 5]
+    assert log.landmarks.tolist() == [[1.0, 2.0], [3.0, 4.0]]
+    mule, other, rover = log.robots
+    assert rover.odometry.tolist() == [[0.0, 1.0, 0.1], [1.0, 1.5, 0.2]]
+    assert rover.truth.tolist() == [[0.0, 0.0, 0.0, 0.0], [1.0, 1.0, 0.0, 0.1]]
+    assert rover.times.tolist() == [0.5, 0.75, 0.75]
+    assert rover.subjects.tolist() == [4, NOBODY, 2]
+    np.testing.assert_array_equal(rover.bearings, [-0.25, 0.5, np.nan])
+    np.testing.assert_array_equal(rover.ranges, [np.nan, 1.0, 3.5])
+    assert (mule.subjects.tolist(), mule.ranges.tolist()) == ([3], [2.5])
+    assert np.isnan(mule.bearings).all()
+    assert len(other.times) == 0
+    assert log.has_truth
+
+
+def test_truth_may_be_left_out(tmp_path: Path) -> None:
+    log = load_log(_written(tmp_path / "small", truth=None))
+    assert not log.has_truth
+    assert all(robot.truth.shape == (0, 4) for robot in log.robots)
+
+
+def test_the_same_recording_is_the_same_in_either_layout(tmp_path: Path) -> None:
+    recipe = Recipe(duration=8.0, jitter=0.5, bearing_sigma=0.05, nobody=3)
+    by_number = load_log(write_recording(tmp_path / "numbers", recipe, seed=2))
+    by_name = load_log(write_csv(by_number, tmp_path / "names"))
+    _assert_same(by_number, by_name)
+    one, other = replay(by_number, landmarks=[6, 8]), replay(by_name, landmarks=["6", "8"])
+    first, second = replay_document(one).as_json(), replay_document(other).as_json()
+    assert (first.pop("name"), second.pop("name")) == ("numbers", "names")
+    assert (first.pop("landmarks"), second.pop("landmarks")) == ([8, 6], ["8", "6"])
+    assert first == second
+
+
+def test_long_files_are_read_piece_by_piece(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = load_log(_written(tmp_path / "small"))
+    monkeypatch.setattr(csv_tables, "ROWS_AT_ONCE", 1)
+    _assert_same(whole, load_log(tmp_path / "small"))
+    with pytest.raises(InputError, match=r"odometry.csv: line 4: speed_mps is 'fast'; a number"):
+        load_log(
+            _written(
+                tmp_path / "bad", odometry=SMALL["odometry.csv"].replace("2,0.0,0.5", "2,0.0,fast")
+            )
+        )
+
+
+def test_files_of_spreadsheets_are_read(tmp_path: Path) -> None:
+    plain = load_log(_written(tmp_path / "small"))
+    folder = _written(tmp_path / "other")
+    for path in folder.iterdir():
+        path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes().replace(b"\n", b"\r\n"))
+    _assert_same(plain, load_log(folder))
+
+
+def _change(file: str, old: str, new: str, told: str) -> Any:
+    return pytest.param(file, old, new, told, id=told[:50])
+
+
+FAULTS = [
+    _change(
+        "odometry",
+        "robot,time_s",
+        "robot,time",
+        "odometry.csv: line 1: no column is named 'time'; the columns are robot, time_s, "
+        "speed_mps, turn_rate_rad_s",
+    ),
+    _change(
+        "sightings",
+        "range_m,target",
+        "range_m,seen",
+        "sightings.csv: line 1: no column is named 'seen'; the columns are robot, time_s, target, "
+        "bearing_rad (optional), range_m (optional)",
+    ),
+    _change("odometry", ",speed_mps", "", "odometry.csv: line 1: column speed_mps is missing; the"),
+    _change("odometry", "speed_mps,", "speed_mps,robot,", "line 1: column robot is there twice"),
+    _change("odometry", SMALL["odometry.csv"], "", "odometry.csv: line 1 must name columns, with"),
+    _change("landmarks", SMALL["landmarks.csv"], "name;x_m;y_m", "line 1 must name columns, with"),
+    _change("odometry", "0,1.0,0.1", "0,1.0", "odometry.csv: line 2 has 3 cells; line 1 names 4"),
+    _change("sightings", "0.5,0.75\n", "0.5,,\n", "sightings.csv: line 5 has 6 cells; line 1"),
+    _change("odometry", "1.0,1.5", "1.0,", "odometry.csv: line 5: speed_mps is ''; a number is"),
+    _change("odometry", "1.0,1.5", "1.0,1;5", "line 5: speed_mps is '1;5'; a number is needed"),
+    _change("odometry", "1.0,1.5", "1.0,inf", "line 5: speed_mps is 'inf'; a finite number is"),
+    _change("odometry", "1.0,1.5", "1.0,nan", "line 5: speed_mps is 'nan'; a finite number is"),
+    _change("sightings", "-0.25", "-inf", "sightings.csv: line 3: bearing_rad is '-inf'; a finite"),
+    _change("truth", "6.0,5.0", "6.0,5e12", "truth.csv: line 5: y_m is '5e12'; allowed is up to"),
+    _change("odometry", "rover,1.0", "rover,-1.0", "line 5: time_s is '-1.0'; the row before of"),
+    _change("truth", "rover,1.0", "rover,-1", "truth.csv: line 3: time_s is '-1'; the row before"),
+    _change("sightings", "nan,0.75", "0,0.7", "sightings.csv: line 6: time_s is '0.7'; the row"),
+    _change("odometry", "mule 2", "", "odometry.csv: line 4: robot is ''; a name is needed"),
+    _change("odometry", "mule 2", "x" * 65, "a name has at most 64 characters"),
+    _change("odometry", "mule 2", "a\x1bb", "robot is 'a\\x1bb'; a name has neither commas nor"),
+    _change(
+        "landmarks", "pole", '"a,b"', "landmarks.csv: line 2: name is 'a,b'; a name has neither"
+    ),
+    _change(
+        "landmarks", "gate", "pole", "landmarks.csv: line 3: name is 'pole'; it is there twice"
+    ),
+    _change(
+        "landmarks", "gate", "rover", "landmarks.csv: line 3: name is 'rover'; a robot has this"
+    ),
+    _change("landmarks", "gate", "none", "landmarks.csv: line 3: name is 'none'; it stands for"),
+    _change(
+        "sightings", ',"pole"', ",L9", "line 3: target is 'L9'; it is no robot and no landmark"
+    ),
+    _change("sightings", ",rover,mule 2", ",mule 2,mule 2", "line 2: target is 'mule 2'; no robot"),
+    _change("sightings", "2.5,rover", "-2.5,rover", "line 2: range_m is '-2.5'; allowed is 0 or"),
+    _change("sightings", "2.5,rover", ",rover", "line 2: bearing_rad is ''; needed is bearing_rad"),
+    _change(
+        "sightings", "rover,mule 2", "rover,mule", "line 2: robot is 'mule'; it has no rows in"
+    ),
+    _change("truth", "mule 10", "mule", "truth.csv: line 5: robot is 'mule'; it has no rows in"),
+    _change(
+        "truth", "mule 10,0.0,6.0,5.0,3.0\n", "", "truth.csv: holds no rows of robot 'mule 10'"
+    ),
+    _change("odometry", "rover,0", 'rover,"0', "odometry.csv: line 5: unexpected end of data"),
+]
+
+
+@pytest.mark.parametrize(("file", "old", "new", "told"), FAULTS)
+def test_a_fault_is_told_with_file_line_column_and_cell(
+    file: str, old: str, new: str, told: str, tmp_path: Path, run: Any
+) -> None:
+    before = SMALL[f"{file}.csv"]
+    assert old in before
+    folder = _written(tmp_path / "small", **{file: before.replace(old, new, 1)})
+    status, out, err = run("replay", str(folder))
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert f"{folder}/{file}.csv: " in err
+    assert told in err
+
+
+def test_sightings_are_bearings_or_distances(tmp_path: Path) -> None:
+    neither = "robot,time_s,target\nrover,0.5,pole\n"
+    with pytest.raises(InputError, match="line 1: names neither bearing_rad nor range_m; at"):
+        load_log(_written(tmp_path / "neither", sightings=neither))
+    distances = "robot,time_s,target,range_m\nrover,0.5,pole,2\n"
+    (robot,) = load_log(_written(tmp_path / "distances", sightings=distances)).robots[2:]
+    assert (robot.ranges.tolist(), np.isnan(robot.bearings).tolist()) == ([2.0], [True])
+    with pytest.raises(InputError, match=r"line 2: range_m is ''; needed is range_m"):
+        load_log(_written(tmp_path / "gap", sightings=distances.replace(",2\n", ",\n")))
+
+
+def test_files_that_can_not_be_had_are_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(folder: Path) -> str:
+        with pytest.raises(InputError) as refusal:
+            load_log(folder)
+        return str(refusal.value)
+
+    folder = _written(tmp_path / "small", landmarks=None)
+    assert "landmarks.csv: is missing; its first line names the columns name, x_m, y_m" in (
+        refused(folder)
+    )
+    (folder / "landmarks.csv").mkdir()
+    assert "landmarks.csv: is a folder; a text file is needed" in refused(folder)
+    (folder / "landmarks.csv").rmdir()
+    (folder / "landmarks.csv").write_bytes(b"name,x_m,y_m\n\xff,1,2\n")
+    assert "landmarks.csv: is not a text file in UTF-8" in refused(folder)
+    (folder / "landmarks.csv").write_text("name,x_m,y_m\n" + "x" * 200_000)
+    assert "landmarks.csv: line 2: field larger than field limit" in refused(folder)
+    (folder / "odometry.csv").write_text(SMALL["odometry.csv"].splitlines()[0])
+    assert "odometry.csv: holds no rows below its first line" in refused(folder)
+    _written(folder)
+    monkeypatch.setattr(recorded_files, "LARGEST_FILE_BYTES", 50)
+    assert "odometry.csv: is larger than 0 MiB" in refused(folder)
+    monkeypatch.undo()
+    monkeypatch.setattr(named_teams, "MOST_ROBOTS", 2)
+    assert "small: holds 3 robots, more than 2" in refused(folder)
+
+
+def test_a_folder_holds_one_recording(tmp_path: Path, run: Any) -> None:
+    folder = _written(tmp_path / "small")
+    (folder / "Barcodes.dat").write_text("1 1\n")
+    status, _, err = run("replay", str(folder))
+    assert status == 2
+    assert "holds 2 recordings, Robot1_Odometry.dat (MRCLAM), odometry.csv (CSV); keep each" in err
+    (tmp_path / "empty").mkdir()
+    _, _, err = run("replay", str(tmp_path / "empty"))
+    assert "is no recording; the folder of one holds Robot1_Odometry.dat (MRCLAM), odometry" in err
+
+
+def test_landmarks_are_chosen_by_name(tmp_path: Path, run: Any) -> None:
+    folder = _written(tmp_path / "small")
+    status, _, err = run("replay", str(folder), "--landmarks", "pole,door")
+    assert status == 2
+    assert "--landmarks: no landmark 'door'; there are pole, gate" in err
+    before = (folder / "truth.csv").read_bytes()
+    status, _, err = run("replay", str(folder), "-o", str(folder / "truth.csv"))
+    assert "is the file that is read" in err
+    assert (folder / "truth.csv").read_bytes() == before
+
+
+NAMES = st.sampled_from(["r1", "r2", "r10", "été"])
+VALUES = st.floats(-1e6, 1e6)
+SEEN = st.tuples(
+    NAMES,
+    st.sampled_from(["", "L1", "dock 2"]),
+    st.none() | VALUES,
+    st.none() | st.floats(0.0, 1e6),
+).filter(lambda row: row[2:] != (None, None))
+
+
+@given(
+    odometry=st.lists(st.tuples(NAMES, VALUES, VALUES), min_size=1, max_size=30),
+    seen=st.lists(SEEN, max_size=30),
+)
+def test_rows_come_back_as_they_were_written(
+    odometry: list[Any], seen: list[Any], tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    folder = tmp_path_factory.getbasetemp() / "rows"
+    folder.mkdir(exist_ok=True)
+    robots = {robot for robot, *_ in odometry}
+    seen = [row for row in seen if row[0] in robots]
+    lines = ["robot,time_s,speed_mps,turn_rate_rad_s"]
+    lines += [
+        f"{robot},{time},{speed!r},{turn!r}" for time, (robot, speed, turn) in enumerate(odometry)
+    ]
+    (folder / "odometry.csv").write_text("\n".join(lines))
+    lines = ["target,range_m,bearing_rad,time_s,robot"]
+    lines += [
+        f"{target},{'' if away is None else away},{'' if angle is None else angle},{time},{robot}"
+        for time, (robot, target, angle, away) in enumerate(seen)
+    ]
+    (folder / "sightings.csv").write_text("\n".join(lines))
+    (folder / "landmarks.csv").write_text("name,x_m,y_m\ndock 2,1,2\nL1,3,4")
+    log = load_log(folder)
+    assert {robot.name for robot in log.robots} == robots
+    subjects = dict(zip(log.landmark_names, log.landmark_subjects.tolist(), strict=True))
+    for robot in log.robots:
+        mine = [(t, *row[1:]) for t, row in enumerate(odometry) if row[0] == robot.name]
+        assert robot.odometry.tolist() == [list(row) for row in mine]
+        theirs = [(t, *row[1:]) for t, row in enumerate(seen) if row[0] == robot.name]
+        assert robot.times.tolist() == [row[0] for row in theirs]
+        assert robot.subjects.tolist() == [subjects.get(row[1], NOBODY) for row in theirs]
+        for found, place in ((robot.bearings, 2), (robot.ranges, 3)):
+            wanted = [np.nan if row[place] is None else row[place] for row in theirs]
+            np.testing.assert_array_equal(found, wanted)
+
+
+@given(data=st.data())
+def test_whatever_a_file_holds_is_read_or_refused(
+    data: st.DataObject, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    folder = _written(tmp_path_factory.getbasetemp() / "any")
+    path = folder / data.draw(st.sampled_from(sorted(SMALL)))
+    before = path.read_bytes()
+    at, cut = data.draw(st.integers(0, len(before))), data.draw(st.integers(0, 30))
+    odd = [b"\n", b",", b'"', b"1e400", b"\x00", b"nan", b"\r"]
+    new = data.draw(st.binary(max_size=12) | st.sampled_from(odd))
+    path.write_bytes(before[:at] + new + before[at + cut :])
+    with contextlib.suppress(InputError):
+        load_log(folder)
