@@ -73,6 +73,9 @@ def correct_augmented(
             _take_off(halves[1][j], gain[0], u, lanes)
         _dot(row, entries, u, slopes[0], lanes)
         _weigh(poses.variances[s], setup.poses.gate, slopes[0], innovation, statistics, lanes)
+        kept = statistics.poses.innovations
+        if s < len(kept):
+            kept[s, 0], kept[s, 1] = innovation, slopes[0]
         for k in range(len(P)):
             for lane in range(len(lanes)):
                 gain[k, lane] = u[k, lane] * slopes[0, lane]

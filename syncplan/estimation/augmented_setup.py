@@ -127,11 +127,14 @@ def augmented_setup_of(
 
 
 def empty_augmented_statistics(
-    n: int, errors: int, lanes: int, series: tuple[Array, Array]
+    n: int, errors: int, lanes: int, series: tuple[Array, Array], sightings: int = 0
 ) -> AugmentedStatistics:
-    """Return statistics of zeros that add to the series of poses and of further states."""
+    """Return statistics of zeros that add to the series of poses and of further states.
+
+    `sightings` is as in `empty_statistics`.
+    """
     return AugmentedStatistics(
-        empty_statistics(n, lanes, series[0]),
+        empty_statistics(n, lanes, series[0], sightings),
         ErrorStatistics(
             squares=np.zeros((errors, lanes)),
             late_squares=np.zeros((errors, lanes)),

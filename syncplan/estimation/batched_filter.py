@@ -332,6 +332,8 @@ def _filter(
             else:
                 sighting_lanes(kind, x, o, t, setup.landmarks, z, work[0], work[1], lanes)
             correct_lanes(x, P, o, t, variance, setup.gate, work, statistics, lanes)
+            if s < len(statistics.innovations):
+                statistics.innovations[s, 0], statistics.innovations[s, 1] = work[1], work[0][0]
         if setup.compared[step] >= 0:
             record_lanes(x, P, setup, setup.compared[step], scratch, statistics, lanes)
     return x, P

@@ -29,7 +29,9 @@ class FilterStatistics(NamedTuple):
     covered : (n, lanes) coordinates within three sigma, over the sampled steps
     nees, nees_samples : (lanes,) sum and number of samples with a positive definite covariance
     nis, accepted, gated : (lanes,) sum and number of accepted innovations, number of rejected ones
-    series : (steps + 1, n, 11) as SERIES, (0, n, 11) if not wanted; the lanes add to it
+    innovations : (s, 2, lanes) of each sighting the innovation, in the unit of its kind, and 1 over
+        its variance, 0 where it is rejected or missed; (0, 2, lanes) if not wanted
+    series : (samples + 1, n, 11) as SERIES, (0, n, 11) if not wanted; the lanes add to it
     """
 
     squares: Array
@@ -41,6 +43,7 @@ class FilterStatistics(NamedTuple):
     nis: Array
     accepted: Array
     gated: Array
+    innovations: Array
     series: Array
 
 
@@ -49,8 +52,11 @@ def empty_series(n: int, steps: int, *, wanted: bool) -> Array:
     return np.zeros((steps + 1 if wanted else 0, n, len(SERIES)))
 
 
-def empty_statistics(n: int, lanes: int, series: Array) -> FilterStatistics:
-    """Return statistics of zeros for n vehicles that add to the given `series`."""
+def empty_statistics(n: int, lanes: int, series: Array, sightings: int = 0) -> FilterStatistics:
+    """Return statistics of zeros for n vehicles that add to the given `series`.
+
+    Innovations are kept of the first so many sightings: of all, or of none.
+    """
     return FilterStatistics(
         squares=np.zeros((n, 3, lanes)),
         late_squares=np.zeros((n, 3, lanes)),
@@ -61,5 +67,6 @@ def empty_statistics(n: int, lanes: int, series: Array) -> FilterStatistics:
         nis=np.zeros(lanes),
         accepted=np.zeros(lanes),
         gated=np.zeros(lanes),
+        innovations=np.zeros((sightings, 2, lanes)),
         series=series,
     )

@@ -260,6 +260,26 @@ def test_steps_of_unequal_length_have_the_noise_of_a_random_walk() -> None:
     np.testing.assert_allclose(series[9, :, 9].sum(), P[[0, 3, 6], [0, 3, 6]].sum(), rtol=1e-12)
 
 
+def test_innovations_are_kept_where_they_are_wanted() -> None:
+    given = scene_of(12, gate=2.0)
+    readings = readings_of(given, lanes=2)
+    series = empty_series(3, 12, wanted=False)
+    statistics = empty_statistics(3, 2, series, len(readings.sightings))
+    EXTENDED.run(given.setup, readings, statistics)
+    innovations, weights = statistics.innovations[:, 0], statistics.innovations[:, 1]
+    squares = innovations**2 * weights
+    np.testing.assert_allclose(squares.sum(axis=0), statistics.nis, rtol=1e-12)
+    np.testing.assert_array_equal((weights > 0.0).sum(axis=0), statistics.accepted)
+    assert statistics.gated.sum() > 0
+    assert squares.max() <= 2.0
+    start = np.diag(given.setup.initial_variances.ravel())
+    read = readings.speeds[0, :, 1], readings.turn_rates[0, :, 1]
+    x, _ = predict(readings.initial[..., 1], start, *read, given.setup.motion)
+    o, t = int(given.setup.observers[0]), int(given.setup.targets[0])
+    off = readings.sightings[0, 1] - predict_bearing(x, o, t, LANDMARKS)[0]
+    assert innovations[0, 1] == pytest.approx(float(wrap(off)), abs=1e-12)
+
+
 def test_a_straight_way_in_parts_is_as_uncertain_as_at_once() -> None:
     motion = motion_model(0.1, 0.3, 0.0)
     given = scene_of(1, motion)

@@ -176,6 +176,20 @@ def test_the_row_of_every_kind_is_the_derivative_of_the_sighting() -> None:
         assert row[9:].sum() == (kind == 0)
 
 
+def test_innovations_of_sightings_that_are_made_are_kept() -> None:
+    setup, readings = scene_of(a_team(tuple(ERROR_STATES)), 45, 2, gate_probability=0.9)
+    n, e = 3, len(setup.variances)
+    none = empty_series(n, 45, wanted=False), np.zeros((0, e, 3))
+    statistics = empty_augmented_statistics(n, e, 2, none, len(readings.sightings))
+    AUGMENTED.run(setup, readings, statistics)
+    innovations, weights = statistics.poses.innovations.swapaxes(0, 1)
+    np.testing.assert_allclose((innovations**2 * weights).sum(axis=0), statistics.poses.nis)
+    np.testing.assert_array_equal((weights > 0.0).sum(axis=0), statistics.poses.accepted)
+    rejected = ((weights == 0.0) & ~np.isnan(readings.sightings)).sum(axis=0)
+    np.testing.assert_array_equal(rejected, statistics.poses.gated)
+    assert 0 < np.isnan(readings.sightings).sum() == (innovations == 0.0).sum()
+
+
 def test_steps_of_unequal_length_are_those_of_the_plain_filter() -> None:
     team = a_team(tuple(ERROR_STATES))
     setup, readings = scene_of(team, 45, 2)
