@@ -20,7 +20,9 @@ replays = typer.Typer()
 
 Recording = Annotated[
     Path,
-    typer.Argument(metavar="LOG", help="Folder of a recording: CSV files, or those of MRCLAM"),
+    typer.Argument(
+        metavar="LOG", help="Recording: folder of CSV files, of those of MRCLAM, or a ROS 2 bag"
+    ),
 ]
 Landmarks = Annotated[
     str,

@@ -6,5 +6,8 @@ mrclam             folders in the layout of the MRCLAM data sets
 named_teams        robots and landmarks with names
 csv_tables         CSV files with a header
 csv_layout         folders of such files
+ros_messages       ROS 2 messages, and what is taken from each
+ros_bags           ROS 2 bags, topic by topic
+bag_layout         bags with the topics of a recording
 recording_formats  the table of layouts, and the recording in a folder
 """

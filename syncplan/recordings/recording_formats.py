@@ -63,6 +63,13 @@ FORMATS: Mapping[str, RecordingFormat] = MappingProxyType(
             detector="csv_layout.holds_csv",
             reader="csv_layout.read_csv",
         ),
+        "rosbag2": RecordingFormat(
+            title="ROS 2 bag",
+            sign="metadata.yaml",
+            files=("metadata.yaml", "*.mcap", "*.db3"),
+            detector="bag_layout.holds_bag",
+            reader="bag_layout.read_bag",
+        ),
     }
 )
 """All layouts by name."""
