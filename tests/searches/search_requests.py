@@ -51,6 +51,8 @@ MARGIN_S = 60.0
 """What a request may take beyond the time a plan may take: waiting its turn, being sent."""
 
 SETTINGS = {
+    # as many as there are clients and one more, on any machine: nobody waits for others' requests
+    "SYNCPLAN_PROCESSES": str(CLIENTS + 1),
     "SYNCPLAN_API_KEYS": f"fuzzing:{KEY}",
     "SYNCPLAN_PLAN_TIMEOUT_S": f"{PLAN_TIMEOUT_S:g}",
     "SYNCPLAN_MAX_TRIALS": "100",
