@@ -21,7 +21,8 @@ replays = typer.Typer()
 Recording = Annotated[
     Path,
     typer.Argument(
-        metavar="LOG", help="Recording: folder of CSV files, of those of MRCLAM, or a ROS 2 bag"
+        metavar="LOG",
+        help="Recording: folder of CSV files, of those of MRCLAM, or a ROS 2 bag; or its archive",
     ),
 ]
 Landmarks = Annotated[

@@ -9,5 +9,7 @@ csv_layout         folders of such files
 ros_messages       ROS 2 messages, and what is taken from each
 ros_bags           ROS 2 bags, topic by topic
 bag_layout         bags with the topics of a recording
+archives           zip and tar archives of recordings
+packed_logs        recordings as bytes
 recording_formats  the table of layouts, and the recording in a folder
 """

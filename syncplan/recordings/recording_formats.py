@@ -7,15 +7,16 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from syncplan.errors import InputError
 
 if TYPE_CHECKING:
     from syncplan.recordings.log import Log
 
-__all__ = ["FORMATS", "RecordingFormat", "load_log", "recorded_files_in"]
+__all__ = ["FORMATS", "RecordingFormat", "load_log", "read_archive", "recorded_files_in"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,12 +77,38 @@ FORMATS: Mapping[str, RecordingFormat] = MappingProxyType(
 
 
 def load_log(path: str | Path) -> "Log":
-    """Return the recording in a folder or file, whatever its layout.
+    """Return the recording in a folder, a bag's file or an archive, whatever its layout.
 
     Raises InputError naming file, line and fault, and where there is no recording, or two.
     """
     path = Path(path)
-    return _format_of(path).read(path)
+    layout = _format_of(path)
+    if layout is not None:
+        return layout.read(path)
+    with path.open("rb") as stream:
+        return read_archive(stream, str(path))
+
+
+def read_archive(stream: BinaryIO, source: str = "") -> "Log":
+    """Return the recording in a zip or tar archive, whose messages name `source`.
+
+    Raises InputError as `load_log` does, also for an archive that is broken, too large or holds
+    what it should not.
+    """
+    from syncplan.recordings.archives import unpack_files
+
+    names = [name for one in FORMATS.values() for name in one.files]
+    with TemporaryDirectory(prefix="syncplan-") as scratch:
+        folder = unpack_files(stream, Path(scratch), names, source)
+        try:
+            layout = _format_of(folder)
+            assert layout is not None
+            return layout.read(folder)
+        except InputError as error:
+            # as its reader knows it
+            inner = error.source.replace(str(folder), folder.name, 1)
+            place = ": ".join(filter(None, (source, inner)))
+            raise InputError(error.problem, source=place) from None
 
 
 def recorded_files_in(path: Path) -> list[Path]:
@@ -91,10 +118,15 @@ def recorded_files_in(path: Path) -> list[Path]:
     return [one for layout in FORMATS.values() for name in layout.files for one in path.glob(name)]
 
 
-def _format_of(path: Path) -> RecordingFormat:
+def _format_of(path: Path) -> RecordingFormat | None:
+    """The layout of a folder or file, None for an archive."""
+    from syncplan.recordings.archives import holds_archive
+
     try:
         path.stat()
         found = [one for one in FORMATS.values() if one.detects(path)]
+        if not found and holds_archive(path):
+            return None
     except FileNotFoundError:
         raise InputError("no such file or folder; check the path", source=str(path)) from None
     except OSError as error:
@@ -104,7 +136,7 @@ def _format_of(path: Path) -> RecordingFormat:
     if found:
         problem = f"holds {len(found)} recordings, {_signs(found)}; keep each in its own folder"
         raise InputError(problem, source=str(path))
-    problem = f"is no recording; the folder of one holds {_signs(FORMATS.values())}"
+    problem = f"is no recording; the folder or archive of one holds {_signs(FORMATS.values())}"
     raise InputError(problem, source=str(path))
 
 

@@ -83,6 +83,7 @@ def _opened(path: Path) -> Iterator["Reader"]:
         problem = f"holds no metadata.yaml; `ros2 bag reindex {path.name}` writes it"
         raise InputError(problem, source=str(path))
     try:
+        _refuse_whole_files(path)
         with Reader(path) as bag:
             yield bag
     except InputError:
@@ -91,6 +92,19 @@ def _opened(path: Path) -> Iterator["Reader"]:
         # a broken bag raises whatever its bytes lead to, lack of memory among it
         problem = f"can't be read as a ROS 2 bag: {str(error) or type(error).__name__}"
         raise InputError(problem, source=str(path)) from error
+
+
+def _refuse_whole_files(path: Path) -> None:
+    """Raise InputError for a bag whose files are compressed whole: they may be of any size."""
+    from ruamel.yaml import YAML
+
+    if not path.is_dir():
+        return
+    described = YAML(typ="safe").load((path / "metadata.yaml").read_text())
+    mode = described["rosbag2_bagfile_information"].get("compression_mode", "")
+    if mode.lower() == "file":
+        problem = "its files are compressed whole; write them plain with `ros2 bag convert`"
+        raise InputError(problem, source=str(path))
 
 
 def _topic_of(name: str) -> Topic | None:

@@ -123,7 +123,7 @@ def test_files_that_can_not_be_had_are_named(
 
     folder = _copy(noisy, tmp_path)
     assert "no such file or folder; check the path" in refused(folder / "nowhere")
-    assert "is no recording; the folder of one holds" in refused(folder / "Barcodes.dat")
+    assert "is no recording; the folder or archive of one holds" in refused(folder / "Barcodes.dat")
     (folder / "Robot3_Groundtruth.dat").write_text("# nothing yet\n")
     assert "Robot3_Groundtruth.dat: holds no rows" in refused(folder)
     (folder / "Robot2_Measurement.dat").write_bytes(b"\xff\xfe1 2 3 4")

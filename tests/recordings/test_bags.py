@@ -216,6 +216,11 @@ def test_bags_that_can_not_be_had_are_named(
     monkeypatch.setattr(ros_bags, "MOST_READINGS", 4)
     assert "bag: holds more than 4 readings; record fewer topics" in refused(folder)
     monkeypatch.undo()
+    described = (folder / "metadata.yaml").read_text()
+    whole = described.replace("compression_mode: ''", 'compression_mode: "F\\x49LE"')
+    assert whole != described
+    (folder / "metadata.yaml").write_text(whole)
+    assert "bag: its files are compressed whole; write them plain with `ros2" in refused(folder)
     (folder / "metadata.yaml").write_text("rosbag2_bagfile_information: {}")
     assert "bag: can't be read as a ROS 2 bag: A metadata key is missing" in refused(folder)
     (folder / "metadata.yaml").unlink()

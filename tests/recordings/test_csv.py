@@ -263,7 +263,10 @@ def test_a_folder_holds_one_recording(tmp_path: Path, run: Any) -> None:
     assert "holds 2 recordings, Robot1_Odometry.dat (MRCLAM), odometry.csv (CSV); keep each" in err
     (tmp_path / "empty").mkdir()
     _, _, err = run("replay", str(tmp_path / "empty"))
-    assert "is no recording; the folder of one holds Robot1_Odometry.dat (MRCLAM), odometry" in err
+    assert (
+        "is no recording; the folder or archive of one holds Robot1_Odometry.dat (MRCLAM), odometry"
+        in err
+    )
 
 
 def test_landmarks_are_chosen_by_name(tmp_path: Path, run: Any) -> None:

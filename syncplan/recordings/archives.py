@@ -1,0 +1,127 @@
+"""Recordings as one file: the files of a recording in a zip or tar archive.
+
+Whatever an archive holds, nothing is written but files of recordings, by their own names, into one
+folder, and no more than is allowed.
+"""
+
+import stat
+import tarfile
+import zipfile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from functools import partial
+from pathlib import Path, PurePosixPath
+from typing import IO, BinaryIO
+
+from syncplan.errors import InputError
+
+__all__ = ["holds_archive", "unpack_files"]
+
+MOST_BYTES = 2**30
+"""Of all files together, unpacked."""
+
+MOST_MEMBERS = 10_000
+
+UNNAMED = "recording"
+"""Folder of files that lie at an archive's top."""
+
+_AT_ONCE = 2**20
+
+
+@dataclass(frozen=True, slots=True)
+class _ArchivedFile:
+    """A file of an archive: its name and size as stated there, and whether it is a plain file."""
+
+    name: str
+    size: int
+    plain: bool
+    opened: Callable[[], IO[bytes] | None]
+
+
+def holds_archive(path: Path) -> bool:
+    """Return whether a file is a zip or tar archive; raises OSError if it can't be read."""
+    return path.is_file() and (zipfile.is_zipfile(path) or tarfile.is_tarfile(path))
+
+
+def unpack_files(stream: BinaryIO, into: Path, patterns: Sequence[str], source: str) -> Path:
+    """Write an archive's files whose names fit a pattern, and return their folder below `into`.
+
+    Other files, and hidden ones, are left out. The folder is named as in the archive. Raises
+    InputError, naming `source`, for an archive that is broken or too large, and where files are of
+    two recordings or would be written elsewhere.
+    """
+    try:
+        return _unpacked(stream, into, patterns, source)
+    except InputError:
+        raise
+    except Exception as error:
+        # a broken archive raises whatever its bytes lead to, lack of memory among it
+        problem = f"can't be unpacked: {str(error) or type(error).__name__}"
+        raise InputError(problem, source=source) from error
+
+
+def _unpacked(stream: BinaryIO, into: Path, patterns: Sequence[str], source: str) -> Path:
+    written: dict[str, PurePosixPath] = {}
+    left = MOST_BYTES
+    for count, member in enumerate(_members(stream)):
+        left -= member.size
+        if left < 0 or count >= MOST_MEMBERS:
+            problem = (
+                f"holds more than {MOST_BYTES // 2**20} MiB, unpacked, or {MOST_MEMBERS} files; "
+                "leave out what is no recording"
+            )
+            raise InputError(problem, source=source)
+        path = PurePosixPath(member.name.replace("\\", "/"))
+        if path.is_absolute() or ".." in path.parts:
+            problem = f"{member.name!r} would be written elsewhere; name files by where they lie"
+            raise InputError(problem, source=source)
+        hidden = any(part.startswith((".", "__MACOSX")) for part in path.parts)
+        if hidden or not any(fnmatchcase(path.name, pattern) for pattern in patterns):
+            continue
+        others = [one for one in written.values() if one != path.parent]
+        if others or path.name in written:
+            problem = f"{member.name!r} belongs to a second recording; send one"
+            raise InputError(problem, source=source)
+        if not member.plain:
+            raise InputError(f"{member.name!r} is no plain file; send the file", source=source)
+        written[path.name] = path.parent
+        folder = into / (path.parent.name or UNNAMED)
+        folder.mkdir(exist_ok=True)
+        _write(member, folder / path.name)
+    if not written:
+        raise InputError(f"holds none of {', '.join(patterns)}", source=source)
+    return folder
+
+
+def _members(stream: BinaryIO) -> Iterator[_ArchivedFile]:
+    """The files of an archive; those of a tar one by one, as far as it is read."""
+    if zipfile.is_zipfile(stream):
+        with zipfile.ZipFile(stream) as archive:
+            for one in archive.infolist():
+                if not one.is_dir():
+                    kind = one.external_attr >> 16
+                    plain = stat.S_IFMT(kind) in (0, stat.S_IFREG)
+                    yield _ArchivedFile(
+                        one.filename, one.file_size, plain, partial(archive.open, one)
+                    )
+        return
+    stream.seek(0)
+    with tarfile.open(fileobj=stream, mode="r:*") as tar:
+        for entry in tar:
+            if not entry.isdir():
+                opened = partial(tar.extractfile, entry)
+                yield _ArchivedFile(entry.name, entry.size, entry.isreg(), opened)
+
+
+def _write(member: _ArchivedFile, path: Path) -> None:
+    """Write a member's bytes, as many as it states."""
+    opened = member.opened()
+    assert opened is not None
+    left = member.size
+    with opened as source, path.open("xb") as target:
+        while left > 0 and (part := source.read(min(left, _AT_ONCE))):
+            left -= len(part)
+            target.write(part)
+    if left:
+        raise EOFError(f"{member.name} is cut off")

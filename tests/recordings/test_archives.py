@@ -1,0 +1,199 @@
+"""Recordings in archives: read as their folders are, whatever else is in there kept out."""
+
+import contextlib
+import io
+import tarfile
+import zipfile
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from syncplan.errors import InputError
+from syncplan.recordings import archives
+from syncplan.recordings.log import Log
+from syncplan.recordings.packed_logs import pack_log, unpack_log
+from syncplan.recordings.recording_formats import load_log, read_archive
+from tests.tools.recorded_bags import write_bag
+from tests.tools.recordings import REAL, Recipe, write_csv, write_recording
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    recipe = Recipe(duration=2.0, period=0.1, bearing_sigma=0.05, nobody=2)
+    return write_recording(tmp_path_factory.mktemp("archived") / "hall", recipe, seed=3)
+
+
+def _same(one: Log, other: Log) -> None:
+    assert (one.name, one.landmark_names) == (other.name, other.landmark_names)
+    np.testing.assert_array_equal(one.landmarks, other.landmarks)
+    np.testing.assert_array_equal(one.landmark_subjects, other.landmark_subjects)
+    for first, second in zip(one.robots, other.robots, strict=True):
+        for field in fields(first):
+            np.testing.assert_array_equal(
+                getattr(first, field.name), getattr(second, field.name), strict=True
+            )
+
+
+def _zipped(files: dict[str, bytes]) -> io.BytesIO:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in files.items():
+            archive.writestr(name, content)
+    return stream
+
+
+def _tarred(files: dict[str, bytes], kind: str = "") -> io.BytesIO:
+    stream, mode = io.BytesIO(), f"w:{kind}"
+    with tarfile.open(fileobj=stream, mode=cast(Any, mode)) as archive:
+        for name, content in files.items():
+            entry = tarfile.TarInfo(name)
+            entry.size = len(content)
+            archive.addfile(entry, io.BytesIO(content))
+    stream.seek(0)
+    return stream
+
+
+def _files(folder: Path, at: str = "") -> dict[str, bytes]:
+    return {at + path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+@pytest.mark.parametrize("kind", ["zip", "", "gz", "xz", "bz2"])
+def test_an_archive_holds_what_its_folder_does(kind: str, folder: Path, tmp_path: Path) -> None:
+    files = {"./README.md": b"words", ".git/x.csv": b"", "__MACOSX/hall/._Barcodes.dat": b"?"}
+    files |= _files(folder, "recorded/hall/")
+    stream = _zipped(files) if kind == "zip" else _tarred(files, kind)
+    path = tmp_path / "sent"
+    path.write_bytes(stream.getvalue())
+    _same(load_log(path), load_log(folder))
+
+
+def test_files_at_the_top_are_a_recording(folder: Path) -> None:
+    assert read_archive(_zipped(_files(folder))).name == "recording"
+
+
+def test_archives_hold_every_layout(folder: Path, tmp_path: Path) -> None:
+    log = load_log(folder)
+    for made in (write_csv(log, tmp_path / "csv"), write_bag(log, tmp_path / "bag")):
+        _same(read_archive(_tarred(_files(made, f"{made.name}/"))), load_log(made))
+
+
+def test_a_recording_comes_back_from_its_bytes(folder: Path, tmp_path: Path) -> None:
+    for log in (load_log(folder), load_log(write_csv(load_log(folder), tmp_path / "names"))):
+        _same(unpack_log(pack_log(log)), log)
+    for bad in (b"", b"PK", pack_log(log)[:-30]):
+        with pytest.raises(InputError, match="not a recording"):
+            unpack_log(bad)
+
+
+def test_a_fault_is_told_with_the_archive_and_the_file(
+    folder: Path, tmp_path: Path, run: Any
+) -> None:
+    files = _files(folder, "hall/")
+    files["hall/Robot2_Odometry.dat"] = b"1 2 fast\n"
+    path = tmp_path / "sent.zip"
+    path.write_bytes(_zipped(files).getvalue())
+    status, out, err = run("replay", str(path))
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    place = f"{path}: hall/Robot2_Odometry.dat: line 1: turn rate is 'fast'"
+    assert place in err
+    before = path.read_bytes()
+    path.write_bytes(_zipped(_files(folder)).getvalue())
+    status, _, err = run("replay", str(path), "-o", str(path))
+    assert "is the file that is read" in err
+    assert path.read_bytes() != before
+
+
+def _refused(stream: io.BytesIO) -> str:
+    with pytest.raises(InputError) as refusal:
+        read_archive(stream, "sent")
+    return str(refusal.value)
+
+
+def _linked(kind: bytes) -> io.BytesIO:
+    stream = io.BytesIO()
+    with tarfile.open(fileobj=stream, mode="w") as archive:
+        entry = tarfile.TarInfo("hall/odometry.csv")
+        entry.type, entry.linkname = kind, "/etc/passwd"
+        archive.addfile(entry)
+    return stream
+
+
+def _linked_in_zip() -> io.BytesIO:
+    entry = zipfile.ZipInfo("hall/odometry.csv")
+    entry.external_attr = 0o120777 << 16
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        archive.writestr(entry, "/etc/passwd")
+    return stream
+
+
+@pytest.mark.parametrize(
+    ("stream", "told"),
+    [
+        (_zipped({"../odometry.csv": b""}), "'../odometry.csv' would be written elsewhere"),
+        (_tarred({"a/../../Barcodes.dat": b""}), "'a/../../Barcodes.dat' would be written else"),
+        (_tarred({"/etc/odometry.csv": b""}), "'/etc/odometry.csv' would be written elsewhere"),
+        (_zipped({"..\\odometry.csv": b""}), "would be written elsewhere; name files by where"),
+        (_zipped({"a/odometry.csv": b"", "b/odometry.csv": b""}), "'b/odometry.csv' belongs to a"),
+        (_tarred({"a/odometry.csv": b"", "truth.csv": b""}), "'truth.csv' belongs to a second"),
+        (_linked(tarfile.SYMTYPE), "'hall/odometry.csv' is no plain file; send the file"),
+        (_linked(tarfile.LNKTYPE), "'hall/odometry.csv' is no plain file; send the file"),
+        (_linked(tarfile.FIFOTYPE), "'hall/odometry.csv' is no plain file; send the file"),
+        (_linked_in_zip(), "'hall/odometry.csv' is no plain file; send the file"),
+        (_zipped({"a/b.txt": b""}), "sent: holds none of *.dat, *.csv, metadata.yaml, *.mcap,"),
+        (_zipped({}), "sent: holds none of *.dat, *.csv"),
+        (_zipped({"a/other.csv": b""}), "sent: a: is no recording; the folder or archive of one"),
+        (_zipped({"a/odometry.csv": b"", "a/Barcodes.dat": b""}), "sent: a: holds 2 recordings"),
+        (io.BytesIO(b"no archive at all"), "sent: can't be unpacked: "),
+        (io.BytesIO(b""), "sent: can't be unpacked: "),
+    ],
+)
+def test_archives_that_hold_what_they_should_not_are_refused(stream: io.BytesIO, told: str) -> None:
+    assert told in _refused(stream)
+
+
+@pytest.mark.parametrize("pack", [_zipped, _tarred])
+def test_what_grows_too_large_is_not_unpacked(
+    pack: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setattr(archives, "MOST_BYTES", 2**20)
+    for name in ("odometry.csv", "words.txt"):
+        assert "sent: holds more than 1 MiB, unpacked" in _refused(pack({name: bytes(2**20 + 1)}))
+    monkeypatch.setattr(archives, "MOST_MEMBERS", 3)
+    assert "or 3 files; leave out what is no" in _refused(pack({f"{k}.txt": b"" for k in range(4)}))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_size_that_is_stated_too_small_is_found_out() -> None:
+    stream = _zipped({"odometry.csv": b"x" * 5000})
+    content = bytearray(stream.getvalue())
+    for at in (content.find(b"PK\x01\x02") + 24, 22):
+        content[at : at + 4] = (10).to_bytes(4, "little")
+    assert "can't be unpacked: Bad CRC-32" in _refused(io.BytesIO(bytes(content)))
+
+
+@given(data=st.data())
+@pytest.mark.parametrize("kind", ["zip", "", "gz", "xz"])
+def test_whatever_an_archive_holds_is_read_or_refused(
+    kind: str, data: st.DataObject, folder: Path
+) -> None:
+    stream = _zipped(_files(folder)) if kind == "zip" else _tarred(_files(folder), kind)
+    before = stream.getvalue()
+    at = data.draw(st.integers(0, len(before)))
+    new, cut = data.draw(st.binary(max_size=12)), data.draw(st.integers(0, 30))
+    with contextlib.suppress(InputError):
+        read_archive(io.BytesIO(before[:at] + new + before[at + cut :]))
+
+
+@pytest.mark.skipif(
+    not REAL.exists(), reason=f"needs the recording {REAL.name} beside the checkout"
+)
+def test_a_public_recording_is_read_as_it_comes() -> None:
+    log = load_log(REAL)
+    assert (len(log.robots), len(log.landmarks)) == (5, 15)
