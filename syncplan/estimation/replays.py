@@ -1,54 +1,86 @@
 """The filter run on a recording of real robots, and its errors against their recorded truth.
 
-Readings are brought onto the filter's own samples k Ts, which begin as soon as the truth of all
-robots is known:
-
-    odometry    held from one reading to the next, and averaged over each sample; zero before the
-                first and after the last
-    bearings    at the sample nearest to their time, in the order they were taken
-    truth       straight lines between its entries; headings unwrapped
-
-The filter then runs as for one trial of a Monte Carlo (`lane_filter.LaneFilter.run`), so its
-figures mean the same. It starts at the truth and uses bearings, not ranges.
+`recorded_readings` brings readings onto one clock, `recorded_run` runs the filter on them;
+`replay_settings` says what it assumes.
 """
 
 from collections.abc import Iterable
-from concurrent.futures import Future
-from dataclasses import dataclass
-from threading import Thread
+from dataclasses import dataclass, replace
 from typing import Unpack
 
 import numpy as np
 
-from syncplan.arrays import Array, Index
-from syncplan.errors import InputError, NoSolutionError
+from syncplan.arrays import Array
+from syncplan.errors import InputError
 from syncplan.estimation.consistency import Consistency, coverage, recorded_anees, recorded_nis
 from syncplan.estimation.filter_options import FilterChanges, FilterOptions, options_with
-from syncplan.estimation.filter_setup import FilterSetup, Readings, build_setup
-from syncplan.estimation.filter_statistics import empty_series, empty_statistics
-from syncplan.estimation.trials import Accuracy, MonteCarloResult, accuracy, result_of
-from syncplan.orbits.bearings import BEARING
-from syncplan.orbits.noise import Noise
-from syncplan.orbits.sighting_kinds import place_of
-from syncplan.recordings.log import NOBODY, Log
-from syncplan.results import Result
-from syncplan.scenario.rules import excess
-
-__all__ = ["GROUND_ROBOTS", "OPTIONS", "Replay", "longest_gap", "replay"]
-
-
-GROUND_ROBOTS = Noise(
-    speed_sigma=0.15, turn_rate_sigma=0.5, position_sigma=0.01, heading_sigma=0.01
+from syncplan.estimation.recorded_readings import Clock, LeftOut, longest_gap
+from syncplan.estimation.recorded_run import Seen, filtered, recorded_run
+from syncplan.estimation.replay_settings import (
+    BEARING_SIGMA,
+    GROUND_ROBOTS,
+    RANGE_SIGMA,
+    SAMPLE_TIME,
+    SPEED_SCALE_SIGMA,
+    START_SIGMAS,
+    TURN_RATE_BIAS_SIGMA,
+    ReplaySettings,
 )
-"""Wide sigmas for the robots of the MRCLAM data sets, at samples of 0.05 s, from a known start."""
+from syncplan.estimation.trials import Accuracy, MonteCarloResult, accuracy
+from syncplan.orbits.bearings import BEARING
+from syncplan.orbits.error_states import ERROR_STATES
+from syncplan.orbits.noise import Noise
+from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, place_of
+from syncplan.recordings.log import Log
+from syncplan.results import Result
 
-BEARING_SIGMA = 0.08
-SAMPLE_TIME = 0.05
+__all__ = [
+    "GROUND_ROBOTS",
+    "OPTIONS",
+    "FittedError",
+    "KindCounts",
+    "Replay",
+    "longest_gap",
+    "replay",
+    "replay_with",
+]
+
 OPTIONS = FilterOptions(trials=1, gate_probability=0.999)
 """How the filter runs on a recording where nothing else is asked for."""
 
-LEAST_SIGMA, LARGEST_SIGMA = 1e-6, 1e6
-"""Limits of any sigma; those of motion and of the start may also be 0."""
+
+@dataclass(frozen=True, slots=True)
+class KindCounts:
+    """What became of the readings of one kind of sighting.
+
+    Attributes
+    ----------
+    used, rejected : number that the gate accepted, and that it did not
+    left_out : those that the filter was not given
+    nis : of the used ones
+    """
+
+    used: int
+    rejected: int
+    left_out: LeftOut
+    nis: Consistency
+
+
+@dataclass(frozen=True, slots=True)
+class FittedError:
+    """A lasting error of one robot's odometry or camera, as the filter has it at the end.
+
+    Attributes
+    ----------
+    name, robot, unit : name in ERROR_STATES, of the robot, unit in words
+    value, sigma : in that unit
+    """
+
+    name: str
+    robot: str
+    unit: str
+    value: float
+    sigma: float
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -58,36 +90,30 @@ class Replay(Result):
     Attributes
     ----------
     log : the recording
-    landmarks : l names, or numbers, of the landmarks whose bearings were used
-    meetings : whether bearings between robots were used
-    sample_time, duration, begin : s; when the run begins by the recording's clock
-    bearing_sigma, noise : what the filter assumed, rad and as Noise
+    landmarks : l names, or numbers, of the landmarks whose sightings were used
+    settings : what the filter assumed
     options : which filter, and its gate
+    clock : when errors were taken
     result : one trial's errors
     accuracy : RMS errors by robot
     coverage : (n,) share of coordinates within the filter's own three sigma
-    anees, nis : consistency figures
-    unknown, not_asked_for, outside : number of readings of unknown targets; of landmarks or
-        robots not asked for; asked for, but nearest to no sample k = 1, 2 .. of the run
+    anees, nis : consistency figures; NIS of all kinds of sighting
+    counts : by name of the kind of sighting, of the kinds that were asked for
+    lasting_errors : as the filter has them at the end
     """
 
     log: Log
     landmarks: tuple[int | str, ...]
-    meetings: bool
-    sample_time: float
-    duration: float
-    begin: float
-    bearing_sigma: float
-    noise: Noise
+    settings: ReplaySettings
     options: FilterOptions
+    clock: Clock
     result: MonteCarloResult
     accuracy: Accuracy
     coverage: Array
     anees: Consistency
     nis: Consistency
-    unknown: int
-    not_asked_for: int
-    outside: int
+    counts: dict[str, KindCounts]
+    lasting_errors: tuple[FittedError, ...]
 
     def __repr__(self) -> str:
         """Return one line: how many robots, how long, and the error."""
@@ -102,6 +128,26 @@ class Replay(Result):
         """Of the innovation gate; 1 accepts all."""
         return 1.0 if self.options.gate_probability is None else self.options.gate_probability
 
+    @property
+    def begin(self) -> float:
+        """When the run begins by the recording's clock, s."""
+        return self.clock.begin
+
+    @property
+    def duration(self) -> float:
+        """In s."""
+        return self.clock.duration
+
+    @property
+    def sample_time(self) -> float:
+        """In s."""
+        return self.clock.sample_time
+
+    @property
+    def bearings(self) -> KindCounts:
+        """What became of the bearings."""
+        return self.counts["bearing"]
+
 
 def replay(
     log: Log,
@@ -109,137 +155,98 @@ def replay(
     *,
     landmarks: Iterable[int | str] | None = None,
     meetings: bool = True,
+    distances: bool = True,
     bearing_sigma: float = BEARING_SIGMA,
-    noise: Noise = GROUND_ROBOTS,
+    range_sigma: float = RANGE_SIGMA,
+    noise: Noise | None = None,
+    speed_scale_sigma: float = SPEED_SCALE_SIGMA,
+    turn_rate_bias_sigma: float = TURN_RATE_BIAS_SIGMA,
+    bearing_bias_sigma: float = 0.0,
     sample_time: float = SAMPLE_TIME,
+    delay: float = 0.0,
+    start: str = "truth",
+    start_poses: Array | None = None,
+    progress: Seen | None = None,
     **changes: Unpack[FilterChanges],
 ) -> Replay:
-    """Return the errors of the filter on a recording's odometry and bearings.
+    """Return the errors of the filter on a recording's odometry and sightings.
 
-    `landmarks` are the names of those whose bearings count (numbers, where the recording numbers
-    them), all if None; `meetings` says whether bearings between robots count. `bearing_sigma` is
-    in rad, `sample_time` in s; the sigmas of `noise`, a syncplan.orbits.noise.Noise, are per
-    sample. `options`, or changes of it by name, choose the filter: a bearing counts while it is
-    within the gate of `gate_probability`, 0.999 if not given, where 1 accepts all; `with_series`
-    keeps errors and sigmas over time. A recording is one trial: `trials`, `seed` and `duration`
-    have no effect. Raises InputError naming the argument or the robot at fault, and
+    `landmarks` are the names of those whose sightings count (numbers, where the recording numbers
+    them), all if None; `meetings` says whether sightings between robots count, `distances` whether
+    distances do, where they are recorded. `bearing_sigma` and `range_sigma` are in rad and m,
+    `sample_time` in s; the sigmas of `noise`, a syncplan.orbits.noise.Noise, are per sample, and
+    GROUND_ROBOTS if None. Each robot's speed scale, turn-rate bias (rad/s) and bearing bias (rad)
+    is estimated where its sigma is more than 0. Sightings are taken to be made `delay` s before
+    they are recorded. `start` is "truth"; "prior", drawn about the truth by the start's sigmas and
+    the `seed`; or "given", at `start_poses` (n, 3) m, m, rad. `options`, or changes of it by
+    name, choose the filter: a sighting counts while it is within the gate of `gate_probability`,
+    0.999 if not given, where 1 accepts all; `with_series` keeps errors and sigmas over time. A
+    recording is one trial: `trials` and `duration` have no effect. `progress` is called with the
+    number of sightings so far. Raises InputError naming the argument or the robot at fault, and
     NoSolutionError where the filter diverges.
     """
-    _check(bearing_sigma, noise, sample_time)
-    chosen = _options(options, changes)
-    used = log.landmark_places(landmarks)
-    clock = _clock(log, sample_time)
-    bearings = _bearings(log, clock, used, meetings=meetings)
-    setup = build_setup(
-        truth=_truth(log, clock),
-        landmarks=log.landmarks[used],
-        first=bearings.first,
-        observers=bearings.observers,
-        targets=bearings.targets,
-        kinds=np.full(len(bearings.angles), place_of(BEARING)),
-        variances=np.full(len(bearings.angles), bearing_sigma**2),
+    if noise is None:
+        position_sigma, heading_sigma = START_SIGMAS.get(start, START_SIGMAS["truth"])
+        noise = replace(GROUND_ROBOTS, position_sigma=position_sigma, heading_sigma=heading_sigma)
+    settings = ReplaySettings(
+        landmarks=None if landmarks is None else tuple(landmarks),
+        meetings=meetings,
+        distances=distances,
+        bearing_sigma=bearing_sigma,
+        range_sigma=range_sigma,
         noise=noise,
+        speed_scale_sigma=speed_scale_sigma,
+        turn_rate_bias_sigma=turn_rate_bias_sigma,
+        bearing_bias_sigma=bearing_bias_sigma,
         sample_time=sample_time,
-        options=chosen,
+        delay=delay,
+        start=start,
+        start_poses=start_poses,
     )
-    result = _filtered(setup, _readings(log, clock, setup, bearings), chosen)
+    return replay_with(log, settings, _options(options, changes), progress)
+
+
+def replay_with(
+    log: Log, settings: ReplaySettings, options: FilterOptions, progress: Seen | None = None
+) -> Replay:
+    """Return the replay that settings ask for; see `replay`."""
+    run = recorded_run(log, settings, options)
+    found = filtered(run, options, progress)
+    names, result, gate = list(SIGHTING_KINDS), found.result, options.gate_probability
+    counts = {}
+    for place, left_out in run.sightings.left_out.items():
+        squares = (found.innovations**2 * found.weights)[run.sightings.kinds == place]
+        used = int(np.sum(found.weights[run.sightings.kinds == place] > 0.0))
+        counts[names[place]] = KindCounts(
+            used=used,
+            rejected=len(squares) - used,
+            left_out=left_out,
+            nis=recorded_nis(float(squares.sum()), used, gate),
+        )
     return Replay(
         log=log,
-        landmarks=tuple(log.landmark_names[place] for place in used.tolist()),
-        meetings=meetings,
-        sample_time=sample_time,
-        duration=clock.steps * sample_time,
-        begin=clock.begin,
-        bearing_sigma=bearing_sigma,
-        noise=noise,
-        options=chosen,
+        landmarks=tuple(log.landmark_names[place] for place in run.landmarks.tolist()),
+        settings=settings,
+        options=options,
+        clock=run.clock,
         result=result,
         accuracy=accuracy(result),
         coverage=coverage(result.covered[0], result.coverage_samples),
         anees=recorded_anees(float(result.nees[0]), 3 * len(log.robots)),
-        nis=recorded_nis(
-            float(result.nis_sums[0]), int(result.accepted[0]), chosen.gate_probability
+        nis=recorded_nis(float(result.nis_sums[0]), int(result.accepted[0]), gate),
+        counts=counts,
+        lasting_errors=tuple(
+            FittedError(
+                name=name,
+                robot=robot.name,
+                unit=ERROR_STATES[name].unit,
+                value=float(found.errors[column - 3 * run.layout.count]),
+                sigma=float(found.error_sigmas[column - 3 * run.layout.count]),
+            )
+            for name, columns in run.layout.columns.items()
+            for robot, column in zip(log.robots, columns[:, 0].tolist(), strict=True)
         ),
-        unknown=bearings.unknown,
-        not_asked_for=bearings.not_asked_for,
-        outside=bearings.outside,
     )
-
-
-def longest_gap(recorded: Array, begin: float, duration: float) -> float:
-    """Return the longest time in s between recorded times (k,), while a run lasts."""
-    first, last = np.searchsorted(recorded, (begin, begin + duration))
-    return float(np.diff(recorded[max(first - 1, 0) : last + 1]).max(initial=0.0))
-
-
-@dataclass(frozen=True, slots=True)
-class _Clock:
-    """The filter's samples: k = 0..steps at begin + k sample_time, s by the recording's clock."""
-
-    begin: float
-    sample_time: float
-    steps: int
-
-    @property
-    def times(self) -> Array:
-        """(steps + 1,) s since the beginning."""
-        return np.asarray(self.sample_time * np.arange(self.steps + 1))
-
-    def since_begin(self, recorded: Array) -> Array:
-        """The recording's times since the beginning, in s."""
-        return recorded - self.begin
-
-
-@dataclass(frozen=True, slots=True)
-class _Bearings:
-    """Bearings as the filter takes them: (s,) each; those of sample k are first[k] to first[k + 1].
-
-    Targets from n on are landmarks, in the order they were chosen.
-    """
-
-    first: Index
-    observers: Index
-    targets: Index
-    angles: Array
-    unknown: int
-    not_asked_for: int
-    outside: int
-
-
-def _readings(log: Log, clock: _Clock, setup: FilterSetup, bearings: _Bearings) -> Readings:
-    """What the filter reads in its one lane; it starts at the truth."""
-    return Readings(
-        initial=setup.truth[0, :, :, None].copy(),
-        speeds=_odometry(log, clock, 1)[..., None],
-        turn_rates=_odometry(log, clock, 2)[..., None],
-        sightings=bearings.angles[:, None],
-    )
-
-
-def _filtered(setup: FilterSetup, readings: Readings, options: FilterOptions) -> MonteCarloResult:
-    """The result of the one trial, filtered in another thread.
-
-    Compiled code would keep an interrupt waiting, and lose it.
-    """
-    n, steps = len(setup.initial_variances), len(setup.truth) - 1
-    statistics = empty_statistics(n, 1, empty_series(n, steps, wanted=options.with_series))
-    done: Future[None] = Future()
-
-    def run() -> None:
-        try:
-            options.filter_model.lane_filter.run(setup, readings, statistics)
-            done.set_result(None)
-        except BaseException as error:
-            done.set_exception(error)
-
-    Thread(target=run, daemon=True).start()
-    done.result()
-    result = result_of([statistics], steps=steps)
-    if not np.isfinite(result.mean_squares).all():
-        raise NoSolutionError(
-            "the filter diverged: its errors are no longer finite; larger sigmas may help"
-        )
-    return result
 
 
 def _options(options: FilterOptions | None, changes: FilterChanges) -> FilterOptions:
@@ -251,91 +258,3 @@ def _options(options: FilterOptions | None, changes: FilterChanges) -> FilterOpt
     if gate == 1.0:
         changes = {**changes, "gate_probability": None}
     return options_with(options or OPTIONS, changes)
-
-
-def _check(bearing_sigma: float, noise: Noise, sample_time: float) -> None:
-    allowed = f"allowed is {LEAST_SIGMA:g} to {LARGEST_SIGMA:g}"
-    for key, value in (("bearing_sigma", bearing_sigma), ("sample_time", sample_time)):
-        if not LEAST_SIGMA <= value <= LARGEST_SIGMA:
-            raise InputError(f"{value:g} given; {allowed}", key=key)
-    for key in ("speed_sigma", "turn_rate_sigma", "position_sigma", "heading_sigma"):
-        value = getattr(noise, key)
-        if value != 0.0 and not LEAST_SIGMA <= value <= LARGEST_SIGMA:
-            raise InputError(f"{value:g} given; {allowed}, or 0", key=key)
-
-
-def _clock(log: Log, sample_time: float) -> _Clock:
-    """The samples at which the truth of all robots is known."""
-    if not log.has_truth:
-        problem = "holds no truth; the filter starts at it, and its errors are from it"
-        raise InputError(problem, source=log.name)
-    begin = max(float(robot.truth[0, 0]) for robot in log.robots)
-    end = min(float(robot.truth[-1, 0]) for robot in log.robots)
-    duration = end - begin
-    if duration < sample_time:
-        raise InputError(
-            f"the truth of all robots is known together for {max(duration, 0.0):g} s; at least "
-            f"one sample time, {sample_time:g} s, is needed",
-            source=log.name,
-        )
-    problem = excess(duration, sample_time, duration, len(log.robots))
-    if problem:
-        raise InputError(problem, key="sample_time")
-    for robot in log.robots:
-        read = robot.odometry[:, 0]
-        if read[-1] <= begin or read[0] >= end:
-            raise InputError(
-                f"the odometry of {robot.name} is from {read[0] - begin:.6g} to "
-                f"{read[-1] - begin:.6g} s after the beginning of the run, which lasts "
-                f"{duration:.6g} s: by another clock?",
-                source=log.name,
-            )
-    # rounding must not lose a sample of a whole number
-    return _Clock(begin, sample_time, int(duration / sample_time + 1e-4))
-
-
-def _truth(log: Log, clock: _Clock) -> Array:
-    """(steps + 1, n, 3) m, m, rad."""
-    poses = np.empty((clock.steps + 1, len(log.robots), 3))
-    for k, robot in enumerate(log.robots):
-        known = clock.since_begin(robot.truth[:, 0])
-        poses[:, k, 0] = np.interp(clock.times, known, robot.truth[:, 1])
-        poses[:, k, 1] = np.interp(clock.times, known, robot.truth[:, 2])
-        poses[:, k, 2] = np.interp(clock.times, known, np.unwrap(robot.truth[:, 3]))
-    return poses
-
-
-def _odometry(log: Log, clock: _Clock, column: int) -> Array:
-    """(steps, n) means over each sample of readings that are held until the next."""
-    means = np.empty((clock.steps, len(log.robots)))
-    for k, robot in enumerate(log.robots):
-        known, values = clock.since_begin(robot.odometry[:, 0]), robot.odometry[:, column]
-        integral = np.concatenate([[0.0], np.cumsum(values[:-1] * np.diff(known))])
-        means[:, k] = np.diff(np.interp(clock.times, known, integral)) / clock.sample_time
-    return means
-
-
-def _bearings(log: Log, clock: _Clock, used: Index, *, meetings: bool) -> _Bearings:
-    robots = {robot.subject: k for k, robot in enumerate(log.robots)}
-    targets_by_subject = dict(robots) if meetings else {}
-    for place, subject in enumerate(log.landmark_subjects[used].tolist()):
-        targets_by_subject[subject] = len(robots) + place
-    observers = np.repeat(np.arange(len(robots)), [len(robot.times) for robot in log.robots])
-    taken = clock.since_begin(np.concatenate([robot.times for robot in log.robots]))
-    subjects = np.concatenate([robot.subjects for robot in log.robots])
-    angles = np.concatenate([robot.bearings for robot in log.robots])
-    targets = np.array([targets_by_subject.get(one, -1) for one in subjects.tolist()], np.int64)
-    targets[np.isnan(angles)] = -1
-    samples = np.rint(taken / clock.sample_time)
-    order = np.flatnonzero((targets >= 0) & (samples >= 1) & (samples <= clock.steps))
-    order = order[np.argsort(taken[order], kind="stable")]
-    unknown, asked_for = int(np.sum(subjects == NOBODY)), int(np.sum(targets >= 0))
-    return _Bearings(
-        first=np.searchsorted(samples[order], np.arange(clock.steps + 2)).astype(np.int64),
-        observers=observers[order],
-        targets=targets[order],
-        angles=angles[order],
-        unknown=unknown,
-        not_asked_for=len(taken) - unknown - asked_for,
-        outside=asked_for - len(order),
-    )

@@ -1,0 +1,208 @@
+"""A recording's readings at their own times, on a clock that begins with its truth.
+
+    odometry    held from one reading to the next, and averaged over each step of the filter; zero
+                before the first and after the last
+    sightings   in the order of their times, which end the filter's steps
+    truth       straight lines between its entries; headings unwrapped
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from syncplan.arrays import Array, Index
+from syncplan.errors import InputError
+from syncplan.estimation.replay_settings import ReplaySettings
+from syncplan.orbits.bearings import BEARING
+from syncplan.orbits.distances import DISTANCE
+from syncplan.orbits.sighting_kinds import place_of
+from syncplan.recordings.log import NOBODY, Log
+from syncplan.scenario.rules import excess
+
+__all__ = [
+    "Clock",
+    "LeftOut",
+    "RecordedSightings",
+    "clock_of",
+    "longest_gap",
+    "mean_odometry",
+    "sightings_of",
+    "true_poses",
+]
+
+SAME_TIME = 1e-6
+"""s: a sighting this close to a sample is at it. Clocks of today are exact to 2e-7 s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """The samples k = 0..samples at begin + k sample_time, s by the recording's clock."""
+
+    begin: float
+    sample_time: float
+    samples: int
+
+    @property
+    def times(self) -> Array:
+        """(samples + 1,) s since the beginning."""
+        return np.asarray(self.sample_time * np.arange(self.samples + 1))
+
+    @property
+    def duration(self) -> float:
+        """In s."""
+        return self.samples * self.sample_time
+
+    def since_begin(self, recorded: Array) -> Array:
+        """The recording's times since the beginning, in s."""
+        return recorded - self.begin
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """Readings of one kind that the filter is not given: their number, by reason.
+
+    Attributes
+    ----------
+    unknown : of a subject that there is not
+    not_asked_for : of landmarks or robots left out on purpose
+    outside : asked for, but from before or after the run
+    """
+
+    unknown: int
+    not_asked_for: int
+    outside: int
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedSightings:
+    """Sightings as the filter takes them, (s,) each, in the order of their times.
+
+    Attributes
+    ----------
+    times : s since the beginning, without the delay
+    observers, targets : targets from n on are landmarks, in the order they were chosen
+    kinds : places in SIGHTING_KINDS
+    values : rad, m
+    left_out : by place in SIGHTING_KINDS, of the kinds that were asked for
+    """
+
+    times: Array
+    observers: Index
+    targets: Index
+    kinds: Index
+    values: Array
+    left_out: Mapping[int, LeftOut]
+
+
+def clock_of(log: Log, sample_time: float) -> Clock:
+    """Return the samples at which the truth of all robots is known.
+
+    Raises InputError where there are none or too many, or where no odometry is from then.
+    """
+    if not log.has_truth:
+        problem = "holds no truth; the filter starts at it, and its errors are from it"
+        raise InputError(problem, source=log.name)
+    begin = max(float(robot.truth[0, 0]) for robot in log.robots)
+    end = min(float(robot.truth[-1, 0]) for robot in log.robots)
+    duration = end - begin
+    if duration < sample_time:
+        raise InputError(
+            f"the truth of all robots is known together for {max(duration, 0.0):g} s; at least "
+            f"one sample time, {sample_time:g} s, is needed",
+            source=log.name,
+        )
+    problem = excess(duration, sample_time, duration, len(log.robots))
+    if problem:
+        raise InputError(problem, key="sample_time")
+    for robot in log.robots:
+        read = robot.odometry[:, 0]
+        if read[-1] <= begin or read[0] >= end:
+            raise InputError(
+                f"the odometry of {robot.name} is from {read[0] - begin:.6g} to "
+                f"{read[-1] - begin:.6g} s after the beginning of the run, which lasts "
+                f"{duration:.6g} s: by another clock?",
+                source=log.name,
+            )
+    # rounding must not lose a sample of a whole number
+    return Clock(begin, sample_time, int(duration / sample_time + 1e-4))
+
+
+def true_poses(log: Log, clock: Clock) -> Array:
+    """Return (samples + 1, n, 3) m, m, rad."""
+    poses = np.empty((clock.samples + 1, len(log.robots), 3))
+    for k, robot in enumerate(log.robots):
+        known = clock.since_begin(robot.truth[:, 0])
+        poses[:, k, 0] = np.interp(clock.times, known, robot.truth[:, 1])
+        poses[:, k, 1] = np.interp(clock.times, known, robot.truth[:, 2])
+        poses[:, k, 2] = np.interp(clock.times, known, np.unwrap(robot.truth[:, 3]))
+    return poses
+
+
+def mean_odometry(log: Log, clock: Clock, ends: Array, column: int) -> Array:
+    """Return (steps, n) means of a column over the steps between `ends` (steps + 1,), in s.
+
+    A reading is held until the next.
+    """
+    means = np.empty((len(ends) - 1, len(log.robots)))
+    for k, robot in enumerate(log.robots):
+        known, values = clock.since_begin(robot.odometry[:, 0]), robot.odometry[:, column]
+        integral = np.concatenate([[0.0], np.cumsum(values[:-1] * np.diff(known))])
+        means[:, k] = np.diff(np.interp(ends, known, integral)) / np.diff(ends)
+    return means
+
+
+def sightings_of(log: Log, clock: Clock, used: Index, settings: ReplaySettings) -> RecordedSightings:
+    """Return the sightings that count: of the landmarks at places `used`, and of robots."""
+    robots = log.robots
+    counts = [len(robot.times) for robot in robots]
+    observers = np.repeat(np.arange(len(robots)), counts)
+    taken = clock.since_begin(np.concatenate([robot.times for robot in robots])) - settings.delay
+    taken = _at_samples(taken, clock)
+    subjects = np.concatenate([robot.subjects for robot in robots])
+    targets = _targets(log, subjects, used, meetings=settings.meetings)
+    within = (taken > 0.0) & (taken <= clock.times[-1])
+    read = {place_of(BEARING): np.concatenate([robot.bearings for robot in robots])}
+    if settings.distances:
+        read[place_of(DISTANCE)] = np.concatenate([robot.ranges for robot in robots])
+    left_out: dict[int, LeftOut] = {}
+    chosen = []
+    for kind, values in read.items():
+        there = ~np.isnan(values)
+        unknown = int(np.sum(there & (subjects == NOBODY)))
+        asked_for = there & (targets >= 0)
+        rows = np.flatnonzero(asked_for & within)
+        outside, wanted = int(asked_for.sum()) - len(rows), int(asked_for.sum())
+        left_out[kind] = LeftOut(unknown, int(there.sum()) - unknown - wanted, outside)
+        chosen.append((rows, np.full(len(rows), kind), values[rows]))
+    row, kinds, measured = (np.concatenate(parts) for parts in zip(*chosen, strict=True))
+    order = np.lexsort((kinds, row, taken[row]))
+    row = row[order]
+    return RecordedSightings(
+        times=taken[row],
+        observers=observers[row],
+        targets=targets[row],
+        kinds=kinds[order],
+        values=measured[order],
+        left_out=left_out,
+    )
+
+
+def longest_gap(recorded: Array, begin: float, duration: float) -> float:
+    """Return the longest time in s between recorded times (k,), while a run lasts."""
+    first, last = np.searchsorted(recorded, (begin, begin + duration))
+    return float(np.diff(recorded[max(first - 1, 0) : last + 1]).max(initial=0.0))
+
+
+def _at_samples(times: Array, clock: Clock) -> Array:
+    """The times, those that rounding put beside a sample moved to it."""
+    sample = clock.sample_time * np.rint(times / clock.sample_time)
+    return np.where(np.abs(times - sample) < SAME_TIME, sample, times)
+
+
+def _targets(log: Log, subjects: Index, used: Index, *, meetings: bool) -> Index:
+    """Bodies of the subjects seen, (s,); -1 where they do not count."""
+    bodies = {robot.subject: k for k, robot in enumerate(log.robots)} if meetings else {}
+    for place, subject in enumerate(log.landmark_subjects[used].tolist()):
+        bodies[subject] = len(log.robots) + place
+    return np.array([bodies.get(one, -1) for one in subjects.tolist()], np.int64)

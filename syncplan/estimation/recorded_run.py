@@ -1,0 +1,206 @@
+"""A recording as a run of the filter, and the filter run on it.
+
+Each time at which something was seen ends a step of the filter, and so does each sample; errors are
+taken at the samples. Odometry is integrated over each step along an arc. The filter runs as for one
+trial of a Monte Carlo (`lane_filter.LaneFilter.run`), so its figures mean the same.
+"""
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as NotYetError
+from dataclasses import dataclass
+from threading import Thread
+from types import MappingProxyType
+
+import numpy as np
+
+from syncplan.arrays import Array, Index
+from syncplan.errors import NoSolutionError
+from syncplan.estimation.augmented_setup import (
+    AugmentedReadings,
+    AugmentedStatistics,
+    augmented_setup_of,
+    empty_augmented_statistics,
+)
+from syncplan.estimation.filter_options import FilterOptions
+from syncplan.estimation.filter_setup import FilterSetup, Readings, build_setup
+from syncplan.estimation.filter_statistics import empty_series
+from syncplan.estimation.recorded_readings import (
+    Clock,
+    RecordedSightings,
+    clock_of,
+    mean_odometry,
+    sightings_of,
+    true_poses,
+)
+from syncplan.estimation.recorded_starts import start_of
+from syncplan.estimation.replay_settings import ReplaySettings
+from syncplan.estimation.trials import MonteCarloResult, result_of
+from syncplan.orbits.error_states import NO_ERRORS, StateLayout
+from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
+from syncplan.recordings.log import Log
+
+__all__ = ["FilteredRun", "RecordedRun", "Seen", "filtered", "recorded_run"]
+
+LOOK_EVERY_S = 0.1
+"""How often a run's progress is looked at."""
+
+Seen = Callable[[int], None]
+"""Is told how many sightings the filter has taken."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedRun:
+    """A run of the filter on a recording.
+
+    Attributes
+    ----------
+    clock, sightings : of the run
+    landmarks : places of the chosen ones among the recording's
+    setup, readings : as the filter of poses takes them, in its one lane
+    layout : of poses and lasting errors
+    """
+
+    clock: Clock
+    sightings: RecordedSightings
+    landmarks: Index
+    setup: FilterSetup
+    readings: Readings
+    layout: StateLayout
+
+
+@dataclass(frozen=True, slots=True)
+class FilteredRun:
+    """What a filter made of a run.
+
+    Attributes
+    ----------
+    result : one trial's errors
+    innovations, weights : (s,) in the unit of each sighting's kind, and 1 over its variance, 0
+        where the sighting was rejected
+    errors, error_sigmas : (e,) lasting errors at the end, in the order of the layout
+    """
+
+    result: MonteCarloResult
+    innovations: Array
+    weights: Array
+    errors: Array
+    error_sigmas: Array
+
+
+def recorded_run(log: Log, settings: ReplaySettings, options: FilterOptions) -> RecordedRun:
+    """Return the run of a recording; raises InputError naming what does not fit."""
+    used = log.landmark_places(settings.landmarks)
+    clock = clock_of(log, settings.sample_time)
+    seen, truth = sightings_of(log, clock, used, settings), true_poses(log, clock)
+    # exact: sightings at a sample have its very time
+    ends = np.unique(np.concatenate([clock.times, seen.times]))
+    compared = np.full(len(ends), -1)
+    compared[np.searchsorted(ends, clock.times)] = np.arange(clock.samples + 1)
+    step_of = np.searchsorted(ends, seen.times)
+    sigmas = np.array([settings.bearing_sigma, settings.range_sigma])
+    setup = build_setup(
+        truth=truth,
+        landmarks=log.landmarks[used],
+        first=np.searchsorted(step_of, np.arange(len(ends) + 1)).astype(np.int64),
+        observers=seen.observers,
+        targets=seen.targets,
+        kinds=seen.kinds,
+        variances=np.square(sigmas[seen.kinds]),
+        noise=settings.noise,
+        sample_time=settings.sample_time,
+        options=options,
+        spans=np.diff(ends),
+        compared=compared,
+    )
+    readings = Readings(
+        initial=start_of(truth[0], settings, options.seed)[..., None],
+        speeds=mean_odometry(log, clock, ends, 1)[..., None],
+        turn_rates=mean_odometry(log, clock, ends, 2)[..., None],
+        sightings=seen.values[:, None],
+    )
+    return RecordedRun(clock, seen, used, setup, readings, _layout(len(log.robots), settings))
+
+
+def filtered(
+    run: RecordedRun, options: FilterOptions, progress: Seen | None = None
+) -> FilteredRun:
+    """Return what the filter of the options makes of a run.
+
+    Raises NoSolutionError where it diverges. An interrupt ends the wait for it at once.
+    """
+    n, e = run.layout.count, len(run.layout.sigmas)
+    samples, sightings = run.clock.samples, len(run.sightings.times)
+    series = (
+        empty_series(n, samples, wanted=options.with_series),
+        np.zeros((samples + 1 if options.with_series else 0, e, 3)),
+    )
+    counted = empty_augmented_statistics(n, e, 1, series, sightings)
+    states, P = _in_thread(run, options, counted, progress)
+    result = result_of([counted.poses], steps=samples)
+    if not np.isfinite(result.mean_squares).all():
+        raise NoSolutionError(
+            "the filter diverged: its errors are no longer finite; larger sigmas may help"
+        )
+    innovations, weights = counted.poses.innovations[..., 0].T
+    sigmas = np.sqrt(np.diag(P[3 * n :, 3 * n :, 0]))
+    return FilteredRun(result, innovations, weights, states[:, 0], sigmas)
+
+
+def _in_thread(
+    run: RecordedRun,
+    options: FilterOptions,
+    counted: AugmentedStatistics,
+    progress: Seen | None,
+) -> tuple[Array, Array]:
+    """Lasting errors (e, 1) and covariance at the end, filtered in another thread.
+
+    Compiled code would keep an interrupt waiting, and lose it.
+    """
+    done: Future[tuple[Array, Array]] = Future()
+
+    def work() -> None:
+        try:
+            done.set_result(_run(run, options, counted))
+        except BaseException as error:
+            done.set_exception(error)
+
+    Thread(target=work, daemon=True).start()
+    while progress is not None:
+        try:
+            return done.result(LOOK_EVERY_S)
+        except NotYetError:
+            progress(int(counted.poses.accepted[0] + counted.poses.gated[0]))
+    return done.result()
+
+
+def _run(
+    run: RecordedRun, options: FilterOptions, counted: AugmentedStatistics
+) -> tuple[Array, Array]:
+    model, readings = options.filter_model, run.readings
+    e = len(run.layout.sigmas)
+    if not e:
+        _, P = model.lane_filter.run(run.setup, readings, counted.poses)
+        return np.zeros((0, 1)), P
+    given = AugmentedReadings(
+        *readings,
+        headings=np.ascontiguousarray(run.setup.truth[:, :, 2, None]),
+        # what lasting errors truly are is not known
+        constants=np.zeros((e, 1)),
+        gusts=np.zeros((run.clock.samples + 1, 0, 1)),
+    )
+    setup = augmented_setup_of(run.setup, run.layout, NO_ERRORS)
+    _, errors, P = model.augmented_lane_filter.run(setup, given, counted)
+    return errors, P
+
+
+def _layout(count: int, settings: ReplaySettings) -> StateLayout:
+    """Each robot's pose, then its lasting errors, those that have a sigma."""
+    columns: dict[str, Index] = {}
+    sigmas: list[float] = []
+    for name, key in settings.lasting_errors().items():
+        sigma = float(getattr(settings, key))
+        if sigma > 0.0:
+            columns[name] = (3 * count + len(sigmas) + np.arange(count))[:, None]
+            sigmas += [sigma] * count
+    return StateLayout(tuple(columns), MappingProxyType(columns), np.array(sigmas), count)
