@@ -5,6 +5,7 @@ verdict_lines       GO or NO-GO, and findings
 fitted_tables       tables that leave out columns where it is narrow
 state_tables        tables of states that are no poses
 terminal_tables     tables of plans and runs for people
+replay_tables       tables of replays
 site_tables         tables of landmark sites
 document_table      kinds of documents, their schemas and how reports are known
 arguments           arguments that commands share
@@ -13,6 +14,7 @@ plan_commands       plan, refine, place, landmarks
 loss_tables         tables of losses
 run_commands        validate, sweep
 loss_commands       what-if
+start_poses         where robots of a recording start, as an option
 replay_commands     replay
 plot_commands       plot
 export_commands     export

@@ -13,7 +13,8 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from syncplan.reports.loss_schemas import WhatIfDocument
-    from syncplan.reports.run_schemas import ReplayDocument, SweepReport, ValidationDocument
+    from syncplan.reports.replay_schemas import ReplayDocument
+    from syncplan.reports.run_schemas import SweepReport, ValidationDocument
 
     Report = ReplayDocument | SweepReport | ValidationDocument | WhatIfDocument
 
@@ -82,11 +83,11 @@ DOCUMENTS: Mapping[str, DocumentKind] = MappingProxyType(
             shown_by="terminal_tables.show_validation",
         ),
         "replay": DocumentKind(
-            _RUNS,
+            "syncplan.reports.replay_schemas",
             "ReplayDocument",
             known_by=OTHER_DOCUMENTS["replay"].keys,
             title="Replay",
-            shown_by="terminal_tables.show_replay",
+            shown_by="replay_tables.show_replay",
         ),
         "sync": DocumentKind("syncplan.exporting.sync_document", "SyncDocument"),
         "sweep": DocumentKind(

@@ -1,22 +1,38 @@
 """The command that runs the filter on a recording: replay."""
 
 from collections.abc import Sequence
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from syncplan.cli.arguments import Output, Series, Shown
+from syncplan.cli.arguments import Output, Seed, Series, Shown
 from syncplan.cli.console import (
     Format,
     announce_compilation,
     deliver_document,
+    progress_bar,
     refuse_overwriting,
 )
+
+if TYPE_CHECKING:
+    from syncplan.estimation.filter_options import FilterChanges
+    from syncplan.estimation.replay_settings import ReplaySettings
+    from syncplan.reports.replay_schemas import ReplayDocument
 
 __all__ = ["replays"]
 
 replays = typer.Typer()
+
+
+class StartKind(StrEnum):
+    """Where the filter starts."""
+
+    truth = "truth"
+    prior = "prior"
+    given = "given"
+
 
 Recording = Annotated[
     Path,
@@ -27,15 +43,49 @@ Recording = Annotated[
 ]
 Landmarks = Annotated[
     str,
-    typer.Option(help="Landmarks whose bearings count: names such as 7,15, or all, or none"),
+    typer.Option(help="Landmarks whose sightings count: names such as 7,15, or all, or none"),
 ]
-Meetings = Annotated[bool, typer.Option(help="Whether bearings between robots count")]
+Meetings = Annotated[bool, typer.Option(help="Whether sightings between robots count")]
+Distances = Annotated[bool, typer.Option(help="Whether distances count, where recorded")]
 BearingSigma = Annotated[float, typer.Option(help="Sigma of a bearing that the filter assumes")]
+RangeSigma = Annotated[float, typer.Option(help="Sigma of a distance that the filter assumes")]
 SpeedSigma = Annotated[float, typer.Option(help="Assumed sigma of the speed, per sample")]
 TurnRateSigma = Annotated[float, typer.Option(help="Assumed sigma of the turn rate, per sample")]
-SampleTime = Annotated[float, typer.Option(help="Time between the filter's samples")]
+SpeedScaleSigma = Annotated[
+    float, typer.Option(help="Sigma of the share by which a robot's speeds are wrong; 0: not a state")
+]
+TurnRateBiasSigma = Annotated[
+    float, typer.Option(help="Sigma of a robot's turn-rate bias; 0: not a state")
+]
+BearingBiasSigma = Annotated[
+    float, typer.Option(help="Sigma of a robot's bearing bias (mounting); 0: not a state")
+]
+Delay = Annotated[
+    float, typer.Option(help="By how much sightings are recorded later than they were made")
+]
+Start = Annotated[
+    StartKind,
+    typer.Option(help="Start at the truth, drawn about it by the start's sigmas, or where given"),
+]
+Poses = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FILE|X,Y,RAD;...", help="Start poses of --start given", show_default=False
+    ),
+]
+StartSigma = Annotated[
+    float | None,
+    typer.Option(help="Sigma of each start coordinate; 0.01, 5 or 1 by --start", show_default=False),
+]
+StartHeadingSigma = Annotated[
+    float | None,
+    typer.Option(help="Sigma of each start heading; 0.01, 0.5 or 0.2 by --start", show_default=False),
+]
+SampleTime = Annotated[
+    float, typer.Option(help="Time between samples; sigmas of motion are of so long a reading")
+]
 Gate = Annotated[
-    float, typer.Option(help="Probability of the innovation gate; 1 accepts every bearing")
+    float, typer.Option(help="Probability of the innovation gate; 1 accepts every sighting")
 ]
 
 
@@ -49,43 +99,85 @@ def _replay(
     format_: Shown = Format.auto,
     landmarks: Landmarks = "all",
     meetings: Meetings = True,
-    bearing_sigma_rad: BearingSigma = 0.08,
-    speed_sigma_mps: SpeedSigma = 0.15,
-    turn_rate_sigma_rad_s: TurnRateSigma = 0.5,
+    distances: Distances = True,
+    bearing_sigma_rad: BearingSigma = 0.01,
+    range_sigma_m: RangeSigma = 0.3,
+    speed_sigma_mps: SpeedSigma = 0.09,
+    turn_rate_sigma_rad_s: TurnRateSigma = 0.22,
+    speed_scale_sigma: SpeedScaleSigma = 0.05,
+    turn_rate_bias_sigma_rad_s: TurnRateBiasSigma = 0.01,
+    bearing_bias_sigma_rad: BearingBiasSigma = 0.0,
+    delay_s: Delay = 0.0,
+    start: Start = StartKind.truth,
+    start_poses: Poses = None,
+    start_sigma_m: StartSigma = None,
+    start_sigma_rad: StartHeadingSigma = None,
+    seed: Seed = 0,
+    model: ModelOption = DEFAULT_MODEL,
     sample_time_s: SampleTime = 0.05,
     gate: Gate = 0.999,
     series: Series = False,
 ) -> int:
-    """Run the filter on recorded odometry and bearings, and compare it with the recorded truth.
+    """Run the filter on recorded odometry and sightings, and compare it with the recorded truth."""
+    from syncplan.cli.start_poses import start_poses as poses_of
+    from syncplan.estimation.replay_settings import START_SIGMAS, ReplaySettings
+    from syncplan.orbits.noise import Noise
 
-    The filter starts at the truth and uses bearings, not ranges.
-    """
+    known_to = START_SIGMAS[start.value]
+    settings = ReplaySettings(
+        meetings=meetings,
+        distances=distances,
+        bearing_sigma=bearing_sigma_rad,
+        range_sigma=range_sigma_m,
+        noise=Noise(
+            speed_sigma=speed_sigma_mps,
+            turn_rate_sigma=turn_rate_sigma_rad_s,
+            position_sigma=known_to[0] if start_sigma_m is None else start_sigma_m,
+            heading_sigma=known_to[1] if start_sigma_rad is None else start_sigma_rad,
+        ),
+        speed_scale_sigma=speed_scale_sigma,
+        turn_rate_bias_sigma=turn_rate_bias_sigma_rad_s,
+        bearing_bias_sigma=bearing_bias_sigma_rad,
+        sample_time=sample_time_s,
+        delay=delay_s,
+        start=start.value,
+        start_poses=None if start_poses is None else poses_of(start_poses),
+    )
+    changes: FilterChanges = {
+        "gate_probability": gate,
+        "seed": seed,
+        "model": model.value,
+        "with_series": series,
+    }
+    deliver_document("replay", _document(log, landmarks, settings, changes, output), output, format_)
+    return 0
+
+
+def _document(
+    folder: Path,
+    landmarks: str,
+    settings: "ReplaySettings",
+    changes: "FilterChanges",
+    output: Path | None,
+) -> "ReplayDocument":
+    """The report of a replay, with its progress on the way."""
     from dataclasses import replace
 
-    from syncplan.estimation.replays import GROUND_ROBOTS, OPTIONS, replay
+    from syncplan.estimation.replays import replay_options, replay_with
     from syncplan.recordings.recording_formats import load_log, recorded_files_in
     from syncplan.reports.replay_report import replay_document
 
-    recording = load_log(log)
+    recording = load_log(folder)
     chosen = _named(landmarks, recording.landmark_names)
-    for recorded in recorded_files_in(log):
+    for recorded in recorded_files_in(folder):
         refuse_overwriting(str(recorded), output)
-    announce_compilation(OPTIONS, [(len(recording.robots), False)])
-    noise = replace(
-        GROUND_ROBOTS, speed_sigma=speed_sigma_mps, turn_rate_sigma=turn_rate_sigma_rad_s
-    )
-    replayed = replay(
-        recording,
-        landmarks=chosen,
-        meetings=meetings,
-        bearing_sigma=bearing_sigma_rad,
-        noise=noise,
-        sample_time=sample_time_s,
-        gate_probability=gate,
-        with_series=series,
-    )
-    deliver_document("replay", replay_document(replayed), output, format_)
-    return 0
+    settings = replace(settings, landmarks=None if chosen is None else tuple(chosen))
+    options = replay_options(None, changes)
+    announce_compilation(options, [(len(recording.robots), settings.has_lasting_errors)])
+    readings = sum(len(robot.times) for robot in recording.robots) * (1 + settings.distances)
+    with progress_bar("sightings", readings) as progress:
+        replayed = replay_with(recording, settings, options, progress)
+    return replay_document(replayed)
 
 
 def _named(text: str, known: Sequence[int | str]) -> list[int | str] | None:

@@ -22,13 +22,12 @@ from syncplan.reports.plan_schemas import LandmarkLink, Link, PlanDocument
 from syncplan.reports.refinement_schemas import RefinementResult
 from syncplan.reports.run_schemas import (
     ErrorFigures,
-    ReplayDocument,
     Spread,
     SweepReport,
     ValidationDocument,
 )
 
-__all__ = ["show_placement", "show_plan", "show_replay", "show_sweep", "show_validation"]
+__all__ = ["MOST_ROWS", "show_placement", "show_plan", "show_sweep", "show_validation", "spread_words"]
 
 MOST_ROWS = 40
 MOST_NAMED = 12
@@ -107,43 +106,10 @@ def show_validation(report: ValidationDocument, console: Console) -> None:
             f"trials with a vehicle off by over 3 times the bound {100.0 * far:.3g} %, "
             f"over 10 times {100.0 * lost:.3g} %"
         )
-    console.print(f"ANEES {_spread(report.anees)}")
-    console.print(f"NIS   {_spread(report.nis)}")
+    console.print(f"ANEES {spread_words(report.anees)}")
+    console.print(f"NIS   {spread_words(report.nis)}")
     if report.verdict is not None:
         show_findings(report.verdict, console)
-    for note in report.notes:
-        console.print(f"[yellow]note[/]: {escape(note)}")
-
-
-def show_replay(report: ReplayDocument, console: Console) -> None:
-    """Print the report of a replay."""
-    counts = report.readings
-    console.print(
-        f"[bold]{escape(report.name)}[/]: {report.run}; position {report.position_rmse_m:.3f} m, "
-        f"heading {report.heading_rmse_rad:.3f} rad RMS over all robots"
-    )
-    console.print(
-        f"bearings: {counts.used} used, {counts.rejected} rejected by the gate, "
-        f"{counts.unknown} of unknown targets, {counts.not_asked_for} not asked for, "
-        f"{counts.outside} outside the run"
-    )
-    table = FittedTable(
-        "RMS error in m over the run, and over its second half",
-        ("robot", "x", "y", "position", "2nd half", "heading rad", "3 sigma"),
-        goes=("x", "y", "3 sigma", "2nd half"),
-    )
-    for robot in report.robots[:MOST_ROWS]:
-        values = (robot.rms_x_m, robot.rms_y_m, robot.rms_m, robot.rms_second_half_m)
-        table.add_row(
-            escape(robot.name),
-            *(f"{value:.3f}" for value in values),
-            f"{robot.rms_heading_rad:.3f}",
-            f"{robot.coverage_3sigma:.4f}",
-        )
-    table.count_hidden(len(report.robots) - MOST_ROWS)
-    console.print(table)
-    console.print(f"ANEES {_spread(report.anees)}")
-    console.print(f"NIS   {_spread(report.nis)}")
     for note in report.notes:
         console.print(f"[yellow]note[/]: {escape(note)}")
 
@@ -307,7 +273,8 @@ def _figures(figures: ErrorFigures) -> list[str]:
     ]
 
 
-def _spread(spread: Spread) -> str:
+def spread_words(spread: Spread) -> str:
+    """Return a consistency figure with its verdict in colour."""
     colours = {"consistent": "green", "unknown": "yellow"}
     colour = colours.get(spread.verdict, "red")
     return f"{interval_words(spread)}: [{colour}]{verdict_words(spread)}[/]"

@@ -42,6 +42,7 @@ __all__ = [
     "Replay",
     "longest_gap",
     "replay",
+    "replay_options",
     "replay_with",
 ]
 
@@ -144,9 +145,39 @@ class Replay(Result):
         return self.clock.sample_time
 
     @property
+    def meetings(self) -> bool:
+        """Whether sightings between robots were used."""
+        return self.settings.meetings
+
+    @property
+    def bearing_sigma(self) -> float:
+        """What the filter assumed, rad."""
+        return self.settings.bearing_sigma
+
+    @property
+    def noise(self) -> Noise:
+        """What the filter assumed of motion readings and the start."""
+        return self.settings.noise
+
+    @property
     def bearings(self) -> KindCounts:
         """What became of the bearings."""
         return self.counts["bearing"]
+
+    @property
+    def unknown(self) -> int:
+        """Number of bearings of a subject that there is not."""
+        return self.bearings.left_out.unknown
+
+    @property
+    def not_asked_for(self) -> int:
+        """Number of bearings of landmarks or robots left out on purpose."""
+        return self.bearings.left_out.not_asked_for
+
+    @property
+    def outside(self) -> int:
+        """Number of bearings asked for, but from before or after the run."""
+        return self.bearings.left_out.outside
 
 
 def replay(
@@ -203,7 +234,7 @@ def replay(
         start=start,
         start_poses=start_poses,
     )
-    return replay_with(log, settings, _options(options, changes), progress)
+    return replay_with(log, settings, replay_options(options, changes), progress)
 
 
 def replay_with(
@@ -249,8 +280,8 @@ def replay_with(
     )
 
 
-def _options(options: FilterOptions | None, changes: FilterChanges) -> FilterOptions:
-    """The options of a replay, whose gate may also be 1: no gate."""
+def replay_options(options: FilterOptions | None, changes: FilterChanges) -> FilterOptions:
+    """Return the options of a replay with changes; its gate may also be 1: no gate."""
     gate = changes.get("gate_probability")
     if gate is not None and not 0.0 < gate <= 1.0:
         problem = f"{gate:g} given; allowed is more than 0, up to 1, which accepts all"

@@ -8,7 +8,8 @@ from syncplan.planning.judged_plan import Plan
 from syncplan.plotting.canvas import Spec, axis, escaped, layout, message, numbers
 from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.palette import BLUE, GREEN, INK, ORANGE, SKY
-from syncplan.reports.run_schemas import ReplayDocument, ValidationDocument
+from syncplan.reports.replay_schemas import ReplayDocument
+from syncplan.reports.run_schemas import ValidationDocument
 
 __all__ = ["accuracy_spec", "bars", "prediction_spec"]
 

@@ -15,7 +15,8 @@ from syncplan.reports.loss_schemas import WhatIfDocument
 from syncplan.reports.refinement_report import refinement_result
 from syncplan.reports.refinement_schemas import RefinementResult
 from syncplan.reports.replay_report import replay_document
-from syncplan.reports.run_schemas import ReplayDocument, SweepReport, ValidationDocument
+from syncplan.reports.replay_schemas import ReplayDocument
+from syncplan.reports.run_schemas import SweepReport, ValidationDocument
 from syncplan.reports.validation_report import validation_document
 
 __all__ = ["Run", "Subject", "first_figure", "report_of", "specs_of"]

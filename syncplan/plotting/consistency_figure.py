@@ -7,7 +7,8 @@ from syncplan.plotting.canvas import Spec, axis, escaped, layout, numbers, panel
 from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.palette import BLUE, INK, MUTED, SKY, VERMILLION, translucent
 from syncplan.reports.consistency_words import interval_words, verdict_words
-from syncplan.reports.run_schemas import ReplayDocument, Spread, ValidationDocument
+from syncplan.reports.replay_schemas import ReplayDocument
+from syncplan.reports.run_schemas import Spread, ValidationDocument
 
 __all__ = ["consistency_spec"]
 

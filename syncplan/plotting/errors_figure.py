@@ -15,7 +15,8 @@ from syncplan.plotting.canvas import Spec, escaped, layout, numbers
 from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.palette import INK, SKY, VERMILLION, translucent
 from syncplan.plotting.panels_over_time import every_so_many, panels
-from syncplan.reports.run_schemas import ReplayDocument, Series, ValidationDocument, VehicleSeries
+from syncplan.reports.replay_schemas import ReplayDocument
+from syncplan.reports.run_schemas import Series, ValidationDocument, VehicleSeries
 
 __all__ = ["MOST_VEHICLES", "errors_spec"]
 

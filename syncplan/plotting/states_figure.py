@@ -12,7 +12,8 @@ from syncplan.plotting.canvas import Spec, escaped, layout, numbers
 from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.palette import INK, SKY, VERMILLION
 from syncplan.plotting.panels_over_time import every_so_many, panels
-from syncplan.reports.run_schemas import ReplayDocument, ValidationDocument
+from syncplan.reports.replay_schemas import ReplayDocument
+from syncplan.reports.run_schemas import ValidationDocument
 from syncplan.reports.state_error_schemas import StateErrorSeries
 
 __all__ = ["MOST_STATES", "states_spec"]

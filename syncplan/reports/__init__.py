@@ -8,7 +8,8 @@ plan_schemas        of plans
 site_schemas        of choices of landmark sites
 loss_schemas        of what losses do to a plan
 state_error_schemas  of errors of states that are no poses
-run_schemas         of validations, replays and sweeps
+run_schemas         of validations and sweeps
+replay_schemas      of replays
 consistency_words   ANEES and NIS in words
 job_contract        kinds and states of the service's jobs
 refinement_report   refinements

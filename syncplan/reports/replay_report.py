@@ -6,10 +6,16 @@ import numpy as np
 
 from syncplan import __version__
 from syncplan.arrays import Array
-from syncplan.estimation.replays import Replay, longest_gap
+from syncplan.estimation.replays import KindCounts, Replay, longest_gap
 from syncplan.estimation.trials import Accuracy
 from syncplan.reports.consistency_words import interval_words
-from syncplan.reports.run_schemas import ReadingCounts, ReplayDocument, ReplayFilter, RobotFigures
+from syncplan.reports.replay_schemas import (
+    LastingError,
+    ReadingCounts,
+    ReplayDocument,
+    ReplayFilter,
+    RobotFigures,
+)
 from syncplan.reports.validation_report import series_of, spread_of
 
 __all__ = ["replay_document"]
@@ -41,15 +47,7 @@ def replay_document(replayed: Replay) -> ReplayDocument:
         duration_s=replayed.duration,
         landmarks=list(replayed.landmarks),
         meetings=replayed.meetings,
-        filter=ReplayFilter(
-            bearing_sigma_rad=replayed.bearing_sigma,
-            speed_sigma_mps=replayed.noise.speed_sigma,
-            turn_rate_sigma_rad_s=replayed.noise.turn_rate_sigma,
-            position_sigma_m=replayed.noise.position_sigma,
-            heading_sigma_rad=replayed.noise.heading_sigma,
-            sample_time_s=replayed.sample_time,
-            gate_probability=replayed.gate_probability,
-        ),
+        filter=_filter(replayed),
         position_rmse_m=float(overall.position),
         heading_rmse_rad=float(overall.heading),
         robots=[
@@ -63,15 +61,52 @@ def replay_document(replayed: Replay) -> ReplayDocument:
         coverage_3sigma=float(replayed.coverage.mean()),
         anees=spread_of(replayed.anees),
         nis=spread_of(replayed.nis),
-        readings=ReadingCounts(
-            used=int(result.accepted.sum()),
-            rejected=int(result.gated.sum()),
-            unknown=replayed.unknown,
-            not_asked_for=replayed.not_asked_for,
-            outside=replayed.outside,
-        ),
+        readings=_counts(replayed.bearings),
+        distances=_counts(distances) if (distances := _distances(replayed)) else None,
+        lasting_errors=[
+            LastingError(
+                name=one.name, robot=one.robot, unit=one.unit, value=one.value, sigma=one.sigma
+            )
+            for one in replayed.lasting_errors
+        ],
         series=series_of(result, names, replayed.sample_time) if result.branches else None,
         notes=_notes(replayed),
+    )
+
+
+def _filter(replayed: Replay) -> ReplayFilter:
+    settings, noise = replayed.settings, replayed.noise
+    return ReplayFilter(
+        model=replayed.options.model,
+        bearing_sigma_rad=settings.bearing_sigma,
+        range_sigma_m=settings.range_sigma if _distances(replayed) else None,
+        speed_sigma_mps=noise.speed_sigma,
+        turn_rate_sigma_rad_s=noise.turn_rate_sigma,
+        speed_scale_sigma=settings.speed_scale_sigma,
+        turn_rate_bias_sigma_rad_s=settings.turn_rate_bias_sigma,
+        bearing_bias_sigma_rad=settings.bearing_bias_sigma,
+        delay_s=settings.delay,
+        start=settings.start,
+        position_sigma_m=noise.position_sigma,
+        heading_sigma_rad=noise.heading_sigma,
+        sample_time_s=replayed.sample_time,
+        gate_probability=replayed.gate_probability,
+    )
+
+
+def _distances(replayed: Replay) -> KindCounts | None:
+    """What became of distances; None where none is recorded, or they were not asked for."""
+    recorded = any(np.isfinite(robot.ranges).any() for robot in replayed.log.robots)
+    return replayed.counts.get("distance") if recorded else None
+
+
+def _counts(counts: KindCounts) -> ReadingCounts:
+    return ReadingCounts(
+        used=counts.used,
+        rejected=counts.rejected,
+        unknown=counts.left_out.unknown,
+        not_asked_for=counts.left_out.not_asked_for,
+        outside=counts.left_out.outside,
     )
 
 
@@ -103,21 +138,29 @@ def _notes(replayed: Replay) -> list[str]:
 
 
 def _readings_notes(replayed: Replay) -> list[str]:
-    used, rejected = int(replayed.result.accepted.sum()), int(replayed.result.gated.sum())
+    kinds = replayed.counts.items()
+    used, rejected, outside = (
+        sum(count)
+        for count in zip(*((k.used, k.rejected, k.left_out.outside) for _, k in kinds), strict=True)
+    )
     notes = []
-    if used + rejected + replayed.outside == 0:
-        notes.append("no bearing was used: this is odometry alone")
+    if used + rejected + outside == 0:
+        notes.append("no sighting was used: this is odometry alone")
     elif used + rejected == 0:
         notes.append(
-            f"all {replayed.outside} bearings that were asked for are from before or after the "
-            "run: by another clock? This is odometry alone"
+            f"all {outside} bearings and distances that were asked for are from before or after "
+            "the run: by another clock? This is odometry alone"
         )
-    if rejected > used:
-        notes.append(
-            f"the gate rejected {rejected} of {used + rejected} bearings: the filter has lost its "
-            f"way, its sigmas are too small, or {OTHER_CAUSES}"
-        )
-    largest = max(np.abs(robot.bearings).max(initial=0.0) for robot in replayed.log.robots)
+    for name, count in kinds:
+        if count.rejected > count.used:
+            notes.append(
+                f"the gate rejected {count.rejected} of {count.used + count.rejected} {name}s: the "
+                f"filter has lost its way, its sigmas are too small, or {OTHER_CAUSES}"
+            )
+    largest = max(
+        np.abs(robot.bearings[np.isfinite(robot.bearings)]).max(initial=0.0)
+        for robot in replayed.log.robots
+    )
     if largest > MOST_BEARING_RAD:
         notes.append(f"bearings of up to {largest:.4g} rad: are they in degrees?")
     return notes
@@ -125,8 +168,7 @@ def _readings_notes(replayed: Replay) -> list[str]:
 
 def _consistency_notes(replayed: Replay) -> list[str]:
     notes = []
-    anees, nis = spread_of(replayed.anees), spread_of(replayed.nis)
-    assumed = replayed.bearing_sigma
+    anees, settings = spread_of(replayed.anees), replayed.settings
     if anees.verdict == "optimistic":
         notes.append(
             f"the filter makes larger errors than its sigmas say (ANEES {interval_words(anees)}): "
@@ -137,16 +179,19 @@ def _consistency_notes(replayed: Replay) -> list[str]:
             f"the filter makes smaller errors than its sigmas say (ANEES {interval_words(anees)}): "
             "they may be smaller"
         )
-    if nis.verdict == "optimistic":
-        notes.append(
-            f"bearings scatter more than the filter expects (NIS {interval_words(nis)}): their "
-            f"sigma may be more than {assumed:g} rad"
-        )
-    elif nis.verdict == "conservative":
-        notes.append(
-            f"bearings scatter less than the filter expects (NIS {interval_words(nis)}): their "
-            f"sigma may be less than {assumed:g} rad"
-        )
+    assumed = {"bearing": f"{settings.bearing_sigma:g} rad", "distance": f"{settings.range_sigma:g} m"}
+    for name, count in replayed.counts.items():
+        nis = spread_of(count.nis)
+        if nis.verdict == "optimistic":
+            notes.append(
+                f"{name}s scatter more than the filter expects (NIS {interval_words(nis)}): their "
+                f"sigma may be more than {assumed[name]}"
+            )
+        elif nis.verdict == "conservative":
+            notes.append(
+                f"{name}s scatter less than the filter expects (NIS {interval_words(nis)}): their "
+                f"sigma may be less than {assumed[name]}"
+            )
     return notes
 
 

@@ -1,4 +1,4 @@
-"""The JSON contracts of runs of the filter: validations, replays and sweeps."""
+"""The JSON contracts of runs of the filter along plans: validations and sweeps."""
 
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -13,11 +13,9 @@ from syncplan.reports.verdict_schemas import PlanVerdict
 
 __all__ = [
     "ErrorFigures",
+    "Errors",
     "FilterRecord",
-    "ReadingCounts",
-    "ReplayDocument",
-    "ReplayFilter",
-    "RobotFigures",
+    "RunReport",
     "Series",
     "Spread",
     "SweepReport",
@@ -49,7 +47,7 @@ class Spread(DocumentPart):
     )
 
 
-class _Errors(DocumentPart):
+class Errors(DocumentPart):
     """Errors over all trials; RMS over the samples after time 0."""
 
     rms_m: float
@@ -61,7 +59,7 @@ class _Errors(DocumentPart):
     coverage_3sigma: float = Field(description="Share of coordinates within 3 sigma; ideal 0.9973")
 
 
-class ErrorFigures(_Errors):
+class ErrorFigures(Errors):
     """Errors over all trials; RMS over the samples after time 0."""
 
     predicted_rms_m: float | None
@@ -126,7 +124,7 @@ class Series(Document):
     )
 
 
-class _RunReport(VersionedDocument):
+class RunReport(VersionedDocument):
     """A report of a run, which may hold `series`."""
 
     left_out_if_none: ClassVar[frozenset[str]] = frozenset({"series"})
@@ -134,7 +132,7 @@ class _RunReport(VersionedDocument):
     name: str
 
 
-class ValidationDocument(_RunReport):
+class ValidationDocument(RunReport):
     """A Monte Carlo run of the filter on a plan."""
 
     left_out_if_none: ClassVar[frozenset[str]] = frozenset({"series", "errors"})
@@ -162,70 +160,6 @@ class ValidationDocument(_RunReport):
     def run(self) -> str:
         """How much was run, in words."""
         return f"{self.trials} trials of {self.duration_s:g} s, seed {self.seed}"
-
-
-class RobotFigures(_Errors):
-    """Errors of one robot of a recording: a single trial."""
-
-    name: str
-
-
-class ReplayFilter(DocumentPart):
-    """What the filter assumes of a recording; sigmas of motion are per sample."""
-
-    bearing_sigma_rad: float
-    speed_sigma_mps: float
-    turn_rate_sigma_rad_s: float
-    position_sigma_m: float = Field(description="Of the start, which is at the truth")
-    heading_sigma_rad: float = Field(description="Of the start, which is at the truth")
-    sample_time_s: float
-    gate_probability: float = Field(description="Of the innovation gate; 1 accepts all")
-
-
-class ReadingCounts(DocumentPart):
-    """How many bearings were used, and why others were not."""
-
-    used: int
-    rejected: int = Field(description="Rejected by the gate")
-    unknown: int = Field(description="Of targets that nobody recognised")
-    not_asked_for: int = Field(description="Of landmarks or robots left out on purpose")
-    outside: int = Field(description="Asked for, but from before or after the run")
-
-
-class ReplayDocument(_RunReport):
-    """The filter on a recording of real robots, beside where they truly were."""
-
-    begin_s: float = Field(description="When the run begins by the recording's clock")
-    duration_s: float
-    landmarks: list[int | str] = Field(
-        description="Names, or numbers, of those whose bearings were asked for"
-    )
-    meetings: bool = Field(description="Whether bearings between robots were")
-    filter: ReplayFilter
-    position_rmse_m: float = Field(description="Over all robots and samples after the first")
-    heading_rmse_rad: float
-    robots: list[RobotFigures]
-    coverage_3sigma: float
-    anees: Spread
-    nis: Spread
-    readings: ReadingCounts
-    series: Series | None = None
-    notes: list[str]
-
-    @property
-    def run(self) -> str:
-        """How much was run, in words."""
-        return f"a recording of {self.duration_s:g} s"
-
-    @property
-    def vehicles(self) -> list[RobotFigures]:
-        """The robots, as figures of any run know them."""
-        return self.robots
-
-    @property
-    def trials(self) -> int:
-        """One: a recording is a single trial."""
-        return 1
 
 
 class SweepRow(Document):

@@ -1,0 +1,62 @@
+"""Replays as tables for a terminal."""
+
+from rich.console import Console
+from rich.markup import escape
+
+from syncplan.cli.fitted_tables import FittedTable
+from syncplan.cli.terminal_tables import MOST_ROWS, spread_words
+from syncplan.reports.replay_schemas import ReplayDocument
+
+__all__ = ["show_replay"]
+
+
+def show_replay(report: ReplayDocument, console: Console) -> None:
+    """Print the report of a replay."""
+    console.print(
+        f"[bold]{escape(report.name)}[/]: {report.run}; position {report.position_rmse_m:.3f} m, "
+        f"heading {report.heading_rmse_rad:.3f} rad RMS over all robots"
+    )
+    for name, counts in (("bearings", report.readings), ("distances", report.distances)):
+        if counts is not None:
+            console.print(
+                f"{name}: {counts.used} used, {counts.rejected} rejected by the gate, "
+                f"{counts.unknown} of unknown targets, {counts.not_asked_for} not asked for, "
+                f"{counts.outside} outside the run"
+            )
+    table = FittedTable(
+        "RMS error in m over the run, and over its second half",
+        ("robot", "x", "y", "position", "2nd half", "heading rad", "3 sigma"),
+        goes=("x", "y", "3 sigma", "2nd half"),
+    )
+    for robot in report.robots[:MOST_ROWS]:
+        values = (robot.rms_x_m, robot.rms_y_m, robot.rms_m, robot.rms_second_half_m)
+        table.add_row(
+            escape(robot.name),
+            *(f"{value:.3f}" for value in values),
+            f"{robot.rms_heading_rad:.3f}",
+            f"{robot.coverage_3sigma:.4f}",
+        )
+    table.count_hidden(len(report.robots) - MOST_ROWS)
+    console.print(table)
+    _print_lasting_errors(report, console)
+    console.print(f"ANEES {spread_words(report.anees)}")
+    console.print(f"NIS   {spread_words(report.nis)}")
+    for note in report.notes:
+        console.print(f"[yellow]note[/]: {escape(note)}")
+
+
+def _print_lasting_errors(report: ReplayDocument, console: Console) -> None:
+    found = report.lasting_errors or []
+    names = list(dict.fromkeys(one.name for one in found))
+    if not names:
+        return
+    units = {one.name: "" if one.unit == "1" else f" {one.unit}" for one in found}
+    heads = [f"{name.replace('_', ' ')}{units[name]}" for name in names]
+    table = FittedTable("lasting errors at the end, with their sigmas", ("robot", *heads))
+    for robot in report.robots[:MOST_ROWS]:
+        own = [one for one in found if one.robot == robot.name]
+        table.add_row(escape(robot.name), *(f"{one.value:.4f} ± {one.sigma:.4f}" for one in own))
+    table.count_hidden(len(report.robots) - MOST_ROWS)
+    console.print(table)
+
+

@@ -1,0 +1,112 @@
+"""The JSON contract of replays: the filter on a recording of real robots."""
+
+from pydantic import Field
+
+from syncplan.reports.document_base import DocumentPart
+from syncplan.reports.run_schemas import Errors, RunReport, Series, Spread
+
+__all__ = [
+    "LastingError",
+    "ReadingCounts",
+    "ReplayDocument",
+    "ReplayFilter",
+    "RobotFigures",
+]
+
+
+class RobotFigures(Errors):
+    """Errors of one robot of a recording: a single trial."""
+
+    name: str
+
+
+class ReplayFilter(DocumentPart):
+    """What the filter assumes of a recording; sigmas of motion are per sample.
+
+    What is null in older files was not part of the filter then.
+    """
+
+    model: str | None = Field(default=None, description="Name of the filter", examples=["arc"])
+    bearing_sigma_rad: float
+    range_sigma_m: float | None = Field(
+        default=None, description="Null where distances are not recorded, or not asked for"
+    )
+    speed_sigma_mps: float
+    turn_rate_sigma_rad_s: float
+    speed_scale_sigma: float | None = Field(
+        default=None, description="Of the share by which each robot's speed readings are wrong"
+    )
+    turn_rate_bias_sigma_rad_s: float | None = None
+    bearing_bias_sigma_rad: float | None = None
+    delay_s: float | None = Field(
+        default=None, description="By which sightings are recorded later than they were made"
+    )
+    start: str | None = Field(
+        default=None, description="Where the filter starts; at the truth where null"
+    )
+    position_sigma_m: float = Field(description="Of the start")
+    heading_sigma_rad: float = Field(description="Of the start")
+    sample_time_s: float = Field(description="Between the samples at which errors are taken")
+    gate_probability: float = Field(description="Of the innovation gate; 1 accepts all")
+
+
+class ReadingCounts(DocumentPart):
+    """How many readings of one kind were used, and why others were not."""
+
+    used: int
+    rejected: int = Field(description="Rejected by the gate")
+    unknown: int = Field(description="Of targets that nobody recognised")
+    not_asked_for: int = Field(description="Of landmarks or robots left out on purpose")
+    outside: int = Field(description="Asked for, but from before or after the run")
+
+
+class LastingError(DocumentPart):
+    """A lasting error of one robot's odometry or camera, as the filter has it at the end."""
+
+    name: str = Field(examples=["speed_scale"])
+    robot: str
+    unit: str
+    value: float
+    sigma: float
+
+
+class ReplayDocument(RunReport):
+    """The filter on a recording of real robots, beside where they truly were."""
+
+    begin_s: float = Field(description="When the run begins by the recording's clock")
+    duration_s: float
+    landmarks: list[int | str] = Field(
+        description="Names, or numbers, of those whose sightings were asked for"
+    )
+    meetings: bool = Field(description="Whether sightings between robots were")
+    filter: ReplayFilter
+    position_rmse_m: float = Field(description="Over all robots and samples after the first")
+    heading_rmse_rad: float
+    robots: list[RobotFigures]
+    coverage_3sigma: float
+    anees: Spread
+    nis: Spread = Field(description="Of all kinds of sighting")
+    readings: ReadingCounts = Field(description="Of bearings")
+    distances: ReadingCounts | None = Field(
+        default=None, description="Null where distances are not recorded, or not asked for"
+    )
+    lasting_errors: list[LastingError] | None = Field(
+        default=None, description="Those that are states of the filter; null in older files"
+    )
+    series: Series | None = None
+    notes: list[str]
+
+    @property
+    def run(self) -> str:
+        """How much was run, in words."""
+        return f"a recording of {self.duration_s:g} s"
+
+    @property
+    def vehicles(self) -> list[RobotFigures]:
+        """The robots, as figures of any run know them."""
+        return self.robots
+
+    @property
+    def trials(self) -> int:
+        """One: a recording is a single trial."""
+        return 1
