@@ -14,7 +14,7 @@ plan_commands       plan, refine, place, landmarks
 loss_tables         tables of losses
 run_commands        validate, sweep
 loss_commands       what-if
-start_poses         where robots of a recording start, as an option
+start_option        where robots of a recording start, as an option
 replay_commands     replay
 plot_commands       plot
 export_commands     export

@@ -15,6 +15,8 @@ from syncplan.cli.console import (
     progress_bar,
     refuse_overwriting,
 )
+from syncplan.estimation.filter_options import FilterOptions
+from syncplan.estimation.filters import FILTERS
 
 if TYPE_CHECKING:
     from syncplan.estimation.filter_options import FilterChanges
@@ -24,6 +26,10 @@ if TYPE_CHECKING:
 __all__ = ["replays"]
 
 replays = typer.Typer()
+
+
+Filter = StrEnum("Filter", {name: name for name in FILTERS})  # type: ignore[misc]
+DEFAULT_FILTER = Filter(FilterOptions().model)
 
 
 class StartKind(StrEnum):
@@ -41,6 +47,7 @@ Recording = Annotated[
         help="Recording: folder of CSV files, of those of MRCLAM, or a ROS 2 bag; or its archive",
     ),
 ]
+FilterOption = Annotated[Filter, typer.Option("--filter", help="Which filter runs")]
 Landmarks = Annotated[
     str,
     typer.Option(help="Landmarks whose sightings count: names such as 7,15, or all, or none"),
@@ -52,7 +59,8 @@ RangeSigma = Annotated[float, typer.Option(help="Sigma of a distance that the fi
 SpeedSigma = Annotated[float, typer.Option(help="Assumed sigma of the speed, per sample")]
 TurnRateSigma = Annotated[float, typer.Option(help="Assumed sigma of the turn rate, per sample")]
 SpeedScaleSigma = Annotated[
-    float, typer.Option(help="Sigma of the share by which a robot's speeds are wrong; 0: not a state")
+    float,
+    typer.Option(help="Sigma of the share by which a robot's speeds are wrong; 0: not a state"),
 ]
 TurnRateBiasSigma = Annotated[
     float, typer.Option(help="Sigma of a robot's turn-rate bias; 0: not a state")
@@ -75,11 +83,15 @@ Poses = Annotated[
 ]
 StartSigma = Annotated[
     float | None,
-    typer.Option(help="Sigma of each start coordinate; 0.01, 5 or 1 by --start", show_default=False),
+    typer.Option(
+        help="Sigma of each start coordinate; 0.01, 5 or 1 by --start", show_default=False
+    ),
 ]
 StartHeadingSigma = Annotated[
     float | None,
-    typer.Option(help="Sigma of each start heading; 0.01, 0.5 or 0.2 by --start", show_default=False),
+    typer.Option(
+        help="Sigma of each start heading; 0.01, 0.5 or 0.2 by --start", show_default=False
+    ),
 ]
 SampleTime = Annotated[
     float, typer.Option(help="Time between samples; sigmas of motion are of so long a reading")
@@ -101,7 +113,7 @@ def _replay(
     meetings: Meetings = True,
     distances: Distances = True,
     bearing_sigma_rad: BearingSigma = 0.01,
-    range_sigma_m: RangeSigma = 0.3,
+    range_sigma_m: RangeSigma = 0.4,
     speed_sigma_mps: SpeedSigma = 0.09,
     turn_rate_sigma_rad_s: TurnRateSigma = 0.22,
     speed_scale_sigma: SpeedScaleSigma = 0.05,
@@ -113,13 +125,13 @@ def _replay(
     start_sigma_m: StartSigma = None,
     start_sigma_rad: StartHeadingSigma = None,
     seed: Seed = 0,
-    model: ModelOption = DEFAULT_MODEL,
+    filter_: FilterOption = DEFAULT_FILTER,
     sample_time_s: SampleTime = 0.05,
     gate: Gate = 0.999,
     series: Series = False,
 ) -> int:
     """Run the filter on recorded odometry and sightings, and compare it with the recorded truth."""
-    from syncplan.cli.start_poses import start_poses as poses_of
+    from syncplan.cli.start_option import poses_of
     from syncplan.estimation.replay_settings import START_SIGMAS, ReplaySettings
     from syncplan.orbits.noise import Noise
 
@@ -146,10 +158,12 @@ def _replay(
     changes: FilterChanges = {
         "gate_probability": gate,
         "seed": seed,
-        "model": model.value,
+        "model": filter_.value,
         "with_series": series,
     }
-    deliver_document("replay", _document(log, landmarks, settings, changes, output), output, format_)
+    deliver_document(
+        "replay", _document(log, landmarks, settings, changes, output), output, format_
+    )
     return 0
 
 

@@ -58,5 +58,3 @@ def _print_lasting_errors(report: ReplayDocument, console: Console) -> None:
         table.add_row(escape(robot.name), *(f"{one.value:.4f} ± {one.sigma:.4f}" for one in own))
     table.count_hidden(len(report.robots) - MOST_ROWS)
     console.print(table)
-
-

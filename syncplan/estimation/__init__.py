@@ -36,5 +36,9 @@ air_motion         headings and airspeeds of circles in wind
 trial_readings     what is read in trials
 montecarlo         many trials along a plan
 trial_archive      trials as bytes
+replay_settings    what the filter assumes of a recording
+recorded_starts    where it starts
+recorded_readings  a recording's readings at their own times
+recorded_run       a recording as a run of the filter
 replays            the filter on a recording
 """

@@ -1,9 +1,9 @@
 """A recording's readings at their own times, on a clock that begins with its truth.
 
-    odometry    held from one reading to the next, and averaged over each step of the filter; zero
-                before the first and after the last
-    sightings   in the order of their times, which end the filter's steps
-    truth       straight lines between its entries; headings unwrapped
+odometry    held from one reading to the next, and averaged over each step of the filter; zero
+            before the first and after the last
+sightings   in the order of their times, which end the filter's steps
+truth       straight lines between its entries; headings unwrapped
 """
 
 from collections.abc import Mapping
@@ -152,7 +152,9 @@ def mean_odometry(log: Log, clock: Clock, ends: Array, column: int) -> Array:
     return means
 
 
-def sightings_of(log: Log, clock: Clock, used: Index, settings: ReplaySettings) -> RecordedSightings:
+def sightings_of(
+    log: Log, clock: Clock, used: Index, settings: ReplaySettings
+) -> RecordedSightings:
     """Return the sightings that count: of the landmarks at places `used`, and of robots."""
     robots = log.robots
     counts = [len(robot.times) for robot in robots]

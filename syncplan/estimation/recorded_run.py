@@ -37,10 +37,9 @@ from syncplan.estimation.recorded_starts import start_of
 from syncplan.estimation.replay_settings import ReplaySettings
 from syncplan.estimation.trials import MonteCarloResult, result_of
 from syncplan.orbits.error_states import NO_ERRORS, StateLayout
-from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 from syncplan.recordings.log import Log
 
-__all__ = ["FilteredRun", "RecordedRun", "Seen", "filtered", "recorded_run"]
+__all__ = ["FilteredRun", "RecordedRun", "Seen", "filtered", "run_of"]
 
 LOOK_EVERY_S = 0.1
 """How often a run's progress is looked at."""
@@ -88,7 +87,7 @@ class FilteredRun:
     error_sigmas: Array
 
 
-def recorded_run(log: Log, settings: ReplaySettings, options: FilterOptions) -> RecordedRun:
+def run_of(log: Log, settings: ReplaySettings, options: FilterOptions) -> RecordedRun:
     """Return the run of a recording; raises InputError naming what does not fit."""
     used = log.landmark_places(settings.landmarks)
     clock = clock_of(log, settings.sample_time)
@@ -122,9 +121,7 @@ def recorded_run(log: Log, settings: ReplaySettings, options: FilterOptions) -> 
     return RecordedRun(clock, seen, used, setup, readings, _layout(len(log.robots), settings))
 
 
-def filtered(
-    run: RecordedRun, options: FilterOptions, progress: Seen | None = None
-) -> FilteredRun:
+def filtered(run: RecordedRun, options: FilterOptions, progress: Seen | None = None) -> FilteredRun:
     """Return what the filter of the options makes of a run.
 
     Raises NoSolutionError where it diverges. An interrupt ends the wait for it at once.

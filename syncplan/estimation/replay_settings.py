@@ -30,7 +30,7 @@ TURN_RATE_BIAS_SIGMA = 0.01
 """Of these robots' odometry, 1 and rad/s: they moved 7 to 10 % less than they read."""
 
 BEARING_SIGMA = 0.01
-RANGE_SIGMA = 0.3
+RANGE_SIGMA = 0.4
 """Of these robots' cameras, rad and m. Distances scatter by 0.13 m, but the errors of one target
 last for seconds, and a filter that takes them for new at each sighting needs a larger sigma."""
 

@@ -15,7 +15,7 @@ from syncplan.errors import InputError
 from syncplan.estimation.consistency import Consistency, coverage, recorded_anees, recorded_nis
 from syncplan.estimation.filter_options import FilterChanges, FilterOptions, options_with
 from syncplan.estimation.recorded_readings import Clock, LeftOut, longest_gap
-from syncplan.estimation.recorded_run import Seen, filtered, recorded_run
+from syncplan.estimation.recorded_run import Seen, filtered, run_of
 from syncplan.estimation.replay_settings import (
     BEARING_SIGMA,
     GROUND_ROBOTS,
@@ -27,10 +27,9 @@ from syncplan.estimation.replay_settings import (
     ReplaySettings,
 )
 from syncplan.estimation.trials import Accuracy, MonteCarloResult, accuracy
-from syncplan.orbits.bearings import BEARING
 from syncplan.orbits.error_states import ERROR_STATES
 from syncplan.orbits.noise import Noise
-from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, place_of
+from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 from syncplan.recordings.log import Log
 from syncplan.results import Result
 
@@ -241,7 +240,7 @@ def replay_with(
     log: Log, settings: ReplaySettings, options: FilterOptions, progress: Seen | None = None
 ) -> Replay:
     """Return the replay that settings ask for; see `replay`."""
-    run = recorded_run(log, settings, options)
+    run = run_of(log, settings, options)
     found = filtered(run, options, progress)
     names, result, gate = list(SIGHTING_KINDS), found.result, options.gate_probability
     counts = {}

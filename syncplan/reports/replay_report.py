@@ -179,7 +179,10 @@ def _consistency_notes(replayed: Replay) -> list[str]:
             f"the filter makes smaller errors than its sigmas say (ANEES {interval_words(anees)}): "
             "they may be smaller"
         )
-    assumed = {"bearing": f"{settings.bearing_sigma:g} rad", "distance": f"{settings.range_sigma:g} m"}
+    assumed = {
+        "bearing": f"{settings.bearing_sigma:g} rad",
+        "distance": f"{settings.range_sigma:g} m",
+    }
     for name, count in replayed.counts.items():
         nis = spread_of(count.nis)
         if nis.verdict == "optimistic":

@@ -25,6 +25,7 @@ from syncplan.estimation.filter_setup import FilterSetup, MotionModel, Readings
 from syncplan.estimation.filter_statistics import FilterStatistics
 from syncplan.estimation.lane_filter import LaneFilter
 from syncplan.estimation.reference_filter import predict, update
+from syncplan.estimation.replay_settings import START_SIGMAS
 from syncplan.estimation.replays import GROUND_ROBOTS, OPTIONS, longest_gap, replay
 from syncplan.orbits.circles import wrap
 from syncplan.orbits.noise import Noise
@@ -35,6 +36,14 @@ from syncplan.reports.replay_report import replay_document
 from tests.tools.processes import PATIENCE_S
 from tests.tools.recordings import CLOCK, LANDMARKS, REAL, Recipe, write_recording
 from tests.tools.serving import ROOT
+
+ALONE: dict[str, Any] = {
+    "distances": False,
+    "speed_scale_sigma": 0.0,
+    "turn_rate_bias_sigma": 0.0,
+    "noise": Noise(0.15, 0.5, 0.01, 0.01),
+}
+"""Poses alone, from bearings alone, with wide sigmas."""
 
 NOISY = Recipe(
     jitter=0.8,
@@ -197,6 +206,8 @@ def test_errors_are_those_of_the_numpy_filter(
         sample_time=0.07,
         bearing_sigma=0.1,
         gate_probability=0.99,
+        delay=0.03,
+        **ALONE,
     )
     found = _by_numpy(log, landmarks, meetings=meetings)
     errors, used, rejected = found.errors, found.used, found.rejected
@@ -247,8 +258,7 @@ class _Found:
 
 def _by_numpy(log: Log, landmarks: list[int] | None, *, meetings: bool) -> _Found:
     """What a filter finds that is written in plain loops."""
-    time, noise = 0.07, GROUND_ROBOTS
-    motion = MotionModel(0.07, 0, noise.speed_sigma**2, noise.turn_rate_sigma**2)
+    time, noise = 0.07, ALONE["noise"]
     begin = max(robot.truth[0, 0] for robot in log.robots)
     end = min(robot.truth[-1, 0] for robot in log.robots) - begin
     truths = [robot.truth - [begin, 0.0, 0.0, 0.0] for robot in log.robots]
@@ -260,27 +270,46 @@ def _by_numpy(log: Log, landmarks: list[int] | None, *, meetings: bool) -> _Foun
     for observer, robot in enumerate(log.robots):
         for at, subject, bearing in zip(robot.times, robot.subjects, robot.bearings, strict=True):
             if subject in known:
-                readings.append((at - begin, observer, n + known.index(subject), bearing))
+                target = n + known.index(subject)
             elif meetings and 1 <= subject <= n:
-                readings.append((at - begin, observer, int(subject) - 1, bearing))
+                target = int(subject) - 1
+            else:
+                continue
+            # recorded 0.03 s late
+            readings.append((at - begin - 0.03, observer, target, bearing))
     readings.sort()
     x = _truth(truths, 0.0)
     P = np.diag(np.tile([1e-4, 1e-4, 1e-4], n))
-    errors, squares, rejected, nees, covered = [], [], 0, [], []
-    for step in range(1, steps + 1):
-        span = ((step - 1) * time, step * time)
-        speeds = np.array([_held_mean(one, 1, *span) for one in odometry])
-        turns = np.array([_held_mean(one, 2, *span) for one in odometry])
-        x, P = predict(x, P, speeds, turns, motion)
-        for at, observer, target, bearing in readings:
-            if round(at / time) == step:
-                gate = gate_threshold(0.99)
-                x, P, nu, variance = update(x, P, observer, target, bearing, 0.1, places, gate)
-                if nu**2 <= gate * variance:
-                    squares.append(nu**2 / variance)
-                else:
-                    rejected += 1
-        error = x - _truth(truths, span[1])
+    errors: list[np.ndarray] = []
+    squares, rejected, nees, covered = [], 0, [], []
+    ends = [step * time for step in range(1, steps + 1)]
+    now = 0.0
+    for at, seen in sorted(
+        [*((end, None) for end in ends), *((one[0], one) for one in readings)],
+        key=lambda event: (event[0], event[1] is None),
+    ):
+        if not 0.0 < at <= ends[-1]:
+            continue
+        if at > now:
+            share = time / (at - now)
+            motion = MotionModel(
+                at - now, 0, noise.speed_sigma**2 * share, noise.turn_rate_sigma**2 * share
+            )
+            speeds = np.array([_held_mean(one, 1, now, at) for one in odometry])
+            turns = np.array([_held_mean(one, 2, now, at) for one in odometry])
+            x, P = predict(x, P, speeds, turns, motion)
+            now = at
+        if seen is not None:
+            _, observer, target, bearing = seen
+            gate = gate_threshold(0.99)
+            x, P, nu, variance = update(x, P, observer, target, bearing, 0.1, places, gate)
+            if nu**2 <= gate * variance:
+                squares.append(nu**2 / variance)
+            else:
+                rejected += 1
+            continue
+        step = len(errors) + 1
+        error = x - _truth(truths, at)
         error[:, 2] = wrap(error[:, 2])
         errors.append(error)
         if step % 10 == 0 or step == steps:
@@ -322,10 +351,10 @@ def test_a_gap_of_the_truth_is_told(noisy: Path, tmp_path: Path) -> None:
     path = folder / "Robot2_Groundtruth.dat"
     lines = path.read_text().splitlines()
     path.write_text("\n".join(lines[:1000] + lines[1100:]))
-    assert _notes_of(folder, "robot") == [
+    assert _notes_of(folder, "robot", bearing_sigma=0.08, **ALONE) == [
         "the truth of robot2 has a gap of 1.01 s: its errors there are from a straight line"
     ]
-    assert _notes_of(noisy, "robot") == []
+    assert _notes_of(noisy, "robot", bearing_sigma=0.08, **ALONE) == []
 
 
 def _notes_of(folder: Path, word: str, **options: Any) -> list[str]:
@@ -357,12 +386,13 @@ def test_a_whole_number_of_samples_is_not_lost_to_rounding() -> None:
 def test_a_filter_that_diverges_is_no_result(monkeypatch: pytest.MonkeyPatch) -> None:
     def diverge(
         one: LaneFilter, setup: FilterSetup, readings: Readings, statistics: FilterStatistics
-    ) -> None:
+    ) -> tuple[np.ndarray, np.ndarray]:
         statistics.squares[:] = np.nan
+        return np.zeros((2, 3, 1)), np.zeros((6, 6, 1))
 
     monkeypatch.setattr(LaneFilter, "run", diverge)
     with pytest.raises(NoSolutionError, match="the filter diverged"):
-        replay(_still(0.0, 1.0))
+        replay(_still(0.0, 1.0), **ALONE)
 
 
 def test_what_of_a_recording_is_not_used_is_told(noisy: Path, tmp_path: Path) -> None:
@@ -398,7 +428,7 @@ def test_files_of_other_clocks_and_units_are_told(noisy: Path, tmp_path: Path) -
     folder = _copy(noisy, tmp_path)
     for k in (1, 2, 3):
         _change(folder / f"Robot{k}_Measurement.dat", 0, lambda time: time + 5000.0)
-    assert _notes_of(folder, "bearing")[0].startswith("all 1939 bearings")
+    assert _notes_of(folder, "bearing")[0].startswith("all 3878 bearings and distances")
     assert "before or after the run: by another clock?" in _notes_of(folder, "bearing")[0]
     for k in (1, 2, 3):
         _change(folder / f"Robot{k}_Measurement.dat", 0, lambda time: time - 5000.0)
@@ -465,12 +495,13 @@ def test_an_interrupt_ends_a_long_run_at_once() -> None:
 
 
 def test_sigmas_that_are_too_small_are_found_out(noisy: Path) -> None:
-    honest = replay(load_log(noisy), bearing_sigma=0.1)
-    sure = replay(load_log(noisy), bearing_sigma=0.004, gate_probability=1.0)
+    log = load_log(noisy)
+    honest = replay(log, bearing_sigma=0.1, **ALONE)
+    sure = replay(log, bearing_sigma=0.004, gate_probability=1.0, **ALONE)
     assert sure.anees.verdict == "optimistic" != honest.anees.verdict
     assert sure.nis.value > 10.0 > honest.nis.value
     assert any("larger errors than its sigmas say" in note for note in replay_document(sure).notes)
-    wide = replay(load_log(noisy), bearing_sigma=1.0)
+    wide = replay(log, bearing_sigma=1.0, **ALONE)
     notes = replay_document(wide).notes
     assert any("smaller errors than its sigmas say" in note for note in notes)
     assert any(
@@ -479,7 +510,7 @@ def test_sigmas_that_are_too_small_are_found_out(noisy: Path) -> None:
     )
     notes = replay_document(sure).notes
     assert any("bearings scatter more" in note and "more than 0.004 rad" in note for note in notes)
-    lost = replay(load_log(noisy), bearing_sigma=0.002, gate_probability=0.5)
+    lost = replay(log, bearing_sigma=0.002, gate_probability=0.5, **ALONE)
     assert any(note.startswith("the gate rejected") for note in replay_document(lost).notes)
 
 
@@ -573,8 +604,18 @@ def test_options_that_can_not_be_are_refused(
 def test_every_option_reaches_the_filter(noisy: Path, run: Any) -> None:
     options = {
         "--bearing-sigma-rad": "0.11",
+        "--range-sigma-m": "0.4",
         "--speed-sigma-mps": "0.33",
         "--turn-rate-sigma-rad-s": "0.07",
+        "--speed-scale-sigma": "0.03",
+        "--turn-rate-bias-sigma-rad-s": "0.02",
+        "--bearing-bias-sigma-rad": "0.015",
+        "--delay-s": "0.06",
+        "--start": "prior",
+        "--start-sigma-m": "0.7",
+        "--start-sigma-rad": "0.05",
+        "--seed": "5",
+        "--filter": "euler",
         "--sample-time-s": "0.08",
         "--gate": "0.98",
         "--landmarks": "8",
@@ -588,18 +629,33 @@ def test_every_option_reaches_the_filter(noisy: Path, run: Any) -> None:
         landmarks=np.array([8]),
         meetings=False,
         bearing_sigma=0.11,
-        noise=Noise(0.33, 0.07, 0.01, 0.01),
+        range_sigma=0.4,
+        noise=Noise(0.33, 0.07, 0.7, 0.05),
+        speed_scale_sigma=0.03,
+        turn_rate_bias_sigma=0.02,
+        bearing_bias_sigma=0.015,
+        delay=0.06,
+        start="prior",
+        seed=5,
+        model="euler",
         sample_time=0.08,
         gate_probability=0.98,
     )
     found = json.loads(out)
     assert found == json.loads(json.dumps(replay_document(replayed).as_json()))
     assert found["filter"] == {
+        "model": "euler",
         "bearing_sigma_rad": 0.11,
+        "range_sigma_m": 0.4,
         "speed_sigma_mps": 0.33,
         "turn_rate_sigma_rad_s": 0.07,
-        "position_sigma_m": 0.01,
-        "heading_sigma_rad": 0.01,
+        "speed_scale_sigma": 0.03,
+        "turn_rate_bias_sigma_rad_s": 0.02,
+        "bearing_bias_sigma_rad": 0.015,
+        "delay_s": 0.06,
+        "start": "prior",
+        "position_sigma_m": 0.7,
+        "heading_sigma_rad": 0.05,
         "sample_time_s": 0.08,
         "gate_probability": 0.98,
     }
@@ -622,15 +678,25 @@ def test_the_options_defaults_are_the_librarys() -> None:
     defaults = inspect.signature(replay).parameters
     same = {
         "meetings": "meetings",
+        "distances": "distances",
         "bearing_sigma_rad": "bearing_sigma",
+        "range_sigma_m": "range_sigma",
+        "speed_scale_sigma": "speed_scale_sigma",
+        "turn_rate_bias_sigma_rad_s": "turn_rate_bias_sigma",
+        "bearing_bias_sigma_rad": "bearing_bias_sigma",
+        "delay_s": "delay",
+        "start": "start",
         "sample_time_s": "sample_time",
     }
     for option, argument in same.items():
         assert options[option] == defaults[argument].default
     assert options["gate"] == OPTIONS.gate_probability
     assert options["series"] == OPTIONS.with_series
+    assert options["seed"] == OPTIONS.seed
+    assert options["filter_"] == OPTIONS.model
     assert options["speed_sigma_mps"] == GROUND_ROBOTS.speed_sigma
     assert options["turn_rate_sigma_rad_s"] == GROUND_ROBOTS.turn_rate_sigma
+    assert START_SIGMAS["truth"] == (GROUND_ROBOTS.position_sigma, GROUND_ROBOTS.heading_sigma)
 
 
 def test_a_report_is_drawn(noisy: Path, tmp_path: Path, run: Any) -> None:
@@ -651,15 +717,20 @@ def test_a_report_is_drawn(noisy: Path, tmp_path: Path, run: Any) -> None:
 # --- real robots ----------------------------------------------------------------------------------
 
 
-@pytest.mark.skipif(
-    not REAL.exists(), reason=f"needs the recording {REAL.name} beside the checkout"
-)
-def test_real_robots_are_found_as_well_as_by_others(tmp_path: Path) -> None:
-    """RMSE of a plain filter of other make, with the same sigmas: the README of the recording."""
+@pytest.fixture(scope="module")
+def real(tmp_path_factory: pytest.TempPathFactory) -> Log:
+    """The recording of five robots among fifteen landmarks, over 772 s."""
+    if not REAL.exists():
+        pytest.skip(f"needs the recording {REAL.name} beside the checkout")
+    folder = tmp_path_factory.mktemp("real")
     with tarfile.open(REAL) as archive:
-        archive.extractall(tmp_path, filter="data")
-    log = load_log(next(tmp_path.rglob("Barcodes.dat")).parent)
-    assert (len(log.robots), len(log.landmarks)) == (5, 15)
+        archive.extractall(folder, filter="data")
+    return load_log(next(folder.rglob("Barcodes.dat")).parent)
+
+
+def test_real_robots_are_found_as_well_as_by_others(real: Log) -> None:
+    """RMSE of a plain filter of other make, with the same sigmas: the README of the recording."""
+    assert (len(real.robots), len(real.landmarks)) == (5, 15)
     cases: list[tuple[list[int] | None, bool, float]] = [
         ([], False, 2.75),
         ([], True, 0.73),
@@ -668,10 +739,26 @@ def test_real_robots_are_found_as_well_as_by_others(tmp_path: Path) -> None:
         (None, True, 0.139),
     ]
     for landmarks, meetings, expected in cases:
-        replayed = replay(log, landmarks=landmarks, meetings=meetings)
+        replayed = replay(real, landmarks=landmarks, meetings=meetings, bearing_sigma=0.08, **ALONE)
         assert replayed.duration == pytest.approx(772.0, abs=0.5)
         assert replayed.accuracy.overall().position == pytest.approx(expected, rel=0.08)
         assert replayed.unknown == 6
+
+
+@pytest.mark.parametrize(
+    ("landmarks", "distances", "limit"),
+    [([7, 15], False, 0.195), (None, False, 0.115), ([7, 15], True, 0.165), (None, True, 0.112)],
+)
+def test_one_set_of_settings_finds_real_robots(
+    landmarks: list[int] | None, distances: bool, limit: float, real: Log
+) -> None:
+    for delay in (0.0, 0.2):
+        found = replay(real, landmarks=landmarks, distances=distances, delay=delay)
+        assert found.accuracy.overall().position < limit
+        assert found.anees.verdict == "consistent"
+    # wheels that are worn: the robots moved less than they read
+    scales = [one.value for one in found.lasting_errors if one.name == "speed_scale"]
+    assert -0.12 < min(scales) < max(scales) < 0.0
 
 
 def _copy(folder: Path, tmp_path: Path) -> Path:

@@ -7,12 +7,12 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.errors import InputError
 
-__all__ = ["start_poses"]
+__all__ = ["poses_of"]
 
 LARGEST_FILE_BYTES = 2**20
 
 
-def start_poses(text: str) -> Array:
+def poses_of(text: str) -> Array:
     """Return (n, 3) m, m, rad from `1,2,0.5;4,0,-1`, or from a file with a line for each robot.
 
     Raises InputError where that is no such list, and no such file.
@@ -23,7 +23,9 @@ def start_poses(text: str) -> Array:
         try:
             x, y, heading = (float(word) for word in row.replace(",", " ").split())
         except ValueError:
-            problem = f"{row.strip()[:60]!r}: x, y and heading of one robot are needed, in m and rad"
+            problem = (
+                f"{row.strip()[:60]!r}: x, y and heading of one robot are needed, in m and rad"
+            )
             raise InputError(problem, key="start_poses") from None
         poses.append((x, y, heading))
     return np.array(poses)
