@@ -21,6 +21,7 @@ from syncplan.estimation.filters import FILTERS
 if TYPE_CHECKING:
     from syncplan.estimation.filter_options import FilterChanges
     from syncplan.estimation.replay_settings import ReplaySettings
+    from syncplan.recordings.log import Log
     from syncplan.reports.replay_schemas import ReplayDocument
 
 __all__ = ["replays"]
@@ -93,6 +94,10 @@ StartHeadingSigma = Annotated[
         help="Sigma of each start heading; 0.01, 0.5 or 0.2 by --start", show_default=False
     ),
 ]
+Tune = Annotated[
+    bool,
+    typer.Option("--tune", help="Fit sigmas and delay to the first third, and run on the rest"),
+]
 SampleTime = Annotated[
     float, typer.Option(help="Time between samples; sigmas of motion are of so long a reading")
 ]
@@ -125,6 +130,7 @@ def _replay(
     start_sigma_m: StartSigma = None,
     start_sigma_rad: StartHeadingSigma = None,
     seed: Seed = 0,
+    tune: Tune = False,
     filter_: FilterOption = DEFAULT_FILTER,
     sample_time_s: SampleTime = 0.05,
     gate: Gate = 0.999,
@@ -135,8 +141,9 @@ def _replay(
     from syncplan.estimation.replay_settings import START_SIGMAS, ReplaySettings
     from syncplan.orbits.noise import Noise
 
-    known_to = START_SIGMAS[start.value]
+    recording, known_to = _opened(log, output), START_SIGMAS[start.value]
     settings = ReplaySettings(
+        landmarks=_named(landmarks, recording.landmark_names),
         meetings=meetings,
         distances=distances,
         bearing_sigma=bearing_sigma_rad,
@@ -161,44 +168,46 @@ def _replay(
         "model": filter_.value,
         "with_series": series,
     }
-    deliver_document(
-        "replay", _document(log, landmarks, settings, changes, output), output, format_
-    )
+    document = _document(recording, settings, changes, tune=tune)
+    deliver_document("replay", document, output, format_)
     return 0
 
 
 def _document(
-    folder: Path,
-    landmarks: str,
-    settings: "ReplaySettings",
-    changes: "FilterChanges",
-    output: Path | None,
+    recording: "Log", settings: "ReplaySettings", changes: "FilterChanges", *, tune: bool
 ) -> "ReplayDocument":
     """The report of a replay, with its progress on the way."""
-    from dataclasses import replace
-
+    from syncplan.estimation.replay_tuning import MOST_RUNS, tuned
     from syncplan.estimation.replays import replay_options, replay_with
-    from syncplan.recordings.recording_formats import load_log, recorded_files_in
     from syncplan.reports.replay_report import replay_document
 
-    recording = load_log(folder)
-    chosen = _named(landmarks, recording.landmark_names)
-    for recorded in recorded_files_in(folder):
-        refuse_overwriting(str(recorded), output)
-    settings = replace(settings, landmarks=None if chosen is None else tuple(chosen))
     options = replay_options(None, changes)
     announce_compilation(options, [(len(recording.robots), settings.has_lasting_errors)])
+    tuning = None
+    if tune:
+        with progress_bar("filter runs", MOST_RUNS) as progress:
+            tuning = tuned(recording, settings, options, progress)
     readings = sum(len(robot.times) for robot in recording.robots) * (1 + settings.distances)
     with progress_bar("sightings", readings) as progress:
-        replayed = replay_with(recording, settings, options, progress)
+        replayed = replay_with(recording, settings, options, tuning, progress)
     return replay_document(replayed)
 
 
-def _named(text: str, known: Sequence[int | str]) -> list[int | str] | None:
+def _opened(folder: Path, output: Path | None) -> "Log":
+    """The recording, none of whose files is the output."""
+    from syncplan.recordings.recording_formats import load_log, recorded_files_in
+
+    recording = load_log(folder)
+    for recorded in recorded_files_in(folder):
+        refuse_overwriting(str(recorded), output)
+    return recording
+
+
+def _named(text: str, known: Sequence[int | str]) -> tuple[int | str, ...] | None:
     """The landmarks of an option, None for all."""
     if text == "all":
         return None
     if text == "none":
-        return []
+        return ()
     names = {str(name): name for name in known}
-    return [names.get(word, word) for word in map(str.strip, text.split(","))]
+    return tuple(names.get(word, word) for word in map(str.strip, text.split(",")))

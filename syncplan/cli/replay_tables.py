@@ -38,11 +38,24 @@ def show_replay(report: ReplayDocument, console: Console) -> None:
         )
     table.count_hidden(len(report.robots) - MOST_ROWS)
     console.print(table)
+    _print_tuning(report, console)
     _print_lasting_errors(report, console)
     console.print(f"ANEES {spread_words(report.anees)}")
     console.print(f"NIS   {spread_words(report.nis)}")
     for note in report.notes:
         console.print(f"[yellow]note[/]: {escape(note)}")
+
+
+def _print_tuning(report: ReplayDocument, console: Console) -> None:
+    if report.tuning is None:
+        return
+    before, after = report.tuning.before.model_dump(), report.tuning.after.model_dump()
+    table = FittedTable(
+        f"fitted to the first {report.tuning.fitted_s:.1f} s", ("assumed", "before", "after")
+    )
+    for key, value in before.items():
+        table.add_row(key, f"{value:.4g}", f"{after[key]:.4g}")
+    console.print(table)
 
 
 def _print_lasting_errors(report: ReplayDocument, console: Console) -> None:

@@ -95,8 +95,8 @@ class RecordedSightings:
     left_out: Mapping[int, LeftOut]
 
 
-def clock_of(log: Log, sample_time: float) -> Clock:
-    """Return the samples at which the truth of all robots is known.
+def clock_of(log: Log, sample_time: float, portion: tuple[float, float] = (0.0, 1.0)) -> Clock:
+    """Return the samples at which the truth of all robots is known, in a portion of that time.
 
     Raises InputError where there are none or too many, or where no odometry is from then.
     """
@@ -125,7 +125,9 @@ def clock_of(log: Log, sample_time: float) -> Clock:
                 source=log.name,
             )
     # rounding must not lose a sample of a whole number
-    return Clock(begin, sample_time, int(duration / sample_time + 1e-4))
+    samples = int(duration / sample_time + 1e-4)
+    first, last = (int(share * samples) for share in portion)
+    return Clock(begin + first * sample_time, sample_time, max(last - first, 1))
 
 
 def true_poses(log: Log, clock: Clock) -> Array:

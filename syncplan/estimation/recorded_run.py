@@ -90,7 +90,7 @@ class FilteredRun:
 def run_of(log: Log, settings: ReplaySettings, options: FilterOptions) -> RecordedRun:
     """Return the run of a recording; raises InputError naming what does not fit."""
     used = log.landmark_places(settings.landmarks)
-    clock = clock_of(log, settings.sample_time)
+    clock = clock_of(log, settings.sample_time, settings.portion)
     seen, truth = sightings_of(log, clock, used, settings), true_poses(log, clock)
     # exact: sightings at a sample have its very time
     ends = np.unique(np.concatenate([clock.times, seen.times]))

@@ -64,6 +64,7 @@ class ReplaySettings:
     delay : s, by which sightings are recorded later than they were made
     start : kind of start, one of START_SIGMAS
     start_poses : (n, 3) m, m, rad, where the start is given
+    portion : shares of the recording at which the run begins and ends
     """
 
     landmarks: tuple[int | str, ...] | None = None
@@ -79,6 +80,7 @@ class ReplaySettings:
     delay: float = 0.0
     start: str = "truth"
     start_poses: Array | None = None
+    portion: tuple[float, float] = (0.0, 1.0)
 
     def __post_init__(self) -> None:
         allowed = f"allowed is {LEAST_SIGMA:g} to {LARGEST_SIGMA:g}"

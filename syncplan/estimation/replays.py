@@ -26,6 +26,7 @@ from syncplan.estimation.replay_settings import (
     TURN_RATE_BIAS_SIGMA,
     ReplaySettings,
 )
+from syncplan.estimation.replay_tuning import Tuning, tuned
 from syncplan.estimation.trials import Accuracy, MonteCarloResult, accuracy
 from syncplan.orbits.error_states import ERROR_STATES
 from syncplan.orbits.noise import Noise
@@ -100,6 +101,7 @@ class Replay(Result):
     anees, nis : consistency figures; NIS of all kinds of sighting
     counts : by name of the kind of sighting, of the kinds that were asked for
     lasting_errors : as the filter has them at the end
+    tuning : how sigmas and delay were fitted to what came before; None where they were not
     """
 
     log: Log
@@ -114,6 +116,7 @@ class Replay(Result):
     nis: Consistency
     counts: dict[str, KindCounts]
     lasting_errors: tuple[FittedError, ...]
+    tuning: Tuning | None = None
 
     def __repr__(self) -> str:
         """Return one line: how many robots, how long, and the error."""
@@ -196,6 +199,7 @@ def replay(
     delay: float = 0.0,
     start: str = "truth",
     start_poses: Array | None = None,
+    tune: bool = False,
     progress: Seen | None = None,
     **changes: Unpack[FilterChanges],
 ) -> Replay:
@@ -210,7 +214,8 @@ def replay(
     they are recorded. `start` is "truth"; "prior", drawn about the truth by the start's sigmas and
     the `seed`; or "given", at `start_poses` (n, 3) m, m, rad. `options`, or changes of it by
     name, choose the filter: a sighting counts while it is within the gate of `gate_probability`,
-    0.999 if not given, where 1 accepts all; `with_series` keeps errors and sigmas over time. A
+    0.999 if not given, where 1 accepts all; `with_series` keeps errors and sigmas over time. `tune`
+    fits sigmas and delay to the first third, beginning with those given, and runs on the rest. A
     recording is one trial: `trials` and `duration` have no effect. `progress` is called with the
     number of sightings so far. Raises InputError naming the argument or the robot at fault, and
     NoSolutionError where the filter diverges.
@@ -233,13 +238,20 @@ def replay(
         start=start,
         start_poses=start_poses,
     )
-    return replay_with(log, settings, replay_options(options, changes), progress)
+    chosen = replay_options(options, changes)
+    tuning = tuned(log, settings, chosen) if tune else None
+    return replay_with(log, settings, chosen, tuning, progress)
 
 
 def replay_with(
-    log: Log, settings: ReplaySettings, options: FilterOptions, progress: Seen | None = None
+    log: Log,
+    settings: ReplaySettings,
+    options: FilterOptions,
+    tuning: Tuning | None = None,
+    progress: Seen | None = None,
 ) -> Replay:
-    """Return the replay that settings ask for; see `replay`."""
+    """Return the replay that settings ask for, or those that were fitted; see `replay`."""
+    settings = settings if tuning is None else tuning.after
     run = run_of(log, settings, options)
     found = filtered(run, options, progress)
     names, result, gate = list(SIGHTING_KINDS), found.result, options.gate_probability
@@ -276,6 +288,7 @@ def replay_with(
             for name, columns in run.layout.columns.items()
             for robot, column in zip(log.robots, columns[:, 0].tolist(), strict=True)
         ),
+        tuning=tuning,
     )
 
 

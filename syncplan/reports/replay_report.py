@@ -6,6 +6,8 @@ import numpy as np
 
 from syncplan import __version__
 from syncplan.arrays import Array
+from syncplan.estimation.replay_settings import ReplaySettings
+from syncplan.estimation.replay_tuning import Tuning
 from syncplan.estimation.replays import KindCounts, Replay, longest_gap
 from syncplan.estimation.trials import Accuracy
 from syncplan.reports.consistency_words import interval_words
@@ -15,6 +17,8 @@ from syncplan.reports.replay_schemas import (
     ReplayDocument,
     ReplayFilter,
     RobotFigures,
+    Sigmas,
+    TuningRecord,
 )
 from syncplan.reports.validation_report import series_of, spread_of
 
@@ -63,6 +67,7 @@ def replay_document(replayed: Replay) -> ReplayDocument:
         nis=spread_of(replayed.nis),
         readings=_counts(replayed.bearings),
         distances=_counts(distances) if (distances := _distances(replayed)) else None,
+        tuning=_tuning(replayed.tuning) if replayed.tuning else None,
         lasting_errors=[
             LastingError(
                 name=one.name, robot=one.robot, unit=one.unit, value=one.value, sigma=one.sigma
@@ -91,6 +96,29 @@ def _filter(replayed: Replay) -> ReplayFilter:
         heading_sigma_rad=noise.heading_sigma,
         sample_time_s=replayed.sample_time,
         gate_probability=replayed.gate_probability,
+    )
+
+
+def _tuning(tuning: Tuning) -> TuningRecord:
+    return TuningRecord(
+        fitted_s=tuning.duration,
+        runs=tuning.runs,
+        before=_sigmas(tuning.before),
+        after=_sigmas(tuning.after),
+        gain=tuning.gain,
+        gain_on_rest=tuning.gain_on_rest,
+        bearing_growth=tuning.bearing_growth,
+        range_growth=tuning.range_growth,
+    )
+
+
+def _sigmas(settings: ReplaySettings) -> Sigmas:
+    return Sigmas(
+        bearing_sigma_rad=settings.bearing_sigma,
+        range_sigma_m=settings.range_sigma,
+        speed_sigma_mps=settings.noise.speed_sigma,
+        turn_rate_sigma_rad_s=settings.noise.turn_rate_sigma,
+        delay_s=settings.delay,
     )
 
 
@@ -124,6 +152,7 @@ def _figures(accuracy: Accuracy, robot: int) -> dict[str, Any]:
 def _notes(replayed: Replay) -> list[str]:
     """What the figures mean for the reader, and what of the recording is amiss, in plain words."""
     return [
+        *_tuning_notes(replayed.tuning),
         *_readings_notes(replayed),
         *_consistency_notes(replayed),
         *_span_notes(replayed),
@@ -135,6 +164,21 @@ def _notes(replayed: Replay) -> list[str]:
             if gap > LONG_GAP_S
         ),
     ]
+
+
+def _tuning_notes(tuning: Tuning | None) -> list[str]:
+    if tuning is None:
+        return []
+    notes = [
+        f"sigmas and delay are fitted to the first {tuning.duration:.1f} s, without truth; figures "
+        "are of the rest"
+    ]
+    if tuning.gain_on_rest < 0.0:
+        notes.append(
+            "those that were given explain the rest better: the recording changes on its way, or "
+            "its first third shows too little"
+        )
+    return notes
 
 
 def _readings_notes(replayed: Replay) -> list[str]:

@@ -11,6 +11,8 @@ __all__ = [
     "ReplayDocument",
     "ReplayFilter",
     "RobotFigures",
+    "Sigmas",
+    "TuningRecord",
 ]
 
 
@@ -70,6 +72,34 @@ class LastingError(DocumentPart):
     sigma: float
 
 
+class Sigmas(DocumentPart):
+    """What a replay fits; sigmas of motion are per sample."""
+
+    bearing_sigma_rad: float
+    range_sigma_m: float
+    speed_sigma_mps: float
+    turn_rate_sigma_rad_s: float
+    delay_s: float
+
+
+class TuningRecord(DocumentPart):
+    """How sigmas and delay were fitted to the beginning of a recording, without its truth."""
+
+    fitted_s: float = Field(description="Length of what was fitted to; figures are of the rest")
+    runs: int = Field(description="Of the filter")
+    before: Sigmas
+    after: Sigmas
+    gain: float = Field(
+        description="By which the log-likelihood of a sighting grew, on average over those fitted "
+        "to; the last enlargement of sigmas costs some of it"
+    )
+    gain_on_rest: float = Field(description="The same over the rest")
+    bearing_growth: float = Field(
+        description="By what the sigma of a bearing is larger as its errors last; at least 1"
+    )
+    range_growth: float = Field(description="The same of a distance")
+
+
 class ReplayDocument(RunReport):
     """The filter on a recording of real robots, beside where they truly were."""
 
@@ -89,6 +119,9 @@ class ReplayDocument(RunReport):
     readings: ReadingCounts = Field(description="Of bearings")
     distances: ReadingCounts | None = Field(
         default=None, description="Null where distances are not recorded, or not asked for"
+    )
+    tuning: TuningRecord | None = Field(
+        default=None, description="Null where sigmas and delay were stated"
     )
     lasting_errors: list[LastingError] | None = Field(
         default=None, description="Those that are states of the filter; null in older files"

@@ -15,7 +15,8 @@ from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.recorded_readings import clock_of, mean_odometry, true_poses
 from syncplan.estimation.recorded_run import filtered, run_of
 from syncplan.estimation.replay_settings import ReplaySettings
-from syncplan.estimation.replays import Replay, replay
+from syncplan.estimation.replay_tuning import MOST_RUNS, tuned
+from syncplan.estimation.replays import OPTIONS, Replay, replay
 from syncplan.estimation.trials import series
 from syncplan.orbits.noise import Noise
 from syncplan.recordings.log import Log, RobotLog
@@ -223,3 +224,81 @@ def test_progress_counts_the_sightings(log: Log, monkeypatch: pytest.MonkeyPatch
     found = filtered(run, FilterOptions(trials=1), counts.append)
     assert counts == sorted(counts)
     assert 0 < counts[-1] <= len(run.sightings.times) == len(found.weights)
+
+
+# --- fitted sigmas --------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def long(tmp_path_factory: pytest.TempPathFactory) -> Log:
+    recipe = replace(ODD, duration=120.0, bearing_sigma=0.05, speed_sigma=0.3, turn_rate_sigma=0.05)
+    folder = tmp_path_factory.mktemp("long") / "recording"
+    return load_log(write_recording(folder, replace(recipe, wild=0.01), seed=6))
+
+
+def test_sigmas_and_delay_are_found_without_truth(long: Log) -> None:
+    random = np.random.default_rng(1)
+
+    def late(robot: RobotLog) -> RobotLog:
+        noise = 0.2 * random.standard_normal(len(robot.times))
+        return replace(robot, times=robot.times + 0.17, ranges=robot.ranges + noise)
+
+    wrong = ReplaySettings(
+        bearing_sigma=0.01, noise=Noise(1.0, 0.3, 0.01, 0.01), speed_scale_sigma=0.0
+    )
+    recorded = changed(long, late)
+    found = tuned(recorded, wrong, OPTIONS)
+    after = found.after
+    assert after.delay == pytest.approx(0.17, abs=0.02)
+    assert after.bearing_sigma == pytest.approx(0.05, rel=0.15)
+    assert after.range_sigma == pytest.approx(0.2, rel=0.25)
+    assert after.noise.speed_sigma == pytest.approx(0.3, rel=0.3)
+    assert after.noise.turn_rate_sigma == pytest.approx(0.05, rel=0.5)
+    assert (found.bearing_growth, found.range_growth) == (1.0, 1.0)
+    assert min(found.gain, found.gain_on_rest) > 0.5
+    assert found.runs <= MOST_RUNS
+    # where robots truly are does not count, but for the start
+    moved = changed(recorded, _truth_moved)
+    assert tuned(moved, wrong, OPTIONS).after.noise == after.noise
+
+
+def _truth_moved(robot: RobotLog) -> RobotLog:
+    truth = robot.truth.copy()
+    truth[200:, 1:3] += 50.0
+    return replace(robot, truth=truth)
+
+
+def test_sigmas_grow_where_errors_of_sightings_last(long: Log) -> None:
+    random = np.random.default_rng(1)
+
+    def lasting(robot: RobotLog) -> RobotLog:
+        begin = robot.times - robot.times[0]
+        errors = 0.15 * random.standard_normal((int(begin[-1] / 10.0) + 2, 10))
+        same = errors[(begin / 10.0).astype(int), robot.subjects % 10]
+        own = 0.1 * random.standard_normal(len(robot.times))
+        return replace(robot, ranges=robot.ranges + same + own)
+
+    found = tuned(changed(long, lasting), ReplaySettings(delay=0.1), OPTIONS)
+    assert found.range_growth > 2.0
+    assert found.after.range_sigma > 0.3
+
+
+def test_a_replay_that_is_tuned_reports_the_rest(long: Log, tmp_path: Path, run: Any) -> None:
+    found = replay(long, tune=True, distances=False)
+    assert found.tuning is not None
+    begin, end = clock_of(long, 0.05).begin, clock_of(long, 0.05).duration
+    assert found.begin == pytest.approx(begin + end / 3.0, abs=0.06)
+    assert found.duration == pytest.approx(end * 2.0 / 3.0, abs=0.11)
+    document = replay_document(found)
+    assert document.tuning is not None
+    assert document.tuning.after.bearing_sigma_rad == document.filter.bearing_sigma_rad
+    assert document.tuning.before.bearing_sigma_rad == 0.01
+    assert "fitted to the first 40.0 s, without truth; figures are of the rest" in document.notes[0]
+    folder = write_recording(tmp_path / "brief", replace(ODD, duration=20.0), seed=2)
+    words = ("--tune", "--no-distances", "--format", "table")
+    status, out, _ = run("replay", str(folder), *words)
+    assert status == 0
+    assert "fitted to the first 6.6 s" in out
+    assert "bearing_sigma_rad" in out
+    with pytest.raises(InputError, match="0 sightings in its first third are too few"):
+        replay(long, tune=True, landmarks=[], meetings=False)
