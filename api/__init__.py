@@ -19,7 +19,8 @@ Thin over syncplan, which does all the numbers. Modules, each using only those b
     connections, descriptors           who is connected and for how long; open files
     watching.*                         what a scrape of the metrics reads of all these
     following.*                        streams of events: one reader of the database for all
-    responses, service                 what responses hold, what routes work with
+    packed_recordings                  recordings as sent and as stored
+    responses, uploads, service        what responses hold, what routes work with
     callers, idempotency               who waits for what is computed; the same answer twice
     page_tables, assets, routes.*      the page's tables and files, the routes
     operations, openapi                what the OpenAPI document adds to the routes

@@ -16,6 +16,9 @@ from syncplan import __version__
 
 __all__ = ["without_routes"]
 
+UPLOADS = "/v1/recordings"
+"""Where bodies may be larger than elsewhere."""
+
 
 def without_routes(settings: Settings, *, tally: JobTally | None = None, **options: Any) -> FastAPI:
     """Return an application for routes to be added to; `options` are FastAPI's.
@@ -27,7 +30,6 @@ def without_routes(settings: Settings, *, tally: JobTally | None = None, **optio
         version=__version__,
         docs_url=None,
         redoc_url=None,
-        max_body_size=settings.body_limit_bytes,
         **options,
     )
     app.state.settings = settings
@@ -38,7 +40,9 @@ def without_routes(settings: Settings, *, tally: JobTally | None = None, **optio
     if not settings.asks_for_keys:
         names = names_here((settings.host, settings.worker_host), settings.allowed_hosts)
         app.add_middleware(LocalOnly, names=names)
-    install_handlers(app)
+    install_handlers(
+        app, settings.body_limit_bytes, larger={UPLOADS: settings.recording_limit_bytes}
+    )
     app.add_middleware(RequestMetrics, metrics=app.state.metrics)
     app.add_middleware(RequestLog)
     return app

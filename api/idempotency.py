@@ -15,7 +15,7 @@ from api.problems import KeyReused
 from api.service import Service
 from api.storage.kept_answers import Answer, AnswerTakenError, find_answer, keep_answer
 
-__all__ = ["Call", "CurrentCall", "EmptyCall", "answer_once"]
+__all__ = ["Call", "CurrentCall", "EmptyCall", "IdempotencyKey", "answer_once", "call_of"]
 
 T = TypeVar("T")
 
@@ -59,11 +59,12 @@ class Call:
         return self.caller.owner
 
 
-async def _empty_call(
+async def call_of(
     request: Request,
     caller: CurrentCaller,
     idempotency_key: IdempotencyKey = None,
 ) -> Call:
+    """Return a POST request with its body, whatever that holds."""
     body = await request.body()
     digest = hashlib.sha256()
     for part in (request.method, request.url.path, request.url.query):
@@ -72,7 +73,7 @@ async def _empty_call(
     return Call(caller, body, "json", idempotency_key, digest.hexdigest())
 
 
-EmptyCall = Annotated[Call, Depends(_empty_call)]
+EmptyCall = Annotated[Call, Depends(call_of)]
 """Parameter type of a route that takes no body: one that is sent is ignored."""
 
 

@@ -22,6 +22,7 @@ from api.routes import (
     loss_routes,
     page_routes,
     plan_routes,
+    recording_routes,
     schema_routes,
 )
 from api.service import Service, limits_of
@@ -62,6 +63,7 @@ def create_app(settings: Settings | None = None, share: Share = ALONE) -> FastAP
     document_operations(app)
     for routes in (
         plan_routes,
+        recording_routes,
         job_routes,
         figure_routes,
         loss_routes,

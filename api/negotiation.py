@@ -8,7 +8,7 @@ from fastapi import Request
 
 from api.problems import ServiceError
 
-__all__ = ["accepts", "body_kind"]
+__all__ = ["ARCHIVES", "accepts", "body_kind", "check_archive"]
 
 _TOKEN = r"[!#$%&'*+.^_`|~0-9A-Za-z-]+"
 _RANGE = re.compile(rf"({_TOKEN})/({_TOKEN})", re.ASCII)
@@ -17,6 +17,16 @@ _WEIGHT = re.compile(r"0(\.\d{0,3})?|1(\.0{0,3})?", re.ASCII)
 _JSON = re.compile(rf"application/(json|{_TOKEN}\+json)", re.ASCII)
 _YAML = {"application/yaml", "text/yaml", "application/x-yaml"}
 _UTF8 = {"utf-8", "utf8", "us-ascii"}
+ARCHIVES = (
+    "application/zip",
+    "application/x-tar",
+    "application/gzip",
+    "application/x-xz",
+    "application/x-bzip2",
+    "application/octet-stream",
+)
+"""What archives may be sent as; which kind one is shows in its bytes."""
+
 _BODIES = "application/json or application/yaml, in UTF-8"
 
 
@@ -80,11 +90,9 @@ def body_kind(request: Request) -> Literal["json", "yaml"]:
 
     Raises the problem 415 for anything but JSON and YAML in UTF-8. An empty body needs no type.
     """
+    _check_coding(request)
     headers = request.headers
     given = headers.getlist("content-type")
-    coding = headers.get("content-encoding", "identity").strip().lower()
-    if coding not in ("", "identity"):
-        raise _unsupported(f"Content-Encoding {coding}", "the body must not be compressed")
     if not given or not given[0].strip():
         if headers.get("content-length", "0") == "0" and "transfer-encoding" not in headers:
             return "json"
@@ -99,6 +107,24 @@ def body_kind(request: Request) -> Literal["json", "yaml"]:
         if name.strip().lower() == "charset" and value.strip(' "').lower() not in _UTF8:
             raise _unsupported(given[0], f"the body must be {_BODIES}")
     return kind
+
+
+def check_archive(request: Request) -> None:
+    """Raise the problem 415 where the body of a request is not sent as an archive."""
+    _check_coding(request)
+    given = request.headers.getlist("content-type")
+    medium = given[0].partition(";")[0].strip().lower() if len(given) == 1 else ""
+    if medium not in ARCHIVES:
+        what = ", ".join(given) or "no Content-Type"
+        accepted = ", ".join(ARCHIVES)
+        problem = f"{what[:100]}: the body must be a zip or tar archive, sent as one of {accepted}"
+        raise ServiceError(415, problem, headers={"Accept": accepted})
+
+
+def _check_coding(request: Request) -> None:
+    coding = request.headers.get("content-encoding", "identity").strip().lower()
+    if coding not in ("", "identity"):
+        raise _unsupported(f"Content-Encoding {coding}", "the body must not be compressed")
 
 
 def _kind(medium: str) -> Literal["json", "yaml"] | None:

@@ -133,6 +133,10 @@ _EVENT = {
 
 
 def _request_body(body: Body, examples: Tree) -> Tree:
+    if body.media:
+        raw: Tree = {"schema": {"type": "string", "format": "binary"}}
+        content = dict.fromkeys(body.media, raw)
+        return {"description": body.description, "required": body.required, "content": content}
     schemas = [{"$ref": REFERENCE.format(model=model.__name__)} for model in body.models]
     content = {
         "schema": schemas[0] if len(schemas) == 1 else {"anyOf": schemas},

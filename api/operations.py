@@ -6,6 +6,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from api.job_kinds.job_table import JOB_KINDS
+from api.negotiation import ARCHIVES
 from api.responses import StoredPlan
 from syncplan.planning.plan_files import PlanFile
 from syncplan.scenario.specification import Scenario
@@ -15,11 +16,15 @@ __all__ = ["ANSWERS", "BODIES", "FOLLOWING", "HEADERS", "REQUEST_ID", "RESULTS",
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """The body of a request: what it holds, one of these, and whether there must be one."""
+    """The body of a request: what it holds, one of these, and whether there must be one.
+
+    It is JSON or YAML, or bytes of one of `media`.
+    """
 
     models: tuple[type[BaseModel], ...]
     required: bool
     description: str
+    media: tuple[str, ...] = ()
 
 
 _JOB_OPERATIONS = tuple(kind.operation.id for kind in JOB_KINDS.values())
@@ -34,6 +39,7 @@ _PLANNED = Body(
 BODIES = {
     "createPlan": _PLANNED,
     "previewScenario": _PLANNED,
+    "createRecording": Body((), True, "A zip or tar archive of a recording's folder", ARCHIVES),
     **{
         one.operation.id: Body((one.request,), one.operation.body_required, one.operation.body)
         for one in JOB_KINDS.values()
@@ -43,6 +49,10 @@ BODIES = {
 
 ANSWERS = {
     "createPlan": "The plan, stored",
+    "createRecording": "The recording, stored, in short",
+    "listRecordings": "A page of recordings",
+    "readRecording": "The recording in short",
+    "deleteRecording": "Deleted",
     "listPlans": "A page of plans",
     "readPlan": "The plan",
     "deletePlan": "Deleted",
@@ -71,7 +81,7 @@ RESULTS = tuple(dict.fromkeys(kind.report or StoredPlan for kind in JOB_KINDS.va
 
 HEADERS: dict[str, dict[str, Any]] = {
     "Location": {
-        "description": "where the new plan or job is",
+        "description": "where the new plan, recording or job is",
         "required": True,
         "schema": {"type": "string", "format": "uri-reference"},
         "example": "/v1/jobs/019a2b3c-4d5e-7f60-8123-456789abcdef",
@@ -109,6 +119,7 @@ HEADERS: dict[str, dict[str, Any]] = {
 
 SENT: dict[tuple[str, str], dict[str, str]] = {
     ("createPlan", "201"): {"Location": "Location", "ETag": "ETag"},
+    ("createRecording", "201"): {"Location": "Location"},
     ("readPlan", "200"): {"ETag": "ETag"},
     ("readPlan", "304"): {"ETag": "ETag"},
     **{(name, "202"): {"Location": "Location"} for name in _JOB_OPERATIONS},
@@ -129,6 +140,7 @@ FOLLOWING: dict[tuple[str, str], dict[str, str]] = {
     ("createPlan", "201"): dict.fromkeys(
         ("readPlan", "refinePlan", "validatePlan", "deletePlan"), "plan_id"
     ),
+    ("createRecording", "201"): dict.fromkeys(("readRecording", "deleteRecording"), "recording_id"),
     **{
         (name, "202"): dict.fromkeys(("readJob", "followJob", "cancelJob"), "job_id")
         for name in _JOB_OPERATIONS

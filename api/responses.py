@@ -6,6 +6,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field
 
 from api.storage.job_records import JobRow
+from api.storage.recording_records import RecordingRow
 from syncplan.reports.job_contract import JobKindName, JobState
 from syncplan.reports.plan_schemas import PlanDocument
 
@@ -17,8 +18,11 @@ __all__ = [
     "PlanPage",
     "PlanSummary",
     "Preview",
+    "Recording",
+    "RecordingPage",
     "StoredPlan",
     "job_answer",
+    "recording_answer",
 ]
 
 _ID = "019a2b3c-4d5e-7f60-8123-456789abcdef"
@@ -53,6 +57,31 @@ class PlanPage(_Answer):
     """Plans, newest first."""
 
     items: list[PlanSummary]
+    next: str | None = Field(description="Where the next page is; null on the last")
+
+
+class Recording(_Answer):
+    """A recording in short."""
+
+    id: str = Field(examples=[_ID])
+    created_at: str = Field(description="RFC 3339, UTC", examples=[_TIME])
+    size: int = Field(description="Bytes that it takes here", examples=[184_320])
+    name: str = Field(examples=["hall"])
+    robots: list[str] = Field(description="Names", examples=[["rover", "mule"]])
+    landmarks: list[int | str] = Field(
+        description="Names; numbers where the files number them", examples=[["pole", "gate"]]
+    )
+    begin_s: float = Field(description="When the odometry begins, by the recording's clock")
+    duration_s: float = Field(description="Of the odometry")
+    bearings: int = Field(description="Sightings with a direction")
+    distances: int = Field(description="Sightings with a distance")
+    has_truth: bool = Field(description="Whether it holds where every robot truly was")
+
+
+class RecordingPage(_Answer):
+    """Recordings, newest first."""
+
+    items: list[Recording]
     next: str | None = Field(description="Where the next page is; null on the last")
 
 
@@ -120,6 +149,13 @@ class JobEvent(_Answer):
     state: JobState
     progress: Progress
     at: str = Field(description="RFC 3339, UTC", examples=[_TIME])
+
+
+def recording_answer(row: RecordingRow) -> Recording:
+    """Return a stored recording as answers show it."""
+    return Recording(
+        id=row.id, created_at=row.created_at, size=row.size, **json.loads(row.overview)
+    )
 
 
 def job_answer(row: JobRow) -> Job:

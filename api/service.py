@@ -1,7 +1,7 @@
 """What the routes work with: the database, processes for plans, the queue of jobs."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from threading import Event
 from typing import Annotated
 
@@ -16,6 +16,7 @@ from api.settings import Settings
 from api.storage.database import Database
 from api.storage.plan_reader import PlanReader
 from api.storage.plan_writer import PlanWriter
+from api.uploads import Uploads
 
 __all__ = ["CurrentService", "CurrentWatch", "Ending", "Service", "limits_of", "service_of"]
 
@@ -43,6 +44,7 @@ class Service:
     counts: JobCounts
     plans: PlanReader
     writer: PlanWriter
+    uploads: Uploads = field(default_factory=Uploads)
 
 
 def limits_of(settings: Settings) -> RequestLimits:

@@ -99,6 +99,9 @@ class Settings(BaseSettings):
     body_limit_bytes: Count = Field(
         default=2**20, description="largest body of a request, in bytes"
     )
+    recording_limit_bytes: Count = Field(
+        default=2**26, description="largest archive of a recording, in bytes"
+    )
     max_vehicles: Count = Field(default=200, description="most vehicles in a scenario")
     max_samples: Count = Field(default=20_000, description="most samples in a run or a window")
     max_trials: Count = Field(default=100_000, description="most trials of a Monte Carlo")
@@ -153,6 +156,12 @@ class Settings(BaseSettings):
     )
     max_plans: Count = Field(
         default=20_000, description="most stored plans of one owner before no more can be posted"
+    )
+    keep_recordings_s: Seconds = Field(
+        default=7 * 86400.0, description="how long recordings are kept, in seconds"
+    )
+    max_recordings: Count = Field(
+        default=20, description="most stored recordings of one owner before no more can be posted"
     )
     keep_answers_s: Seconds = Field(
         default=86400.0,

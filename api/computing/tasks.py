@@ -18,6 +18,7 @@ from api.job_kinds.job_kind import (
 )
 from api.job_kinds.job_table import JOB_KINDS
 from api.limits import RequestLimits
+from api.packed_recordings import packed_recording
 from api.plan_texts import PlanText, Syntax, as_plan_text, loaded_body, loaded_plan
 from syncplan.estimation.trials import CHUNK_TRIALS
 from syncplan.reports.job_contract import JobKindName
@@ -30,6 +31,7 @@ __all__ = [
     "concluded_job",
     "made_plan",
     "measured_runs",
+    "packed_recording",
     "warm_up",
 ]
 

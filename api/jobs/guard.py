@@ -23,6 +23,7 @@ from api.storage.database import Database, unavailable
 from api.storage.ended_jobs import delete_jobs, ended_before
 from api.storage.kept_answers import forget_answers
 from api.storage.plan_records import forget_plans
+from api.storage.recording_records import forget_recordings
 
 __all__ = ["Guard"]
 
@@ -41,7 +42,7 @@ class Guard:
     at_work : the workflows that this process is at, as they come and go
     heartbeat_s, dead_after_s : between heartbeats; without one until a process is dead
     keep_jobs_s, keep_answers_s : how long ended jobs and given answers are kept
-    keep_plans_s : how long plans are kept; for ever if None
+    keep_plans_s, keep_recordings_s : how long plans and recordings are kept; None: for ever
     version_grace_s : how long jobs wait for a worker of the version that began them
     job_over : called with each job that is failed
     """
@@ -58,6 +59,7 @@ class Guard:
         keep_jobs_s: float,
         keep_answers_s: float,
         keep_plans_s: float | None = None,
+        keep_recordings_s: float | None = None,
         version_grace_s: float,
         job_over: Callable[[str], None] = lambda _job_id: None,
         clock: Callable[[], float] = time.monotonic,
@@ -72,6 +74,7 @@ class Guard:
         self._keep_jobs_s = keep_jobs_s
         self._keep_answers_s = keep_answers_s
         self._keep_plans_s = keep_plans_s
+        self._keep_recordings_s = keep_recordings_s
         self._clock = clock
         # what runs no jobs leaves those of other versions to workers
         grace_s = None if executor_id is None else version_grace_s
@@ -196,5 +199,7 @@ class Guard:
         with self._database.writing() as connection:
             forget_answers(connection, earlier(time, self._keep_answers_s))
             delete_jobs(connection, old)
+            if self._keep_recordings_s is not None:
+                forget_recordings(connection, earlier(time, self._keep_recordings_s))
             if self._keep_plans_s is not None:
                 forget_plans(connection, earlier(time, self._keep_plans_s))

@@ -136,6 +136,7 @@ def guard_of(
         keep_jobs_s=settings.keep_jobs_s,
         keep_answers_s=settings.keep_answers_s,
         keep_plans_s=settings.keep_plans_s,
+        keep_recordings_s=settings.keep_recordings_s,
         version_grace_s=settings.version_grace_s,
         job_over=counts.job_over,
     )

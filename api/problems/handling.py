@@ -27,28 +27,30 @@ _MOST_DIGITS = 18
 _log = logging.getLogger("api.problems")
 
 
-def install_handlers(app: FastAPI) -> None:
+def install_handlers(
+    app: FastAPI, body_limit_bytes: int, larger: Mapping[str, int] | None = None
+) -> None:
     """Let `app` answer every failure with a problem document, and document them.
 
-    Call it before other middleware is added. It takes over `max_body_size`, which on its own
-    answers in plain text.
+    Call it before other middleware is added. It limits bodies, those at the paths of `larger` to
+    the figures there; FastAPI's own `max_body_size` answers in plain text.
     """
-    limit, app.max_body_size = app.max_body_size, None
     for kind in TABLE:
         if kind is not Exception:
             app.add_exception_handler(kind, _answered)
     # what fails outside Answered: the server logs it
     app.add_exception_handler(Exception, _unlogged)
-    app.add_middleware(Answered, body_limit_bytes=limit)
+    app.add_middleware(Answered, body_limit_bytes=body_limit_bytes, larger=larger or {})
     document_problems(app)
 
 
 class Answered:
     """ASGI middleware that lets no exception escape and no body exceed the limit."""
 
-    def __init__(self, app: ASGIApp, body_limit_bytes: int | None) -> None:
+    def __init__(self, app: ASGIApp, body_limit_bytes: int, larger: Mapping[str, int]) -> None:
         self.app = app
         self.limit = body_limit_bytes
+        self.larger = larger
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer one request, whatever happens inside."""
@@ -63,8 +65,9 @@ class Answered:
             await send(message)
 
         try:
-            self._check_announced(scope)
-            await self.app(scope, self._limited(receive), watched)
+            limit = self.larger.get(scope["path"], self.limit)
+            self._check_announced(scope, limit)
+            await self.app(scope, self._limited(receive, limit), watched)
         except Exception as error:
             if started:
                 # the server sees an answer without its end and closes the connection
@@ -73,17 +76,14 @@ class Answered:
             response = await _answered(Request(scope), error)
             await response(scope, receive, send)
 
-    def _check_announced(self, scope: Scope) -> None:
+    def _check_announced(self, scope: Scope, limit: int) -> None:
         length = Headers(scope=scope).get("content-length", "")
-        if self.limit is None or not length.isdecimal():
+        if not length.isdecimal():
             return
-        if len(length) > _MOST_DIGITS or int(length) > self.limit:
-            raise self._too_large(self.limit)
+        if len(length) > _MOST_DIGITS or int(length) > limit:
+            raise self._too_large(limit)
 
-    def _limited(self, receive: Receive) -> Receive:
-        limit = self.limit
-        if limit is None:
-            return receive
+    def _limited(self, receive: Receive, limit: int) -> Receive:
         size = 0
 
         async def limited() -> Message:

@@ -8,11 +8,13 @@ from sqlalchemy import (
     Connection,
     Float,
     ForeignKey,
+    Index,
     Integer,
     LargeBinary,
     MetaData,
     String,
     Table,
+    Text,
     delete,
     insert,
     inspect,
@@ -60,7 +62,22 @@ def _second(connection: Connection) -> None:
     ).create(connection)
 
 
-MIGRATIONS: tuple[Callable[[Connection], None], ...] = (_first, _second)
+def _third(connection: Connection) -> None:
+    _add(connection, "jobs", Column("recording_id", String(36)))
+    Table(
+        "recordings",
+        MetaData(),
+        Column("id", String(36), primary_key=True),
+        Column("owner", String(80), nullable=False),
+        Column("created_at", String(27), nullable=False),
+        Column("size", Integer, nullable=False),
+        Column("overview", Text, nullable=False),
+        Column("data", LargeBinary, nullable=False),
+        Index("recordings_of_owner", "owner", "id"),
+    ).create(connection)
+
+
+MIGRATIONS: tuple[Callable[[Connection], None], ...] = (_first, _second, _third)
 """Migration k takes version k to k + 1, and only adds: processes of the version before go on.
 
 Once released, one is not changed; none refers to `api.storage.tables`, which change.

@@ -24,6 +24,7 @@ __all__ = [
     "job_starts",
     "jobs",
     "plans",
+    "recordings",
     "schema_version",
     "versions",
 ]
@@ -81,8 +82,25 @@ jobs = Table(
     Column("computed_s", Float, nullable=False, server_default="0"),
     # the trace of the request, as W3C Trace Context writes it
     Column("traceparent", String(55)),
+    # of a replay
+    Column("recording_id", String(36)),
     Index("jobs_of_owner", "owner", "id"),
     Index("jobs_by_state", "state", "ended_at"),
+)
+
+
+recordings = Table(
+    "recordings",
+    METADATA,
+    Column("id", String(36), primary_key=True),
+    Column("owner", String(80), nullable=False),
+    Column("created_at", String(27), nullable=False),
+    Column("size", Integer, nullable=False),
+    # in short, as JSON
+    Column("overview", Text, nullable=False),
+    # as syncplan.recordings.packed_logs packs it
+    Column("data", LargeBinary, nullable=False),
+    Index("recordings_of_owner", "owner", "id"),
 )
 
 

@@ -11,5 +11,6 @@ ros_bags           ROS 2 bags, topic by topic
 bag_layout         bags with the topics of a recording
 archives           zip and tar archives of recordings
 packed_logs        recordings as bytes
+overviews          recordings in short
 recording_formats  the table of layouts, and the recording in a folder
 """

@@ -107,6 +107,9 @@ def _members(stream: BinaryIO) -> Iterator[_ArchivedFile]:
                     )
         return
     stream.seek(0)
+    if not tarfile.is_tarfile(stream):
+        raise ValueError("it is neither a zip nor a tar archive")
+    stream.seek(0)
     with tarfile.open(fileobj=stream, mode="r:*") as tar:
         for entry in tar:
             if not entry.isdir():

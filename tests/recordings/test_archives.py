@@ -19,7 +19,7 @@ from syncplan.recordings.log import Log
 from syncplan.recordings.packed_logs import pack_log, unpack_log
 from syncplan.recordings.recording_formats import load_log, read_archive
 from tests.tools.recorded_bags import write_bag
-from tests.tools.recordings import REAL, Recipe, write_csv, write_recording
+from tests.tools.recordings import REAL, Recipe, write_csv, write_recording, zipped
 
 
 @pytest.fixture(scope="module")
@@ -40,11 +40,7 @@ def _same(one: Log, other: Log) -> None:
 
 
 def _zipped(files: dict[str, bytes]) -> io.BytesIO:
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, content in files.items():
-            archive.writestr(name, content)
-    return stream
+    return io.BytesIO(zipped(files))
 
 
 def _tarred(files: dict[str, bytes], kind: str = "") -> io.BytesIO:
@@ -149,8 +145,8 @@ def _linked_in_zip() -> io.BytesIO:
         (_zipped({}), "sent: holds none of *.dat, *.csv"),
         (_zipped({"a/other.csv": b""}), "sent: a: is no recording; the folder or archive of one"),
         (_zipped({"a/odometry.csv": b"", "a/Barcodes.dat": b""}), "sent: a: holds 2 recordings"),
-        (io.BytesIO(b"no archive at all"), "sent: can't be unpacked: "),
-        (io.BytesIO(b""), "sent: can't be unpacked: "),
+        (io.BytesIO(b"no archive at all"), "sent: can't be unpacked: it is neither a zip nor a"),
+        (io.BytesIO(b""), "sent: can't be unpacked: it is neither a zip nor a tar archive"),
     ],
 )
 def test_archives_that_hold_what_they_should_not_are_refused(stream: io.BytesIO, told: str) -> None:

@@ -44,6 +44,10 @@ NAMES = {
     "refinePlan",
     "validatePlan",
     "sweepScenario",
+    "createRecording",
+    "listRecordings",
+    "readRecording",
+    "deleteRecording",
     "listJobs",
     "readJob",
     "followJob",
@@ -152,7 +156,7 @@ def test_headers_are_documented(name: str) -> None:
         assert "X-Request-ID" in response["headers"], status
         if status in ("429", "503"):
             assert "Retry-After" in response["headers"]
-        if status == "202" or (name == "createPlan" and status == "201"):
+        if status == "202" or status == "201":
             assert "Location" in response["headers"]
     if name in ("createPlan", "readPlan"):
         assert all("ETag" in responses[one]["headers"] for one in responses if one < "400")
@@ -163,6 +167,7 @@ def test_headers_are_documented(name: str) -> None:
         "refinePlan",
         "validatePlan",
         "sweepScenario",
+        "createRecording",
         "cancelJob",
     }
     assert ("Idempotency-Key" in named) == (name in posted)

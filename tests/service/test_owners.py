@@ -9,11 +9,14 @@ import pytest
 
 from api.main import create_app
 from tests.tools.api_servers import done, events_of, operations_of, problem, speaking
+from tests.tools.record_examples import RECORDED
+from tests.tools.recordings import zipped
 from tests.tools.scenarios import document
 from tests.tools.serving import Server
 
 NOBODY = "01a1fd95-df6b-7a20-9383-c20e93a41e86"
 LONG = {"trials": 60_000}
+ARCHIVE = zipped({name: text.encode() for name, text in RECORDED.items()})
 OPERATIONS = operations_of(create_app().openapi())
 WITH_IDENTIFIER = [(method, path) for method, path in OPERATIONS if "{" in path]
 
@@ -49,6 +52,16 @@ def planned(http: httpx2.Client) -> str:
     return made
 
 
+def recorded(http: httpx2.Client) -> str:
+    """Return the identifier of the newest recording, a new one if there is none."""
+    kept = http.get("/v1/recordings").json()["items"]
+    if not kept:
+        headers = {"content-type": "application/zip"}
+        kept = [http.post("/v1/recordings", content=ARCHIVE, headers=headers).json()]
+    found: str = kept[0]["id"]
+    return found
+
+
 def state_of(http: httpx2.Client, job_id: str) -> str:
     """Return the state of a job."""
     state: str = http.get(f"/v1/jobs/{job_id}").json()["state"]
@@ -79,9 +92,9 @@ def test_what_is_anothers_is_not_there(
     ann: httpx2.Client, bob: httpx2.Client, ended: str, running: str, method: str, path: str
 ) -> None:
     """Finished or at work, a job is nothing to Bob; what he tries is what Ann then can do."""
-    plan = planned(ann)
+    plan, recording = planned(ann), recorded(ann)
     for job in (ended, running):
-        identifiers = {"plan_id": plan, "job_id": job}
+        identifiers = {"plan_id": plan, "job_id": job, "recording_id": recording}
         state = state_of(ann, job)
         nobody = ask(bob, method, path, dict.fromkeys(identifiers, NOBODY))
         refused = ask(bob, method, path, identifiers)
@@ -96,7 +109,8 @@ def test_what_is_anothers_is_not_there(
         assert ann.get(f"/v1/plans/{plan}").status_code == 200
         assert state_of(ann, job) == state or {state, state_of(ann, job)} == {"queued", "running"}
     # and there is something to be refused
-    answer = ask(ann, method, path, {"plan_id": plan, "job_id": ended})
+    mine = {"plan_id": plan, "job_id": ended, "recording_id": recording}
+    answer = ask(ann, method, path, mine)
     assert answer.status_code in ({409} if "cancel" in path else {200, 202, 204})
     if answer.status_code == 202:
         ann.post(f"{answer.headers['location']}/cancel")
@@ -158,9 +172,12 @@ def test_an_idempotency_key_is_its_owners(
     body = bodies.get(path, {})
     headers = {"idempotency-key": f"shared-{path}".replace("{", "").replace("}", "")}
     identifiers = {"plan_id": planned(ann), "job_id": running}
-    hers = ask(ann, method, path, identifiers, json=body, headers=headers)
+    sent: dict[str, Any] = {"json": body}
+    if path == "/v1/recordings":
+        sent, headers = {"content": ARCHIVE}, {**headers, "content-type": "application/zip"}
+    hers = ask(ann, method, path, identifiers, headers=headers, **sent)
     assert hers.is_success, hers.text
-    his = ask(bob, method, path, identifiers, json=body, headers=headers)
+    his = ask(bob, method, path, identifiers, headers=headers, **sent)
     if "{" in path:
         problem(his, 404)
     elif path == "/v1/previews":
@@ -171,7 +188,7 @@ def test_an_idempotency_key_is_its_owners(
         assert his.headers["location"] != hers.headers["location"]
         problem(ann.get(his.headers["location"]), 404)
         problem(bob.get(hers.headers["location"]), 404)
-    again = ask(ann, method, path, identifiers, json=body, headers=headers)
+    again = ask(ann, method, path, identifiers, headers=headers, **sent)
     assert (again.status_code, again.content) == (hers.status_code, hers.content)
 
 

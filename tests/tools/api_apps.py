@@ -25,10 +25,10 @@ def bare_app(inner: Any = None, **options: Any) -> FastAPI:
 
     `inner` is a middleware to add inside, with its options.
     """
-    app = FastAPI(max_body_size=BODY_LIMIT)
+    app = FastAPI()
     if inner is not None:
         app.add_middleware(inner, **options)
-    install_handlers(app)
+    install_handlers(app, BODY_LIMIT)
     app.add_middleware(RequestLog)
     return app
 

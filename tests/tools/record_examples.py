@@ -20,6 +20,7 @@ import httpx2
 
 from syncplan.planning.plan_files import StatedOrbit
 from syncplan.reports.job_contract import has_ended
+from tests.tools.recordings import zipped
 from tests.tools.serving import ROOT, Server, running
 
 __all__ = ["FOLDER", "KEY", "SCENARIO", "main"]
@@ -42,6 +43,13 @@ SCENARIO: dict[str, Any] = {
     "landmarks_m": [[0.0, 40.0], [70.0, -40.0]],
     "sensor": {"range_m": 50.0, "bearing_sigma_rad": 0.1, "sample_time_s": 0.2},
     "duration_s": 60.0,
+}
+
+RECORDED = {
+    "odometry.csv": "robot,time_s,speed_mps,turn_rate_rad_s\nrover,0,0.8,0.1\nrover,60,0.8,0.1\n",
+    "sightings.csv": "robot,time_s,target,bearing_rad,range_m\nrover,0.5,pole,0.25,8\n",
+    "landmarks.csv": "name,x_m,y_m\npole,8,2\n",
+    "truth.csv": "robot,time_s,x_m,y_m,heading_rad\nrover,0,0,0,0\nrover,60,-2.2,16,6\n",
 }
 
 Tree = dict[str, Any]
@@ -125,6 +133,7 @@ def main() -> None:
         with running(server):
             recorder = _Recorder(server.url)
             _jobs(recorder, f"/v1/plans/{_plans(recorder)}")
+            _recordings(recorder)
             _others(recorder)
             recorder.write()
 
@@ -154,6 +163,23 @@ def _plans(recorder: _Recorder) -> str:
     recorder.kept["readPlan"]["responses"]["200"] = {"survey": {"same": ["createPlan", "201"]}}
     recorder.ask("listPlans", "page", "The only page", "GET", "/v1/plans")
     return str(plan["id"])
+
+
+def _recordings(recorder: _Recorder) -> str:
+    content = zipped({f"hall/{name}": text.encode() for name, text in RECORDED.items()})
+    headers = {"content-type": "application/zip"}
+    sent: Tree = {"content": content, "headers": headers}
+    path = "/v1/recordings"
+    kept = recorder.ask("createRecording", "hall", "In short", "POST", path, **sent)
+    wrong = {**RECORDED, "odometry.csv": RECORDED["odometry.csv"].replace("0.8", "fast")}
+    sent["content"] = zipped({f"hall/{name}": text.encode() for name, text in wrong.items()})
+    recorder.ask("createRecording", "fault", "A fault of a file", "POST", path, **sent)
+    recorder.ask("listRecordings", "page", "The only page", "GET", path)
+    one = f"{path}/{kept['id']}"
+    recorder.kept["readRecording"]["responses"]["200"] = {
+        "hall": {"same": ["createRecording", "201"]}
+    }
+    return one
 
 
 def _stated(vehicle: Tree) -> Tree:

@@ -1,5 +1,7 @@
 """Recordings of teams on circles, written as the files that `syncplan replay` reads."""
 
+import io
+import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,7 +11,7 @@ from syncplan.orbits.circles import Orbits, heading, position
 from syncplan.recordings.log import Log
 from tests.tools.serving import ROOT
 
-__all__ = ["CLOCK", "LANDMARKS", "REAL", "Recipe", "write_csv", "write_recording"]
+__all__ = ["CLOCK", "LANDMARKS", "REAL", "Recipe", "write_csv", "write_recording", "zipped"]
 
 REAL = ROOT.parent / "shared" / "data" / "mrclam6.tar.xz"
 """The recording of real robots that some tests need, beside the checkout."""
@@ -111,6 +113,15 @@ def write_csv(log: Log, folder: Path) -> Path:
     if truth:
         _write_rows(folder / "truth.csv", "robot,time_s,x_m,y_m,heading_rad", truth)
     return folder
+
+
+def zipped(files: dict[str, bytes]) -> bytes:
+    """Return a zip archive of files by name."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in files.items():
+            archive.writestr(name, content)
+    return stream.getvalue()
 
 
 def _write_rows(path: Path, header: str, rows: list[tuple[object, ...]]) -> None:

@@ -1,0 +1,151 @@
+"""Recordings of real robots: taken in as archives, listed, deleted."""
+
+from collections.abc import AsyncIterator
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Query, Request, Response
+from sqlalchemy import Connection
+from starlette.concurrency import run_in_threadpool
+
+from api.callers import CurrentCaller, computed
+from api.idempotency import Call, IdempotencyKey, answer_once, call_of
+from api.negotiation import accepts, check_archive
+from api.packed_recordings import PackedRecording
+from api.problems import Conflict, NotFound, StorageFull, problem_responses
+from api.responses import Recording, RecordingPage, recording_answer
+from api.routes.paging import Before, Limit, page_and_next
+from api.routes.plan_routes import Identifier
+from api.security import CurrentOwner
+from api.service import CurrentService, Service
+from api.storage import recording_records
+from api.storage.job_records import hold_owner
+from api.storage.kept_answers import Answer
+from syncplan.scenario.quantities import Name
+
+__all__ = ["find_recording_or_refuse", "router"]
+
+router = APIRouter(
+    prefix="/recordings", tags=["recordings"], dependencies=[Depends(accepts("application/json"))]
+)
+
+
+async def _upload(
+    request: Request, caller: CurrentCaller, idempotency_key: IdempotencyKey = None
+) -> AsyncIterator[Call]:
+    check_archive(request)
+    # before the body is read, which is large
+    with caller.service.uploads.one_of(caller.owner):
+        yield await call_of(request, caller, idempotency_key)
+
+
+CurrentUpload = Annotated[Call, Depends(_upload)]
+"""Parameter type of a route that takes an archive, one of few at a time."""
+
+
+@router.post(
+    "",
+    status_code=201,
+    response_model=Recording,
+    operation_id="createRecording",
+    summary="Keep a recording",
+    responses=problem_responses(401, 406, 413, 415, 422, 429, 503, 507),
+)
+async def create_recording(
+    call: CurrentUpload,
+    name: Annotated[
+        Name | None, Query(description="Its name in reports; as in the archive if not given")
+    ] = None,
+) -> Response:
+    """Read a recording of real robots and keep it for a while, to be replayed.
+
+    The body is a zip or tar archive of the recording's folder: CSV files, those of MRCLAM, or a
+    ROS 2 bag.
+    """
+
+    async def compute() -> PackedRecording:
+        await run_in_threadpool(_refuse_more, call)
+        packed: PackedRecording = await computed(call.caller, "packed_recording", call.body, name)
+        return packed
+
+    def store(connection: Connection, packed: PackedRecording) -> Answer:
+        hold_owner(connection, call.owner)
+        _check_room(connection, call)
+        row = recording_records.add_recording(connection, call.owner, packed)
+        headers = {"location": f"/v1/recordings/{row.id}"}
+        return Answer(call.digest, 201, headers, recording_answer(row).model_dump_json())
+
+    return await answer_once(call, compute, store)
+
+
+@router.get(
+    "",
+    response_model=RecordingPage,
+    operation_id="listRecordings",
+    summary="List recordings",
+    responses=problem_responses(401, 406, 422, 503),
+)
+def read_recordings(
+    service: CurrentService, owner: CurrentOwner, limit: Limit = 50, before: Before = None
+) -> RecordingPage:
+    """Your recordings, newest first, a page at a time."""
+    with service.database.reading() as connection:
+        found = recording_records.list_recordings(connection, owner, limit + 1, before)
+    ids = [row.id for row in found]
+    rows, following = page_and_next("/v1/recordings", found, ids, limit)
+    return RecordingPage(items=[recording_answer(row) for row in rows], next=following)
+
+
+@router.get(
+    "/{recording_id}",
+    response_model=Recording,
+    operation_id="readRecording",
+    summary="Read what a recording holds",
+    responses=problem_responses(401, 404, 406, 422, 503),
+)
+def read_recording(
+    recording_id: Identifier, service: CurrentService, owner: CurrentOwner
+) -> Recording:
+    """A recording in short: its robots, landmarks, length and readings."""
+    return recording_answer(find_recording_or_refuse(service, owner, recording_id))
+
+
+@router.delete(
+    "/{recording_id}",
+    status_code=204,
+    operation_id="deleteRecording",
+    summary="Delete a recording",
+    responses=problem_responses(401, 404, 406, 409, 422, 503, 507),
+)
+def remove_recording(
+    recording_id: Identifier, service: CurrentService, owner: CurrentOwner
+) -> None:
+    """Delete a recording that no unfinished job is about; reports of its replays stay."""
+    find_recording_or_refuse(service, owner, recording_id)
+    with service.database.writing() as connection:
+        hold_owner(connection, owner)
+        gone = recording_records.delete_recording(connection, owner, recording_id)
+    if not gone:
+        raise Conflict("a job about the recording has not ended; wait for it, or cancel it")
+
+
+def find_recording_or_refuse(
+    service: Service, owner: str, recording_id: str
+) -> recording_records.RecordingRow:
+    """Return an owner's recording; raises NotFound, also for those of others."""
+    with service.database.reading() as connection:
+        row = recording_records.find_recording(connection, owner, recording_id)
+    if row is None:
+        raise NotFound(f"there is no recording {recording_id}")
+    return row
+
+
+def _refuse_more(call: Call) -> None:
+    """Raise StorageFull before a recording is read that could not be kept."""
+    with call.service.database.reading() as connection:
+        _check_room(connection, call)
+
+
+def _check_room(connection: Connection, call: Call) -> None:
+    most = call.service.settings.max_recordings
+    if recording_records.count_recordings(connection, call.owner) >= most:
+        raise StorageFull(f"you have {most} stored recordings, the most allowed; delete some")
