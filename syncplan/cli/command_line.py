@@ -65,6 +65,7 @@ OPTIONS = {
     "turn_rate_bias_sigma": "--turn-rate-bias-sigma-rad-s",
     "bearing_bias_sigma": "--bearing-bias-sigma-rad",
     "delay": "--delay-s",
+    "window": "--window-s",
     "start": "--start",
     "start_poses": "--start-poses",
     "position_sigma": "--start-sigma-m",

@@ -94,6 +94,9 @@ StartHeadingSigma = Annotated[
         help="Sigma of each start heading; 0.01, 0.5 or 0.2 by --start", show_default=False
     ),
 ]
+Window = Annotated[
+    float, typer.Option(help="Sightings whose rank is judged together; 0 judges none")
+]
 Tune = Annotated[
     bool,
     typer.Option("--tune", help="Fit sigmas and delay to the first third, and run on the rest"),
@@ -130,6 +133,7 @@ def _replay(
     start_sigma_m: StartSigma = None,
     start_sigma_rad: StartHeadingSigma = None,
     seed: Seed = 0,
+    window_s: Window = 30.0,
     tune: Tune = False,
     filter_: FilterOption = DEFAULT_FILTER,
     sample_time_s: SampleTime = 0.05,
@@ -160,6 +164,7 @@ def _replay(
         sample_time=sample_time_s,
         delay=delay_s,
         start=start.value,
+        window=window_s,
         start_poses=None if start_poses is None else poses_of(start_poses),
     )
     changes: FilterChanges = {

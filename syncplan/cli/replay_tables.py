@@ -38,6 +38,12 @@ def show_replay(report: ReplayDocument, console: Console) -> None:
         )
     table.count_hidden(len(report.robots) - MOST_ROWS)
     console.print(table)
+    if (seen := report.observability) is not None:
+        console.print(
+            f"observable over the last {seen.window_s:g} s during {seen.observable_s:.1f} of "
+            f"{seen.judged_s:.1f} s, certified during {seen.certified_s:.1f} s; longest gap "
+            f"{seen.longest_gap_s:.1f} s"
+        )
     _print_tuning(report, console)
     _print_lasting_errors(report, console)
     console.print(f"ANEES {spread_words(report.anees)}")

@@ -16,6 +16,7 @@ __all__ = [
     "SPEED_SCALE_SIGMA",
     "START_SIGMAS",
     "TURN_RATE_BIAS_SIGMA",
+    "WINDOW",
     "ReplaySettings",
 ]
 
@@ -35,6 +36,7 @@ RANGE_SIGMA = 0.4
 last for seconds, and a filter that takes them for new at each sighting needs a larger sigma."""
 
 SAMPLE_TIME = 0.05
+WINDOW = 30.0
 
 START_SIGMAS: Mapping[str, tuple[float, float]] = MappingProxyType(
     {"truth": (0.01, 0.01), "prior": (5.0, 0.5), "given": (1.0, 0.2)}
@@ -64,6 +66,7 @@ class ReplaySettings:
     delay : s, by which sightings are recorded later than they were made
     start : kind of start, one of START_SIGMAS
     start_poses : (n, 3) m, m, rad, where the start is given
+    window : s, of the sightings that are judged together; 0 judges none
     portion : shares of the recording at which the run begins and ends
     """
 
@@ -80,6 +83,7 @@ class ReplaySettings:
     delay: float = 0.0
     start: str = "truth"
     start_poses: Array | None = None
+    window: float = WINDOW
     portion: tuple[float, float] = (0.0, 1.0)
 
     def __post_init__(self) -> None:
@@ -96,6 +100,8 @@ class ReplaySettings:
         if not abs(self.delay) <= LARGEST_DELAY:
             problem = f"{self.delay:g} given; allowed is -{LARGEST_DELAY:g} to {LARGEST_DELAY:g} s"
             raise InputError(problem, key="delay")
+        if not 0.0 <= self.window <= LARGEST_SIGMA:
+            raise InputError(f"{self.window:g} given; it must not be negative", key="window")
         if self.start not in START_SIGMAS:
             problem = f"{self.start!r} is unknown; choose {' or '.join(START_SIGMAS)}"
             raise InputError(problem, key="start")

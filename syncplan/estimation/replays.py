@@ -14,6 +14,7 @@ from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.estimation.consistency import Consistency, coverage, recorded_anees, recorded_nis
 from syncplan.estimation.filter_options import FilterChanges, FilterOptions, options_with
+from syncplan.estimation.recorded_observability import SeenOverTime, seen_over_time
 from syncplan.estimation.recorded_readings import Clock, LeftOut, longest_gap
 from syncplan.estimation.recorded_run import Seen, filtered, run_of
 from syncplan.estimation.replay_settings import (
@@ -24,6 +25,7 @@ from syncplan.estimation.replay_settings import (
     SPEED_SCALE_SIGMA,
     START_SIGMAS,
     TURN_RATE_BIAS_SIGMA,
+    WINDOW,
     ReplaySettings,
 )
 from syncplan.estimation.replay_tuning import Tuning, tuned
@@ -101,6 +103,7 @@ class Replay(Result):
     anees, nis : consistency figures; NIS of all kinds of sighting
     counts : by name of the kind of sighting, of the kinds that were asked for
     lasting_errors : as the filter has them at the end
+    seen : what windows of the sightings determined; None where none is judged
     tuning : how sigmas and delay were fitted to what came before; None where they were not
     """
 
@@ -116,6 +119,7 @@ class Replay(Result):
     nis: Consistency
     counts: dict[str, KindCounts]
     lasting_errors: tuple[FittedError, ...]
+    seen: SeenOverTime | None
     tuning: Tuning | None = None
 
     def __repr__(self) -> str:
@@ -199,6 +203,7 @@ def replay(
     delay: float = 0.0,
     start: str = "truth",
     start_poses: Array | None = None,
+    window: float = WINDOW,
     tune: bool = False,
     progress: Seen | None = None,
     **changes: Unpack[FilterChanges],
@@ -214,7 +219,8 @@ def replay(
     they are recorded. `start` is "truth"; "prior", drawn about the truth by the start's sigmas and
     the `seed`; or "given", at `start_poses` (n, 3) m, m, rad. `options`, or changes of it by
     name, choose the filter: a sighting counts while it is within the gate of `gate_probability`,
-    0.999 if not given, where 1 accepts all; `with_series` keeps errors and sigmas over time. `tune`
+    0.999 if not given, where 1 accepts all; `with_series` keeps errors and sigmas over time. The
+    sightings of each `window` s are judged by rank and certificate, none where it is 0. `tune`
     fits sigmas and delay to the first third, beginning with those given, and runs on the rest. A
     recording is one trial: `trials` and `duration` have no effect. `progress` is called with the
     number of sightings so far. Raises InputError naming the argument or the robot at fault, and
@@ -237,6 +243,7 @@ def replay(
         delay=delay,
         start=start,
         start_poses=start_poses,
+        window=window,
     )
     chosen = replay_options(options, changes)
     tuning = tuned(log, settings, chosen) if tune else None
@@ -288,6 +295,7 @@ def replay_with(
             for name, columns in run.layout.columns.items()
             for robot, column in zip(log.robots, columns[:, 0].tolist(), strict=True)
         ),
+        seen=seen_over_time(run, found, settings.window) if settings.window else None,
         tuning=tuning,
     )
 

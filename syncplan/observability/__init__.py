@@ -9,6 +9,7 @@ loss_ranks           losses that end observability
 extended_rank        rank with errors that last as states
 unobservable_modes   null vectors named, with a cure
 error_modes          null vectors of errors named, and the verdict on them
+sliding_windows      rank and certificate along any paths, such as recorded ones
 connectivity         the shortest window that certifies the team
 link_verdicts        each link: when it meets, its rank, why it falls short
 """

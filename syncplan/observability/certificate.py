@@ -19,15 +19,15 @@ was certified.
 """
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.observability.rank import LINK_TOLERANCE, LinkInformation, Observability
 from syncplan.orbits.graphs import components, spanning_forest
-from syncplan.orbits.team import Team
 
-__all__ = ["DISTINCT_LANDMARKS", "Certificate", "WitnessTree", "certify", "counts"]
+__all__ = ["DISTINCT_LANDMARKS", "Bodies", "Certificate", "WitnessTree", "certify", "counts"]
 
 
 DISTINCT_LANDMARKS = 0.1
@@ -77,7 +77,19 @@ def counts(link: LinkInformation, needed: int, largest: float) -> bool:
     return bool(values[needed - 1] > LINK_TOLERANCE * max(float(values[0]), largest))
 
 
-def certify(team: Team, verdict: Observability, links: list[LinkInformation]) -> Certificate:
+class Bodies(Protocol):
+    """What sees and is seen: a team, or the robots and landmarks of a recording."""
+
+    @property
+    def count(self) -> int:
+        """Number of vehicles."""
+
+    @property
+    def landmarks(self) -> Array:
+        """(m, 2) m."""
+
+
+def certify(team: Bodies, verdict: Observability, links: list[LinkInformation]) -> Certificate:
     """Return the certificate of a team, from the links of one window and its verdict.
 
     Landmarks in the result are numbered from zero.

@@ -32,6 +32,7 @@ __all__ = [
     "Observability",
     "PairRows",
     "assess",
+    "judged_rank",
     "link_information",
     "lone_rows",
     "pair_rows",
@@ -206,8 +207,19 @@ def assess(
     `alone` are the rows of `lone_rows`, None where there are none; `scale` in m is the one that
     both were computed with.
     """
-    size = 3 * team.count
-    matrix = stacked_rows(links, team.count, alone)
+    mean_radius = float(team.orbits.radii.mean())
+    return judged_rank(team.count, links, mean_radius if scale is None else scale, alone)
+
+
+def judged_rank(
+    count: int, links: list[LinkInformation], scale: float, alone: Array | None = None
+) -> Observability:
+    """Return rank, gap and unobservable directions of the matrix of `count` vehicles.
+
+    Whatever their paths are: `links` and `alone` are with positions in `scale` m.
+    """
+    size = 3 * count
+    matrix = stacked_rows(links, count, alone)
     if len(matrix) > size:
         matrix = np.asarray(np.linalg.qr(matrix, mode="r"))
     values, null_space, variances = decomposed(matrix, size)
@@ -219,7 +231,7 @@ def assess(
         gap=rank_gap(values, rank),
         null_space=null_space,
         variances=variances,
-        scale=float(team.orbits.radii.mean()) if scale is None else scale,
+        scale=scale,
     )
 
 

@@ -20,6 +20,7 @@ sites_report        choices of landmark sites
 state_errors_report  errors of states that are no poses
 validation_notes    what the figures of a validation mean
 validation_report   validations and sweeps
+replay_notes        what the figures of a replay mean
 replay_report       replays
 presentations       results as documents, data frames and HTML
 """

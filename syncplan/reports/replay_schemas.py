@@ -6,11 +6,13 @@ from syncplan.reports.document_base import DocumentPart
 from syncplan.reports.run_schemas import Errors, RunReport, Series, Spread
 
 __all__ = [
+    "GapRecord",
     "LastingError",
     "ReadingCounts",
     "ReplayDocument",
     "ReplayFilter",
     "RobotFigures",
+    "SeenRecord",
     "Sigmas",
     "TuningRecord",
 ]
@@ -72,6 +74,32 @@ class LastingError(DocumentPart):
     sigma: float
 
 
+class GapRecord(DocumentPart):
+    """A time over which the team was not observable."""
+
+    from_s: float = Field(description="Since the beginning of the run")
+    to_s: float
+    least_rank: int = Field(description="Of the windows that end in it")
+    robots: list[str] = Field(description="Those of which some coordinate was not determined")
+
+
+class SeenRecord(DocumentPart):
+    """What the sightings of sliding windows determined, each judged for the step that ends it."""
+
+    window_s: float
+    step_s: float = Field(description="Between the ends of two windows")
+    judged_s: float = Field(description="All in all, from when the first window ends")
+    observable_s: float = Field(description="Of it, with full rank")
+    certified_s: float = Field(description="Of it, with the certificate")
+    longest_gap_s: float = Field(description="Longest time over which the team was not observable")
+    state_dim: int
+    gaps: list[GapRecord]
+    median_position_sigma_m: float | None = Field(
+        description="Of the worst robot from one window alone, median over windows; null where "
+        "more than half of them determine less than all"
+    )
+
+
 class Sigmas(DocumentPart):
     """What a replay fits; sigmas of motion are per sample."""
 
@@ -119,6 +147,9 @@ class ReplayDocument(RunReport):
     readings: ReadingCounts = Field(description="Of bearings")
     distances: ReadingCounts | None = Field(
         default=None, description="Null where distances are not recorded, or not asked for"
+    )
+    observability: SeenRecord | None = Field(
+        default=None, description="Null where no windows were judged, and in older files"
     )
     tuning: TuningRecord | None = Field(
         default=None, description="Null where sigmas and delay were stated"

@@ -687,6 +687,8 @@ def test_the_options_defaults_are_the_librarys() -> None:
         "delay_s": "delay",
         "start": "start",
         "sample_time_s": "sample_time",
+        "window_s": "window",
+        "tune": "tune",
     }
     for option, argument in same.items():
         assert options[option] == defaults[argument].default

@@ -1,0 +1,169 @@
+"""When the sightings of a recording determined where everybody was: rank and certificate over time.
+
+At each of some times, the sightings of the last `window` s are judged as those of a plan's window
+are. Paths are those of odometry from the truth at the beginning of each window.
+"""
+
+from dataclasses import dataclass
+from itertools import groupby
+
+import numpy as np
+
+from syncplan.arrays import Array, Index
+from syncplan.estimation.recorded_run import FilteredRun, RecordedRun
+from syncplan.observability.sliding_windows import (
+    Placed,
+    SeenWindow,
+    WatchedTeam,
+    judged_windows,
+    undetermined,
+)
+from syncplan.orbits.circles import unit
+
+__all__ = ["Gap", "SeenOverTime", "seen_over_time"]
+
+STEPS_IN_WINDOW = 3
+MOST_WINDOWS = 300
+"""More are further apart."""
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """A time over which the team was not observable.
+
+    Attributes
+    ----------
+    begin, end : s since the beginning of the run; no sightings of the window before determined all
+    least_rank : of the windows that end in it
+    robots : places of those of which some coordinate was not determined
+    """
+
+    begin: float
+    end: float
+    least_rank: int
+    robots: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SeenOverTime:
+    """What windows of a recording determined, each judged for the step that ends with it.
+
+    Attributes
+    ----------
+    window, step : s
+    judged, observable, certified : s, in all; from when the first window ends
+    state_dim : rank of a window that determines all
+    gaps : in order of time
+    position_sigmas : (w,) m, of the worst robot from each window alone; infinite where it was not
+        observable
+    """
+
+    window: float
+    step: float
+    judged: float
+    observable: float
+    certified: float
+    state_dim: int
+    gaps: tuple[Gap, ...]
+    position_sigmas: Array
+
+    @property
+    def longest_gap(self) -> float:
+        """In s; 0 where the team was always observable."""
+        return max((gap.end - gap.begin for gap in self.gaps), default=0.0)
+
+
+def seen_over_time(run: RecordedRun, made: FilteredRun, window: float) -> SeenOverTime:
+    """Return what the accepted sightings of a run determined over windows of so many s."""
+    clock = run.clock
+    samples = max(min(round(window / clock.sample_time), clock.samples), 1)
+    step = max(samples // STEPS_IN_WINDOW, -(-(clock.samples - samples) // MOST_WINDOWS), 1)
+    ends = np.arange(samples, clock.samples + 1, step)
+    used = np.flatnonzero(made.weights > 0.0)
+    seen, setup = run.sightings, run.setup
+    begins = ends - samples
+    watched = WatchedTeam(
+        times=seen.times[used],
+        observers=seen.observers[used],
+        targets=seen.targets[used],
+        kinds=seen.kinds[used],
+        sigmas=np.sqrt(setup.variances[used]),
+        count=run.layout.count,
+        landmarks=setup.landmarks,
+        scale=_scale(setup.truth[:, :, :2]),
+    )
+    times = clock.times
+    found = list(
+        judged_windows(watched, _along_odometry(run, used, begins), times[begins], times[ends])
+    )
+    length = step * clock.sample_time
+    return SeenOverTime(
+        window=samples * clock.sample_time,
+        step=length,
+        judged=len(found) * length,
+        observable=length * sum(one.observability.observable for one in found),
+        certified=length * sum(one.certificate.holds for one in found),
+        state_dim=3 * watched.count,
+        gaps=_gaps(found, length),
+        position_sigmas=np.array([one.position_sigma for one in found]),
+    )
+
+
+def _along_odometry(run: RecordedRun, used: Index, begins: Index) -> Placed:
+    """Where everybody is in windows from samples `begins`, by odometry from the truth there."""
+    setup, n, paths = run.setup, run.layout.count, _paths(run)
+    o, t = run.sightings.observers[used], run.sightings.targets[used]
+    step_of = np.repeat(np.arange(len(setup.first) - 1), np.diff(setup.first))[used]
+    at_sample = np.flatnonzero(setup.compared >= 0)
+
+    def placed(k: int, of: slice) -> tuple[Array, Array]:
+        truth, begin = setup.truth[begins[k]], paths[at_sample[begins[k]]]
+        turn = truth[:, 2] - begin[:, 2]
+        now, a, b = paths[step_of[of]], o[of], t[of]
+        places = np.empty((len(a), 2, 2))
+        for side, body in ((0, a), (1, np.minimum(b, n - 1))):
+            gone = now[np.arange(len(a)), body, :2] - begin[body, :2]
+            places[:, side] = truth[body, :2] + _turned(gone, turn[body])
+        fixed = b >= n
+        places[fixed, 1] = setup.landmarks[b[fixed] - n]
+        return truth[:, :2], places
+
+    return placed
+
+
+def _gaps(found: list[SeenWindow], length: float) -> tuple[Gap, ...]:
+    """Runs of windows that fall short, each as long as the steps that end with them."""
+    gaps = []
+    for observable, group in groupby(found, key=lambda one: one.observability.observable):
+        if not observable:
+            short = list(group)
+            robots = {k for one in short for k in undetermined(one.observability)}
+            least = min(one.observability.rank for one in short)
+            gaps.append(
+                Gap(max(short[0].end - length, 0.0), short[-1].end, least, tuple(sorted(robots)))
+            )
+    return tuple(gaps)
+
+
+def _paths(run: RecordedRun) -> Array:
+    """(steps + 1, n, 3) m, m, rad: odometry summed up from the origin, at the end of each step."""
+    spans = run.setup.spans[:, None]
+    speeds, turns = run.readings.speeds[..., 0], run.readings.turn_rates[..., 0] * spans
+    headings = np.vstack([np.zeros(turns.shape[1]), np.cumsum(turns, axis=0)])
+    half = 0.5 * turns
+    chords = (speeds * spans * np.sinc(half / np.pi))[..., None] * unit(headings[:-1] + half)
+    places = np.concatenate([np.zeros((1, *chords.shape[1:])), np.cumsum(chords, axis=0)])
+    return np.concatenate([places, headings[..., None]], axis=2)
+
+
+def _turned(vectors: Array, angles: Array) -> Array:
+    """(s, 2) vectors turned by angles (s,)."""
+    cos, sin = np.cos(angles), np.sin(angles)
+    x, y = vectors[:, 0], vectors[:, 1]
+    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+
+
+def _scale(places: Array) -> float:
+    """m: how far robots are from the middle of all their places, typically."""
+    away = places - places.mean(axis=(0, 1))
+    return max(float(np.sqrt(np.mean(np.sum(away**2, axis=2)))), 1e-3)

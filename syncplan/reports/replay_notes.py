@@ -1,0 +1,183 @@
+"""What the figures of a replay mean, and what of its recording is amiss, in plain words."""
+
+import numpy as np
+
+from syncplan.arrays import Array
+from syncplan.estimation.replay_tuning import Tuning
+from syncplan.estimation.replays import Replay, longest_gap
+from syncplan.phrases import listed
+from syncplan.reports.consistency_words import interval_words
+from syncplan.reports.validation_report import spread_of
+
+__all__ = ["notes_of"]
+
+
+LONG_GAP_S = 0.5
+"""A gap of the truth worth a note."""
+
+LONG_PAUSE_S = 2.0
+"""A time without odometry worth a note."""
+
+SHARE_WORTH_TELLING = 0.01
+"""Of a recording, where it can't be used."""
+
+MOST_BEARING_RAD = 6.5
+"""Beyond a turn, with a little to spare."""
+
+MOST_NAMED = 8
+
+OTHER_CAUSES = "clocks, units or places do not fit"
+
+
+def notes_of(replayed: Replay) -> list[str]:
+    """Return what the figures mean for the reader, and what of the recording is amiss."""
+    return [
+        *_tuning_notes(replayed.tuning),
+        *_readings_notes(replayed),
+        *_observability_notes(replayed),
+        *_consistency_notes(replayed),
+        *_span_notes(replayed),
+        *_odometry_notes(replayed),
+        *(
+            f"the truth of {name} has a gap of {gap:.2f} s: its errors there are from a straight "
+            "line"
+            for name, gap in _gaps(replayed, [robot.truth for robot in replayed.log.robots])
+            if gap > LONG_GAP_S
+        ),
+    ]
+
+
+def _tuning_notes(tuning: Tuning | None) -> list[str]:
+    if tuning is None:
+        return []
+    notes = [
+        f"sigmas and delay are fitted to the first {tuning.duration:.1f} s, without truth; figures "
+        "are of the rest"
+    ]
+    if tuning.gain_on_rest < 0.0:
+        notes.append(
+            "those that were given explain the rest better: the recording changes on its way, or "
+            "its first third shows too little"
+        )
+    return notes
+
+
+def _readings_notes(replayed: Replay) -> list[str]:
+    kinds = replayed.counts.items()
+    used, rejected, outside = (
+        sum(count)
+        for count in zip(*((k.used, k.rejected, k.left_out.outside) for _, k in kinds), strict=True)
+    )
+    notes = []
+    if used + rejected + outside == 0:
+        notes.append("no sighting was used: this is odometry alone")
+    elif used + rejected == 0:
+        notes.append(
+            f"all {outside} bearings and distances that were asked for are from before or after "
+            "the run: by another clock? This is odometry alone"
+        )
+    for name, count in kinds:
+        if count.rejected > count.used:
+            notes.append(
+                f"the gate rejected {count.rejected} of {count.used + count.rejected} {name}s: the "
+                f"filter has lost its way, its sigmas are too small, or {OTHER_CAUSES}"
+            )
+    largest = max(
+        np.abs(robot.bearings[np.isfinite(robot.bearings)]).max(initial=0.0)
+        for robot in replayed.log.robots
+    )
+    if largest > MOST_BEARING_RAD:
+        notes.append(f"bearings of up to {largest:.4g} rad: are they in degrees?")
+    return notes
+
+
+def _observability_notes(replayed: Replay) -> list[str]:
+    seen = replayed.seen
+    if seen is None or not seen.gaps:
+        return []
+    begin = f"the sightings of the last {seen.window:g} s"
+    if seen.observable == 0.0:
+        return [f"{begin} never determined where all robots were: the filter lives on its start"]
+    longest = max(seen.gaps, key=lambda gap: gap.end - gap.begin)
+    robots = listed([replayed.log.robots[k].name for k in longest.robots], MOST_NAMED)
+    missing = seen.judged - seen.observable
+    return [
+        f"{begin} did not determine where all robots were during {missing:.1f} of "
+        f"{seen.judged:.1f} s; longest from {longest.begin:.1f} to {longest.end:.1f} s ({robots})"
+    ]
+
+
+def _consistency_notes(replayed: Replay) -> list[str]:
+    notes = []
+    anees, settings = spread_of(replayed.anees), replayed.settings
+    if anees.verdict == "optimistic":
+        notes.append(
+            f"the filter makes larger errors than its sigmas say (ANEES {interval_words(anees)}): "
+            f"they are too small for these robots, or {OTHER_CAUSES}"
+        )
+    elif anees.verdict == "conservative":
+        notes.append(
+            f"the filter makes smaller errors than its sigmas say (ANEES {interval_words(anees)}): "
+            "they may be smaller"
+        )
+    assumed = {
+        "bearing": f"{settings.bearing_sigma:g} rad",
+        "distance": f"{settings.range_sigma:g} m",
+    }
+    for name, count in replayed.counts.items():
+        nis = spread_of(count.nis)
+        if nis.verdict == "optimistic":
+            notes.append(
+                f"{name}s scatter more than the filter expects (NIS {interval_words(nis)}): their "
+                f"sigma may be more than {assumed[name]}"
+            )
+        elif nis.verdict == "conservative":
+            notes.append(
+                f"{name}s scatter less than the filter expects (NIS {interval_words(nis)}): their "
+                f"sigma may be less than {assumed[name]}"
+            )
+    return notes
+
+
+def _span_notes(replayed: Replay) -> list[str]:
+    """Where the truth of some robots is known for much longer than that of all."""
+    robots = replayed.log.robots
+    begins = {robot.name: float(robot.truth[0, 0]) for robot in robots}
+    ends = {robot.name: float(robot.truth[-1, 0]) for robot in robots}
+    late, early = max(begins, key=lambda name: begins[name]), min(ends, key=lambda name: ends[name])
+    lost = {
+        f"the truth of {late} begins": begins[late] - min(begins.values()),
+        f"the truth of {early} ends": max(ends.values()) - ends[early],
+    }
+    whole = max(ends.values()) - min(begins.values())
+    return [
+        f"{what} {time:.1f} s {way}: that part of the recording is not used"
+        for (what, time), way in zip(lost.items(), ("late", "early"), strict=True)
+        if time > max(LONG_PAUSE_S, SHARE_WORTH_TELLING * whole)
+    ]
+
+
+def _odometry_notes(replayed: Replay) -> list[str]:
+    begin, end = replayed.begin, replayed.begin + replayed.duration
+    read = {robot.name: robot.odometry[:, 0] for robot in replayed.log.robots}
+    late = {name: float(times[0]) - begin for name, times in read.items()}
+    early = {name: end - float(times[-1]) for name, times in read.items()}
+    missing = (("begins late; till then they", late), ("ends early; from then on they", early))
+    notes = []
+    for what, times in missing:
+        long = [f"{name} {time:.1f} s" for name, time in times.items() if time > LONG_PAUSE_S]
+        if long:
+            notes.append(f"odometry {what} count as standing still: {', '.join(long)}")
+    return notes + [
+        f"the odometry of {name} has a gap of {gap:.2f} s: its last reading counts meanwhile"
+        for name, gap in _gaps(replayed, [robot.odometry for robot in replayed.log.robots])
+        if gap > LONG_PAUSE_S
+    ]
+
+
+def _gaps(replayed: Replay, tables: list[Array]) -> list[tuple[str, float]]:
+    """The longest gap in s of each robot's table of times."""
+    return [
+        (robot.name, longest_gap(table[:, 0], replayed.begin, replayed.duration))
+        for robot, table in zip(replayed.log.robots, tables, strict=True)
+    ]

@@ -1,0 +1,132 @@
+"""Rank over sliding windows: that of plans on circles, and of recordings."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import syncplan
+from syncplan.arrays import Array
+from syncplan.estimation.replays import replay
+from syncplan.observability.rank import assess, link_information
+from syncplan.observability.sliding_windows import WatchedTeam, judged_windows, undetermined
+from syncplan.observability.window_assessment import assess_team
+from syncplan.orbits.circles import position
+from syncplan.orbits.sighting_kinds import sigmas_by_kind
+from syncplan.recordings.log import Log, RobotLog
+from syncplan.recordings.recording_formats import load_log
+from syncplan.reports.replay_report import replay_document
+from tests.tools.recordings import Recipe, write_recording
+from tests.tools.serving import ROOT
+
+
+@pytest.mark.parametrize(
+    ("name", "rank"),
+    [("paper-grid-same", 18), ("paper-grid-alternate", 16), ("landmark-bridge", 5)],
+)
+def test_on_circles_a_window_has_the_rank_of_the_plan(name: str, rank: int) -> None:
+    plan = syncplan.plan(syncplan.load_scenario(ROOT / "examples" / "scenarios" / f"{name}.yaml"))
+    team = plan.team
+    assessed = assess_team(team, team.orbits.period)
+    seen = assessed.sightings
+    times = np.asarray(seen.steps * team.sensors.sample_time, dtype=np.float64)
+    order = np.argsort(times, kind="stable")
+    scale = 7.0
+
+    def placed(k: int, of: slice) -> tuple[Array, Array]:
+        now = order[of]
+        everywhere = position(team.orbits, times[now])
+        places = np.concatenate(
+            [everywhere, np.broadcast_to(team.landmarks, (len(now), *team.landmarks.shape))], axis=1
+        )
+        row = np.arange(len(now))
+        both = [places[row, seen.observers[now]], places[row, seen.targets[now]]]
+        return position(team.orbits, np.zeros(1))[0], np.stack(both, axis=1)
+
+    watched = WatchedTeam(
+        times=times[order],
+        observers=seen.observers[order],
+        targets=seen.targets[order],
+        kinds=seen.kinds[order],
+        sigmas=sigmas_by_kind(team.sensors, seen.kinds, seen.observers)[order],
+        count=team.count,
+        landmarks=team.landmarks,
+        scale=scale,
+    )
+    ends = np.array([team.orbits.period])
+    (found,) = judged_windows(watched, placed, np.array([-1.0]), ends)
+    expected = assess(team, link_information(team, seen, scale), scale=scale)
+    assert found.observability.rank == expected.rank == rank
+    largest = expected.singular_values[0]
+    np.testing.assert_allclose(
+        found.observability.singular_values, expected.singular_values, atol=1e-9 * largest
+    )
+    assert found.certificate.holds == assessed.certificate.holds
+    assert np.isfinite(found.position_sigma) == (rank == 3 * team.count)
+    if rank < 3 * team.count:
+        assert undetermined(found.observability)
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Log:
+    recipe = Recipe(duration=80.0, jitter=0.8)
+    return load_log(write_recording(tmp_path_factory.mktemp("seen") / "recording", recipe))
+
+
+def test_a_recording_says_when_its_team_was_observable(log: Log) -> None:
+    always = replay(log, window=16.0).seen
+    assert always is not None
+    assert always.gaps == ()
+    assert always.observable == always.certified == always.judged
+    assert always.judged == pytest.approx(80.0 - 16.0, abs=always.step)
+    assert np.isfinite(always.position_sigmas).all()
+
+    begin = max(robot.truth[0, 0] for robot in log.robots)
+
+    def blind(robot: RobotLog) -> RobotLog:
+        """Neither sees nor is seen: no robot sees robot 2 from 30 s to 55 s, nor it anybody."""
+        away = (robot.times > begin + 30.0) & (robot.times < begin + 55.0)
+        kept = ~(away & ((robot.subjects == 2) | (robot.subject == 2)))
+        return replace(
+            robot,
+            times=robot.times[kept],
+            subjects=robot.subjects[kept],
+            bearings=robot.bearings[kept],
+            ranges=robot.ranges[kept],
+        )
+
+    replayed = replay(replace(log, robots=tuple(map(blind, log.robots))), window=16.0)
+    seen = replayed.seen
+    assert seen is not None
+    (gap,) = seen.gaps
+    assert 1 in gap.robots
+    assert 35.0 < gap.begin < 46.5
+    assert 55.0 < gap.end < 65.0
+    assert gap.least_rank < seen.state_dim == 9
+    assert seen.judged - seen.observable == pytest.approx(gap.end - gap.begin)
+    document = replay_document(replayed)
+    assert document.observability is not None
+    assert document.observability.longest_gap_s == pytest.approx(seen.longest_gap)
+    assert "robot2" in document.observability.gaps[0].robots
+    assert any("did not determine where all robots were" in note for note in document.notes)
+
+
+def test_without_landmarks_a_team_is_never_observable(log: Log, tmp_path: Path, run: Any) -> None:
+    replayed = replay(log, landmarks=[])
+    assert replayed.seen is not None
+    assert replayed.seen.observable == 0.0
+    assert [gap.robots for gap in replayed.seen.gaps] == [(0, 1, 2)]
+    document = replay_document(replayed)
+    assert any("never determined where all robots were" in note for note in document.notes)
+    assert document.observability is not None
+    assert document.observability.median_position_sigma_m is None
+    assert replay_document(replay(log, window=0.0)).observability is None
+    folder = write_recording(tmp_path / "brief", Recipe(duration=20.0))
+    status, out, _ = run("replay", str(folder), "--window-s", "8", "--format", "table")
+    assert status == 0
+    assert "observable over the last 8 s during" in " ".join(out.split())
+    status, _, err = run("replay", str(folder), "--window-s", "-1")
+    assert status == 2
+    assert "--window-s: -1 given" in err
