@@ -1,40 +1,30 @@
 """Correction of further states by sightings, in the frame that their covariance is in.
 
-The kernels are those of `augmented_filter`. In P's frame a row h has further entries: with the way
-(X, Y) since and its derivatives, for the observer
-
-    heading  h_psi - h_x Y + h_y X      scale  h_x X_s + h_y Y_s     gust  blown h
-    bias     h_x X_b + h_y Y_b + h_psi t                             wind  t h
-
-and for the target likewise, with -h_x and -h_y; of a common wind, which moves both alike, nothing
-is left. P is large, and each correction would read all of it; so the halves u of a sample's
-corrections are kept, taken off what is read of P, and P is corrected by all of them in one sweep.
+The kernels are those of `augmented_filter`, rows those of `augmented_rows`. P is large, and each
+correction would read all of it; so the halves u of a sample's corrections are kept, taken off what
+is read of P, and P is corrected by all of them in one sweep.
 """
 
 import math
 
-from syncplan.arrays import Array, Index
+from syncplan.arrays import Array
+from syncplan.estimation.augmented_curvature import curved_variances
 from syncplan.estimation.augmented_frame import BIAS, GUST, SCALE, TURN, WIND, Frame
+from syncplan.estimation.augmented_rows import Sparse, dot, multiply, refer
 from syncplan.estimation.augmented_setup import (
     AugmentedReadings,
     AugmentedSetup,
     AugmentedStatistics,
 )
-from syncplan.estimation.batched_filter import BEARING_KIND, sighting_lanes
+from syncplan.estimation.batched_filter import sighting_lanes
+from syncplan.estimation.filter_setup import BEARING_KIND
 from syncplan.estimation.lane_filter import Lanes, compiled
 from syncplan.estimation.lane_statistics import subtract_outer
 
-__all__ = ["AT_ONCE", "MOST_ENTRIES", "Sparse", "correct_augmented"]
+__all__ = ["AT_ONCE", "correct_augmented", "correct_covariance", "correct_state", "take_off"]
 
 AT_ONCE = 8
 """Sightings that P is corrected by in one sweep."""
-
-MOST_ENTRIES = 18
-"""Of a row: three of each pose, two of the wind, four of each vehicle's errors, a bearing bias; and
-a multiple of three."""
-
-Sparse = tuple[Index, Array]
-"""A row: columns (MOST_ENTRIES,) and entries (MOST_ENTRIES, lanes)."""
 
 
 @compiled
@@ -46,7 +36,7 @@ def correct_augmented(
     setup: AugmentedSetup,
     readings: AugmentedReadings,
     frame: Frame,
-    seen: tuple[Array, Array],
+    seen: tuple[Array, Array, Array],
     row: Sparse,
     halves: tuple[Array, Array],
     statistics: AugmentedStatistics,
@@ -54,37 +44,40 @@ def correct_augmented(
 ) -> None:
     """Correct state and P by the sightings of a step, one after another, and count them.
 
-    `seen` are scratch for a sighting's slopes (3, lanes) and innovation (lanes,), `row` for its
-    row, `halves` for u and gain, (AT_ONCE, 3n + e, lanes) each.
+    `seen` are scratch for a sighting's slopes (3, lanes), innovation (lanes,) and, zero at first,
+    second-order variance (lanes,), `row` for its row, `halves` for u and gain,
+    (AT_ONCE, 3n + e, lanes) each.
     """
     poses, pending = setup.poses, 0
     for s in range(poses.first[step], poses.first[step + 1]):
         o, t, z, kind = poses.observers[s], poses.targets[s], readings.sightings[s], poses.kinds[s]
-        slopes, innovation = seen
+        slopes, innovation, further = seen
+        if poses.second_order:
+            curved_variances(kind, x, o, t, P, pending, setup, frame, halves, further, lanes)
         sighting_lanes(kind, x, o, t, poses.landmarks, z, slopes, innovation, lanes)
         bias = setup.columns[o, BIAS] if kind == BEARING_KIND else -1
         if bias >= 0:
             _expect_bias(errors, bias - 3 * len(x), innovation, lanes)
-        entries = _refer(slopes, o, t, bias, setup, frame, row, lanes)
+        entries = refer(slopes, o, t, bias, setup, frame, row, lanes)
         u, gain = halves[0][pending], halves[1][pending]
-        _multiply(P, row, entries, u, lanes)
+        multiply(P, row, entries, u, lanes)
         for j in range(pending):
-            _dot(row, entries, halves[0][j], gain[0], lanes)
-            _take_off(halves[1][j], gain[0], u, lanes)
-        _dot(row, entries, u, slopes[0], lanes)
-        _weigh(poses.variances[s], setup.poses.gate, slopes[0], innovation, statistics, lanes)
+            dot(row, entries, halves[0][j], gain[0], lanes)
+            take_off(halves[1][j], gain[0], u, lanes)
+        dot(row, entries, u, slopes[0], lanes)
+        _weigh(poses.variances[s], poses.gate, further, slopes[0], innovation, statistics, lanes)
         kept = statistics.poses.innovations
         if s < len(kept):
             kept[s, 0], kept[s, 1] = innovation, slopes[0]
         for k in range(len(P)):
             for lane in range(len(lanes)):
                 gain[k, lane] = u[k, lane] * slopes[0, lane]
-        _correct_state(x, errors, gain, innovation, setup, frame, lanes)
+        correct_state(x, errors, gain, innovation, setup, frame, lanes)
         pending += 1
         if pending == AT_ONCE:
-            _correct_covariance(P, pending, halves, lanes)
+            correct_covariance(P, pending, halves, lanes)
             pending = 0
-    _correct_covariance(P, pending, halves, lanes)
+    correct_covariance(P, pending, halves, lanes)
 
 
 @compiled
@@ -96,122 +89,7 @@ def _expect_bias(errors: Array, bias: int, innovation: Array, lanes: Lanes) -> N
 
 
 @compiled
-def _refer(
-    slopes: Array,
-    o: int,
-    t: int,
-    bias: int,
-    setup: AugmentedSetup,
-    frame: Frame,
-    row: Sparse,
-    lanes: Lanes,
-) -> int:
-    """Fill in the row in P's frame; return how many entries it has, a multiple of three."""
-    columns, entries = row
-    since, age = frame
-    count = _refer_vehicle(slopes, o, 1.0, 1.0, setup.columns[o], since[o], age, row, 0, lanes)
-    if bias >= 0:
-        columns[count], entries[count] = bias, 1.0
-        count += 1
-    if t >= len(since) or t == o:
-        for axis in range(2):
-            if setup.columns[o, WIND + axis] >= 0:
-                columns[count] = setup.columns[o, WIND + axis]
-                for lane in range(len(lanes)):
-                    entries[count, lane] = age[0] * slopes[axis, lane]
-                count += 1
-    else:
-        own = setup.columns[t]
-        count = _refer_vehicle(slopes, t, -1.0, 0.0, own, since[t], age, row, count, lanes)
-    while count % 3:
-        columns[count], entries[count] = 0, 0.0
-        count += 1
-    return count
-
-
-@compiled
-def _refer_vehicle(
-    slopes: Array,
-    i: int,
-    sign: float,
-    turns: float,
-    own: Index,
-    since: Array,
-    age: Array,
-    row: Sparse,
-    count: int,
-    lanes: Lanes,
-) -> int:
-    """Add the entries of one vehicle: its slopes are `sign` and `turns` times those given."""
-    columns, entries = row
-    columns[count], columns[count + 1], columns[count + 2] = 3 * i, 3 * i + 1, 3 * i + 2
-    for lane in range(len(lanes)):
-        a, b = sign * slopes[0, lane], sign * slopes[1, lane]
-        entries[count, lane], entries[count + 1, lane] = a, b
-        about = b * since[0, lane] - a * since[1, lane]
-        entries[count + 2, lane] = turns * slopes[2, lane] + about
-    count += 3
-    if own[SCALE] >= 0:
-        columns[count] = own[SCALE]
-        for lane in range(len(lanes)):
-            way = slopes[0, lane] * since[4, lane] + slopes[1, lane] * since[5, lane]
-            entries[count, lane] = sign * way
-        count += 1
-    if own[TURN] >= 0:
-        columns[count] = own[TURN]
-        for lane in range(len(lanes)):
-            way = slopes[0, lane] * since[2, lane] + slopes[1, lane] * since[3, lane]
-            entries[count, lane] = sign * way + turns * slopes[2, lane] * age[0]
-        count += 1
-    for axis in range(2):
-        if own[GUST + axis] >= 0:
-            columns[count] = own[GUST + axis]
-            for lane in range(len(lanes)):
-                entries[count, lane] = sign * age[1] * slopes[axis, lane]
-            count += 1
-    return count
-
-
-@compiled
-def _multiply(P: Array, row: Sparse, count: int, u: Array, lanes: Lanes) -> None:
-    """u = P h, three entries of h at a time."""
-    columns, h = row
-    for c in range(0, count, 3):
-        p, q, r = columns[c], columns[c + 1], columns[c + 2]
-        for k in range(len(P)):
-            a0, b0, a1, b1 = max(k, p), min(k, p), max(k, q), min(k, q)
-            a2, b2 = max(k, r), min(k, r)
-            if c == 0:
-                for lane in range(len(lanes)):
-                    u[k, lane] = (
-                        h[0, lane] * P[a0, b0, lane]
-                        + h[1, lane] * P[a1, b1, lane]
-                        + h[2, lane] * P[a2, b2, lane]
-                    )
-            else:
-                for lane in range(len(lanes)):
-                    u[k, lane] += (
-                        h[c, lane] * P[a0, b0, lane]
-                        + h[c + 1, lane] * P[a1, b1, lane]
-                        + h[c + 2, lane] * P[a2, b2, lane]
-                    )
-
-
-@compiled
-def _dot(row: Sparse, count: int, u: Array, products: Array, lanes: Lanes) -> None:
-    """Fill in h . u (lanes,)."""
-    columns, h = row
-    products[:] = 0.0
-    for c in range(0, count, 3):
-        p, q, r = columns[c], columns[c + 1], columns[c + 2]
-        for lane in range(len(lanes)):
-            products[lane] += (
-                h[c, lane] * u[p, lane] + h[c + 1, lane] * u[q, lane] + h[c + 2, lane] * u[r, lane]
-            )
-
-
-@compiled
-def _take_off(gain: Array, shares: Array, u: Array, lanes: Lanes) -> None:
+def take_off(gain: Array, shares: Array, u: Array, lanes: Lanes) -> None:
     """u -= gain shares: the correction by a sighting that P has not had yet."""
     for k in range(len(u)):
         for lane in range(len(lanes)):
@@ -222,6 +100,7 @@ def _take_off(gain: Array, shares: Array, u: Array, lanes: Lanes) -> None:
 def _weigh(
     variance: float,
     gate: float,
+    further: Array,
     spread: Array,
     innovation: Array,
     statistics: AugmentedStatistics,
@@ -230,7 +109,7 @@ def _weigh(
     """Turn h' P h into what turns u into the gain: 0 where a sighting is missed, or rejected."""
     counted = statistics.poses
     for lane in range(len(lanes)):
-        total = max(spread[lane], 0.0) + variance
+        total = max(spread[lane], 0.0) + (variance + further[lane])
         made = 0.0 if math.isnan(innovation[lane]) else 1.0
         off = 0.0 if math.isnan(innovation[lane]) else innovation[lane]
         square = off * off
@@ -243,7 +122,7 @@ def _weigh(
 
 
 @compiled
-def _correct_state(
+def correct_state(
     x: Array,
     errors: Array,
     gain: Array,
@@ -294,7 +173,7 @@ def _correct_state(
 
 
 @compiled
-def _correct_covariance(P: Array, pending: int, halves: tuple[Array, Array], lanes: Lanes) -> None:
+def correct_covariance(P: Array, pending: int, halves: tuple[Array, Array], lanes: Lanes) -> None:
     """P -= sum of gain u' over the pending sightings, on the lower triangle."""
     us, gains = halves
     done = 0

@@ -21,9 +21,10 @@ import math
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.estimation.augmented_correction import AT_ONCE, MOST_ENTRIES, correct_augmented
+from syncplan.estimation.augmented_correction import AT_ONCE, correct_augmented
 from syncplan.estimation.augmented_frame import bring_to_now
 from syncplan.estimation.augmented_prediction import predict_augmented
+from syncplan.estimation.augmented_rows import MOST_ENTRIES
 from syncplan.estimation.augmented_setup import (
     AugmentedReadings,
     AugmentedSetup,
@@ -67,7 +68,7 @@ def _record(
                 counted.final[i, c, lane] = e[lane]
                 counted.squares[i, c, lane] += share * e[lane] * e[lane]
                 counted.late_squares[i, c, lane] += late_share * e[lane] * e[lane]
-    sampled = step > 0 and _is_sampled(poses, step)
+    sampled = _is_sampled(poses, step)
     if sampled or len(counted.series):
         for i in range(len(block)):
             block[i, : i + 1] = P[i, : i + 1]
@@ -111,7 +112,8 @@ def _record_error(
 
 @compiled
 def _is_sampled(poses: FilterSetup, step: int) -> bool:
-    return step % poses.sample_every == 0 or step == len(poses.truth) - 1
+    taken = step % poses.sample_every == 0 or step == len(poses.truth) - 1
+    return taken and step > poses.judged_from
 
 
 @compiled
@@ -120,24 +122,24 @@ def _filter(
     readings: AugmentedReadings,
     statistics: AugmentedStatistics,
     lanes: Lanes,
-) -> tuple[Array, Array, Array]:
-    poses = setup.poses
-    n, e, width = len(poses.initial_variances), len(setup.variances), len(lanes)
-    size = 3 * n + e
-    x, errors, P = readings.initial.copy(), np.zeros((e, width)), np.zeros((size, size, width))
+    x: Array,
+    errors: Array,
+    P: Array,
+    begin: int,
+    end: int,
+) -> None:
+    """Take x, errors and P, lower triangle, from sample `begin` to sample `end`."""
+    poses, n, size, width = setup.poses, len(x), len(P), len(lanes)
     slopes, before = np.empty((12, width)), np.empty((7, 3, width))
     halves = (np.empty((AT_ONCE, size, width)), np.empty((AT_ONCE, size, width)))
     row = (np.zeros(MOST_ENTRIES, dtype=np.int64), np.zeros((MOST_ENTRIES, width)))
-    seen = (np.empty((3, width)), np.empty(width))
+    seen = (np.empty((3, width)), np.empty(width), np.zeros(width))
     frame = (np.zeros((n, 6, width)), np.array([0.0, 0.0, 1.0]))
     block = np.empty((3 * n, 3 * n, width))
     scratch = (np.empty((3 * n, width)), np.empty_like(block), halves[0][0], halves[1][0])
-    for k in range(3 * n):
-        P[k, k] = poses.initial_variances[k // 3, k % 3]
-    for k in range(e):
-        P[3 * n + k, 3 * n + k] = setup.variances[k]
-    _record(x, errors, P, setup, readings, 0, scratch, block, statistics, lanes)
-    for step in range(1, len(poses.first) - 1):
+    if begin == 0:
+        _record(x, errors, P, setup, readings, 0, scratch, block, statistics, lanes)
+    for step in range(begin + 1, end + 1):
         speeds, turn_rates = readings.speeds[step - 1], readings.turn_rates[step - 1]
         predict_augmented(
             x, errors, P, speeds, turn_rates, setup, step, frame, slopes, before, lanes
@@ -146,11 +148,10 @@ def _filter(
             x, errors, P, step, setup, readings, frame, seen, row, halves, statistics, lanes
         )
         at = poses.compared[step]
+        if step == end or (at >= 0 and (_is_sampled(poses, at) or len(statistics.poses.series))):
+            bring_to_now(P, setup, frame, before, lanes)
         if at >= 0:
-            if _is_sampled(poses, at) or len(statistics.poses.series):
-                bring_to_now(P, setup, frame, before, lanes)
             _record(x, errors, P, setup, readings, at, scratch, block, statistics, lanes)
-    return x, errors, P
 
 
 AUGMENTED = LaneFilter(_filter, augmented_specimen)

@@ -25,7 +25,7 @@ from syncplan.estimation.batched_filter import add_motion_noise, motion_in, shor
 from syncplan.estimation.filter_setup import MotionModel
 from syncplan.estimation.lane_filter import Lanes, compiled
 
-__all__ = ["predict_augmented"]
+__all__ = ["LEAST_LEFT", "gusts_in", "lengthen", "move", "predict_augmented"]
 
 LEAST_LEFT = 0.1
 """Share left of a gust below which P is brought to the present.
@@ -58,10 +58,10 @@ def predict_augmented(
     that of `bring_to_now`.
     """
     motion, (since, age) = motion_in(setup.poses, step), frame
-    decay, noise = _gusts_in(setup, motion.time)
+    decay, noise = gusts_in(setup, motion.time)
     for i in range(len(x)):
-        _move(x, errors, i, speeds, turn_rates, motion, setup.columns[i], slopes, lanes)
-        _lengthen(since[i], age[0], slopes, motion.time, lanes)
+        move(x, errors, i, speeds, turn_rates, motion, setup.columns[i], slopes, lanes)
+        lengthen(since[i], age[0], slopes, motion.time, lanes)
         # in P's frame a turn rate swings the vehicle about where its way began
         for lane in range(len(lanes)):
             slopes[4, lane] += since[i, 1, lane] * motion.time
@@ -77,7 +77,7 @@ def predict_augmented(
 
 
 @compiled
-def _lengthen(since: Array, elapsed: float, slopes: Array, time: float, lanes: Lanes) -> None:
+def lengthen(since: Array, elapsed: float, slopes: Array, time: float, lanes: Lanes) -> None:
     """The way since P's frame, and its derivatives by bias and scale, one sample longer."""
     for lane in range(len(lanes)):
         dx, dy = slopes[0, lane], slopes[1, lane]
@@ -90,7 +90,7 @@ def _lengthen(since: Array, elapsed: float, slopes: Array, time: float, lanes: L
 
 
 @compiled
-def _gusts_in(setup: AugmentedSetup, span: float) -> tuple[float, float]:
+def gusts_in(setup: AugmentedSetup, span: float) -> tuple[float, float]:
     """What is left of a gust after a step, and the variance that it gains."""
     time, decay = setup.poses.motion.time, setup.decay
     if span == time or decay in (0.0, 1.0):
@@ -129,7 +129,7 @@ def _error_of(errors: Array, count: int, column: int, lane: int) -> float:
 
 
 @compiled
-def _move(
+def move(
     x: Array,
     errors: Array,
     i: int,

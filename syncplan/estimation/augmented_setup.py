@@ -22,6 +22,7 @@ __all__ = [
     "columns_of",
     "empty_augmented_statistics",
     "gust_decay",
+    "without_errors",
 ]
 
 ERROR_SERIES = ("error", "square", "variance")
@@ -123,6 +124,19 @@ def augmented_setup_of(
         first_gust=int(min((place.min() for place in changing), default=layout.size)),
         decay=decay,
         gust_noise=errors.gust**2 * (1.0 - decay**2),
+    )
+
+
+def without_errors(poses: FilterSetup) -> AugmentedSetup:
+    """Return the set-up of a filter of poses alone as one that has no further states."""
+    n = len(poses.initial_variances)
+    return AugmentedSetup(
+        poses=poses,
+        columns=np.full((n, 7), -1, dtype=np.int64),
+        variances=np.zeros(0),
+        first_gust=3 * n,
+        decay=1.0,
+        gust_noise=0.0,
     )
 
 

@@ -27,13 +27,20 @@ import math
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.estimation.filter_setup import FilterSetup, MotionModel, Readings
+from syncplan.estimation.filter_setup import (
+    BEARING_KIND,
+    COMPASS_KIND,
+    DISTANCE_KIND,
+    FilterSetup,
+    MotionModel,
+    Readings,
+)
 from syncplan.estimation.filter_statistics import FilterStatistics
 from syncplan.estimation.lane_filter import LaneFilter, Lanes, compiled, pose_specimen
 from syncplan.estimation.lane_statistics import record_lanes, subtract_outer
+from syncplan.estimation.second_order import second_order_lanes
 
 __all__ = [
-    "BEARING_KIND",
     "EXTENDED",
     "add_motion_noise",
     "correct_lanes",
@@ -44,10 +51,7 @@ __all__ = [
     "turn_block",
 ]
 
-Work = tuple[Array, Array, Array, Array]
-
-BEARING_KIND, DISTANCE_KIND, COMPASS_KIND = 0, 1, 2
-"""Places in SIGHTING_KINDS, as the kernel has them."""
+Work = tuple[Array, Array, Array, Array, Array]
 
 SMALLEST_SQUARE = 1e-300
 """Least squared distance in m^2: bodies estimated at one place give a row of zeros, not NaN."""
@@ -277,11 +281,12 @@ def correct_lanes(
 ) -> None:
     """Correct x and P by one scalar measurement a lane; count it in the statistics.
 
-    `work` is (row (3, lanes), innovation (lanes,), u (3n, lanes), gain (3n, lanes)) with row and
-    innovation filled in. Any measurement that depends on the target's position relative to the
-    observer's pose has a row of this shape. The row is overwritten.
+    `work` is (row (3, lanes), innovation (lanes,), u (3n, lanes), gain (3n, lanes), further
+    variance (lanes,)) with all but u and gain filled in. Any measurement that depends on the
+    target's position relative to the observer's pose has a row of this shape. The row is
+    overwritten.
     """
-    row, innovation, u, gain = work
+    row, innovation, u, gain, further = work
     n, o, t = len(x), 3 * observer, 3 * target
     u[:] = 0.0
     _add_product(P, o, row, 1.0, 3, u, lanes)
@@ -292,7 +297,7 @@ def correct_lanes(
         spread = a * u[o, lane] + b * u[o + 1, lane] + row[2, lane] * u[o + 2, lane]
         if target < n:
             spread -= a * u[t, lane] + b * u[t + 1, lane]
-        total = max(spread, 0.0) + variance
+        total = max(spread, 0.0) + (variance + further[lane])
         square = innovation[lane] * innovation[lane]
         accepted = 1.0 if square <= gate * total else 0.0
         statistics.nis[lane] += accepted * (square / total)
@@ -311,17 +316,23 @@ def correct_lanes(
 
 @compiled
 def _filter(
-    setup: FilterSetup, readings: Readings, statistics: FilterStatistics, lanes: Lanes
-) -> tuple[Array, Array]:
-    n, width = len(setup.initial_variances), len(lanes)
-    x, P = readings.initial.copy(), np.zeros((3 * n, 3 * n, width))
+    setup: FilterSetup,
+    readings: Readings,
+    statistics: FilterStatistics,
+    lanes: Lanes,
+    x: Array,
+    P: Array,
+    begin: int,
+    end: int,
+) -> None:
+    """Take x and P, lower triangle, from sample `begin` to sample `end`."""
+    n, width = len(x), len(lanes)
     moves, u, gain = np.empty((6, width)), np.empty((3 * n, width)), np.empty((3 * n, width))
-    work = (np.empty((3, width)), np.empty(width), u, gain)
+    work = (np.empty((3, width)), np.empty(width), u, gain, np.zeros(width))
     scratch = (np.empty((3 * n, width)), np.empty((3 * n, 3 * n, width)), u, gain)
-    for k in range(3 * n):
-        P[k, k] = setup.initial_variances[k // 3, k % 3]
-    record_lanes(x, P, setup, 0, scratch, statistics, lanes)
-    for step in range(1, len(setup.first) - 1):
+    if begin == 0:
+        record_lanes(x, P, setup, 0, scratch, statistics, lanes)
+    for step in range(begin + 1, end + 1):
         speeds, turn_rates = readings.speeds[step - 1], readings.turn_rates[step - 1]
         predict_lanes(x, P, speeds, turn_rates, motion_in(setup, step), moves, lanes)
         for s in range(setup.first[step], setup.first[step + 1]):
@@ -331,12 +342,13 @@ def _filter(
                 bearing_lanes(x, o, t, setup.landmarks, z, work[0], work[1], lanes)
             else:
                 sighting_lanes(kind, x, o, t, setup.landmarks, z, work[0], work[1], lanes)
+            if setup.second_order:
+                second_order_lanes(kind, x, P, o, t, setup.landmarks, work[4], lanes)
             correct_lanes(x, P, o, t, variance, setup.gate, work, statistics, lanes)
             if s < len(statistics.innovations):
                 statistics.innovations[s, 0], statistics.innovations[s, 1] = work[1], work[0][0]
         if setup.compared[step] >= 0:
             record_lanes(x, P, setup, setup.compared[step], scratch, statistics, lanes)
-    return x, P
 
 
 EXTENDED = LaneFilter(_filter, pose_specimen)

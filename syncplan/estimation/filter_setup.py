@@ -8,6 +8,7 @@ each sample, all of one length; a recording has one for each time at which somet
 its errors are compared with the truth after some of them alone.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +19,22 @@ from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filter_statistics import SAMPLE_EVERY
 from syncplan.orbits.noise import Noise
 
-__all__ = ["FilterSetup", "MotionModel", "Readings", "build_setup"]
+__all__ = [
+    "BEARING_KIND",
+    "COMPASS_KIND",
+    "DISTANCE_KIND",
+    "FilterSetup",
+    "MotionModel",
+    "Readings",
+    "build_setup",
+]
+
+BEARING_KIND, DISTANCE_KIND, COMPASS_KIND = 0, 1, 2
+"""Places in SIGHTING_KINDS, as kernels have them."""
+
+
+LOST_HEADING_SIGMA = 0.6
+"""rad, of the heading of a vehicle that is lost."""
 
 
 class MotionModel(NamedTuple):
@@ -55,6 +71,10 @@ class FilterSetup(NamedTuple):
     initial_variances : (n, 3) m^2, m^2, rad^2
     motion : the motion model
     gate : largest innovation^2 / variance that is accepted
+    second_order : whether sightings have second-order noise beside their own
+    period : s, that a batch solution covers
+    judged_from : entry of `truth` from which on NEES and coverage are taken
+    lost_variances : (n, 3) m^2, m^2, rad^2, about where a lost vehicle is taken for
     sample_every : entries of `truth` between those at which NEES and coverage are taken; the last
         one is one too
     """
@@ -71,6 +91,10 @@ class FilterSetup(NamedTuple):
     initial_variances: Array
     motion: MotionModel
     gate: float
+    second_order: bool
+    period: float
+    judged_from: int
+    lost_variances: Array
     sample_every: int
 
 
@@ -101,14 +125,17 @@ def build_setup(
     variances: Array,
     noise: Noise,
     sample_time: float,
+    period: float,
+    reach: float,
     options: FilterOptions,
     spans: Array | None = None,
     compared: Index | None = None,
 ) -> FilterSetup:
     """Return the set-up of a run of the vehicles in `truth`, (samples + 1, n, 3).
 
-    The arguments are as in FilterSetup; `sample_time` is in s. Where `spans` and `compared` are
-    None, each sample is a step.
+    The arguments are as in FilterSetup; `sample_time` and `period` are in s. `reach` in m is about
+    how far a vehicle is from where a filter that has lost it takes it to be. Where `spans` and
+    `compared` are None, each sample is a step.
     """
     samples = len(truth) - 1
     deviations = [noise.position_sigma, noise.position_sigma, noise.heading_sigma]
@@ -130,5 +157,17 @@ def build_setup(
             turn_rate_variance=float(noise.turn_rate_sigma) ** 2,
         ),
         gate=gate_threshold(options.gate_probability),
+        second_order=options.filter_model.second_order,
+        period=float(period),
+        judged_from=_judged_from(samples, sample_time, period, options),
+        lost_variances=np.tile(np.square([reach, reach, LOST_HEADING_SIGMA]), (truth.shape[1], 1)),
         sample_every=SAMPLE_EVERY,
     )
+
+
+def _judged_from(samples: int, sample_time: float, period: float, options: FilterOptions) -> int:
+    """Sample from which on a filter's covariance is meant to hold: its start takes a period."""
+    if not options.filter_model.finds_start:
+        return 0
+    found = math.ceil(period / sample_time - 1e-9)
+    return found if found < samples else 0

@@ -23,12 +23,17 @@ class FilterModel:
     ----------
     sentence : what it does
     takes_substeps : whether it integrates by the sub-steps that are asked for
+    second_order : whether sightings have second-order noise, see `second_order`
+    finds_start : whether its covariance holds only when a period has passed, as it looks for its
+        start until then
     kernel : where its LaneFilter is, a module of this package and a name in it
     augmented : where that with further states is
     """
 
     sentence: str
     takes_substeps: bool = False
+    second_order: bool = False
+    finds_start: bool = False
     kernel: str = "batched_filter.EXTENDED"
     augmented: str = "augmented_filter.AUGMENTED"
 
@@ -59,6 +64,18 @@ FILTERS: Mapping[str, FilterModel] = MappingProxyType(
         "euler": FilterModel(
             "Integrates its readings by Euler sub-steps, as the paper's Algorithm 1.",
             takes_substeps=True,
+        ),
+        "second-order": FilterModel(
+            "Takes a sighting's curvature for further noise of it: safe from an uncertain start.",
+            second_order=True,
+        ),
+        "robust": FilterModel(
+            "Second-order, then from the batch solution over the first period; begins again where "
+            "it is lost.",
+            second_order=True,
+            finds_start=True,
+            kernel="robust_filter.ROBUST",
+            augmented="robust_filter.ROBUST_AUGMENTED",
         ),
     }
 )

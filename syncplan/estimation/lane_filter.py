@@ -2,7 +2,7 @@
 
 import hashlib
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
@@ -19,6 +19,7 @@ from syncplan.estimation.augmented_setup import (
     AugmentedSetup,
     AugmentedStatistics,
     empty_augmented_statistics,
+    without_errors,
 )
 from syncplan.estimation.filter_setup import FilterSetup, MotionModel, Readings
 from syncplan.estimation.filter_statistics import (
@@ -28,7 +29,17 @@ from syncplan.estimation.filter_statistics import (
     empty_statistics,
 )
 
-__all__ = ["WIDE_UP_TO", "LaneFilter", "Lanes", "augmented_specimen", "compiled", "pose_specimen"]
+__all__ = [
+    "WIDE_UP_TO",
+    "LaneFilter",
+    "Lanes",
+    "augmented_specimen",
+    "compiled",
+    "has_compiled",
+    "lanes_of",
+    "pose_specimen",
+    "start_of",
+]
 
 WIDE_LANES = 16
 """Trials filtered side by side: four times as fast as one by one for 6 vehicles."""
@@ -38,13 +49,17 @@ WIDE_UP_TO = 60
 
 KERNEL_FILES = (
     "augmented_correction.py",
+    "augmented_curvature.py",
     "augmented_frame.py",
     "augmented_prediction.py",
+    "augmented_rows.py",
+    "batch_problem.py",
     "augmented_setup.py",
     "batched_filter.py",
     "filter_setup.py",
     "filter_statistics.py",
     "lane_statistics.py",
+    "second_order.py",
 )
 """Files that compiled kernels rest on: kernels that others call, records whose fields are known."""
 
@@ -84,15 +99,32 @@ def _shared_stamp() -> bytes:
     return hashlib.sha256(b"".join(files)).digest()
 
 
+def has_compiled(kernel: Any, arguments: tuple[Any, ...]) -> bool:
+    """Return whether a kernel for arguments of these types is in memory or in numba's disk cache.
+
+    False where numba's cache has another layout than the one read here.
+    """
+    typeof: Any = numba.typeof
+    types = tuple(typeof(argument) for argument in arguments)
+    if types in kernel.overloads:
+        return True
+    try:
+        index = kernel._cache._cache_file._load_index()
+        return any(tuple(key[0]) == types for key in index)
+    except (AttributeError, TypeError, IndexError, OSError):
+        return False
+
+
 @dataclass(frozen=True, slots=True)
 class LaneFilter:
     """A filter whose trials are lanes, the last axis of every array.
 
     Attributes
     ----------
-    kernel : compiled, of (FilterSetup, Readings, FilterStatistics, Lanes): adds to the statistics
-        and returns the state (n, 3, lanes) and the covariance's lower triangle (3n, 3n, lanes); or
-        of their augmented forms, returning the further states (e, lanes) between the two
+    kernel : compiled, of (FilterSetup, Readings, FilterStatistics, Lanes), the state (n, 3, lanes),
+        the covariance's lower triangle (3n, 3n, lanes) and two samples: takes both from the first
+        sample to the second and adds to the statistics; or of their augmented forms, with the
+        further states (e, lanes) between state and covariance
     specimen : arguments of the kernel for n vehicles and no step: their types are what is compiled
     """
 
@@ -109,58 +141,85 @@ class LaneFilter:
         setup: FilterSetup | AugmentedSetup,
         readings: Readings | AugmentedReadings,
         statistics: FilterStatistics | AugmentedStatistics,
+        streams: Sequence[np.random.SeedSequence] = (),
     ) -> tuple[Array, ...]:
         """Return the state (n, 3, lanes) and the covariance (3n, 3n, lanes) at the end.
 
-        Of the covariance only the lower triangle counts. Adds to the statistics on the way. Any
-        number of lanes will do.
+        With further states, they stand between the two, (e, lanes). Of the covariance only the
+        lower triangle counts. Adds to the statistics on the way. Any number of lanes will do.
+        `streams` are for filters that draw numbers, which these do not.
         """
+        state = start_of(setup, readings)
+        self.advance(setup, readings, statistics, state, 0, len(readings.speeds))
+        return state
+
+    def advance(
+        self,
+        setup: FilterSetup | AugmentedSetup,
+        readings: Readings | AugmentedReadings,
+        statistics: FilterStatistics | AugmentedStatistics,
+        state: tuple[Array, ...],
+        begin: int,
+        end: int,
+    ) -> None:
+        """Take a state, as `run` returns it, from sample `begin` to sample `end`, in place."""
         n, _, width = readings.initial.shape
-        ended: tuple[Array, ...] = self.kernel(setup, readings, statistics, _lanes(n, width))
-        return ended
+        self.kernel(setup, readings, statistics, lanes_of(n, width), *state, begin, end)
 
     def is_compiled(self, n: int) -> bool:
         """Return whether the kernel for n vehicles is in memory or in numba's disk cache.
 
-        If not, the first run compiles it, which takes some seconds: say so before it starts. False
-        where numba's cache has another layout than the one read here.
+        If not, the first run compiles it, which takes some seconds: say so before it starts.
         """
-        typeof: Any = numba.typeof
-        types = tuple(typeof(argument) for argument in self.specimen(n))
-        if types in self.kernel.overloads:
-            return True
-        try:
-            index = self.kernel._cache._cache_file._load_index()
-            return any(tuple(key[0]) == types for key in index)
-        except (AttributeError, TypeError, IndexError, OSError):
-            return False
+        return has_compiled(self.kernel, self.specimen(n))
 
     def compile(self, n: int) -> None:
         """Compile the kernel for n vehicles, or load it from numba's disk cache."""
         self.kernel(*self.specimen(n))
 
 
-def _lanes(n: int, width: int) -> Lanes:
+def start_of(
+    setup: FilterSetup | AugmentedSetup, readings: Readings | AugmentedReadings
+) -> tuple[Array, ...]:
+    """Return the state of each lane at sample 0, in arrays of its own."""
+    augmented = setup if isinstance(setup, AugmentedSetup) else None
+    poses = setup if isinstance(setup, FilterSetup) else setup.poses
+    variances = [poses.initial_variances.ravel()]
+    if augmented is not None:
+        variances.append(augmented.variances)
+    diagonal = np.concatenate(variances)
+    width = readings.initial.shape[-1]
+    P = np.zeros((len(diagonal), len(diagonal), width))
+    P[np.arange(len(diagonal)), np.arange(len(diagonal))] = diagonal[:, None]
+    if augmented is None:
+        return readings.initial.copy(), P
+    return readings.initial.copy(), np.zeros((len(augmented.variances), width)), P
+
+
+def lanes_of(n: int, width: int) -> Lanes:
+    """Return the lanes of so many trials of n vehicles, as kernels take them."""
     return (0,) if width == LaneFilter.lanes_for(n) == 1 else np.zeros(width, dtype=np.int8)
 
 
 def augmented_specimen(n: int) -> tuple[Any, ...]:
     """Return arguments of a kernel with further states, for n vehicles and no step."""
-    poses, readings, _, lanes = pose_specimen(n)
-    setup = AugmentedSetup(
-        poses=poses,
-        columns=np.full((n, 7), -1, dtype=np.int64),
-        variances=np.zeros(0),
-        first_gust=3 * n,
-        decay=1.0,
-        gust_noise=0.0,
+    poses, readings, _, lanes, *_ = pose_specimen(n)
+    setup = without_errors(poses)
+    truth = AugmentedReadings(
+        initial=readings.initial,
+        speeds=readings.speeds,
+        turn_rates=readings.turn_rates,
+        sightings=readings.sightings,
+        headings=np.zeros((1, n, 1)),
+        constants=np.zeros((0, 1)),
+        gusts=np.zeros((1, 0, 1)),
     )
-    truth = AugmentedReadings(*readings, np.zeros((1, n, 1)), np.zeros((0, 1)), np.zeros((1, 0, 1)))
     series = empty_series(n, 0, wanted=False), np.zeros((0, 0, 3))
-    return setup, truth, empty_augmented_statistics(n, 0, 1, series), lanes
+    statistics = empty_augmented_statistics(n, 0, 1, series)
+    return setup, truth, statistics, lanes, *start_of(setup, truth), 0, 0
 
 
-def pose_specimen(n: int) -> tuple[FilterSetup, Readings, FilterStatistics, Lanes]:
+def pose_specimen(n: int) -> tuple[Any, ...]:
     """Return arguments of a kernel of poses, for n vehicles and no step."""
     none = np.zeros(0, dtype=np.int64)
     still = np.zeros((0, n, 1))
@@ -177,8 +236,12 @@ def pose_specimen(n: int) -> tuple[FilterSetup, Readings, FilterStatistics, Lane
         initial_variances=np.ones((n, 3)),
         motion=MotionModel(time=1.0, substeps=0, speed_variance=0.0, turn_rate_variance=0.0),
         gate=math.inf,
+        second_order=False,
+        period=1.0,
+        judged_from=0,
+        lost_variances=np.ones((n, 3)),
         sample_every=SAMPLE_EVERY,
     )
     readings = Readings(np.zeros((n, 3, 1)), still, still, np.zeros((0, 1)))
     statistics = empty_statistics(n, 1, empty_series(n, 0, wanted=False))
-    return setup, readings, statistics, _lanes(n, 1)
+    return setup, readings, statistics, lanes_of(n, 1), *start_of(setup, readings), 0, 0

@@ -54,7 +54,8 @@ def record_errors(
     steps = len(setup.truth) - 1
     if len(statistics.series):
         _add_series(P, error, statistics.series[step], lanes)
-    if step and (step % setup.sample_every == 0 or step == steps):
+    taken = step % setup.sample_every == 0 or step == steps
+    if taken and step > setup.judged_from:
         _add_coverage(P, error, statistics, lanes)
         _add_nees(P, error, A, u, factor, statistics, lanes)
 

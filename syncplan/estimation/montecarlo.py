@@ -168,6 +168,8 @@ def _setup(team: Team, sightings: Sightings, steps: int, options: FilterOptions)
         variances=np.square(sigmas_by_kind(sensors, kinds, observers)),
         noise=team.noise,
         sample_time=sensors.sample_time,
+        period=orbits.period,
+        reach=2.0 * float(np.mean(orbits.radii)),
         options=options,
     )
 
@@ -204,15 +206,17 @@ def _chunk(run: _Run, start: int) -> MonteCarloResult:
             raise _StoppedError
         trials = range(first, min(first + lanes, stop))
         counted = empty_augmented_statistics(n, e, len(trials), sums)
+        streams = [readings.stream(trial) for trial in trials]
         found.append(counted)
         if run.augmented is not None:
-            lane_filter.run(run.augmented, readings.disturbed(trials), counted)
+            lane_filter.run(run.augmented, readings.disturbed(trials), counted, streams)
         else:
-            lane_filter.run(readings.setup, readings.of_poses(trials), counted.poses)
+            lane_filter.run(readings.setup, readings.of_poses(trials), counted.poses, streams)
     return result_of(
         [one.poses for one in found],
         [one.errors for one in found],
         steps=steps,
         seed=run.options.seed,
         first_trial=start,
+        judged_from=readings.setup.judged_from,
     )

@@ -44,6 +44,9 @@ __all__ = [
 
 FULL_VIEW = 2.0 * np.pi
 
+FILTERS_OWN = 1
+"""Key below a trial's of the numbers that its filter draws."""
+
 
 def in_moving_air(team: Team) -> bool:
     """Return whether headings differ from trial to trial."""
@@ -150,6 +153,10 @@ class TrialReadings:
             constants=constants,
             gusts=gusts,
         )
+
+    def stream(self, trial: int) -> np.random.SeedSequence:
+        """Return what a filter that draws numbers draws those of a trial from."""
+        return np.random.SeedSequence(self.seed, spawn_key=(trial, FILTERS_OWN))
 
     def _draws(self, trials: range) -> list[Array]:
         """Draws of poses, speeds, turn rates, sightings, errors, misses, each (d, lanes)."""

@@ -173,13 +173,15 @@ def result_of(
     steps: int,
     seed: int = 0,
     first_trial: int = 0,
+    judged_from: int = 0,
 ) -> MonteCarloResult:
     """Return the result of a chunk of trials of `steps` samples, from `first_trial` on.
 
-    The statistics share one series, and so do those of further states; `first_trial` is a multiple
+    NEES and coverage were taken at every tenth sample after `judged_from`, and at the last. The
+    statistics share one series, and so do those of further states; `first_trial` is a multiple
     of CHUNK_TRIALS, and there are at most as many trials.
     """
-    sampled = -(-steps // SAMPLE_EVERY)
+    sampled = -(-steps // SAMPLE_EVERY) - judged_from // SAMPLE_EVERY
 
     def per_trial(
         name: str, of: Sequence[FilterStatistics | ErrorStatistics] = statistics

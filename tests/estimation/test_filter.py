@@ -81,6 +81,10 @@ def scene_of(steps: int, motion: MotionModel = MOTION, gate: float = np.inf) -> 
         initial_variances=np.tile(INITIAL_SIGMAS**2, (3, 1)),
         motion=motion,
         gate=gate,
+        second_order=False,
+        period=20.0,
+        judged_from=0,
+        lost_variances=np.ones((3, 3)),
         sample_every=SAMPLE_EVERY,
     )
     bearings = [

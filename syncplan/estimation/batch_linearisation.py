@@ -1,0 +1,241 @@
+"""A linear filter along trajectories: the covariance at the end, and what a smoother needs.
+
+Along a trajectory the system is linear in small changes m of it:
+
+    m, P from the prior about the trajectory,   nu = z - h(trajectory) - h' m
+    S = h' P h + R,   g = P h / S,   m += g nu,   P -= g (P h)'
+
+P is in the frame of `augmented_frame`, where prediction only adds noise. Lanes are as in
+`batched_filter`, and of P only the lower triangle is maintained.
+
+Source: Bell (1994), The iterated Kalman smoother as a Gauss-Newton method, SIAM Journal on
+Optimization 4.
+"""
+
+import numpy as np
+
+from syncplan.arrays import Array, Index
+from syncplan.estimation.augmented_correction import (
+    AT_ONCE,
+    correct_covariance,
+    correct_state,
+    take_off,
+)
+from syncplan.estimation.augmented_frame import GUST, Frame, bring_to_now
+from syncplan.estimation.augmented_prediction import LEAST_LEFT, gusts_in, lengthen, move
+from syncplan.estimation.augmented_rows import dot, multiply, refer
+from syncplan.estimation.augmented_setup import AugmentedSetup
+from syncplan.estimation.batch_problem import (
+    Linearised,
+    Prior,
+    Trajectory,
+    Window,
+    add_prior_cost,
+    correct_readings,
+    first_sighting,
+    gain_gusts,
+    innovate,
+)
+from syncplan.estimation.batched_filter import add_motion_noise, motion_in
+from syncplan.estimation.filter_setup import MotionModel
+from syncplan.estimation.lane_filter import Lanes, compiled
+
+__all__ = ["linear_pass"]
+
+
+@compiled
+def linear_pass(
+    setup: AugmentedSetup,
+    window: Window,
+    prior: Prior,
+    path: Trajectory,
+    found: Linearised,
+    lanes: Lanes,
+) -> tuple[Array, Array, Array]:
+    """Filter along the trajectories, filling in `found`.
+
+    Returns poses (n, 3, lanes), errors (e, lanes) and the lower triangle of the covariance at the
+    end, as the last sighting leaves them.
+    """
+    poses, n, size, width = setup.poses, len(path.poses), len(prior.variances), len(lanes)
+    x, errors, P = path.poses.copy(), path.errors.copy(), np.zeros((size, size, width))
+    mean, frame = np.empty((size, width)), (np.zeros((n, 6, width)), np.array([0.0, 0.0, 1.0]))
+    slopes, before = np.empty((12, width)), np.empty((7, 3, width))
+    speeds, turn_rates = np.empty((n, width)), np.empty((n, width))
+    scratch = np.empty((AT_ONCE, size, width)), np.empty((3, width)), np.empty(width)
+    found.cost[:], found.linear_cost[:] = 0.0, 0.0
+    add_prior_cost(prior, path, found.cost, lanes)
+    for k in range(size):
+        P[k, k] = prior.variances[k]
+        for lane in range(width):
+            if k < 3 * n:
+                mean[k, lane] = prior.poses[k // 3, k % 3, lane] - x[k // 3, k % 3, lane]
+            else:
+                mean[k, lane] = prior.errors[k - 3 * n, lane] - errors[k - 3 * n, lane]
+    left = 0
+    for k in range(len(path.speeds)):
+        motion = motion_in(poses, window.begin + k + 1)
+        gusts = gusts_in(setup, motion.time)
+        correct_readings(motion, window, path, k, speeds, turn_rates, found.cost, lanes)
+        for i in range(n):
+            move(x, errors, i, speeds, turn_rates, motion, setup.columns[i], slopes, lanes)
+            _add_noise(P, mean, i, k, motion, path, frame, slopes, found.ways[k, i], lanes)
+        _grow_older(frame[1], motion.time, gusts[0])
+        if len(path.gusts[k]) and frame[1][2] < LEAST_LEFT:
+            found.frames[left], found.frame_ages[left] = frame
+            _carry_mean(mean, n, setup, frame, lanes)
+            bring_to_now(P, setup, frame, before, lanes)
+            left += 1
+            found.ages[k, 2] = 1.0
+        found.ages[k, 0], found.ages[k, 1] = frame[1][1], frame[1][2]
+        gain_gusts(errors, gusts, path.gusts[k], found.cost, lanes)
+        _add_gust_noise(P, mean, setup.columns, gusts[1], path.gusts[k], frame[1], lanes)
+        _take_in(x, errors, P, mean, k, setup, window, frame, scratch, found, lanes)
+    correct_state(x, errors, mean, np.ones(width), setup, frame, lanes)
+    bring_to_now(P, setup, frame, before, lanes)
+    return x, errors, P
+
+
+@compiled
+def _grow_older(age: Array, time: float, decay: float) -> None:
+    age[0] += time
+    age[1] += time * age[2]
+    age[2] *= decay
+
+
+@compiled
+def _add_noise(
+    P: Array,
+    mean: Array,
+    i: int,
+    k: int,
+    motion: MotionModel,
+    path: Trajectory,
+    frame: Frame,
+    slopes: Array,
+    way: Array,
+    lanes: Lanes,
+) -> None:
+    """Noise of a sample of vehicle i in P's frame; what is expected of it is none at all."""
+    since, r = frame[0][i], 3 * i
+    lengthen(since, frame[1][0], slopes, motion.time, lanes)
+    for lane in range(len(lanes)):
+        slopes[4, lane] += since[1, lane] * motion.time
+        slopes[5, lane] -= since[0, lane] * motion.time
+    add_motion_noise(P, r, slopes, motion, lanes)
+    for c in range(4):
+        way[c] = slopes[2 + c]
+    for lane in range(len(lanes)):
+        v, w = path.speeds[k, i, lane], path.turn_rates[k, i, lane]
+        mean[r, lane] -= way[0, lane] * v + way[2, lane] * w
+        mean[r + 1, lane] -= way[1, lane] * v + way[3, lane] * w
+        mean[r + 2, lane] -= motion.time * w
+
+
+@compiled
+def _add_gust_noise(
+    P: Array,
+    mean: Array,
+    columns: Index,
+    gained: float,
+    gains: Array,
+    age: Array,
+    lanes: Lanes,
+) -> None:
+    """The same of gusts, which P's frame takes for gusts larger by 1 / what is left."""
+    if len(gains) == 0:
+        return
+    first, noise = len(P) - len(gains), gained / (age[2] * age[2])
+    for i in range(len(columns)):
+        for axis in range(2):
+            c, r = columns[i, GUST + axis], 3 * i + axis
+            for lane in range(len(lanes)):
+                P[c, c, lane] += noise
+                P[c, r, lane] -= noise * age[1]
+                P[r, r, lane] += noise * age[1] * age[1]
+                gain = gains[c - first, lane] / age[2]
+                mean[c, lane] -= gain
+                mean[r, lane] += gain * age[1]
+
+
+@compiled
+def _carry_mean(mean: Array, n: int, setup: AugmentedSetup, frame: Frame, lanes: Lanes) -> None:
+    """Bring the mean (3n + e, lanes) from P's frame to the present."""
+    x, errors = np.zeros((n, 3, len(lanes))), np.zeros((len(mean) - 3 * n, len(lanes)))
+    correct_state(x, errors, mean, np.ones(len(lanes)), setup, frame, lanes)
+    for i in range(n):
+        for c in range(3):
+            mean[3 * i + c] = x[i, c]
+    mean[3 * n :] = errors
+
+
+@compiled
+def _take_in(
+    x: Array,
+    errors: Array,
+    P: Array,
+    mean: Array,
+    k: int,
+    setup: AugmentedSetup,
+    window: Window,
+    frame: Frame,
+    scratch: tuple[Array, Array, Array],
+    found: Linearised,
+    lanes: Lanes,
+) -> None:
+    """Correct mean and P by the sightings of a sample; x and errors are the trajectory's."""
+    poses, begin = setup.poses, first_sighting(setup, window)
+    us, seen, innovation = scratch
+    first, last = poses.first[window.begin + k + 1], poses.first[window.begin + k + 2]
+    done = first
+    for s in range(first, last):
+        place = s - begin
+        bias = innovate(x, errors, s, begin, setup, window, seen, innovation, lanes)
+        row = found.columns[place], found.entries[place]
+        count = refer(seen, poses.observers[s], poses.targets[s], bias, setup, frame, row, lanes)
+        found.counts[place] = count
+        u, gain, pending = us[s - done], found.gains[place], s - done
+        multiply(P, row, count, u, lanes)
+        for j in range(pending):
+            dot(row, count, us[j], seen[1], lanes)
+            take_off(found.gains[done - begin + j], seen[1], u, lanes)
+        dot(row, count, u, seen[0], lanes)
+        dot(row, count, mean, seen[1], lanes)
+        _weigh(poses.variances[s], poses.gate, window.temper, seen, innovation, found, place, lanes)
+        for i in range(len(P)):
+            for lane in range(len(lanes)):
+                gain[i, lane] = u[i, lane] * seen[0, lane]
+                mean[i, lane] += gain[i, lane] * innovation[lane]
+        if pending + 1 == AT_ONCE or s + 1 == last:
+            halves = us, found.gains[done - begin : s + 1 - begin]
+            correct_covariance(P, pending + 1, halves, lanes)
+            done = s + 1
+
+
+@compiled
+def _weigh(
+    variance: float,
+    gate: float,
+    temper: Array,
+    seen: Array,
+    innovation: Array,
+    found: Linearised,
+    place: int,
+    lanes: Lanes,
+) -> None:
+    """Turn h' P h in seen[0] into 1 / S, and the innovation into nu; 0 where none counts.
+
+    seen[1] holds h' m.
+    """
+    for lane in range(len(lanes)):
+        read = variance * temper[lane]
+        off = innovation[lane]
+        made = 1.0 if off * off <= gate * read else 0.0
+        square = min(off * off / read, gate) if off == off else 0.0
+        total = max(seen[0, lane], 0.0) + read
+        nu = off - seen[1, lane] if made > 0.0 else 0.0
+        seen[0, lane] = made / total
+        innovation[lane] = nu
+        found.pulls[place, lane] = nu / total
+        found.cost[lane] += square
+        found.linear_cost[lane] += nu * nu / total if made > 0.0 else square

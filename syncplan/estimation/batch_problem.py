@@ -1,0 +1,232 @@
+"""The least-squares problem of a window: what is read and known, trajectories, what each costs.
+
+A trajectory follows from its start and the noise of its readings. Its cost is
+
+    |start - prior|^2 / P0  +  sum of (noise of readings)^2 / Q  +  sum of (z - h)^2 / R
+
+over the sightings z of the window, whose R may be tempered. Lanes are as in `batched_filter`.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from syncplan.arrays import Array, Index
+from syncplan.estimation.augmented_frame import BIAS
+from syncplan.estimation.augmented_prediction import gusts_in, move
+from syncplan.estimation.augmented_setup import AugmentedSetup
+from syncplan.estimation.batched_filter import motion_in, sighting_lanes
+from syncplan.estimation.filter_setup import BEARING_KIND, MotionModel
+from syncplan.estimation.lane_filter import Lanes, compiled
+
+__all__ = [
+    "Linearised",
+    "Prior",
+    "Trajectory",
+    "Window",
+    "add_prior_cost",
+    "correct_readings",
+    "first_sighting",
+    "gain_gusts",
+    "innovate",
+    "trajectory_cost",
+]
+
+
+class Window(NamedTuple):
+    """What is read in a window of K samples, a lane for each trial.
+
+    Fields
+    ------
+    begin : sample of the run at which it begins
+    speeds, turn_rates : (K, n, lanes) m/s, rad/s
+    sightings : (s, lanes) in the unit of their kind; NaN where missed
+    temper : (lanes,) factor on the variance of sightings
+    """
+
+    begin: int
+    speeds: Array
+    turn_rates: Array
+    sightings: Array
+    temper: Array
+
+
+class Prior(NamedTuple):
+    """What is known of the state at the beginning, uncorrelated.
+
+    Fields
+    ------
+    poses : (n, 3, lanes) m, m, rad
+    errors : (e, lanes)
+    variances : (3n + e,)
+    """
+
+    poses: Array
+    errors: Array
+    variances: Array
+
+
+class Trajectory(NamedTuple):
+    """A trajectory of each lane.
+
+    Fields
+    ------
+    poses : (n, 3, lanes) m, m, rad, at the beginning
+    errors : (e, lanes) further states at the beginning
+    speeds, turn_rates : (K, n, lanes) m/s, rad/s, by which readings are too small
+    gusts : (K, g, lanes) m/s, what each of g states that are gusts gains in a sample
+    """
+
+    poses: Array
+    errors: Array
+    speeds: Array
+    turn_rates: Array
+    gusts: Array
+
+
+class Linearised(NamedTuple):
+    """What a pass forward leaves for the pass backward.
+
+    Fields
+    ------
+    columns, entries, counts : (s, MOST_ENTRIES), (s, MOST_ENTRIES, lanes), (s,) rows of sightings
+    gains, pulls : (s, 3n + e, lanes) g, (s, lanes) nu / S
+    ways : (K, n, 4, lanes) G's entries of x and y by speed and by turn rate
+    ages : (K, 3) how far a gust has blown, and what is left of it, when a sample's gusts come; and
+        1 where P left its frame at that sample, otherwise 0
+    frames, frame_ages : (f, n, 6, lanes), (f, 3) frames that P has left
+    cost, linear_cost : (lanes,) of the trajectory, and of the best one if all were linear
+    """
+
+    columns: Index
+    entries: Array
+    counts: Index
+    gains: Array
+    pulls: Array
+    ways: Array
+    ages: Array
+    frames: Array
+    frame_ages: Array
+    cost: Array
+    linear_cost: Array
+
+
+@compiled
+def trajectory_cost(
+    setup: AugmentedSetup, window: Window, prior: Prior, path: Trajectory, lanes: Lanes
+) -> Array:
+    """Return twice the negative log-likelihood of each trajectory (lanes,), less a constant.
+
+    A sighting beyond the gate counts as one at it.
+    """
+    poses, n, width = setup.poses, len(path.poses), len(lanes)
+    x, errors, cost = path.poses.copy(), path.errors.copy(), np.zeros(width)
+    slopes = np.empty((12, width))
+    seen, innovation = np.empty((3, width)), np.empty(width)
+    speeds, turn_rates = np.empty((n, width)), np.empty((n, width))
+    begin = first_sighting(setup, window)
+    add_prior_cost(prior, path, cost, lanes)
+    for k in range(len(path.speeds)):
+        motion = motion_in(poses, window.begin + k + 1)
+        correct_readings(motion, window, path, k, speeds, turn_rates, cost, lanes)
+        for i in range(n):
+            move(x, errors, i, speeds, turn_rates, motion, setup.columns[i], slopes, lanes)
+        gain_gusts(errors, gusts_in(setup, motion.time), path.gusts[k], cost, lanes)
+        for s in range(poses.first[window.begin + k + 1], poses.first[window.begin + k + 2]):
+            innovate(x, errors, s, begin, setup, window, seen, innovation, lanes)
+            for lane in range(width):
+                off = innovation[lane] * innovation[lane]
+                off /= poses.variances[s] * window.temper[lane]
+                cost[lane] += min(off, poses.gate) if off == off else 0.0
+    return cost
+
+
+@compiled
+def add_prior_cost(prior: Prior, path: Trajectory, cost: Array, lanes: Lanes) -> None:
+    n = len(path.poses)
+    for i in range(n):
+        for c in range(3):
+            if prior.variances[3 * i + c] > 0.0:
+                for lane in range(len(lanes)):
+                    off = path.poses[i, c, lane] - prior.poses[i, c, lane]
+                    cost[lane] += off * off / prior.variances[3 * i + c]
+    for k in range(len(path.errors)):
+        if prior.variances[3 * n + k] > 0.0:
+            for lane in range(len(lanes)):
+                off = path.errors[k, lane] - prior.errors[k, lane]
+                cost[lane] += off * off / prior.variances[3 * n + k]
+
+
+@compiled
+def correct_readings(
+    motion: MotionModel,
+    window: Window,
+    path: Trajectory,
+    k: int,
+    speeds: Array,
+    turn_rates: Array,
+    cost: Array,
+    lanes: Lanes,
+) -> None:
+    """Fill in readings (n, lanes) of a sample with their noise taken off; add what it costs."""
+    by_speed = 1.0 / motion.speed_variance if motion.speed_variance > 0.0 else 0.0
+    by_turn = 1.0 / motion.turn_rate_variance if motion.turn_rate_variance > 0.0 else 0.0
+    for i in range(len(speeds)):
+        for lane in range(len(lanes)):
+            v, w = path.speeds[k, i, lane], path.turn_rates[k, i, lane]
+            speeds[i, lane] = window.speeds[k, i, lane] + v
+            turn_rates[i, lane] = window.turn_rates[k, i, lane] + w
+            cost[lane] += v * v * by_speed + w * w * by_turn
+
+
+@compiled
+def gain_gusts(
+    errors: Array, gusts: tuple[float, float], gains: Array, cost: Array, lanes: Lanes
+) -> None:
+    """Let gusts decay, and gain what a sample brings; add what it costs.
+
+    `gusts` are what is left of a gust after the sample, and the variance that it gains.
+    """
+    first = len(errors) - len(gains)
+    weight = 1.0 / gusts[1] if gusts[1] > 0.0 else 0.0
+    for c in range(len(gains)):
+        for lane in range(len(lanes)):
+            gain = gains[c, lane]
+            errors[first + c, lane] = gusts[0] * errors[first + c, lane] + gain
+            cost[lane] += gain * gain * weight
+
+
+@compiled
+def innovate(
+    x: Array,
+    errors: Array,
+    s: int,
+    begin: int,
+    setup: AugmentedSetup,
+    window: Window,
+    seen: Array,
+    innovation: Array,
+    lanes: Lanes,
+) -> int:
+    """Fill in slopes (3, lanes) and innovation (lanes,); return the column of its bias, or -1.
+
+    The window's sightings are those from `begin` on.
+    """
+    poses = setup.poses
+    o, t, kind = poses.observers[s], poses.targets[s], poses.kinds[s]
+    sighting_lanes(
+        kind, x, o, t, poses.landmarks, window.sightings[s - begin], seen, innovation, lanes
+    )
+    bias = setup.columns[o, BIAS] if kind == BEARING_KIND else -1
+    if bias >= 0:
+        for lane in range(len(lanes)):
+            off = innovation[lane] - errors[bias - 3 * len(x), lane]
+            innovation[lane] = off - 2.0 * math.pi * math.floor((off + math.pi) / (2.0 * math.pi))
+    return bias
+
+
+@compiled
+def first_sighting(setup: AugmentedSetup, window: Window) -> int:
+    """Return the number of the first sighting of a window."""
+    return int(setup.poses.first[window.begin + 1])
