@@ -1,7 +1,8 @@
 """The robust filter: second-order until a period has passed, then from the batch solution on.
 
 After the first period the batch solution over it takes the filter's place, and the filter goes on
-from there. After each further period its innovations of that period are judged: where they are
+from there. Where a vehicle is still hardly known then, the same is done over two periods and over
+four. After each further period its innovations of that period are judged: where they are
 larger than noise explains, the filter is taken for lost, and a batch solution over the period, from
 a wide prior about where the filter began it, may take its place. It does where it is credible, or
 explains the sightings far better than the filter did. A trial whose errors no start explains is
@@ -49,11 +50,24 @@ GROWTH = 1.5
 FAR_BETTER = 0.5
 """Share of the filter's cost below which a solution takes its place, even if not credible."""
 
-ROUNDS = (2, 8)
+STARTS = (1, 2, 4)
+"""Periods from sample 0 that batch solutions cover; the later ones where the start is in doubt."""
+
+DOUBT = 0.1
+"""Share of what a lost vehicle may be off that leaves a start in doubt, as one sigma."""
+
+ROUNDS = (2, 8, 16)
 """Further starts, drawn where none before was credible."""
 
-SAME = 0.01
-"""Share of cost within which the first starts have found the same."""
+SAME = 1.0
+"""Difference in cost within which all starts have found the same: there is nothing better."""
+
+PLAUSIBLE = 4.0
+"""Cost of a sighting up to which the first round is enough to say so.
+
+Errors that the filter does not know explain such a cost. Wrong minima, in which many starts can
+end, cost far more.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,6 +142,7 @@ class RobustRun:
     counted : (3, lanes) sum of innovation^2 / variance, number of accepted and of rejected
         sightings until then
     limit : (lanes,) mean of innovation^2 / variance up to which a lane is not solved again
+    doubtful : (lanes,) whether the start is looked for again over more periods
     ends : steps at which a period ends
     at : steps taken in
     """
@@ -141,6 +156,7 @@ class RobustRun:
     began: tuple[Array, ...]
     counted: Array
     limit: Array
+    doubtful: Flags
     ends: Index
     at: int = 0
 
@@ -157,8 +173,19 @@ class RobustRun:
         state, lanes = start_of(setup, readings), readings.initial.shape[-1]
         began, counted = tuple(one.copy() for one in state), np.zeros((3, lanes))
         poses = setup if isinstance(setup, FilterSetup) else setup.poses
-        limit, ends = np.zeros(lanes), _period_ends(poses)
-        return cls(base, setup, readings, statistics, streams, state, began, counted, limit, ends)
+        return cls(
+            base,
+            setup,
+            readings,
+            statistics,
+            streams,
+            state,
+            began,
+            counted,
+            limit=np.zeros(lanes),
+            doubtful=np.ones(lanes, dtype=bool),
+            ends=_period_ends(poses),
+        )
 
     @property
     def augmented(self) -> AugmentedSetup:
@@ -176,7 +203,14 @@ class RobustRun:
             )
             self.at = until
             if place < len(self.ends) and until == last:
-                self._judge(int(self.ends[place - 1]) if place else 0, until)
+                if place:
+                    self._find_lost(int(self.ends[place - 1]), until)
+                if place + 1 in STARTS:
+                    self._start(until)
+                if not place:
+                    # so far the filter looked for its start: its innovations are no evidence
+                    for one in self._sums():
+                        one[:] = 0.0
                 self.began = tuple(one.copy() for one in self.state)
                 self.counted = np.stack(self._sums())
 
@@ -185,30 +219,36 @@ class RobustRun:
         counted = one.poses if isinstance(one, AugmentedStatistics) else one
         return counted.nis, counted.accepted, counted.gated
 
-    def _judge(self, begin: int, end: int) -> None:
-        """Let batch solutions over a period take the place of lanes that need one."""
-        setup = self.augmented
-        variances = np.concatenate([setup.poses.initial_variances.ravel(), setup.variances])
-        if begin == 0:
-            lanes = np.arange(len(self.limit))
-            self._replace(self._best(self.readings.initial, variances, lanes, begin, end), lanes)
-            # until now the filter looked for its start: its innovations are no evidence
-            for one in self._sums():
-                one[:] = 0.0
+    def _start(self, end: int) -> None:
+        """Go on from the batch solution from sample 0 where the start is in doubt."""
+        lanes, setup = np.flatnonzero(self.doubtful), self.augmented
+        if not len(lanes):
             return
+        variances = np.concatenate([setup.poses.initial_variances.ravel(), setup.variances])
+        found = self._best(self.readings.initial, variances, lanes, 0, end)
+        self._replace(found, np.arange(len(lanes)))
+        own = np.arange(3 * len(setup.columns)).reshape(-1, 3)[:, :2]
+        spread = found.covariance[own, own].sum(axis=1)
+        reach = setup.poses.lost_variances[:, :2].sum(axis=1)
+        self.doubtful[lanes] = np.any(spread > DOUBT**2 * reach[:, None], axis=0)
+
+    def _find_lost(self, begin: int, end: int) -> None:
+        """Go on from batch solutions over a period where innovations say that a lane is lost."""
+        setup = self.augmented
         nis, accepted, gated = np.stack(self._sums()) - self.counted
         cost = nis + gated * (setup.poses.gate if np.isfinite(setup.poses.gate) else 0.0)
         count = np.maximum(accepted + gated, 1.0)
         noise = np.maximum(ALARM, 1.0 + ALARM_SIGMAS * np.sqrt(2.0 / count))
         # not finite: broken down
         lanes = np.flatnonzero(~(cost / count <= np.maximum(noise, self.limit)))
-        if len(lanes):
-            wide = setup.poses.lost_variances.ravel()
-            variances[: len(wide)] = np.maximum(variances[: len(wide)], wide)
-            found = self._best(self.began[0], variances, lanes, begin, end)
-            better = found.credible | ~(found.cost >= FAR_BETTER * cost[lanes])
-            self.limit[lanes] = np.where(better, 0.0, GROWTH * (cost / count)[lanes])
-            self._replace(found, np.flatnonzero(better))
+        if not len(lanes):
+            return
+        starts = np.maximum(setup.poses.initial_variances, setup.poses.lost_variances)
+        variances = np.concatenate([starts.ravel(), setup.variances])
+        found = self._best(self.began[0], variances, lanes, begin, end)
+        better = found.credible | ~(found.cost >= FAR_BETTER * cost[lanes])
+        self.limit[lanes] = np.where(better, 0.0, GROWTH * (cost / count)[lanes])
+        self._replace(found, np.flatnonzero(better))
 
     def _replace(self, found: _Solved, chosen: Index) -> None:
         """Go on from the solutions chosen among those found."""
@@ -238,8 +278,10 @@ class RobustRun:
             its = (np.arange(len(missing)) * starts + least)[better]
             best.take(tried, missing[better], its)
             all_costs = np.column_stack([before, costs])
-            same = all_costs.max(axis=1) <= (1.0 + SAME) * all_costs.min(axis=1)
-            missing = missing[~same & ~best.credible[missing]]
+            settled = all_costs.max(axis=1) - all_costs.min(axis=1) < SAME
+            if not number:
+                settled &= best.cost[missing] < PLAUSIBLE * best.sightings[missing]
+            missing = missing[~settled & ~best.credible[missing]]
         return best
 
     def _drawn(self, variances: Array, lane: int, begin: int, number: int) -> Array:
