@@ -24,11 +24,20 @@ reference_filter   the filter in plain NumPy, one trial
 reference_states   the same with further states
 lane_filter        a compiled filter, many trials side by side
 lane_statistics    kernels that compare lanes with the truth
-batched_filter     the kernels of the extended Kalman filter
+second_order       noise that stands for a sighting's curvature
+batched_filter     the steps of the extended Kalman filter
+extended_filter    the extended Kalman filter of poses
 augmented_frame    the covariance with further states, in an earlier frame
 augmented_prediction  its prediction with further states
+augmented_rows     rows of sightings in that frame
+augmented_curvature  second-order noise with further states
 augmented_correction  its correction with further states
 augmented_filter   its kernels with further states
+batch_problem      the least-squares problem of a window, and what a trajectory costs
+batch_linearisation  a linear filter along trajectories
+batch_smoother     the smoother's way back: a Gauss-Newton step
+batch_solution     the most likely trajectory over a window
+robust_filter      the filter that finds its start, and itself where it is lost
 trials             results of trials, whole and in parts
 outlying_trials    the median trial, and trials far off
 drawn_errors       lasting errors of trials

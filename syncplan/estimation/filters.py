@@ -34,7 +34,7 @@ class FilterModel:
     takes_substeps: bool = False
     second_order: bool = False
     finds_start: bool = False
-    kernel: str = "batched_filter.EXTENDED"
+    kernel: str = "extended_filter.EXTENDED"
     augmented: str = "augmented_filter.AUGMENTED"
 
     def substeps(self, wanted: int) -> int:

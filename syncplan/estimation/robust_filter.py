@@ -31,7 +31,7 @@ from syncplan.estimation.batch_solution import (
     solve,
     solver_is_compiled,
 )
-from syncplan.estimation.batched_filter import EXTENDED
+from syncplan.estimation.extended_filter import EXTENDED
 from syncplan.estimation.filter_setup import FilterSetup, Readings
 from syncplan.estimation.filter_statistics import FilterStatistics
 from syncplan.estimation.lane_filter import LaneFilter, start_of

@@ -12,7 +12,7 @@ import pytest
 
 import syncplan
 from syncplan.arrays import Array
-from syncplan.estimation.batched_filter import EXTENDED
+from syncplan.estimation.extended_filter import EXTENDED
 from syncplan.estimation.filter_setup import FilterSetup, MotionModel, Readings
 from syncplan.estimation.filter_statistics import (
     SAMPLE_EVERY,
@@ -517,6 +517,6 @@ def test_the_cache_of_kernels_notices_changes_of_every_file_they_are_built_on(
 
 
 STAMPS = """
-from syncplan.estimation.batched_filter import EXTENDED
+from syncplan.estimation.extended_filter import EXTENDED
 print(EXTENDED.kernel._cache._cache_file._source_stamp)
 """

@@ -16,7 +16,7 @@ from syncplan.estimation.augmented_setup import (
     augmented_setup_of,
     empty_augmented_statistics,
 )
-from syncplan.estimation.batched_filter import EXTENDED
+from syncplan.estimation.extended_filter import EXTENDED
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filter_setup import Readings
 from syncplan.estimation.filter_statistics import empty_series, empty_statistics

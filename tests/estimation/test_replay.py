@@ -460,7 +460,7 @@ def test_files_of_other_editors_are_read(noisy: Path, tmp_path: Path) -> None:
 INTERRUPTED = """
 import os, signal, threading, time
 import numpy as np
-from syncplan.estimation.batched_filter import EXTENDED
+from syncplan.estimation.extended_filter import EXTENDED
 from syncplan.estimation.replays import replay
 from syncplan.recordings.log import Log, RobotLog
 none = np.zeros(0)
