@@ -15,6 +15,7 @@ from syncplan.estimation.filter_options import (
     FilterOptions,
     steps_in_run,
 )
+from syncplan.estimation.filters import FilterChoice
 from syncplan.scenario.specification import Scenario
 
 __all__ = ["DEFAULTS", "FilterRequest"]
@@ -37,6 +38,13 @@ class FilterRequest(JobRequest):
         default=None,
         description="Length of each run; the scenario's if not given",
         examples=[200.0],
+    )
+
+    filter: FilterChoice = Field(
+        default=DEFAULTS.filter,
+        description="The filter. auto is the scenario's filter.kind; where it has none, a "
+        "validation runs ekf where the plan's start-up index clears it and robust where not, and "
+        "all rows of a sweep run ekf",
     )
 
     def run_options(self) -> FilterOptions:

@@ -179,10 +179,11 @@ def _planned(spec: JobSpec) -> list[Any]:
 
 @lru_cache(maxsize=2)
 def _runs(spec: JobSpec) -> list[TrialRun]:
+    from syncplan.planning.sweeps import options_of_row
     from syncplan.planning.validation import trial_run
 
     options = SweepRequest.model_validate_json(spec.request).run_options()
-    return [trial_run(row.plan, options) for row in _planned(spec)]
+    return [trial_run(row.plan, options_of_row(row.plan, options)) for row in _planned(spec)]
 
 
 def _report(spec: JobSpec, concluded: Sequence[Validation]) -> JobReport:

@@ -10,7 +10,7 @@ from api.job_kinds.filter_requests import DEFAULTS, FilterRequest
 from api.job_kinds.job_kind import JobKind, JobOperation, JobReport, JobSpec, TrialTask
 from api.limits import RequestLimits, check_trials
 from api.plan_texts import loaded_plan
-from syncplan.estimation.filters import FilterName
+from syncplan.estimation.filters import MotionName
 from syncplan.planning.plan_files import Loaded
 from syncplan.planning.validation import TrialRun, Validation
 from syncplan.reports.run_schemas import ValidationDocument
@@ -21,8 +21,10 @@ __all__ = ["VALIDATION", "ValidationRequest"]
 class ValidationRequest(FilterRequest):
     """A Monte Carlo run of the filter on a plan."""
 
-    model: FilterName = Field(
-        default=DEFAULTS.model, description="How the filter integrates its readings"
+    model: MotionName | None = Field(
+        default=None,
+        description="Former name of filter: arc is ekf, euler is paper",
+        deprecated=True,
     )
     substeps: Annotated[int, Field(ge=1, le=1000)] = Field(
         default=DEFAULTS.substeps, description="Euler sub-steps per sample"

@@ -57,7 +57,7 @@ def _objectives() -> str:
 
 def _filters() -> str:
     return _table(
-        ("`--model`", "what it does"),
+        ("`--filter`", "what it does"),
         [(f"`{name}`", one.sentence) for name, one in FILTERS.items()],
     )
 

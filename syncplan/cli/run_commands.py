@@ -30,7 +30,7 @@ from syncplan.cli.console import (
 from syncplan.cli.required_verdicts import RequireGo, RequireObservable, verdict_status
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import FilterOptions
-from syncplan.estimation.filters import FILTERS
+from syncplan.estimation.filters import AUTO, FILTERS, FORMER_NAMES
 from syncplan.planning.swept_keys import SWEPT_KEYS, SweptKey, SweptOption, swept_key
 
 __all__ = ["runs"]
@@ -39,10 +39,25 @@ runs = typer.Typer()
 
 
 DEFAULTS = FilterOptions()
-Model = StrEnum("Model", {name: name for name in FILTERS})  # type: ignore[misc]
-DEFAULT_MODEL = Model(DEFAULTS.model)
-ModelOption = Annotated[Model, typer.Option(help="How the filter integrates its readings")]
-Substeps = Annotated[int, typer.Option(help="Euler sub-steps per sample")]
+Choice = StrEnum("Choice", {name: name for name in (AUTO, *FILTERS)})  # type: ignore[misc]
+Former = StrEnum("Former", {name: name for name in FORMER_NAMES})  # type: ignore[misc]
+DEFAULT_CHOICE = Choice(DEFAULTS.filter)
+FilterOption = Annotated[
+    Choice,
+    typer.Option(
+        "--filter",
+        help="The filter; auto is the scenario's, or ekf where the start-up index clears it and "
+        "robust where not",
+    ),
+]
+SweepFilter = Annotated[
+    Choice, typer.Option("--filter", help="The filter of all rows; auto is the scenario's, or ekf")
+]
+FormerOption = Annotated[
+    Former | None,
+    typer.Option("--model", help="Former --filter: arc is ekf, euler is paper", hidden=True),
+]
+Substeps = Annotated[int, typer.Option(help="Euler sub-steps per sample of the filter paper")]
 Gate = Annotated[
     float | None,
     typer.Option(help="Probability of the innovation gate, such as 0.999", show_default=False),
@@ -88,7 +103,8 @@ def _validate(
     trials: Trials = DEFAULTS.trials,
     seed: Seed = DEFAULTS.seed,
     duration: Duration = None,
-    model: ModelOption = DEFAULT_MODEL,
+    filter_: FilterOption = DEFAULT_CHOICE,
+    model: FormerOption = None,
     substeps: Substeps = DEFAULTS.substeps,
     gate: Gate = None,
     series: Series = False,
@@ -99,6 +115,7 @@ def _validate(
 ) -> int:
     """Run the filter on a plan: Monte Carlo errors beside the bound, and consistency."""
     from syncplan.estimation.trial_readings import needs_augmented
+    from syncplan.planning.filter_choice import choose_filter
     from syncplan.planning.plan_files import load, plan_of
     from syncplan.planning.validation import validate
     from syncplan.reports.validation_report import validation_document
@@ -108,14 +125,16 @@ def _validate(
         trials=trials,
         seed=seed,
         duration=duration,
-        model=model.value,
+        filter=filter_.value,
+        model=None if model is None else model.value,
         substeps=substeps,
         gate_probability=gate,
         with_series=series,
     )
     refuse_overwriting(subject, output)
     flown = plan_of(load(subject, max_vehicles=max_vehicles or MAX_VEHICLES), pilot=False)
-    announce_compilation(options, [(flown.team.count, needs_augmented(flown.team))])
+    chosen = choose_filter(flown, options).applied(options)
+    announce_compilation(chosen, [(flown.team.count, needs_augmented(flown.team))])
     with progress_bar("trials", trials) as progress:
         result = validate(flown, options, threads=threads, progress=progress)
     deliver_document("validation", validation_document(result), output, format_)
@@ -164,6 +183,7 @@ def _sweep(
     trials: Trials = DEFAULTS.trials,
     seed: Seed = DEFAULTS.seed,
     duration: Duration = None,
+    filter_: SweepFilter = DEFAULT_CHOICE,
     threads: Threads = None,
     max_vehicles: MaxVehicles = None,
     **swept: Any,
@@ -176,7 +196,7 @@ def _sweep(
     from syncplan.scenario.models import MAX_VEHICLES
 
     varied, numbers_of_it = _swept(swept, key, values)
-    options = FilterOptions(trials=trials, seed=seed, duration=duration)
+    options = FilterOptions(trials=trials, seed=seed, duration=duration, filter=filter_.value)
     refuse_overwriting(scenario, output)
     loaded = load_scenario(scenario, max_vehicles=max_vehicles or MAX_VEHICLES)
     planned = planned_rows(loaded, varied.name, numbers_of_it, connected=connected)

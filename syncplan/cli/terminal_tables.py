@@ -13,6 +13,7 @@ from syncplan.cli.state_tables import (
     merits_line,
 )
 from syncplan.cli.verdict_lines import show_findings, show_verdict
+from syncplan.estimation.filters import FORMER_NAMES
 from syncplan.phrases import listed
 from syncplan.placement.centers import Placement
 from syncplan.planning.figures_of_merit import ROWS
@@ -22,6 +23,11 @@ from syncplan.reports.plan_schemas import LandmarkLink, Link, PlanDocument
 from syncplan.reports.refinement_schemas import RefinementResult
 from syncplan.reports.run_schemas import (
     ErrorFigures,
+<<<<<<< HEAD
+=======
+    FilterRecord,
+    ReplayDocument,
+>>>>>>> c391d8a (Filters have the field's names, a scenario or an option chooses one, and a validation runs the robust one where the start calls for it)
     Spread,
     SweepReport,
     ValidationDocument,
@@ -87,12 +93,19 @@ def _print_errors(document: PlanDocument, console: Console) -> None:
         console.print(states)
 
 
+def _filter_line(record: FilterRecord) -> str:
+    """Which filter ran, and why."""
+    name = record.kind or FORMER_NAMES[record.model]
+    why = f" ({record.chosen_because})" if record.chosen_because else ""
+    return escape(f"filter {name}{why}")
+
+
 def show_validation(report: ValidationDocument, console: Console) -> None:
     """Print a Monte Carlo report: verdict, errors, consistency, findings."""
     if report.verdict is not None:
         show_verdict(report.verdict, console)
     console.print(
-        f"[bold]{escape(report.name or 'plan')}[/]: {report.run}, {report.filter.model} filter"
+        f"[bold]{escape(report.name or 'plan')}[/]: {report.run}, {_filter_line(report.filter)}"
     )
     table = FittedTable(
         "RMS error in m over the run and over its second half, and its median trial",

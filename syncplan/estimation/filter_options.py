@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any, TypedDict
 
 from syncplan.errors import InputError
-from syncplan.estimation.filters import FILTERS, FilterModel
+from syncplan.estimation.filters import AUTO, FILTERS, FORMER_NAMES, FilterModel
 
 __all__ = [
     "LARGEST_SEED",
@@ -25,7 +25,7 @@ REQUEST_KEYS = {
     "trials": "trials",
     "seed": "seed",
     "duration": "duration_s",
-    "model": "model",
+    "filter": "filter",
     "substeps": "substeps",
     "gate_probability": "gate_probability",
     "with_series": "series",
@@ -42,39 +42,55 @@ class FilterOptions:
     trials : number of Monte Carlo trials
     seed : of all random numbers
     duration : s, of each run; the scenario's if None
-    model : name of the filter, see syncplan.estimation.filters.FILTERS
+    filter : name of the filter, see syncplan.estimation.filters.FILTERS, or `auto`: a validation
+        then chooses by the plan's start-up index, all else runs `ekf`
     substeps : Euler sub-steps in a sample, for a filter that takes them
     gate_probability : of the innovation gate: the share of a consistent filter's bearings that it
         accepts; None for no gate
     with_series : whether errors and sigmas over time are kept
+    model : former name of `filter`: `arc` for ekf, `euler` for paper; not kept
     """
 
     trials: int = 200
     seed: int = 0
     duration: float | None = None
-    model: str = "arc"
+    filter: str = AUTO
     substeps: int = 10
     gate_probability: float | None = None
     with_series: bool = False
+    model: str | None = None
 
     def __post_init__(self) -> None:
         if not 1 <= self.trials <= MAX_TRIALS:
             raise InputError(f"{self.trials} given; allowed are 1 to {MAX_TRIALS}", key="trials")
         if not 0 <= self.seed <= LARGEST_SEED:
             raise InputError(f"{self.seed} given; allowed are 0 to {LARGEST_SEED}", key="seed")
-        if self.model not in FILTERS:
-            problem = f"{self.model!r} is unknown; choose {' or '.join(FILTERS)}"
-            raise InputError(problem, key="model")
+        if self.model is not None:
+            self._take_former_name(self.model)
+        if self.filter not in (AUTO, *FILTERS):
+            problem = f"{self.filter!r} is unknown; choose {' or '.join((AUTO, *FILTERS))}"
+            raise InputError(problem, key="filter")
         if self.substeps < 1:
             raise InputError(f"{self.substeps} given, at least 1 is needed", key="substeps")
         gate = self.gate_probability
         if gate is not None and not 0.0 < gate < 1.0:
             raise InputError(f"{gate} is not between 0 and 1", key="gate_probability")
 
+    def _take_former_name(self, name: str) -> None:
+        """Set the filter of a former name; raises InputError where another one is asked for."""
+        if name not in FORMER_NAMES:
+            problem = f"{name!r} is unknown; choose {' or '.join(FORMER_NAMES)}, or give filter"
+            raise InputError(problem, key="model")
+        if self.filter not in (AUTO, FORMER_NAMES[name]):
+            problem = f"{name!r} is {FORMER_NAMES[name]}, but the filter is {self.filter!r}"
+            raise InputError(f"{problem}; leave model out", key="model")
+        object.__setattr__(self, "filter", FORMER_NAMES[name])
+        object.__setattr__(self, "model", None)
+
     @property
     def filter_model(self) -> FilterModel:
-        """The filter that is chosen."""
-        return FILTERS[self.model]
+        """The filter that is chosen; ekf if none is."""
+        return FILTERS["ekf" if self.filter == AUTO else self.filter]
 
     @property
     def motion_substeps(self) -> int:
@@ -89,8 +105,8 @@ class FilterOptions:
     @classmethod
     def of_request(cls, request: Mapping[str, Any]) -> "FilterOptions":
         """Return the options that a request names; it may have further keys."""
-        given = {name: request[key] for name, key in REQUEST_KEYS.items() if key in request}
-        return cls(**given)
+        keys = {**REQUEST_KEYS, "model": "model"}
+        return cls(**{name: request[key] for name, key in keys.items() if key in request})
 
 
 class FilterChanges(TypedDict, total=False):
@@ -99,10 +115,11 @@ class FilterChanges(TypedDict, total=False):
     trials: int
     seed: int
     duration: float | None
-    model: str
+    filter: str
     substeps: int
     gate_probability: float | None
     with_series: bool
+    model: str | None
 
 
 def options_with(options: FilterOptions | None, changes: FilterChanges) -> FilterOptions:

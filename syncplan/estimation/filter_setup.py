@@ -27,6 +27,7 @@ __all__ = [
     "MotionModel",
     "Readings",
     "build_setup",
+    "judged_from",
 ]
 
 BEARING_KIND, DISTANCE_KIND, COMPASS_KIND = 0, 1, 2
@@ -159,14 +160,18 @@ def build_setup(
         gate=gate_threshold(options.gate_probability),
         second_order=options.filter_model.second_order,
         period=float(period),
-        judged_from=_judged_from(samples, sample_time, period, options),
+        judged_from=judged_from(samples, sample_time, period, options),
         lost_variances=np.tile(np.square([reach, reach, LOST_HEADING_SIGMA]), (truth.shape[1], 1)),
         sample_every=SAMPLE_EVERY,
     )
 
 
-def _judged_from(samples: int, sample_time: float, period: float, options: FilterOptions) -> int:
-    """Sample from which on a filter's covariance is meant to hold: its start takes a period."""
+def judged_from(samples: int, sample_time: float, period: float, options: FilterOptions) -> int:
+    """Return the sample from which on a filter's covariance is meant to hold.
+
+    A filter that looks for its start takes a period of as many samples, each of `sample_time` s; a
+    run of no more `samples` than that ends before.
+    """
     if not options.filter_model.finds_start:
         return 0
     found = math.ceil(period / sample_time - 1e-9)

@@ -12,7 +12,15 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 if TYPE_CHECKING:
     from syncplan.estimation.lane_filter import LaneFilter
 
-__all__ = ["FILTERS", "FilterModel", "FilterName"]
+__all__ = [
+    "AUTO",
+    "FILTERS",
+    "FORMER_NAMES",
+    "FilterChoice",
+    "FilterModel",
+    "FilterName",
+    "MotionName",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +45,11 @@ class FilterModel:
     kernel: str = "extended_filter.EXTENDED"
     augmented: str = "augmented_filter.AUGMENTED"
 
+    @property
+    def motion(self) -> str:
+        """How it integrates its readings, a name in FORMER_NAMES."""
+        return "euler" if self.takes_substeps else "arc"
+
     def substeps(self, wanted: int) -> int:
         """Return the number of Euler sub-steps in a sample, 0 for exact arcs."""
         return wanted if self.takes_substeps else 0
@@ -60,29 +73,39 @@ def _loaded(place: str) -> "LaneFilter":
 
 FILTERS: Mapping[str, FilterModel] = MappingProxyType(
     {
-        "arc": FilterModel("Integrates its readings along exact arcs."),
-        "euler": FilterModel(
-            "Integrates its readings by Euler sub-steps, as the paper's Algorithm 1.",
-            takes_substeps=True,
-        ),
+        "ekf": FilterModel("Extended Kalman filter: takes sightings for linear at its estimate."),
         "second-order": FilterModel(
-            "Takes a sighting's curvature for further noise of it: safe from an uncertain start.",
+            "Takes a sighting's curvature for further noise: from a start known to 5 m, none lost.",
             second_order=True,
         ),
         "robust": FilterModel(
-            "Second-order, then from the batch solution over the first period; begins again where "
-            "it is lost.",
+            "Second-order for a period, then from the most likely start; begins again where lost.",
             second_order=True,
             finds_start=True,
             kernel="robust_filter.ROBUST",
             augmented="robust_filter.ROBUST_AUGMENTED",
         ),
+        "paper": FilterModel(
+            "The paper's Algorithm 1: extended, integrates its readings by Euler sub-steps.",
+            takes_substeps=True,
+        ),
     }
 )
-"""By name, the default first."""
+"""By name, the simplest first."""
+
+AUTO = "auto"
+"""In place of a name: the filter that the start-up index of a plan calls for."""
+
+FORMER_NAMES: Mapping[str, str] = MappingProxyType({"arc": "ekf", "euler": "paper"})
+"""Filters by how they integrate readings, as they were named at first."""
 
 if TYPE_CHECKING:
     FilterName: TypeAlias = str
+    FilterChoice: TypeAlias = str
+    MotionName: TypeAlias = str
 else:
     FilterName = Literal[tuple(FILTERS)]
-"""A name in FILTERS, for models that check it and describe it in their JSON schema."""
+    FilterChoice = Literal[(AUTO, *FILTERS)]
+    MotionName = Literal[tuple(FORMER_NAMES)]
+"""A name in FILTERS; the same or AUTO; a name in FORMER_NAMES: for models that check them and
+describe them in their JSON schemas."""

@@ -23,6 +23,7 @@ planner             scenario to plan
 derived_keys        keys of plan files that follow from others
 written_records     how the orbits of a plan file were found
 plan_files          plans read back and judged afresh
+filter_choice       which filter runs on a plan, and why
 subjects            what a function takes as a plan
 validation          Monte Carlo of a plan beside its bound
 swept_keys          the keys that a sweep may vary

@@ -1,7 +1,7 @@
 """Sweeps: one key of a scenario varied, each value planned and validated by the same trials."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Unpack
 
 import numpy as np
@@ -11,6 +11,7 @@ from syncplan.estimation.filter_options import FilterChanges, FilterOptions, opt
 from syncplan.orbits.circles import position
 from syncplan.orbits.graphs import bottleneck
 from syncplan.phrases import listed
+from syncplan.planning.filter_choice import asked_filter
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.planner import plan
 from syncplan.planning.swept_keys import SWEPT_KEYS, swept_key
@@ -119,9 +120,19 @@ def validated(
     found: list[ValidatedRow] = []
     for one in rows:
         done = _shifted(progress, len(found) * options.trials)
-        validation = validate(one.plan, options, threads=threads, progress=done)
+        own = options_of_row(one.plan, options)
+        validation = validate(one.plan, own, threads=threads, progress=done)
         found.append(ValidatedRow(one.label, one.value, validation))
     return Sweep(name, found)
+
+
+def options_of_row(flown: Plan, options: FilterOptions) -> FilterOptions:
+    """Return the options with the filter that validates a row of a sweep.
+
+    It is the one asked for by options or scenario, or ekf: rows are compared, so all have the same.
+    """
+    asked = asked_filter(flown.scenario, options)
+    return replace(options, filter="ekf") if asked is None else asked.applied(options)
 
 
 _INSTANTS = 720

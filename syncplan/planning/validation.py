@@ -16,11 +16,13 @@ from syncplan.estimation.filter_options import (
     options_with,
     steps_in_run,
 )
+from syncplan.estimation.filter_setup import judged_from
 from syncplan.estimation.montecarlo import run_trials
 from syncplan.estimation.outlying_trials import TrialErrors, trial_errors
 from syncplan.estimation.trial_readings import possible_sightings
 from syncplan.estimation.trials import Accuracy, MonteCarloResult, accuracy, merge
 from syncplan.orbits.sightings import Sightings
+from syncplan.planning.filter_choice import choose_filter
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.judgement import bound_is_affordable
 from syncplan.planning.predicted_errors import (
@@ -46,6 +48,7 @@ class Validation(Result):
     plan : the plan that was flown; of its start, these trials say what a pilot would
     duration : s
     options : which filter, and its gate
+    chosen_because : why this filter
     result : per trial figures, and the series where asked for
     accuracy : RMS errors by vehicle
     predicted : (n,) m, the bound's RMS over the second half; None where not computed
@@ -62,6 +65,7 @@ class Validation(Result):
     plan: Plan
     duration: float
     options: FilterOptions
+    chosen_because: str
     result: MonteCarloResult
     accuracy: Accuracy
     predicted: Array | None
@@ -86,9 +90,21 @@ class Validation(Result):
         return trial_errors(self.result)
 
     @property
-    def model(self) -> str:
+    def filter(self) -> str:
         """Name of the filter, see syncplan.estimation.filters.FILTERS."""
-        return self.options.model
+        return self.options.filter
+
+    @property
+    def model(self) -> str:
+        """How the filter integrates its readings: arc or euler."""
+        return self.options.filter_model.motion
+
+    @property
+    def judged_from(self) -> float:
+        """Time in s from which on ANEES, NIS and coverage count."""
+        team, time = self.plan.team, self.plan.sensors.sample_time
+        samples = judged_from(self.result.steps, time, team.orbits.period, self.options)
+        return samples * time
 
     @property
     def substeps(self) -> int:
@@ -110,7 +126,8 @@ class TrialRun:
     plan : the plan that is flown
     duration, steps : s, and whole samples in it
     sightings : who sees whom at k = 1..steps
-    options : as validate takes them
+    options : as validate takes them, the filter chosen
+    chosen_because : why this filter
     """
 
     plan: Plan
@@ -118,6 +135,7 @@ class TrialRun:
     steps: int
     sightings: Sightings
     options: FilterOptions
+    chosen_because: str
 
     @property
     def trials(self) -> int:
@@ -136,7 +154,8 @@ def validate(
     """Return the errors of the filter over many trials on a plan, or on what a plan can be made of.
 
     `options`, or changes of it by name, say which filter and how many trials: trials=200, seed=0,
-    duration=None (s, the scenario's), model="arc" (or "euler", by `substeps`=10),
+    duration=None (s, the scenario's), filter="auto" (ekf where the start-up index clears it, robust
+    where not; or any name of the table of filters, `paper` with `substeps`=10 in a sample),
     gate_probability=None, with_series=False. The same seed gives the same bytes on any number of
     threads. `progress` is called with the number of trials done. Raises InputError naming the
     argument at fault.
@@ -157,7 +176,8 @@ def trial_run(
     sample_time, period = flown.sensors.sample_time, flown.orbits.period
     steps = steps_in_run(length, sample_time, period, flown.team.count)
     sightings = possible_sightings(flown.team, flown.windows, steps)
-    return TrialRun(flown, length, steps, sightings, chosen)
+    choice = choose_filter(flown, chosen)
+    return TrialRun(flown, length, steps, sightings, choice.applied(chosen), choice.reason)
 
 
 @single_threaded_blas
@@ -205,6 +225,7 @@ def conclude(run: TrialRun, parts: Sequence[MonteCarloResult]) -> Validation:
         plan=_with_own_trials(run, found, prediction.rms if expected is None else expected),
         duration=run.duration,
         options=run.options,
+        chosen_because=run.chosen_because,
         result=result,
         accuracy=found,
         predicted=prediction.rms,

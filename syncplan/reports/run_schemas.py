@@ -5,7 +5,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import AfterValidator, Field
 
 from syncplan.errors import InputError
-from syncplan.estimation.filters import FilterName
+from syncplan.estimation.filters import FilterName, MotionName
 from syncplan.planning.swept_keys import swept_key
 from syncplan.reports.document_base import Document, DocumentPart, VersionedDocument
 from syncplan.reports.state_error_schemas import StateErrorFigures, StateErrorSeries
@@ -87,7 +87,18 @@ class VehicleFigures(ErrorFigures):
 class FilterRecord(DocumentPart):
     """The filter that was run."""
 
-    model: FilterName
+    model: MotionName = Field(description="How readings are integrated: exact arcs, or Euler's way")
+    kind: FilterName | None = Field(
+        default=None, description="Which filter; null in older files, whose filter is ekf or paper"
+    )
+    chosen_because: str | None = Field(
+        default=None, description="Why this filter; null in older files"
+    )
+    judged_from_s: float = Field(
+        default=0.0,
+        description="Time from which on ANEES, NIS and coverage count: robust looks for its start "
+        "until then",
+    )
     substeps: int
     gate_probability: float | None
     gated: int = Field(description="Bearings rejected by the gate")

@@ -24,6 +24,11 @@ _STILL_AIR = (
 def notes_on(validation: Validation, report: ErrorFigures, figure: Spread) -> list[str]:
     """Return what the figures mean for the reader, in plain words; `figure` is the ANEES."""
     notes = []
+    if validation.judged_from:
+        notes.append(
+            f"the filter looks for its start until {validation.judged_from:.4g} s: ANEES, NIS and "
+            "coverage count from there on"
+        )
     neglected = neglected_errors(validation.plan.team)
     if neglected:
         notes.append(_neglect_note(validation, neglected, report, figure))

@@ -50,6 +50,9 @@ def validation_document(validation: Validation) -> ValidationDocument:
         duration_s=validation.duration,
         filter=FilterRecord(
             model=validation.model,
+            kind=validation.filter,
+            chosen_because=validation.chosen_because,
+            judged_from_s=validation.judged_from,
             substeps=validation.options.motion_substeps,
             gate_probability=validation.gate_probability,
             gated=int(result.gated.sum()),

@@ -17,6 +17,7 @@ __all__ = [
     "ESTIMABLE",
     "EstimableName",
     "Filter",
+    "FilterKind",
     "InitialSigma",
     "Motion",
     "Wind",
@@ -37,6 +38,9 @@ ESTIMABLE: dict[EstimableName, str] = {
     "gusts": "wind.gust_sigma_mps",
 }
 """The key that says how large each is."""
+
+FilterKind = Literal["auto", "ekf", "second-order", "robust", "paper"]
+"""A name in syncplan.estimation.filters.FILTERS, or auto."""
 
 _Choice = Literal["auto", "all", "none"]
 
@@ -166,7 +170,16 @@ class Wind(Section):
 
 
 class Filter(Section):
-    """What the filter has as states beside the poses."""
+    """Which filter runs, and what it has as states beside the poses."""
+
+    kind: FilterKind | None = Field(
+        default=None,
+        description="The filter: ekf, the extended Kalman filter; second-order, which takes a "
+        "sighting's curvature for noise; robust, which looks for its start and begins again where "
+        "it is lost; paper, the paper's Algorithm 1. auto, the default, is ekf where the start-up "
+        "index clears it and robust where not",
+        examples=["auto"],
+    )
 
     estimate: Annotated[_Choice | Many[EstimableName], BeforeValidator(_choice_or_names)] = Field(
         default="auto",

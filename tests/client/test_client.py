@@ -124,7 +124,7 @@ def test_a_refinement_is_the_librarys_and_names_its_parent(
     [
         {"trials": 50, "seed": 5},
         {"trials": 20, "seed": 1, "duration": 50.0, "with_series": True},
-        {"trials": 20, "model": "euler", "substeps": 3, "gate_probability": 0.99},
+        {"trials": 20, "filter": "paper", "substeps": 3, "gate_probability": 0.99},
     ],
 )
 def test_a_validation_is_the_librarys_to_the_last_byte(

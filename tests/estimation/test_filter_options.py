@@ -3,7 +3,7 @@
 import inspect
 import json
 from dataclasses import asdict, fields
-from typing import Any, get_type_hints
+from typing import Any, get_args, get_type_hints
 
 import pytest
 from typer.main import get_command
@@ -21,13 +21,14 @@ from syncplan.estimation.filter_options import (
 from syncplan.estimation.filters import FILTERS
 from syncplan.reports.run_schemas import FilterRecord
 from syncplan.reports.validation_report import validation_document
+from syncplan.scenario.disturbances import FilterKind
 from tests.tools.scenarios import example
 
 EVERY = FilterOptions(
     trials=7,
     seed=3,
     duration=12.5,
-    model="euler",
+    filter="paper",
     substeps=3,
     gate_probability=0.99,
     with_series=True,
@@ -36,8 +37,8 @@ EVERY = FilterOptions(
 
 def test_keywords_requests_and_options_have_the_same_names() -> None:
     names = [field.name for field in fields(FilterOptions)]
-    assert list(get_type_hints(FilterChanges)) == names == list(REQUEST_KEYS)
-    assert set(REQUEST_KEYS.values()) == set(ValidationRequest.model_fields)
+    assert list(get_type_hints(FilterChanges)) == names == [*REQUEST_KEYS, "model"]
+    assert {*REQUEST_KEYS.values(), "model"} == set(ValidationRequest.model_fields)
 
 
 def test_a_request_holds_every_option_and_gives_it_back() -> None:
@@ -52,16 +53,18 @@ def test_defaults_are_those_of_the_library_the_command_line_and_the_service() ->
         "trials": 200,
         "seed": 0,
         "duration": None,
-        "model": "arc",
+        "filter": "auto",
         "substeps": 10,
         "gate_probability": None,
         "with_series": False,
+        "model": None,
     }
     assert ValidationRequest().run_options() == FilterOptions()
     command: Any = get_command(command_line.app)
     shown = {option.name: option.default for option in command.commands["validate"].params}
     shown |= {"gate_probability": shown["gate"], "with_series": shown["series"]}
-    assert {name: shown[name] for name in REQUEST_KEYS} == asdict(FilterOptions())
+    shown["filter"] = shown["filter_"]
+    assert {name: shown[name] for name in asdict(FilterOptions())} == asdict(FilterOptions())
 
 
 def test_options_and_keywords_give_the_same_bytes() -> None:
@@ -83,11 +86,11 @@ def _rest() -> dict[str, Any]:
 
 def test_a_sweep_takes_the_same_options() -> None:
     scenario = example("paper-grid-same")
-    options = FilterOptions(trials=3, duration=5.0, model="euler", substeps=2)
+    options = FilterOptions(trials=3, duration=5.0, filter="paper", substeps=2)
     (row,) = syncplan.sweep(scenario, "range", [50.0], options)
     assert row.validation.options == options
     (again,) = syncplan.sweep(
-        scenario, "range", [50.0], trials=3, duration=5.0, model="euler", substeps=2
+        scenario, "range", [50.0], trials=3, duration=5.0, filter="paper", substeps=2
     )
     errors = again.validation.result.final_errors
     assert errors.tobytes() == row.validation.result.final_errors.tobytes()
@@ -100,7 +103,8 @@ def test_a_sweep_takes_the_same_options() -> None:
         ("trials", 1_000_001, "allowed are 1 to 1000000"),
         ("seed", -1, "-1 given; allowed are 0 to 9223372036854775807"),
         ("seed", 2**63, "allowed are 0 to"),
-        ("model", "rk4", "'rk4' is unknown; choose arc or "),
+        ("filter", "rk4", "'rk4' is unknown; choose auto or ekf or "),
+        ("model", "rk4", "'rk4' is unknown; choose arc or euler"),
         ("substeps", 0, "0 given, at least 1 is needed"),
         ("gate_probability", 1.0, "1.0 is not between 0 and 1"),
         ("gate_probability", float("nan"), "nan is not between 0 and 1"),
@@ -124,18 +128,22 @@ def test_an_option_that_does_not_exist_is_refused() -> None:
 
 def test_choices_everywhere_are_the_table_of_filters(run: Any) -> None:
     names = list(FILTERS)
-    assert names[0] == FilterOptions().model
+    assert FilterOptions().filter_model is FILTERS[names[0]]
     shown = run("validate", "--help")[1]
-    assert all(name in shown for name in names)
-    for model in (ValidationRequest, FilterRecord):
-        assert model.model_json_schema()["properties"]["model"]["enum"] == names
+    assert all(name in shown for name in ("auto", *names))
+    asked = ValidationRequest.model_json_schema()["properties"]["filter"]
+    assert asked["enum"] == ["auto", *names]
+    told = FilterRecord.model_json_schema()["properties"]["kind"]["anyOf"][0]
+    assert told["enum"] == names
+    assert get_args(FilterKind) == ("auto", *names)
 
 
 @pytest.mark.parametrize("name", list(FILTERS))
 def test_every_filter_runs_and_is_named_in_its_report(name: str) -> None:
-    done = syncplan.validate(example("paper-grid-same"), trials=2, duration=3.0, model=name)
+    done = syncplan.validate(example("paper-grid-same"), trials=2, duration=3.0, filter=name)
     record = validation_document(done).filter
-    assert record.model == name
+    assert (record.kind, record.chosen_because) == (name, "asked for")
+    assert record.model == FILTERS[name].motion
     assert record.substeps == (10 if FILTERS[name].takes_substeps else 0)
     assert record.used > 0
 

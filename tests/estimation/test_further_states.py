@@ -144,12 +144,12 @@ def some_state(setup: AugmentedSetup) -> Array:
     )
 
 
-@pytest.mark.parametrize("model", ["arc", "euler"])
+@pytest.mark.parametrize("model", ["ekf", "paper"])
 @pytest.mark.parametrize("estimated", CHOICES)
 def test_the_transition_is_the_derivative_of_the_motion(
     estimated: tuple[str, ...], model: str
 ) -> None:
-    setup = scene_of(a_team(estimated), 10, 1, model=model, substeps=3).setup
+    setup = scene_of(a_team(estimated), 10, 1, filter=model, substeps=3).setup
     setup = setup._replace(poses=setup.poses._replace(motion=setup.poses.motion._replace(time=0.8)))
     speeds, turns = np.array([4.0, 5.0, 6.0]), np.array([0.4, -1.0, 0.0])
     state = some_state(setup)
@@ -227,7 +227,7 @@ def test_steps_of_unequal_length_are_those_of_the_plain_filter() -> None:
     ("estimated", "changes"),
     [
         *((one, {}) for one in CHOICES),
-        (tuple(ERROR_STATES), {"model": "euler", "substeps": 3, "gate_probability": 0.9}),
+        (tuple(ERROR_STATES), {"filter": "paper", "substeps": 3, "gate_probability": 0.9}),
     ],
 )
 def test_compiled_trials_are_those_of_the_plain_filter(

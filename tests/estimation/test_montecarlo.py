@@ -150,12 +150,12 @@ def plain_trial(scene: Scene, seed: int, trial: int, substeps: int) -> tuple[Arr
     return np.array(errors), np.array(nees)
 
 
-@pytest.mark.parametrize(("model", "substeps"), [("arc", 0), ("euler", 4)])
+@pytest.mark.parametrize(("model", "substeps"), [("ekf", 0), ("paper", 4)])
 def test_a_trial_is_drawn_from_the_seeds_child_in_the_documented_order(
     model: str, substeps: int
 ) -> None:
     scene = paper_grid(55)
-    result = flown(scene, 19, 11, model=model, substeps=max(substeps, 1))
+    result = flown(scene, 19, 11, filter=model, substeps=max(substeps, 1))
     errors, nees = plain_trial(scene, 11, 17, substeps)
     np.testing.assert_allclose(result.final_errors[17], errors[-1], atol=1e-9)
     np.testing.assert_allclose(result.mean_squares[17], (errors**2).mean(axis=0), atol=1e-9)

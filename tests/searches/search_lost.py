@@ -90,7 +90,7 @@ def search_one(
         team = replace(made.team, noise=noise)
         bound = posterior_bound(team, made.windows, duration).rms_second_half()
         for name in filters:
-            options = FilterOptions(trials=trials, seed=seed + 1, model=name)
+            options = FilterOptions(trials=trials, seed=seed + 1, filter=name)
             began = time.perf_counter()
             result = run_trials(team, seen, steps, options, threads=1)
             seconds = time.perf_counter() - began

@@ -64,7 +64,7 @@ def spec_of(made: PlanText, pool: Pool, **request: object) -> JobSpec:
 
 def long_flight(pool: Pool, made: PlanText, owner: str = "") -> Ticket:
     """A task that takes minutes."""
-    request = '{"trials": 100000, "seed": 0, "model": "arc", "substeps": 10, "series": false}'
+    request = '{"trials": 100000, "seed": 0, "filter": "ekf", "substeps": 10, "series": false}'
     spec = JobSpec("job", "validation", request, made.text)
     return pool.submit("computed_batch", spec, Batch(0, 0, 100_000), owner=owner)
 

@@ -256,7 +256,7 @@ def test_a_job_is_accepted_with_its_defaults_filled_in(cat: httpx2.Client) -> No
     assert job.request == {
         "trials": 7,
         "seed": 0,
-        "model": "arc",
+        "filter": "auto",
         "substeps": 10,
         "series": False,
     }
