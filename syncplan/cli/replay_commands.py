@@ -15,7 +15,6 @@ from syncplan.cli.console import (
     progress_bar,
     refuse_overwriting,
 )
-from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filters import FILTERS
 
 if TYPE_CHECKING:
@@ -30,7 +29,7 @@ replays = typer.Typer()
 
 
 Filter = StrEnum("Filter", {name: name for name in FILTERS})  # type: ignore[misc]
-DEFAULT_FILTER = Filter(FilterOptions().model)
+DEFAULT_FILTER = Filter("ekf")
 
 
 class StartKind(StrEnum):
@@ -170,7 +169,7 @@ def _replay(
     changes: FilterChanges = {
         "gate_probability": gate,
         "seed": seed,
-        "model": filter_.value,
+        "filter": filter_.value,
         "with_series": series,
     }
     document = _document(recording, settings, changes, tune=tune)

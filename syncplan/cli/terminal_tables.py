@@ -23,11 +23,7 @@ from syncplan.reports.plan_schemas import LandmarkLink, Link, PlanDocument
 from syncplan.reports.refinement_schemas import RefinementResult
 from syncplan.reports.run_schemas import (
     ErrorFigures,
-<<<<<<< HEAD
-=======
     FilterRecord,
-    ReplayDocument,
->>>>>>> c391d8a (Filters have the field's names, a scenario or an option chooses one, and a validation runs the robust one where the start calls for it)
     Spread,
     SweepReport,
     ValidationDocument,

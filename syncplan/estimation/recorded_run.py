@@ -47,6 +47,12 @@ LOOK_EVERY_S = 0.1
 Seen = Callable[[int], None]
 """Is told how many sightings the filter has taken."""
 
+PERIOD = 60.0
+"""s of a recording that a batch solution covers."""
+
+REACH = 5.0
+"""m, about how far a robot is from its estimate once it is lost."""
+
 
 @dataclass(frozen=True, slots=True)
 class RecordedRun:
@@ -108,6 +114,8 @@ def run_of(log: Log, settings: ReplaySettings, options: FilterOptions) -> Record
         variances=np.square(sigmas[seen.kinds]),
         noise=settings.noise,
         sample_time=settings.sample_time,
+        period=PERIOD,
+        reach=REACH,
         options=options,
         spans=np.diff(ends),
         compared=compared,
@@ -134,7 +142,7 @@ def filtered(run: RecordedRun, options: FilterOptions, progress: Seen | None = N
     )
     counted = empty_augmented_statistics(n, e, 1, series, sightings)
     states, P = _in_thread(run, options, counted, progress)
-    result = result_of([counted.poses], steps=samples)
+    result = result_of([counted.poses], steps=samples, judged_from=run.setup.judged_from)
     if not np.isfinite(result.mean_squares).all():
         raise NoSolutionError(
             "the filter diverged: its errors are no longer finite; larger sigmas may help"
@@ -175,9 +183,9 @@ def _run(
     run: RecordedRun, options: FilterOptions, counted: AugmentedStatistics
 ) -> tuple[Array, Array]:
     model, readings = options.filter_model, run.readings
-    e = len(run.layout.sigmas)
+    e, streams = len(run.layout.sigmas), [np.random.SeedSequence(options.seed)]
     if not e:
-        _, P = model.lane_filter.run(run.setup, readings, counted.poses)
+        _, P = model.lane_filter.run(run.setup, readings, counted.poses, streams)
         return np.zeros((0, 1)), P
     given = AugmentedReadings(
         *readings,
@@ -187,7 +195,7 @@ def _run(
         gusts=np.zeros((run.clock.samples + 1, 0, 1)),
     )
     setup = augmented_setup_of(run.setup, run.layout, NO_ERRORS)
-    _, errors, P = model.augmented_lane_filter.run(setup, given, counted)
+    _, errors, P = model.augmented_lane_filter.run(setup, given, counted, streams)
     return errors, P
 
 

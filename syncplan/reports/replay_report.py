@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from syncplan import __version__
+from syncplan.estimation.filters import AUTO
 from syncplan.estimation.recorded_observability import SeenOverTime
 from syncplan.estimation.replay_settings import ReplaySettings
 from syncplan.estimation.replay_tuning import Tuning
@@ -70,7 +71,7 @@ def replay_document(replayed: Replay) -> ReplayDocument:
 def _filter(replayed: Replay) -> ReplayFilter:
     settings, noise = replayed.settings, replayed.noise
     return ReplayFilter(
-        model=replayed.options.model,
+        model="ekf" if replayed.options.filter == AUTO else replayed.options.filter,
         bearing_sigma_rad=settings.bearing_sigma,
         range_sigma_m=settings.range_sigma if _distances(replayed) else None,
         speed_sigma_mps=noise.speed_sigma,

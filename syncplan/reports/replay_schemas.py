@@ -30,7 +30,7 @@ class ReplayFilter(DocumentPart):
     What is null in older files was not part of the filter then.
     """
 
-    model: str | None = Field(default=None, description="Name of the filter", examples=["arc"])
+    model: str | None = Field(default=None, description="Name of the filter", examples=["ekf"])
     bearing_sigma_rad: float
     range_sigma_m: float | None = Field(
         default=None, description="Null where distances are not recorded, or not asked for"

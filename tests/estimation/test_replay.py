@@ -385,7 +385,11 @@ def test_a_whole_number_of_samples_is_not_lost_to_rounding() -> None:
 
 def test_a_filter_that_diverges_is_no_result(monkeypatch: pytest.MonkeyPatch) -> None:
     def diverge(
-        one: LaneFilter, setup: FilterSetup, readings: Readings, statistics: FilterStatistics
+        one: LaneFilter,
+        setup: FilterSetup,
+        readings: Readings,
+        statistics: FilterStatistics,
+        streams: object,
     ) -> tuple[np.ndarray, np.ndarray]:
         statistics.squares[:] = np.nan
         return np.zeros((2, 3, 1)), np.zeros((6, 6, 1))
