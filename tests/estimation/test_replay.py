@@ -619,7 +619,7 @@ def test_every_option_reaches_the_filter(noisy: Path, run: Any) -> None:
         "--start-sigma-m": "0.7",
         "--start-sigma-rad": "0.05",
         "--seed": "5",
-        "--filter": "euler",
+        "--filter": "paper",
         "--sample-time-s": "0.08",
         "--gate": "0.98",
         "--landmarks": "8",
@@ -641,14 +641,14 @@ def test_every_option_reaches_the_filter(noisy: Path, run: Any) -> None:
         delay=0.06,
         start="prior",
         seed=5,
-        model="euler",
+        filter="paper",
         sample_time=0.08,
         gate_probability=0.98,
     )
     found = json.loads(out)
     assert found == json.loads(json.dumps(replay_document(replayed).as_json()))
     assert found["filter"] == {
-        "model": "euler",
+        "model": "paper",
         "bearing_sigma_rad": 0.11,
         "range_sigma_m": 0.4,
         "speed_sigma_mps": 0.33,
@@ -699,7 +699,7 @@ def test_the_options_defaults_are_the_librarys() -> None:
     assert options["gate"] == OPTIONS.gate_probability
     assert options["series"] == OPTIONS.with_series
     assert options["seed"] == OPTIONS.seed
-    assert options["filter_"] == OPTIONS.model
+    assert options["filter_"] == OPTIONS.filter
     assert options["speed_sigma_mps"] == GROUND_ROBOTS.speed_sigma
     assert options["turn_rate_sigma_rad_s"] == GROUND_ROBOTS.turn_rate_sigma
     assert START_SIGMAS["truth"] == (GROUND_ROBOTS.position_sigma, GROUND_ROBOTS.heading_sigma)
