@@ -25,6 +25,9 @@ PINS: dict[str, Callable[[Any], bool]] = {
         0.02 < result.median_worst < 0.06
         and 0.1 < result.stuck_share < 0.4
         and result.stuck_share_gated > 2.0 * result.stuck_share
+        and result.robust_stuck_share == 0.0
+        and result.robust_largest < 0.06
+        and 0.9 < result.robust_anees < 1.1
     ),
     "rate_sweep": lambda rows: _falls_and_compares(rows),
     "hardware_size": lambda report: abs(report.accuracy.late_position.max() - 0.084) < 0.03,
