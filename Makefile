@@ -66,7 +66,7 @@ check-all: postgresql check
 	docker/steps.sh
 
 # the longest first
-SEARCHES := survival contract upgrade sight-lines equipment clearances refinements counterexamples phases thrown start-up predictions losses consistency neglect
+SEARCHES := survival contract upgrade sight-lines equipment clearances refinements counterexamples phases thrown start-up predictions losses lost consistency neglect
 
 search-survival:        ARGUMENTS = 3 $(SEED)
 search-upgrade:         ARGUMENTS = 1 $(SEED)
@@ -82,6 +82,7 @@ search-phases:          ARGUMENTS = 200 $(SEED)
 search-sight-lines:     ARGUMENTS = 1500 $(SEED)
 search-contract:        ARGUMENTS = 500 $(SEED)
 search-losses:          ARGUMENTS = 40 $(SEED)
+search-lost:            ARGUMENTS = 8 $(SEED) --trials 30 --slack 0.1
 search-counterexamples: ARGUMENTS = 10000 $(SEED)
 
 .PHONY: $(SEARCHES:%=search-%)
