@@ -144,8 +144,8 @@ class _Fit:
         self.log, self.progress, self.runs = log, progress, 0
         self.settings = replace(settings, portion=(0.0, FIT_SHARE))
         # from a known start the plainest filter is as good as any
-        model = next(iter(FILTERS)) if settings.start == "truth" else options.model
-        self.options = replace(options, model=model, with_series=False)
+        model = next(iter(FILTERS)) if settings.start == "truth" else options.filter
+        self.options = replace(options, filter=model, with_series=False)
         run = run_of(log, self.settings, self.options)
         self.duration, seen = run.clock.duration, run.sightings.kinds
         self.kinds = np.unique(seen).tolist()
