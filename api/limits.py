@@ -6,7 +6,14 @@ from syncplan.errors import InputError
 from syncplan.planning.expected_work import ExpectedWork, work_of
 from syncplan.scenario.specification import Scenario
 
-__all__ = ["RequestLimits", "check_at_most", "check_run_work", "check_size", "check_trials"]
+__all__ = [
+    "RequestLimits",
+    "check_at_most",
+    "check_replay_work",
+    "check_run_work",
+    "check_size",
+    "check_trials",
+]
 
 _REMEDY = "use a shorter range_m, a longer sample_time_s, a shorter run or fewer vehicles"
 MOST_BOUND_WORK = 5e10
@@ -64,6 +71,24 @@ def check_run_work(scenario: Scenario, duration: float, limits: RequestLimits) -
     if work is not None:
         _check_sightings(scenario, work, limits)
         _check_work(work, MOST_TRIAL_WORK)
+
+
+def check_replay_work(sightings: int, robots: int, limits: RequestLimits) -> None:
+    """Raise InputError if a recording holds more than a task can filter."""
+    for figure, limit, what in (
+        (sightings, limits.sightings, "sightings"),
+        (
+            sightings * (3 * robots) ** 2,
+            MOST_TRIAL_WORK,
+            "sightings times squared size of the state",
+        ),
+    ):
+        if figure > limit:
+            raise InputError(
+                f"about {figure:.2g} {what}; this service takes up to {limit:.2g}; send a part of "
+                "the recording",
+                key="recording_id",
+            )
 
 
 def _check_plan_work(scenario: Scenario, limits: RequestLimits) -> None:

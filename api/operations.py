@@ -140,7 +140,9 @@ FOLLOWING: dict[tuple[str, str], dict[str, str]] = {
     ("createPlan", "201"): dict.fromkeys(
         ("readPlan", "refinePlan", "validatePlan", "deletePlan"), "plan_id"
     ),
-    ("createRecording", "201"): dict.fromkeys(("readRecording", "deleteRecording"), "recording_id"),
+    ("createRecording", "201"): dict.fromkeys(
+        ("readRecording", "replayRecording", "deleteRecording"), "recording_id"
+    ),
     **{
         (name, "202"): dict.fromkeys(("readJob", "followJob", "cancelJob"), "job_id")
         for name in _JOB_OPERATIONS

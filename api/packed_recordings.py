@@ -5,8 +5,9 @@ import json
 from dataclasses import asdict, dataclass, replace
 
 from syncplan.errors import InputError
+from syncplan.recordings.overviews import Overview
 
-__all__ = ["PackedRecording", "packed_recording"]
+__all__ = ["PackedRecording", "overview_of_text", "packed_recording"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,3 +33,10 @@ def packed_recording(body: bytes, name: str | None) -> PackedRecording:
         raise InputError(error.problem, key=error.source) from None
     named = log if name is None else replace(log, name=name)
     return PackedRecording(pack_log(named), json.dumps(asdict(overview_of(named))))
+
+
+def overview_of_text(text: str) -> Overview:
+    """Return a recording in short, as it is stored."""
+    values = json.loads(text)
+    lists = {key: tuple(one) for key, one in values.items() if isinstance(one, list)}
+    return Overview(**{**values, **lists})

@@ -103,7 +103,7 @@ class Preview(_Answer):
 
 
 class Progress(_Answer):
-    """How far a job is, in trials or, for a refinement, in starts."""
+    """How far a job is, in trials; a refinement in starts, a replay in sightings."""
 
     done: int
     total: int
@@ -127,7 +127,12 @@ class Job(_Answer):
     request: dict[str, Any] | None = Field(
         description="What was asked, defaults filled in; null in lists"
     )
-    plan_id: str | None = Field(description="The plan it is about; null for a sweep")
+    plan_id: str | None = Field(description="The plan it is about; null for a sweep and a replay")
+    recording_id: str | None = Field(
+        default=None,
+        description="The recording it is about; only there for a replay",
+        exclude_if=lambda value: value is None,
+    )
     created_at: str = Field(description="RFC 3339, UTC", examples=[_TIME])
     started_at: str | None
     ended_at: str | None
@@ -167,6 +172,7 @@ def job_answer(row: JobRow) -> Job:
         progress=Progress(done=row.done, total=row.total),
         request=None if row.request is None else json.loads(row.request),
         plan_id=row.plan_id,
+        recording_id=row.recording_id,
         created_at=row.created_at,
         started_at=row.started_at,
         ended_at=row.ended_at,

@@ -12,13 +12,14 @@ from api.job_kinds.job_kind import (
     EarlierWork,
     JobReport,
     JobSpec,
+    JobSubject,
     Progress,
     TrialTask,
     WholeTask,
 )
 from api.job_kinds.job_table import JOB_KINDS
 from api.limits import RequestLimits
-from api.packed_recordings import packed_recording
+from api.packed_recordings import overview_of_text, packed_recording
 from api.plan_texts import PlanText, Syntax, as_plan_text, loaded_body, loaded_plan
 from syncplan.estimation.trials import CHUNK_TRIALS
 from syncplan.reports.job_contract import JobKindName
@@ -50,11 +51,17 @@ def made_plan(body: bytes, syntax: Syntax, limits: RequestLimits, steady: bool) 
 
 
 def checked_request(
-    kind: JobKindName, body: bytes, syntax: Syntax, limits: RequestLimits, plan_text: str | None
+    kind: JobKindName,
+    body: bytes,
+    syntax: Syntax,
+    limits: RequestLimits,
+    plan_text: str | None,
+    overview: str | None = None,
 ) -> tuple[str, int]:
     """Return a job's request, checked and with defaults filled in, as JSON, and its work.
 
-    The work is counted in the kind's unit. Raises InputError.
+    It is about a plan, or a recording in short, or neither. The work is counted in the kind's
+    unit. Raises InputError.
     """
     from pydantic import ValidationError
 
@@ -66,7 +73,11 @@ def checked_request(
         request = model.model_validate(document)
     except ValidationError as error:
         validation_fault(error, model, "")
-    subject = None if plan_text is None else loaded_plan(plan_text)
+    subject: JobSubject = None
+    if plan_text is not None:
+        subject = loaded_plan(plan_text)
+    elif overview is not None:
+        subject = overview_of_text(overview)
     request = request.settled(subject, limits)
     work = request.work(subject, limits)
     return request.model_dump_json(exclude_none=True), work

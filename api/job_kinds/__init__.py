@@ -5,5 +5,6 @@ filter_requests   what runs of the filter have in common
 refinement_jobs   refinements
 validation_jobs   validations
 sweep_jobs        sweeps
+replay_jobs       replays
 job_table         all kinds by name
 """

@@ -5,8 +5,8 @@ Both run in child processes: plain values in, plain values out.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import ClassVar, Self
+from dataclasses import dataclass, field
+from typing import ClassVar, Literal, Self
 
 from pydantic import BaseModel
 
@@ -14,6 +14,7 @@ from api.limits import RequestLimits
 from api.plan_texts import PlanText
 from syncplan.planning.plan_files import Loaded
 from syncplan.planning.validation import TrialRun, Validation
+from syncplan.recordings.overviews import Overview
 from syncplan.reports.job_contract import JobKindName
 from syncplan.scenario.quantities import Section
 
@@ -26,6 +27,7 @@ __all__ = [
     "JobReport",
     "JobRequest",
     "JobSpec",
+    "JobSubject",
     "Progress",
     "TrialTask",
     "WholeTask",
@@ -40,6 +42,9 @@ class FinishedStart:
     data: bytes
 
 
+JobSubject = Loaded | Overview | None
+"""What a job is about: a stored plan, a stored recording in short, or neither."""
+
 Progress = Callable[[int | FinishedStart], None]
 """Takes the work done so far, and what can be kept of it."""
 
@@ -50,11 +55,11 @@ class JobRequest(Section):
     limited: ClassVar[Mapping[str, str]] = {}
     """Numbers that the service limits, each with the limit's name in RequestLimits."""
 
-    def settled(self, subject: Loaded | None, limits: RequestLimits) -> Self:
+    def settled(self, subject: JobSubject, limits: RequestLimits) -> Self:
         """Return the request with defaults of this service filled in."""
         return self
 
-    def work(self, subject: Loaded | None, limits: RequestLimits) -> int:
+    def work(self, subject: JobSubject, limits: RequestLimits) -> int:
         """Return the amount of work, in the kind's unit.
 
         Raises InputError if the request exceeds a limit.
@@ -64,12 +69,13 @@ class JobRequest(Section):
 
 @dataclass(frozen=True, slots=True)
 class JobSpec:
-    """A job to compute: its kind, its request, and its plan (None if it starts from a scenario)."""
+    """A job to compute: its kind, its request, and the plan or the recording that it is about."""
 
     id: str
     kind: JobKindName
     request: str
     plan: str | None
+    recording: bytes | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +143,7 @@ class JobOperation:
     Attributes
     ----------
     id : operationId in the OpenAPI document
-    path : below /v1; holds {plan_id} if the job is about a plan
+    path : below /v1; holds {plan_id} or {recording_id} if the job is about one
     body, body_required : what the body says, and whether there must be one
     """
 
@@ -149,9 +155,11 @@ class JobOperation:
     body_required: bool
 
     @property
-    def about_plan(self) -> bool:
-        """Whether the job is about a stored plan."""
-        return "{plan_id}" in self.path
+    def about(self) -> Literal["plan", "recording"] | None:
+        """What the job is about, of what is stored."""
+        if "{plan_id}" in self.path:
+            return "plan"
+        return "recording" if "{recording_id}" in self.path else None
 
 
 @dataclass(frozen=True, slots=True)

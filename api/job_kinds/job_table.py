@@ -5,6 +5,7 @@ from types import MappingProxyType
 
 from api.job_kinds.job_kind import JobKind
 from api.job_kinds.refinement_jobs import REFINEMENT
+from api.job_kinds.replay_jobs import REPLAY
 from api.job_kinds.sweep_jobs import SWEEP
 from api.job_kinds.validation_jobs import VALIDATION
 from syncplan.reports.job_contract import JobKindName
@@ -12,7 +13,7 @@ from syncplan.reports.job_contract import JobKindName
 __all__ = ["JOB_KINDS", "plurals"]
 
 JOB_KINDS: Mapping[JobKindName, JobKind] = MappingProxyType(
-    {kind.name: kind for kind in (REFINEMENT, VALIDATION, SWEEP)}
+    {kind.name: kind for kind in (REFINEMENT, VALIDATION, SWEEP, REPLAY)}
 )
 """Every kind of job by its name."""
 

@@ -12,6 +12,7 @@ from api.job_kinds.job_kind import (
     JobOperation,
     JobRequest,
     JobSpec,
+    JobSubject,
     Progress,
     WholeTask,
 )
@@ -60,16 +61,16 @@ class RefinementRequest(JobRequest):
         default=None, description="Seed of the starting points", examples=[0]
     )
 
-    def work(self, subject: Loaded | None, limits: RequestLimits) -> int:
+    def work(self, subject: JobSubject, limits: RequestLimits) -> int:
         """Return the number of starts; raises InputError if the time exceeds the limit."""
-        assert subject is not None
+        assert isinstance(subject, Loaded)
         options = options_for(subject.scenario, None, self.changes())
         check_at_most("time_limit_s", options.time_limit_s, limits.refine_s, " s")
         return options.starts
 
-    def settled(self, subject: Loaded | None, limits: RequestLimits) -> Self:
+    def settled(self, subject: JobSubject, limits: RequestLimits) -> Self:
         """Return the request, with the time this service allows where it names none of its own."""
-        assert subject is not None
+        assert isinstance(subject, Loaded)
         planned = options_for(subject.scenario, None, {}).time_limit_s
         if self.time_limit_s is not None or planned <= limits.refine_s:
             return self

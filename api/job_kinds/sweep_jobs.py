@@ -10,10 +10,9 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
 from api.job_kinds.filter_requests import FilterRequest
-from api.job_kinds.job_kind import JobKind, JobOperation, JobReport, JobSpec, TrialTask
+from api.job_kinds.job_kind import JobKind, JobOperation, JobReport, JobSpec, JobSubject, TrialTask
 from api.limits import RequestLimits, check_at_most, check_size, check_trials
 from syncplan.errors import InputError
-from syncplan.planning.plan_files import Loaded
 from syncplan.planning.swept_keys import SWEPT_KEYS, SweptKey, SweptOption, swept_key
 from syncplan.planning.validation import TrialRun, Validation
 from syncplan.reports.run_schemas import SweepReport
@@ -127,7 +126,7 @@ class SweepRequest(_SweptRequest):
         except InputError as error:
             raise fault("key", error.problem) from None
 
-    def work(self, subject: Loaded | None, limits: RequestLimits) -> int:
+    def work(self, subject: JobSubject, limits: RequestLimits) -> int:
         """Return the number of trials of all rows; raises InputError if it exceeds a limit."""
         key, values = self.swept()
         rows = len(values) + self.connected

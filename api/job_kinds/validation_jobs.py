@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from api.job_kinds.filter_requests import DEFAULTS, FilterRequest
-from api.job_kinds.job_kind import JobKind, JobOperation, JobReport, JobSpec, TrialTask
+from api.job_kinds.job_kind import JobKind, JobOperation, JobReport, JobSpec, JobSubject, TrialTask
 from api.limits import RequestLimits, check_trials
 from api.plan_texts import loaded_plan
 from syncplan.estimation.filters import MotionName
@@ -36,9 +36,9 @@ class ValidationRequest(FilterRequest):
     )
     series: bool = Field(default=False, description="Add errors and sigmas over time")
 
-    def work(self, subject: Loaded | None, limits: RequestLimits) -> int:
+    def work(self, subject: JobSubject, limits: RequestLimits) -> int:
         """Return the number of trials; raises InputError if it exceeds a limit."""
-        assert subject is not None
+        assert isinstance(subject, Loaded)
         check_trials(self.trials, subject.scenario.size, limits)
         self.check_run(subject.scenario, limits)
         return self.trials

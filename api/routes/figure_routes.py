@@ -104,7 +104,7 @@ async def read_plan_figure(
 async def read_job_figure(
     row: Owned, figure: ReportFigure, caller: CurrentCaller, theme: Theme = "light"
 ) -> Response:
-    """A figure of the report of a validation or a sweep."""
+    """A figure of the report of a validation, a sweep or a replay."""
     if row.state != "succeeded" or not JOB_KINDS[row.kind].has_figures:
         kinds = plurals(lambda kind: kind.has_figures)
         raise Conflict(f"the job is a {row.kind}, {row.state}; {kinds} that succeeded have figures")

@@ -1,6 +1,7 @@
 """Jobs: submitted, read, followed, cancelled, and their results."""
 
-from typing import Annotated
+from collections.abc import Callable
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Header, Query, Response
 from sqlalchemy import Connection
@@ -18,6 +19,7 @@ from api.problems import Conflict, NotFound, TooManyRequests, problem_responses
 from api.responses import Job, JobPage, job_answer
 from api.routes.paging import Before, Limit, page_and_next
 from api.routes.plan_routes import Identifier, find_or_refuse
+from api.routes.recording_routes import find_recording_or_refuse, recording_or_refuse
 from api.security import CurrentKey, CurrentOwner
 from api.service import CurrentService, CurrentWatch, Service
 from api.storage import job_queries, job_records
@@ -42,16 +44,24 @@ _DAY_S = 86400.0
 def _offer(kind: JobKind) -> None:
     """Add the route that takes requests for jobs of a kind."""
 
-    async def create_about_plan(plan_id: Identifier, call: CurrentCall) -> Response:
-        return await _submit(call, kind, plan_id)
+    async def about_plan(plan_id: Identifier, call: CurrentCall) -> Response:
+        return await _submit(call, kind, plan_id=plan_id)
 
-    async def create(call: CurrentCall) -> Response:
-        return await _submit(call, kind, None)
+    async def about_recording(recording_id: Identifier, call: CurrentCall) -> Response:
+        return await _submit(call, kind, recording_id=recording_id)
+
+    async def about_nothing(call: CurrentCall) -> Response:
+        return await _submit(call, kind)
 
     operation = kind.operation
+    taken: dict[str | None, Callable[..., Any]] = {
+        "plan": about_plan,
+        "recording": about_recording,
+        None: about_nothing,
+    }
     router.add_api_route(
         operation.path,
-        create_about_plan if operation.about_plan else create,
+        taken[operation.about],
         methods=["POST"],
         status_code=202,
         response_model=Job,
@@ -188,7 +198,7 @@ async def cancel_job(row: Owned, call: EmptyCall) -> Response:
     responses=problem_responses(401, 404, 406, 409, 422, 503),
 )
 async def read_result(row: Owned, service: CurrentService, owner: CurrentOwner) -> Response:
-    """The report of a validation or a sweep, or the plan that a refinement made."""
+    """The report of a validation, a sweep or a replay, or the plan that a refinement made."""
     if row.state != "succeeded":
         raise Conflict(f"the job is {row.state}; a result comes with the state succeeded")
     if row.result_plan_id is not None:
@@ -231,21 +241,29 @@ def report_or_refuse(service: Service, row: JobRow) -> str:
     return report
 
 
-async def _submit(call: Call, kind: JobKind, plan_id: str | None) -> Response:
+async def _submit(
+    call: Call, kind: JobKind, *, plan_id: str | None = None, recording_id: str | None = None
+) -> Response:
     service = call.service
 
     async def compute() -> NewJob:
         # here, so that a request that was answered is answered again though its plan is gone
-        text = None
+        text = overview = None
         if plan_id is not None:
             text = (await find_or_refuse(service, call.owner, plan_id)).text
-        request, work = await computed(
-            call.caller, "checked_request", kind.name, call.body, call.syntax, service.limits, text
-        )
-        return NewJob(kind.name, request, work, plan_id, text, current_traceparent())
+        if recording_id is not None:
+            found = await run_in_threadpool(
+                find_recording_or_refuse, service, call.owner, recording_id
+            )
+            overview = found.overview
+        asked = (kind.name, call.body, call.syntax, service.limits, text, overview)
+        request, work = await computed(call.caller, "checked_request", *asked)
+        return NewJob(kind.name, request, work, plan_id, text, current_traceparent(), recording_id)
 
     def store(connection: Connection, new: NewJob) -> Answer:
         job_records.hold_owner(connection, call.owner)
+        if recording_id is not None:
+            recording_or_refuse(connection, call.owner, recording_id)
         waiting = len(job_records.unfinished(connection, call.owner))
         if waiting >= service.settings.max_queued_jobs:
             raise TooManyRequests(

@@ -22,7 +22,7 @@ from api.storage.job_records import hold_owner
 from api.storage.kept_answers import Answer
 from syncplan.scenario.quantities import Name
 
-__all__ = ["find_recording_or_refuse", "router"]
+__all__ = ["find_recording_or_refuse", "recording_or_refuse", "router"]
 
 router = APIRouter(
     prefix="/recordings", tags=["recordings"], dependencies=[Depends(accepts("application/json"))]
@@ -133,7 +133,14 @@ def find_recording_or_refuse(
 ) -> recording_records.RecordingRow:
     """Return an owner's recording; raises NotFound, also for those of others."""
     with service.database.reading() as connection:
-        row = recording_records.find_recording(connection, owner, recording_id)
+        return recording_or_refuse(connection, owner, recording_id)
+
+
+def recording_or_refuse(
+    connection: Connection, owner: str, recording_id: str
+) -> recording_records.RecordingRow:
+    """Return an owner's recording as of a transaction; raises NotFound."""
+    row = recording_records.find_recording(connection, owner, recording_id)
     if row is None:
         raise NotFound(f"there is no recording {recording_id}")
     return row

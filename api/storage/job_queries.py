@@ -7,7 +7,7 @@ from sqlalchemy import Connection, select
 from api.job_kinds.job_kind import JobSpec
 from api.storage.clock import NOW
 from api.storage.job_records import ANY_VERSION, change
-from api.storage.tables import job_results, jobs
+from api.storage.tables import job_results, jobs, recordings
 
 __all__ = [
     "BegunJob",
@@ -43,11 +43,14 @@ def start_job(connection: Connection, job_id: str, version: str) -> BegunJob | N
 
 def begun_job(connection: Connection, job_id: str, version: str) -> BegunJob | None:
     """Return a job that runs and was begun by this version; None otherwise."""
-    query = select(
-        jobs.c.id, jobs.c.kind, jobs.c.request, jobs.c.plan_text, jobs.c.owner, jobs.c.begun
-    ).where(jobs.c.id == job_id, jobs.c.state == "running", jobs.c.version == version)
+    specified = (jobs.c.id, jobs.c.kind, jobs.c.request, jobs.c.plan_text, recordings.c.data)
+    query = (
+        select(jobs.c.owner, jobs.c.begun, *specified)
+        .outerjoin_from(jobs, recordings, jobs.c.recording_id == recordings.c.id)
+        .where(jobs.c.id == job_id, jobs.c.state == "running", jobs.c.version == version)
+    )
     found = connection.execute(query).first()
-    return None if found is None else BegunJob(JobSpec(*found[:4]), found[4], found[5])
+    return None if found is None else BegunJob(JobSpec(*found[2:]), found[0], found[1])
 
 
 @dataclass(frozen=True, slots=True)

@@ -52,6 +52,7 @@ class JobRow:
     ended_at: str | None
     result_plan_id: str | None
     error: str | None
+    recording_id: str | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +69,7 @@ class NewJob:
     plan_id: str | None
     plan_text: str | None
     traceparent: str | None = None
+    recording_id: str | None = None
 
 
 _SHOWN = tuple(jobs.c[name] for name in JobRow.__dataclass_fields__)
@@ -88,6 +90,7 @@ def add_job(connection: Connection, owner: str, new: NewJob) -> JobRow:
             request=new.request,
             plan_id=new.plan_id,
             plan_text=new.plan_text,
+            recording_id=new.recording_id,
             traceparent=new.traceparent,
             done=0,
             total=new.work,

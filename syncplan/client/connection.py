@@ -70,13 +70,14 @@ class Remote:
         self,
         method: str,
         path: str,
-        body: Mapping[str, Any] | None = None,
+        body: Mapping[str, Any] | bytes | None = None,
         parameters: dict[str, str | list[str]] | None = None,
         accept: str | None = None,
     ) -> "Response":
         """Return the answer to a request, repeated while the service is away or busy.
 
-        Raises what a problem means: InputError, NoSolutionError or RemoteError.
+        A mapping is sent as JSON, bytes as they are. Raises what a problem means: InputError,
+        NoSolutionError or RemoteError.
         """
         import httpx2
 
@@ -84,7 +85,10 @@ class Remote:
         if method == "POST":
             headers["idempotency-key"] = str(uuid4())
         content = None
-        if body is not None:
+        if isinstance(body, bytes):
+            headers["content-type"] = "application/octet-stream"
+            content = body
+        elif body is not None:
             headers["content-type"] = "application/json"
             try:
                 content = json.dumps(body, allow_nan=False).encode()

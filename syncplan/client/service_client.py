@@ -11,69 +11,31 @@ doing anything twice.
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import replace
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal, Self, Unpack
 from urllib.parse import quote
 
 from syncplan.client.connection import Remote, RemoteError, error_of, values_of
+from syncplan.client.remote_records import RemoteJob, RemotePlan, RemoteRecording
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import FilterChanges, FilterOptions, options_with
 from syncplan.estimation.trial_archive import unpack
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.judgement import BoundChoice
-from syncplan.planning.plan_files import loaded_from, plan_of, stated
+from syncplan.planning.plan_files import loaded_from, stated
 from syncplan.planning.validation import Validation, conclude, trial_run
-from syncplan.reports.job_contract import JobKindName, JobState, has_ended
+from syncplan.recordings.recording_formats import archived
+from syncplan.reports.job_contract import JobKindName
 from syncplan.reports.loss_schemas import WhatIfDocument
+from syncplan.reports.replay_schemas import ReplayDocument
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario
 
-__all__ = ["Client", "RemoteJob", "RemotePlan"]
+__all__ = ["Client"]
 
 _LOOK_AT_FIRST_S, _LOOK_AT_LAST_S = 0.1, 1.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RemotePlan(Plan):
-    """A plan that the service keeps, judged by this library from the orbits it states.
-
-    Attributes
-    ----------
-    id, parent_id : of the plan, and of the one it was refined from
-    created_at : RFC 3339, UTC
-    document : all that the service says of it, see syncplan.reports.plan_schemas.PlanDocument
-    """
-
-    id: str
-    parent_id: str | None
-    created_at: str
-    document: Mapping[str, Any] = field(repr=False, compare=False)
-
-
-@dataclass(frozen=True, slots=True)
-class RemoteJob:
-    """A job of the service as it was when last looked at.
-
-    Attributes
-    ----------
-    done, total : how far it is, in trials; a refinement in starts
-    document : all that the service says of it
-    plan : what it is about, where the client was given that
-    """
-
-    id: str
-    kind: JobKindName
-    state: JobState
-    done: int
-    total: int
-    document: Mapping[str, Any] = field(repr=False, compare=False)
-    plan: RemotePlan | None = field(default=None, repr=False, compare=False)
-
-    @property
-    def ended(self) -> bool:
-        """Whether the job changes no more."""
-        return has_ended(self.state)
 
 
 class Client:
@@ -124,11 +86,11 @@ class Client:
         """
         body = _as_planned(subject)
         parameters: dict[str, str | list[str]] | None = {"steady": "true"} if steady else None
-        return _remote_plan(values_of(self._remote.send("POST", "/v1/plans", body, parameters)))
+        return RemotePlan.of(values_of(self._remote.send("POST", "/v1/plans", body, parameters)))
 
     def stored(self, plan_id: str) -> RemotePlan:
         """Return a plan that the service stores."""
-        return _remote_plan(values_of(self._remote.send("GET", f"/v1/plans/{_id(plan_id)}")))
+        return RemotePlan.of(values_of(self._remote.send("GET", f"/v1/plans/{_id(plan_id)}")))
 
     def delete(self, plan: RemotePlan | str) -> None:
         """Delete a plan that the service stores."""
@@ -151,11 +113,27 @@ class Client:
         answer = self._remote.send("GET", f"/v1/plans/{_id(plan)}/what-if", None, parameters)
         return WhatIfDocument.model_validate(values_of(answer, "losses"))
 
+    # --- recordings ---
+
+    def upload(self, recording: str | Path, *, name: str | None = None) -> RemoteRecording:
+        """Return a recording that the service keeps for a while, of a folder, bag or archive.
+
+        It has the name of its folder if none is given. Raises InputError.
+        """
+        parameters: dict[str, str | list[str]] | None = None if name is None else {"name": name}
+        body = archived(Path(recording))
+        answer = self._remote.send("POST", "/v1/recordings", body, parameters)
+        return RemoteRecording.of(values_of(answer, "robots"))
+
+    def forget(self, recording: RemoteRecording | str) -> None:
+        """Delete a recording that the service keeps; raises RemoteError while a job needs it."""
+        self._remote.send("DELETE", f"/v1/recordings/{_id(recording)}")
+
     # --- jobs ---
 
     def refine(self, plan: RemotePlan | str, **options: Any) -> RemoteJob:
         """Begin to refine a plan; options as syncplan.refine takes them. See wait."""
-        return _job(
+        return RemoteJob.of(
             values_of(self._remote.send("POST", f"/v1/plans/{_id(plan)}/refinements", options))
         )
 
@@ -168,21 +146,28 @@ class Client:
         """Begin to validate a plan; options as syncplan.validate takes them. See wait."""
         asked = options_with(options, changes).as_request()
         answer = self._remote.send("POST", f"/v1/plans/{_id(plan)}/validations", asked)
-        job = _job(values_of(answer))
+        job = RemoteJob.of(values_of(answer))
         return replace(job, plan=plan) if isinstance(plan, RemotePlan) else job
 
     def sweep(self, scenario: Scenario | Mapping[str, Any], **options: Any) -> RemoteJob:
         """Begin a sweep; options are the keys of the service's request, such as range_m."""
         body = {"scenario": _as_document(scenario), **options}
-        return _job(values_of(self._remote.send("POST", "/v1/sweeps", body)))
+        return RemoteJob.of(values_of(self._remote.send("POST", "/v1/sweeps", body)))
+
+    def replay(self, recording: RemoteRecording | str, **options: Any) -> RemoteJob:
+        """Begin a replay; options are the keys of the service's request, such as delay_s."""
+        path = f"/v1/recordings/{_id(recording)}/replays"
+        return RemoteJob.of(values_of(self._remote.send("POST", path, options)))
 
     def job(self, job_id: str) -> RemoteJob:
         """Return a job as it is now."""
-        return _job(values_of(self._remote.send("GET", f"/v1/jobs/{_id(job_id)}")))
+        return RemoteJob.of(values_of(self._remote.send("GET", f"/v1/jobs/{_id(job_id)}")))
 
     def cancel(self, job: RemoteJob | str) -> RemoteJob:
         """Stop a job; raises RemoteError if it has ended otherwise."""
-        return _job(values_of(self._remote.send("POST", f"/v1/jobs/{_id(job)}/cancel", None)))
+        return RemoteJob.of(
+            values_of(self._remote.send("POST", f"/v1/jobs/{_id(job)}/cancel", None))
+        )
 
     def wait(
         self,
@@ -194,9 +179,9 @@ class Client:
         """Return the result of a job, once it has ended.
 
         A RemotePlan for a refinement, a Validation for a validation, the JSON values of a sweep's
-        report. `progress` is called with the job whenever it has changed. Raises InputError or
-        NoSolutionError where the job failed for such a reason, RemoteError where it was cancelled,
-        failed otherwise or is not done in time.
+        report, the ReplayDocument of a replay. `progress` is called with the job whenever it has
+        changed. Raises InputError or NoSolutionError where the job failed for such a reason,
+        RemoteError where it was cancelled, failed otherwise or is not done in time.
         """
         began, pause, shown = time.monotonic(), _LOOK_AT_FIRST_S, None
         while True:
@@ -221,7 +206,11 @@ class Client:
         return _RESULTS[job.kind](self, job, plan)
 
     def _refined(self, job: RemoteJob, _: RemotePlan | None) -> RemotePlan:
-        return _remote_plan(values_of(self._remote.send("GET", f"/v1/jobs/{job.id}/result")))
+        return RemotePlan.of(values_of(self._remote.send("GET", f"/v1/jobs/{job.id}/result")))
+
+    def _replayed(self, job: RemoteJob, _: RemotePlan | None) -> ReplayDocument:
+        answer = self._remote.send("GET", f"/v1/jobs/{job.id}/result")
+        return ReplayDocument.model_validate(values_of(answer, "position_rmse_m"))
 
     def _rows(self, job: RemoteJob, _: RemotePlan | None) -> dict[str, Any]:
         return values_of(self._remote.send("GET", f"/v1/jobs/{job.id}/result"), "rows")
@@ -242,6 +231,7 @@ _RESULTS: Mapping[JobKindName, Callable[[Client, RemoteJob, RemotePlan | None], 
     "refinement": Client._refined,
     "validation": Client._validation,
     "sweep": Client._rows,
+    "replay": Client._replayed,
 }
 """What makes the result of a job that has succeeded, by the job's kind."""
 
@@ -263,37 +253,13 @@ def _as_document(scenario: Scenario | Mapping[str, Any]) -> dict[str, Any]:
     return checked.model_dump(mode="json", exclude_none=True)
 
 
-def _id(item: RemotePlan | RemoteJob | str) -> str:
+def _id(item: RemotePlan | RemoteJob | RemoteRecording | str) -> str:
     if isinstance(item, str):
         return quote(item, safe="")
-    if not isinstance(item, RemotePlan | RemoteJob):
+    if not isinstance(item, RemotePlan | RemoteJob | RemoteRecording):
         raise InputError(
             f"a {type(item).__name__} is not known to the service; give what its plan(), refine() "
             "or validate() returned, or an identifier",
             key="plan",
         )
     return item.id
-
-
-def _remote_plan(document: Mapping[str, Any]) -> RemotePlan:
-    made = plan_of(loaded_from(document, max_vehicles=len(document["vehicles"])))
-    values = {one.name: getattr(made, one.name) for one in fields(made) if one.init}
-    return RemotePlan(
-        **values,
-        id=document["id"],
-        parent_id=document["parent_id"],
-        created_at=document["created_at"],
-        document=document,
-    )
-
-
-def _job(document: Mapping[str, Any]) -> RemoteJob:
-    progress = document["progress"]
-    return RemoteJob(
-        id=document["id"],
-        kind=document["kind"],
-        state=document["state"],
-        done=progress["done"],
-        total=progress["total"],
-        document=document,
-    )

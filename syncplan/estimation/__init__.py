@@ -52,4 +52,5 @@ recorded_run       a recording as a run of the filter
 recorded_observability  when a recording's sightings determined all poses
 replay_tuning      sigmas and delay from a recording's innovations
 replays            the filter on a recording
+replay_requests    the same as requests name it
 """

@@ -9,7 +9,7 @@ from syncplan.arrays import Array, Index
 from syncplan.errors import InputError
 from syncplan.phrases import listed
 
-__all__ = ["NOBODY", "Log", "RobotLog"]
+__all__ = ["NOBODY", "Log", "RobotLog", "chosen_landmarks"]
 
 NOBODY = -1
 """Subject of a reading that belongs to no subject."""
@@ -71,11 +71,18 @@ class Log:
 
         Raises InputError naming one that there is not.
         """
-        known = dict.fromkeys(self.landmark_names)
-        wanted = dict.fromkeys(known if names is None else names)
-        for name in wanted:
-            if name not in known:
-                there = listed([str(one) for one in known], MOST_LISTED) or "none"
-                raise InputError(f"no landmark {name!r}; there are {there}", key="landmarks")
-        places = [place for place, name in enumerate(known) if name in wanted]
-        return np.array(places, dtype=np.int64)
+        return np.array(chosen_landmarks(self.landmark_names, names), dtype=np.int64)
+
+
+def chosen_landmarks(known: Iterable[int | str], names: Iterable[int | str] | None) -> list[int]:
+    """Return the places of the named landmarks among those known, in their order; all if None.
+
+    Raises InputError naming one that there is not.
+    """
+    all_names = dict.fromkeys(known)
+    wanted = dict.fromkeys(all_names if names is None else names)
+    for name in wanted:
+        if name not in all_names:
+            there = listed([str(one) for one in all_names], MOST_LISTED) or "none"
+            raise InputError(f"no landmark {name!r}; there are {there}", key="landmarks")
+    return [place for place, name in enumerate(all_names) if name in wanted]

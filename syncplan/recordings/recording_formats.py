@@ -3,6 +3,8 @@
 Costs nothing to import: a layout's own module is loaded once it is looked for.
 """
 
+import io
+import zipfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
@@ -16,7 +18,14 @@ from syncplan.errors import InputError
 if TYPE_CHECKING:
     from syncplan.recordings.log import Log
 
-__all__ = ["FORMATS", "RecordingFormat", "load_log", "read_archive", "recorded_files_in"]
+__all__ = [
+    "FORMATS",
+    "RecordingFormat",
+    "archived",
+    "load_log",
+    "read_archive",
+    "recorded_files_in",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +118,21 @@ def read_archive(stream: BinaryIO, source: str = "") -> "Log":
             inner = error.source.replace(str(folder), folder.name, 1)
             place = ": ".join(filter(None, (source, inner)))
             raise InputError(error.problem, source=place) from None
+
+
+def archived(path: Path) -> bytes:
+    """Return a recording as the bytes of an archive: zipped, unless it is one already.
+
+    Nothing but the names of its files is looked at. Raises InputError as `load_log` does.
+    """
+    layout = _format_of(path)
+    if layout is None:
+        return path.read_bytes()
+    stream, title = io.BytesIO(), path.resolve().stem if path.is_file() else path.resolve().name
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        for one in recorded_files_in(path):
+            archive.write(one, f"{title}/{one.name}")
+    return stream.getvalue()
 
 
 def recorded_files_in(path: Path) -> list[Path]:

@@ -17,7 +17,10 @@ from syncplan.recordings.ros_messages import TOPICS, Reading, typestore
 if TYPE_CHECKING:
     from rosbags.rosbag2 import Reader
 
-__all__ = ["Topic", "TopicReadings", "read_topics"]
+__all__ = ["SUFFIXES", "Topic", "TopicReadings", "read_topics"]
+
+SUFFIXES = (".mcap", ".db3")
+"""Of files of bags."""
 
 MOST_READINGS = 5_000_000
 """Most readings of all topics together."""
@@ -80,8 +83,7 @@ def _opened(path: Path) -> Iterator["Reader"]:
         problem = "is a ROS 2 bag, which needs rosbags: pip install 'syncplan[export]'"
         raise InputError(problem, source=str(path)) from error
     if path.is_dir() and not (path / "metadata.yaml").exists():
-        problem = f"holds no metadata.yaml; `ros2 bag reindex {path.name}` writes it"
-        raise InputError(problem, source=str(path))
+        path = _only_file(path)
     try:
         _refuse_whole_files(path)
         with Reader(path) as bag:
@@ -92,6 +94,15 @@ def _opened(path: Path) -> Iterator["Reader"]:
         # a broken bag raises whatever its bytes lead to, lack of memory among it
         problem = f"can't be read as a ROS 2 bag: {str(error) or type(error).__name__}"
         raise InputError(problem, source=str(path)) from error
+
+
+def _only_file(folder: Path) -> Path:
+    """The file of a bag without metadata.yaml, which says how several belong together."""
+    files = [one for one in folder.iterdir() if one.suffix in SUFFIXES]
+    if len(files) != 1:
+        problem = f"holds no metadata.yaml; `ros2 bag reindex {folder.name}` writes it"
+        raise InputError(problem, source=str(folder))
+    return files[0]
 
 
 def _refuse_whole_files(path: Path) -> None:

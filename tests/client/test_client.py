@@ -16,7 +16,8 @@ import pytest
 
 import syncplan
 from syncplan.client.connection import RemoteError
-from syncplan.client.service_client import Client, RemoteJob, RemotePlan
+from syncplan.client.remote_records import RemoteJob, RemotePlan
+from syncplan.client.service_client import Client
 from syncplan.errors import InputError
 from syncplan.planning.sweeps import sweep
 from syncplan.reports.loss_report import what_if_document

@@ -95,6 +95,9 @@ def test_a_bag_may_be_without_landmarks(tmp_path: Path) -> None:
     log = load_log(write_messages(tmp_path / "bag", _small()[1:]))
     assert log.landmarks.shape == (0, 2)
     assert log.robots[0].subjects.tolist() == [NOBODY, NOBODY]
+    # as it is read without what says how several files belong together
+    (tmp_path / "bag" / "metadata.yaml").unlink()
+    assert [robot.name for robot in load_log(tmp_path / "bag").robots] == ["r2", "r10", "team/r1"]
 
 
 _STAMPED = "std_msgs/Header header\n"
@@ -224,6 +227,7 @@ def test_bags_that_can_not_be_had_are_named(
     (folder / "metadata.yaml").write_text("rosbag2_bagfile_information: {}")
     assert "bag: can't be read as a ROS 2 bag: A metadata key is missing" in refused(folder)
     (folder / "metadata.yaml").unlink()
+    (folder / "more.mcap").write_bytes(b"")
     assert "bag: holds no metadata.yaml; `ros2 bag reindex bag` writes it" in refused(folder)
     (tmp_path / "short.mcap").write_bytes(b"\x89MCAP0\r\n")
     assert "short.mcap: can't be read as a ROS 2 bag: " in refused(tmp_path / "short.mcap")

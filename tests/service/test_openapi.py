@@ -15,6 +15,7 @@ from pydantic import BaseModel, ValidationError
 from schemathesis.config import SchemathesisConfig as Config
 
 from api.job_kinds.refinement_jobs import RefinementRequest
+from api.job_kinds.replay_jobs import ReplayRequest
 from api.job_kinds.sweep_jobs import SweepRequest
 from api.job_kinds.validation_jobs import ValidationRequest
 from api.main import create_app
@@ -44,6 +45,7 @@ NAMES = {
     "refinePlan",
     "validatePlan",
     "sweepScenario",
+    "replayRecording",
     "createRecording",
     "listRecordings",
     "readRecording",
@@ -128,11 +130,19 @@ def test_every_answer_of_an_operation_has_a_true_example(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["createPlan", "previewScenario", "refinePlan", "validatePlan", "sweepScenario"]
+    "name",
+    [
+        "createPlan",
+        "previewScenario",
+        "refinePlan",
+        "validatePlan",
+        "sweepScenario",
+        "replayRecording",
+    ],
 )
 def test_bodies_are_json_and_yaml_with_true_examples(name: str) -> None:
     body = BY_NAME[name]["requestBody"]
-    assert body["required"] == (name not in ("refinePlan", "validatePlan"))
+    assert body["required"] == (name not in ("refinePlan", "validatePlan", "replayRecording"))
     assert tuple(body["content"]) == MEDIA
     for content in body["content"].values():
         assert content["examples"]
@@ -167,6 +177,7 @@ def test_headers_are_documented(name: str) -> None:
         "refinePlan",
         "validatePlan",
         "sweepScenario",
+        "replayRecording",
         "createRecording",
         "cancelJob",
     }
@@ -220,7 +231,7 @@ def test_the_schema_of_sweeps_wants_exactly_one_key(swept: Tree, valid: bool) ->
 def test_a_sweep_report_is_what_its_model_says() -> None:
     examples = BY_NAME["readJobResult"]["responses"]["200"]["content"]["application/json"]
     report = examples["examples"]["sweep"]["value"]
-    assert set(examples["examples"]) == {"validation", "refinement", "sweep"}
+    assert set(examples["examples"]) == {"validation", "refinement", "sweep", "replay"}
     SweepReport.model_validate(report)
 
 
@@ -252,6 +263,7 @@ def _beyond_a_schema(fault: Any) -> bool:
         ("/v1/plans/{plan_id}/refinements", RefinementRequest),
         ("/v1/plans/{plan_id}/validations", ValidationRequest),
         ("/v1/sweeps", SweepRequest),
+        ("/v1/recordings/{recording_id}/replays", ReplayRequest),
     ],
 )
 def test_what_the_schema_allows_breaks_no_rule_about_a_single_key(

@@ -2,23 +2,36 @@
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import httpx2
 import pytest
 from sqlalchemy import Connection, insert, select, update
+from typer.main import get_command
 
+from api.job_kinds.replay_jobs import ReplayRequest
 from api.packed_recordings import PackedRecording, packed_recording
 from api.problems import TooManyRequests
+from api.service import limits_of
+from api.settings import load_settings
 from api.storage import recording_records
 from api.storage.clock import earlier, moment
 from api.storage.job_records import NewJob, add_job, end_job
 from api.storage.tables import jobs, recordings
 from api.uploads import MOST, MOST_OF_OWNER, Uploads
+from syncplan.cli import command_line
+from syncplan.client.connection import RemoteError
+from syncplan.client.service_client import Client
 from syncplan.errors import InputError
+from syncplan.estimation.replays import replay
+from syncplan.recordings.overviews import Overview
 from syncplan.recordings.packed_logs import pack_log, unpack_log
 from syncplan.recordings.recording_formats import load_log
-from tests.tools.api_servers import problem, serving, speaking
+from syncplan.reports.replay_report import replay_document
+from tests.tools.api_servers import done, key_of, problem, serving, speaking
+from tests.tools.processes import PATIENCE_S, wait_until
 from tests.tools.record_examples import RECORDED
 from tests.tools.recorded_bags import write_bag
 from tests.tools.recordings import Recipe, write_csv, write_recording, zipped
@@ -163,6 +176,174 @@ def test_an_owner_has_room_for_so_many(ann: httpx2.Client) -> None:
         assert ann.post("/v1/recordings", content=SMALL, headers=ZIP).status_code == 201
     told = problem(ann.post("/v1/recordings", content=SMALL, headers=ZIP), 507)
     assert told.detail == "you have 5 stored recordings, the most allowed; delete some"
+
+
+# --- replays ------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def worker(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """A service that does its jobs."""
+    with serving(tmp_path_factory.mktemp("replays"), "ann bob") as one:
+        yield one
+
+
+@pytest.fixture
+def http(worker: Server) -> Iterator[httpx2.Client]:
+    """An owner whose jobs are done."""
+    with speaking(worker, "ann") as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def noisy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording of a while."""
+    recipe = Recipe(duration=20.0, jitter=0.5, bearing_sigma=0.05, speed_sigma=0.1)
+    return write_recording(tmp_path_factory.mktemp("noisy") / "hall", recipe, seed=5)
+
+
+def _kept(http: httpx2.Client, content: bytes) -> str:
+    at: str = http.post("/v1/recordings", content=content, headers=ZIP).headers["location"]
+    return at
+
+
+@pytest.mark.parametrize(
+    ("asked", "options"),
+    [
+        ({}, []),
+        (
+            {"landmarks": [6, 7], "distances": False, "series": True, "bearing_sigma_rad": 0.05},
+            ["--landmarks", "6,7", "--no-distances", "--series", "--bearing-sigma-rad", "0.05"],
+        ),
+        (
+            {"start": "prior", "seed": 3, "gate_probability": 1, "delay_s": 0.01},
+            ["--start", "prior", "--seed", "3", "--gate", "1", "--delay-s", "0.01"],
+        ),
+        ({"tune": True}, ["--tune"]),
+    ],
+    ids=["defaults", "bearings", "prior", "tune"],
+)
+def test_a_replay_is_the_command_lines_to_the_byte(
+    asked: dict[str, Any],
+    options: list[str],
+    noisy: Path,
+    http: httpx2.Client,
+    tmp_path: Path,
+    run: Any,
+) -> None:
+    report = tmp_path / "report.json"
+    assert run("replay", str(noisy), *options, "-o", str(report))[0] == 0
+    at = _kept(http, _folder_zipped(noisy))
+    answer = http.post(f"{at}/replays", json=asked)
+    assert answer.status_code == 202, answer.text
+    assert answer.json()["recording_id"] == at.rpartition("/")[2]
+    ended = done(http, answer.headers["location"])
+    assert ended["progress"]["done"] == ended["progress"]["total"] > 100
+    assert http.get(ended["result"]).content == report.read_bytes()
+    figure = http.get(f"{answer.headers['location']}/figures/accuracy")
+    assert figure.status_code == 200
+    assert http.get("/v1/jobs?limit=1").json()["items"][0]["kind"] == "replay"
+    assert http.delete(at).status_code == 204
+    assert http.get(ended["result"]).status_code == 200
+
+
+@pytest.mark.parametrize(
+    ("asked", "path", "told"),
+    [
+        ({"landmarks": [9]}, "landmarks", "no landmark 9; there are 8, 6, 7"),
+        ({"landmarks": ["6"]}, "landmarks", "no landmark '6'; there are 8, 6, 7"),
+        ({"bearing_sigma_rad": 0}, "bearing_sigma_rad", ""),
+        ({"speed_sigma_mps": 1e-9}, "speed_sigma_mps", "1e-09 given; allowed is 1e-06 to 1e+06"),
+        ({"start": "given"}, "start_poses", "poses belong to a start that is given"),
+        ({"start": "anywhere"}, "start", ""),
+        ({"gate": 1}, "gate", ""),
+    ],
+)
+def test_faults_of_a_request_name_its_keys(
+    asked: dict[str, Any], path: str, told: str, noisy: Path, http: httpx2.Client
+) -> None:
+    at = _kept(http, _folder_zipped(noisy))
+    found = problem(http.post(f"{at}/replays", json=asked), 422)
+    assert found.errors is not None
+    assert found.errors[0].path == path
+    assert told in found.errors[0].message
+    assert http.delete(at).status_code == 204
+
+
+def test_a_replay_that_can_not_be_says_why(http: httpx2.Client) -> None:
+    at = _kept(http, SMALL)
+    poses = {"start": "given", "start_poses": [[0, 0, 0], [1, 1, 1]]}
+    job = http.post(f"{at}/replays", json=poses).headers["location"]
+    wait_until(lambda: http.get(job).json()["ended_at"] is not None)
+    ended = http.get(job).json()
+    assert ended["state"] == "failed"
+    (fault,) = ended["error"]["errors"]
+    assert (fault["path"], fault["message"].partition(";")[0]) == (
+        "start_poses",
+        "has shape (2, 3)",
+    )
+
+
+def test_a_recording_stays_until_its_job_has_ended(
+    noisy: Path, worker: Server, http: httpx2.Client
+) -> None:
+    at = _kept(http, _folder_zipped(noisy))
+    with speaking(worker, "bob") as bob:
+        problem(bob.post(f"{at}/replays", json={}), 404)
+    job = http.post(f"{at}/replays", json={"tune": True}).headers["location"]
+    told = problem(http.delete(at), 409)
+    assert told.detail.startswith("a job about the recording has not ended; wait for it, or")
+    assert http.post(f"{job}/cancel").json()["state"] == "cancelled"
+    assert http.delete(at).status_code == 204
+    problem(http.post(f"{at}/replays", json={}), 404)
+
+
+def test_a_client_replays(noisy: Path, worker: Server, tmp_path: Path) -> None:
+    with Client(worker.url, key_of("ann"), timeout_s=PATIENCE_S) as client:
+        kept = client.upload(noisy, name="field 3")
+        assert (kept.name, kept.landmarks) == ("field 3", (8, 6, 7))
+        seen: list[int] = []
+        job = client.replay(kept, landmarks=[6], series=True)
+        report = client.wait(job, lambda one: seen.append(one.done))
+        assert seen[-1] == job.total
+        log = replace(load_log(noisy), name="field 3")
+        wanted = replay(log, landmarks=[6], with_series=True)
+        assert report == replay_document(wanted)
+        client.forget(kept)
+        with pytest.raises(RemoteError, match="there is no recording"):
+            client.replay(kept)
+        archive = tmp_path / "hall.zip"
+        archive.write_bytes(_folder_zipped(noisy))
+        assert client.upload(archive).name == "hall"
+        (bag,) = write_bag(load_log(noisy), tmp_path / "bag").glob("*.mcap")
+        assert client.upload(bag).robots == kept.robots
+        with pytest.raises(InputError, match="no such file or folder"):
+            client.upload(tmp_path / "nowhere")
+
+
+def test_what_may_be_asked_is_what_the_command_line_offers() -> None:
+    command: Any = get_command(command_line.app)
+    options = {option.name: option.default for option in command.commands["replay"].params}
+    names = {"gate_probability": "gate", "filter": "filter_"}
+    for key, field in ReplayRequest.model_fields.items():
+        offered = options[names.get(key, key)]
+        if key == "landmarks":
+            assert (offered, field.default) == ("all", None)
+        else:
+            assert getattr(offered, "value", offered) == field.default, key
+    others = set(options) - {names.get(key, key) for key in ReplayRequest.model_fields}
+    assert others == {"log", "output", "format_"}
+
+
+def test_a_recording_of_too_much_is_refused() -> None:
+    limits = limits_of(load_settings(data_dir="/nowhere", max_sightings=100))
+    short = Overview("hall", ("a", "b"), (), 0.0, 9.0, 60, 50, True)
+    with pytest.raises(InputError, match=r"about 1.1e\+02 sightings; this service takes up to 1e"):
+        ReplayRequest().work(short, limits)
+    assert ReplayRequest(distances=False).work(short, limits) == 60
+    many = replace(short, robots=tuple(map(str, range(30_000))), distances=0)
+    with pytest.raises(InputError, match="sightings times squared size of the state"):
+        ReplayRequest().work(many, limits)
 
 
 # --- below HTTP -----------------------------------------------------------------------------------

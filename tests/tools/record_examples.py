@@ -133,7 +133,7 @@ def main() -> None:
         with running(server):
             recorder = _Recorder(server.url)
             _jobs(recorder, f"/v1/plans/{_plans(recorder)}")
-            _recordings(recorder)
+            _replays(recorder, _recordings(recorder))
             _others(recorder)
             recorder.write()
 
@@ -217,6 +217,17 @@ def _jobs(recorder: _Recorder, plan: str) -> None:
     recorder.ask("readJobResult", "sweep", "A sweep", "GET", f"{job}/result")
     _refused(recorder, plan)
     recorder.ask("listJobs", "page", "The first page", "GET", "/v1/jobs?limit=1")
+
+
+def _replays(recorder: _Recorder, recording: str) -> None:
+    asked = recorder.request(
+        "replayRecording", "bearings", "Bearings alone", {"distances": False, "sample_time_s": 0.5}
+    )
+    job = recorder.job("replayRecording", "queued", "Queued", f"{recording}/replays", asked)
+    recorder.ask("readJobResult", "replay", "A replay", "GET", f"{job}/result")
+    wrong = {"landmarks": ["gate"]}
+    path = f"{recording}/replays"
+    recorder.ask("replayRecording", "faults", "Faults of a request", "POST", path, json=wrong)
 
 
 def _refused(recorder: _Recorder, plan: str) -> None:
