@@ -1,8 +1,9 @@
 """The size of the paper's hardware run (Table 3): four ground robots on half-metre circles.
 
 Sensors see 45 cm. Every robot is localised to centimetres, although three of four see no landmark.
-The initial sigma, 0.2 m, is as large as the distances at which robots meet, so the filter starts
-far outside its linear range: it is optimistic at first, and its errors exceed the bound.
+The initial sigma, 0.2 m, is as large as the distances at which robots meet, far outside what an
+extended Kalman filter takes for linear, so the robust filter runs: it looks for its start over a
+period, and reaches the bound.
 """
 
 from pathlib import Path

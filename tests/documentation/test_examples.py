@@ -30,7 +30,7 @@ PINS: dict[str, Callable[[Any], bool]] = {
         and 0.9 < result.robust_anees < 1.1
     ),
     "rate_sweep": lambda rows: _falls_and_compares(rows),
-    "hardware_size": lambda report: abs(report.accuracy.late_position.max() - 0.084) < 0.03,
+    "hardware_size": lambda report: abs(report.accuracy.late_position.max() - 0.036) < 0.004,
     "degenerate_grid_cured": lambda grids: (
         grids["exact"].plan.observability.rank == 16
         and grids["desynchronised"].plan.observability.rank == 18

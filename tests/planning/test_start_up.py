@@ -142,7 +142,7 @@ def test_the_same_plan_is_judged_the_same_again(uncertain: Plan) -> None:
 
 
 def test_a_validation_speaks_of_its_own_trials(uncertain: Plan) -> None:
-    flown = validate(plan(grid(), pilot=False), trials=32, seed=5, threads=1)
+    flown = validate(plan(grid(), pilot=False), trials=32, seed=5, threads=1, filter="ekf")
     findings = validation_document(flown).verdict
     assert findings is not None
     (told,) = [one for one in findings.findings if one.code == "start-up"]
