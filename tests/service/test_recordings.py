@@ -36,6 +36,7 @@ from tests.tools.record_examples import RECORDED
 from tests.tools.recorded_bags import write_bag
 from tests.tools.recordings import Recipe, write_csv, write_recording, zipped
 from tests.tools.serving import Server
+from tests.tools.survival import quick
 
 ZIP = {"content-type": "application/zip"}
 SMALL = zipped({f"hall/{name}": text.encode() for name, text in RECORDED.items()})
@@ -296,6 +297,23 @@ def test_a_recording_stays_until_its_job_has_ended(
     assert http.post(f"{job}/cancel").json()["state"] == "cancelled"
     assert http.delete(at).status_code == 204
     problem(http.post(f"{at}/replays", json={}), 404)
+
+
+@pytest.mark.long
+def test_a_replay_outlives_the_processes_at_work_on_it(noisy: Path, tmp_path: Path) -> None:
+    with quick(tmp_path) as site:
+        server = site.serve()
+        sent = site.ask("POST", "/v1/recordings", content=_folder_zipped(noisy), headers=ZIP)
+        at = f"{sent.headers['location']}/replays"
+        whole = site.ask("POST", at, json={"tune": True}).json()["id"]
+        site.wait_for(whole, "succeeded")
+        job = site.ask("POST", at, json={"tune": True}).json()["id"]
+        wait_until(lambda: site.job(job)["progress"]["done"] > 0)
+        site.kill(server)
+        site.serve()
+        assert site.wait_for(job, "succeeded")["progress"]["done"] > 0
+        one, other = (site.ask("GET", f"/v1/jobs/{which}/result") for which in (whole, job))
+        assert one.content == other.content
 
 
 def test_a_client_replays(noisy: Path, worker: Server, tmp_path: Path) -> None:
