@@ -29,7 +29,7 @@ replays = typer.Typer()
 
 
 Filter = StrEnum("Filter", {name: name for name in FILTERS})  # type: ignore[misc]
-DEFAULT_FILTER = Filter("ekf")
+DEFAULT_FILTER = Filter("robust")
 
 
 class StartKind(StrEnum):

@@ -12,6 +12,8 @@ Source: Bell (1994), The iterated Kalman smoother as a Gauss-Newton method, SIAM
 Optimization 4.
 """
 
+import math
+
 import numpy as np
 
 from syncplan.arrays import Array, Index
@@ -26,6 +28,7 @@ from syncplan.estimation.augmented_prediction import LEAST_LEFT, gusts_in, lengt
 from syncplan.estimation.augmented_rows import dot, multiply, refer
 from syncplan.estimation.augmented_setup import AugmentedSetup
 from syncplan.estimation.batch_problem import (
+    FAR,
     Linearised,
     Prior,
     Trajectory,
@@ -35,6 +38,7 @@ from syncplan.estimation.batch_problem import (
     first_sighting,
     gain_gusts,
     innovate,
+    misfit,
 )
 from syncplan.estimation.batched_filter import add_motion_noise, motion_in
 from syncplan.estimation.filter_setup import MotionModel
@@ -230,12 +234,17 @@ def _weigh(
     for lane in range(len(lanes)):
         read = variance * temper[lane]
         off = innovation[lane]
-        made = 1.0 if off * off <= gate * read else 0.0
-        square = min(off * off / read, gate) if off == off else 0.0
+        square = off * off / read if off == off else 0.0
+        cost = misfit(square, gate, temper[lane])
+        pulled = gate < np.inf and temper[lane] > 1.0 and square > FAR * FAR
+        made = 1.0 if off == off and (pulled or square <= gate) else 0.0
+        # weighted down so that its pull is that of its cost
+        read *= math.sqrt(square) / FAR if pulled else 1.0
+        rest = cost - off * off / read if pulled else 0.0
         total = max(seen[0, lane], 0.0) + read
         nu = off - seen[1, lane] if made > 0.0 else 0.0
         seen[0, lane] = made / total
         innovation[lane] = nu
         found.pulls[place, lane] = nu / total
-        found.cost[lane] += square
-        found.linear_cost[lane] += nu * nu / total if made > 0.0 else square
+        found.cost[lane] += cost
+        found.linear_cost[lane] += nu * nu / total + rest if made > 0.0 else cost

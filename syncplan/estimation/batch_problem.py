@@ -21,6 +21,7 @@ from syncplan.estimation.filter_setup import BEARING_KIND, MotionModel
 from syncplan.estimation.lane_filter import Lanes, compiled
 
 __all__ = [
+    "FAR",
     "Linearised",
     "Prior",
     "Trajectory",
@@ -30,8 +31,12 @@ __all__ = [
     "first_sighting",
     "gain_gusts",
     "innovate",
+    "misfit",
     "trajectory_cost",
 ]
+
+FAR = 2.0
+"""Standard deviations from which on a reading's pull grows no further, where some may be wild."""
 
 
 class Window(NamedTuple):
@@ -118,7 +123,7 @@ def trajectory_cost(
 ) -> Array:
     """Return twice the negative log-likelihood of each trajectory (lanes,), less a constant.
 
-    A sighting beyond the gate counts as one at it.
+    A sighting that is far off counts as `misfit` has it.
     """
     poses, n, width = setup.poses, len(path.poses), len(lanes)
     x, errors, cost = path.poses.copy(), path.errors.copy(), np.zeros(width)
@@ -138,8 +143,23 @@ def trajectory_cost(
             for lane in range(width):
                 off = innovation[lane] * innovation[lane]
                 off /= poses.variances[s] * window.temper[lane]
-                cost[lane] += min(off, poses.gate) if off == off else 0.0
+                cost[lane] += misfit(off, poses.gate, window.temper[lane]) if off == off else 0.0
     return cost
+
+
+@compiled
+def misfit(square: float, gate: float, temper: float) -> float:
+    """Return what a sighting costs that is off by so many standard deviations, squared.
+
+    Where a gate rejects readings that may be anything, one beyond it costs as much as one at it. At
+    a start that is far off most good readings are beyond it, too, and would pull nowhere: until R
+    is true, a reading beyond FAR costs in proportion to how far it is off (Huber).
+    """
+    if gate == np.inf or square <= FAR * FAR:
+        return square
+    if temper > 1.0:
+        return 2.0 * FAR * math.sqrt(square) - FAR * FAR
+    return min(square, gate)
 
 
 @compiled

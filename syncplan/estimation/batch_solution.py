@@ -155,7 +155,7 @@ def _thinned(setup: AugmentedSetup, begin: int, end: int) -> tuple[AugmentedSetu
     of = np.stack([poses.kinds[window], poses.observers[window], poses.targets[window]])
     _, stream, counts = np.unique(of, axis=1, return_inverse=True, return_counts=True)
     order = np.argsort(stream.ravel(), kind="stable")
-    starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
+    starts = np.cumsum(counts) - counts
     place = np.empty(len(order), dtype=np.int64)
     place[order] = np.arange(len(order)) - np.repeat(starts, counts)
     every = counts[stream.ravel()]

@@ -48,7 +48,7 @@ __all__ = [
     "replay_with",
 ]
 
-OPTIONS = FilterOptions(trials=1, gate_probability=0.999, filter="ekf")
+OPTIONS = FilterOptions(trials=1, gate_probability=0.999, filter="robust")
 """How the filter runs on a recording where nothing else is asked for."""
 
 

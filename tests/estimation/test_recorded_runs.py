@@ -302,3 +302,27 @@ def test_a_replay_that_is_tuned_reports_the_rest(long: Log, tmp_path: Path, run:
     assert "bearing_sigma_rad" in out
     with pytest.raises(InputError, match="0 sightings in its first third are too few"):
         replay(long, tune=True, landmarks=[], meetings=False)
+
+
+# --- the robust filter ----------------------------------------------------------------------------
+
+
+def test_a_far_start_is_found_among_wild_readings(real: Log) -> None:
+    assert OPTIONS.filter == "robust"
+    for distances in (False, True):
+        given: dict[str, Any] = {"distances": distances, "with_series": True, "window": 0.0}
+        known = _after_a_minute(replay(real, **given))
+        found = [_after_a_minute(replay(real, start="prior", seed=k, **given)) for k in range(3)]
+        assert known < (0.09 if distances else 0.105)
+        assert max(found) < 1.15 * known
+
+
+def _after_a_minute(found: Replay) -> float:
+    errors = series(found.result).position_rms[round(60.0 / found.sample_time) :]
+    return float(np.sqrt(np.mean(errors**2)))
+
+
+def test_a_recording_without_sightings_is_odometry_alone(long: Log) -> None:
+    alone = replay(long, landmarks=[], meetings=False)
+    assert alone.bearings.used == 0
+    assert position_of(alone) > 1.0

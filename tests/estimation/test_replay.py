@@ -5,7 +5,6 @@ import inspect
 import json
 import subprocess
 import sys
-import tarfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -34,10 +33,11 @@ from syncplan.recordings.log import NOBODY, Log, RobotLog
 from syncplan.recordings.recording_formats import load_log
 from syncplan.reports.replay_report import replay_document
 from tests.tools.processes import PATIENCE_S
-from tests.tools.recordings import CLOCK, LANDMARKS, REAL, Recipe, write_recording
+from tests.tools.recordings import CLOCK, LANDMARKS, Recipe, write_recording
 from tests.tools.serving import ROOT
 
 ALONE: dict[str, Any] = {
+    "filter": "ekf",
     "distances": False,
     "speed_scale_sigma": 0.0,
     "turn_rate_bias_sigma": 0.0,
@@ -721,17 +721,6 @@ def test_a_report_is_drawn(noisy: Path, tmp_path: Path, run: Any) -> None:
 
 
 # --- real robots ----------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def real(tmp_path_factory: pytest.TempPathFactory) -> Log:
-    """The recording of five robots among fifteen landmarks, over 772 s."""
-    if not REAL.exists():
-        pytest.skip(f"needs the recording {REAL.name} beside the checkout")
-    folder = tmp_path_factory.mktemp("real")
-    with tarfile.open(REAL) as archive:
-        archive.extractall(folder, filter="data")
-    return load_log(next(folder.rglob("Barcodes.dat")).parent)
 
 
 def test_real_robots_are_found_as_well_as_by_others(real: Log) -> None:
