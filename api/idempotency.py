@@ -19,6 +19,8 @@ __all__ = ["Call", "CurrentCall", "EmptyCall", "IdempotencyKey", "answer_once", 
 
 T = TypeVar("T")
 
+_LONG = 2**20
+
 IdempotencyKey = Annotated[
     str | None,
     Header(
@@ -69,7 +71,11 @@ async def call_of(
     digest = hashlib.sha256()
     for part in (request.method, request.url.path, request.url.query):
         digest.update(part.encode() + b"\n")
-    digest.update(body)
+    if len(body) > _LONG:
+        # for as long as some requests take
+        await run_in_threadpool(digest.update, body)
+    else:
+        digest.update(body)
     return Call(caller, body, "json", idempotency_key, digest.hexdigest())
 
 
