@@ -19,7 +19,7 @@ from api.job_kinds.job_kind import (
 from api.limits import RequestLimits, check_replay_work
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import LARGEST_SEED
-from syncplan.estimation.filters import FilterName
+from syncplan.estimation.filters import RecordingFilterName
 from syncplan.estimation.replay_requests import options_of_request, settings_of_request
 from syncplan.estimation.replay_settings import ReplaySettings
 from syncplan.estimation.replay_tuning import FIT_SHARE, MOST_RUNS
@@ -96,7 +96,7 @@ class ReplayRequest(JobRequest):
     tune: bool = Field(
         default=False, description="Fit sigmas and delay to the first third, and run on the rest"
     )
-    filter: FilterName = Field(default=OPTIONS.filter, description="Which filter runs")
+    filter: RecordingFilterName = Field(default=OPTIONS.filter, description="Which filter runs")
     sample_time_s: Positive = Field(
         default=_USUAL.sample_time,
         description="Between samples; sigmas of motion are of so long a reading",

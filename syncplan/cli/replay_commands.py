@@ -15,7 +15,7 @@ from syncplan.cli.console import (
     progress_bar,
     refuse_overwriting,
 )
-from syncplan.estimation.filters import FILTERS
+from syncplan.estimation.filters import FOR_RECORDINGS
 
 if TYPE_CHECKING:
     from syncplan.estimation.filter_options import FilterChanges
@@ -28,7 +28,7 @@ __all__ = ["replays"]
 replays = typer.Typer()
 
 
-Filter = StrEnum("Filter", {name: name for name in FILTERS})  # type: ignore[misc]
+Filter = StrEnum("Filter", {name: name for name in FOR_RECORDINGS})  # type: ignore[misc]
 DEFAULT_FILTER = Filter("robust")
 
 

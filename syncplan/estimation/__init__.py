@@ -32,7 +32,9 @@ augmented_prediction  its prediction with further states
 augmented_rows     rows of sightings in that frame
 augmented_curvature  second-order noise with further states
 augmented_correction  its correction with further states
+augmented_statistics  its statistics with further states
 augmented_filter   its kernels with further states
+ideal_filter       the filter that is linearised at the truth: what is attainable
 batch_problem      the least-squares problem of a window, and what a trajectory costs
 batch_linearisation  a linear filter along trajectories
 batch_smoother     the smoother's way back: a Gauss-Newton step

@@ -23,6 +23,10 @@ from syncplan.estimation.lane_statistics import subtract_outer
 
 __all__ = ["AT_ONCE", "correct_augmented", "correct_covariance", "correct_state", "take_off"]
 
+About = tuple[Array, Array, bool]
+"""Where sightings are linearised: poses (n, 3, lanes) and further states (e, lanes); and whether
+the state that is corrected is what is off them, instead of them themselves."""
+
 AT_ONCE = 8
 """Sightings that P is corrected by in one sweep."""
 
@@ -35,6 +39,7 @@ def correct_augmented(
     step: int,
     setup: AugmentedSetup,
     readings: AugmentedReadings,
+    about: About,
     frame: Frame,
     seen: tuple[Array, Array, Array],
     row: Sparse,
@@ -49,15 +54,18 @@ def correct_augmented(
     (AT_ONCE, 3n + e, lanes) each.
     """
     poses, pending = setup.poses, 0
+    places, expected, is_off = about
     for s in range(poses.first[step], poses.first[step + 1]):
         o, t, z, kind = poses.observers[s], poses.targets[s], readings.sightings[s], poses.kinds[s]
         slopes, innovation, further = seen
         if poses.second_order:
             curved_variances(kind, x, o, t, P, pending, setup, frame, halves, further, lanes)
-        sighting_lanes(kind, x, o, t, poses.landmarks, z, slopes, innovation, lanes)
+        sighting_lanes(kind, places, o, t, poses.landmarks, z, slopes, innovation, lanes)
         bias = setup.columns[o, BIAS] if kind == BEARING_KIND else -1
         if bias >= 0:
-            _expect_bias(errors, bias - 3 * len(x), innovation, lanes)
+            _expect_bias(expected, bias - 3 * len(x), innovation, lanes)
+        if is_off:
+            _expect_off(x, errors, o, t, bias - 3 * len(x), slopes, innovation, lanes)
         entries = refer(slopes, o, t, bias, setup, frame, row, lanes)
         u, gain = halves[0][pending], halves[1][pending]
         multiply(P, row, entries, u, lanes)
@@ -78,6 +86,28 @@ def correct_augmented(
             correct_covariance(P, pending, halves, lanes)
             pending = 0
     correct_covariance(P, pending, halves, lanes)
+
+
+@compiled
+def _expect_off(
+    x: Array,
+    errors: Array,
+    o: int,
+    t: int,
+    bias: int,
+    slopes: Array,
+    innovation: Array,
+    lanes: Lanes,
+) -> None:
+    """Take off the innovations (lanes,) what a state that is off leads one to expect."""
+    for lane in range(len(lanes)):
+        a, b = slopes[0, lane], slopes[1, lane]
+        off = a * x[o, 0, lane] + b * x[o, 1, lane] + slopes[2, lane] * x[o, 2, lane]
+        if t < len(x):
+            off -= a * x[t, 0, lane] + b * x[t, 1, lane]
+        if bias >= 0:
+            off += errors[bias, lane]
+        innovation[lane] -= off
 
 
 @compiled

@@ -30,90 +30,36 @@ from syncplan.estimation.augmented_setup import (
     AugmentedSetup,
     AugmentedStatistics,
 )
-from syncplan.estimation.filter_setup import FilterSetup
+from syncplan.estimation.augmented_statistics import is_wanted_now, record_augmented
 from syncplan.estimation.lane_filter import LaneFilter, Lanes, augmented_specimen, compiled
-from syncplan.estimation.lane_statistics import record_errors
 
 __all__ = ["AUGMENTED"]
 
 
 @compiled
-def _record(
+def _compare(
     x: Array,
     errors: Array,
-    P: Array,
     setup: AugmentedSetup,
     readings: AugmentedReadings,
     step: int,
-    scratch: tuple[Array, Array, Array, Array],
-    block: Array,
-    statistics: AugmentedStatistics,
+    offs: Array,
+    error_offs: Array,
     lanes: Lanes,
 ) -> None:
-    """Add the errors after a step to the statistics; step 0 counts in the series alone."""
-    poses, steps = setup.poses, len(setup.poses.truth) - 1
-    late, counted = 2 * step > steps, statistics.poses
-    share, late_share = (1.0 if step else 0.0), (1.0 if late else 0.0)
+    """Fill in errors of poses (3n, lanes), headings wrapped, and of further states (e, lanes)."""
+    truth, constants = setup.poses.truth, len(readings.constants)
     for i in range(len(x)):
-        for c in range(3):
-            e = scratch[0][3 * i + c]
-            if c < 2:
-                for lane in range(len(lanes)):
-                    e[lane] = x[i, c, lane] - poses.truth[step, i, c]
-            else:
-                for lane in range(len(lanes)):
-                    off = x[i, c, lane] - readings.headings[step, i, lane]
-                    e[lane] = off - 2.0 * math.pi * np.floor((off + math.pi) / (2.0 * math.pi))
-            for lane in range(len(lanes)):
-                counted.final[i, c, lane] = e[lane]
-                counted.squares[i, c, lane] += share * e[lane] * e[lane]
-                counted.late_squares[i, c, lane] += late_share * e[lane] * e[lane]
-    sampled = _is_sampled(poses, step)
-    if sampled or len(counted.series):
-        for i in range(len(block)):
-            block[i, : i + 1] = P[i, : i + 1]
-        record_errors(block, poses, step, scratch, counted, lanes)
+        for lane in range(len(lanes)):
+            offs[3 * i, lane] = x[i, 0, lane] - truth[step, i, 0]
+            offs[3 * i + 1, lane] = x[i, 1, lane] - truth[step, i, 1]
+            off = x[i, 2, lane] - readings.headings[step, i, lane]
+            turns = np.floor((off + math.pi) / (2.0 * math.pi))
+            offs[3 * i + 2, lane] = off - 2.0 * math.pi * turns
     for k in range(len(errors)):
-        _record_error(errors, P, readings, step, k, sampled, late, statistics, lanes)
-
-
-@compiled
-def _record_error(
-    errors: Array,
-    P: Array,
-    readings: AugmentedReadings,
-    step: int,
-    k: int,
-    sampled: bool,
-    late: bool,
-    statistics: AugmentedStatistics,
-    lanes: Lanes,
-) -> None:
-    """Add what further state k is off to the statistics."""
-    counted, place = statistics.errors, len(P) - len(errors) + k
-    constants = len(readings.constants)
-    true = readings.constants[k] if k < constants else readings.gusts[step, k - constants]
-    share, late_share = (1.0 if step else 0.0), (1.0 if late else 0.0)
-    for lane in range(len(lanes)):
-        e = errors[k, lane] - true[lane]
-        counted.squares[k, lane] += share * e * e
-        counted.late_squares[k, lane] += late_share * e * e
-    if sampled:
+        true = readings.constants[k] if k < constants else readings.gusts[step, k - constants]
         for lane in range(len(lanes)):
-            e = errors[k, lane] - true[lane]
-            counted.covered[k, lane] += 1.0 if e * e <= 9.0 * P[place, place, lane] else 0.0
-    if len(counted.series):
-        for lane in range(len(lanes)):
-            e = errors[k, lane] - true[lane]
-            counted.series[step, k, 0] += e
-            counted.series[step, k, 1] += e * e
-            counted.series[step, k, 2] += P[place, place, lane]
-
-
-@compiled
-def _is_sampled(poses: FilterSetup, step: int) -> bool:
-    taken = step % poses.sample_every == 0 or step == len(poses.truth) - 1
-    return taken and step > poses.judged_from
+            error_offs[k, lane] = errors[k, lane] - true[lane]
 
 
 @compiled
@@ -135,23 +81,28 @@ def _filter(
     row = (np.zeros(MOST_ENTRIES, dtype=np.int64), np.zeros((MOST_ENTRIES, width)))
     seen = (np.empty((3, width)), np.empty(width), np.zeros(width))
     frame = (np.zeros((n, 6, width)), np.array([0.0, 0.0, 1.0]))
+    error_offs = np.empty_like(errors)
     block = np.empty((3 * n, 3 * n, width))
     scratch = (np.empty((3 * n, width)), np.empty_like(block), halves[0][0], halves[1][0])
+    about = x, errors, False
+    compared = error_offs, scratch, block
     if begin == 0:
-        _record(x, errors, P, setup, readings, 0, scratch, block, statistics, lanes)
+        _compare(x, errors, setup, readings, 0, scratch[0], error_offs, lanes)
+        record_augmented(P, poses, 0, compared, statistics, lanes)
     for step in range(begin + 1, end + 1):
         speeds, turn_rates = readings.speeds[step - 1], readings.turn_rates[step - 1]
         predict_augmented(
             x, errors, P, speeds, turn_rates, setup, step, frame, slopes, before, lanes
         )
         correct_augmented(
-            x, errors, P, step, setup, readings, frame, seen, row, halves, statistics, lanes
+            x, errors, P, step, setup, readings, about, frame, seen, row, halves, statistics, lanes
         )
         at = poses.compared[step]
-        if step == end or (at >= 0 and (_is_sampled(poses, at) or len(statistics.poses.series))):
+        if step == end or (at >= 0 and is_wanted_now(poses, at, statistics)):
             bring_to_now(P, setup, frame, before, lanes)
         if at >= 0:
-            _record(x, errors, P, setup, readings, at, scratch, block, statistics, lanes)
+            _compare(x, errors, setup, readings, at, scratch[0], error_offs, lanes)
+            record_augmented(P, poses, at, compared, statistics, lanes)
 
 
 AUGMENTED = LaneFilter(_filter, augmented_specimen)

@@ -25,7 +25,15 @@ from syncplan.estimation.batched_filter import add_motion_noise, motion_in, shor
 from syncplan.estimation.filter_setup import MotionModel
 from syncplan.estimation.lane_filter import Lanes, compiled
 
-__all__ = ["LEAST_LEFT", "gusts_in", "lengthen", "move", "predict_augmented"]
+__all__ = [
+    "LEAST_LEFT",
+    "add_reading_noise",
+    "error_of",
+    "gusts_in",
+    "move",
+    "pass_sample",
+    "predict_augmented",
+]
 
 LEAST_LEFT = 0.1
 """Share left of a gust below which P is brought to the present.
@@ -57,18 +65,45 @@ def predict_augmented(
     air, its derivatives by read speed, turn rate and scale, and what they are made of; `before` is
     that of `bring_to_now`.
     """
-    motion, (since, age) = motion_in(setup.poses, step), frame
-    decay, noise = gusts_in(setup, motion.time)
+    motion = motion_in(setup.poses, step)
     for i in range(len(x)):
         move(x, errors, i, speeds, turn_rates, motion, setup.columns[i], slopes, lanes)
-        lengthen(since[i], age[0], slopes, motion.time, lanes)
-        # in P's frame a turn rate swings the vehicle about where its way began
-        for lane in range(len(lanes)):
-            slopes[4, lane] += since[i, 1, lane] * motion.time
-            slopes[5, lane] -= since[i, 0, lane] * motion.time
-        add_motion_noise(P, 3 * i, slopes, motion, lanes)
-    age[0] += motion.time
-    age[1] += motion.time * age[2]
+        add_reading_noise(P, i, motion, frame, slopes, lanes)
+    pass_sample(P, errors, setup, motion.time, frame, before, lanes)
+
+
+@compiled
+def add_reading_noise(
+    P: Array, i: int, motion: MotionModel, frame: Frame, slopes: Array, lanes: Lanes
+) -> None:
+    """Add the noise of vehicle i's readings to P, which stays in its frame.
+
+    `slopes` are those of its way, of which it makes those in P's frame: there a turn rate swings
+    the vehicle about where its way began.
+    """
+    since = frame[0][i]
+    _lengthen(since, frame[1][0], slopes, motion.time, lanes)
+    for lane in range(len(lanes)):
+        slopes[4, lane] += since[1, lane] * motion.time
+        slopes[5, lane] -= since[0, lane] * motion.time
+    add_motion_noise(P, 3 * i, slopes, motion, lanes)
+
+
+@compiled
+def pass_sample(
+    P: Array,
+    errors: Array,
+    setup: AugmentedSetup,
+    time: float,
+    frame: Frame,
+    before: Array,
+    lanes: Lanes,
+) -> None:
+    """Let P's frame grow older by `time` s, and gusts decay and gain noise."""
+    age = frame[1]
+    decay, noise = gusts_in(setup, time)
+    age[0] += time
+    age[1] += time * age[2]
     age[2] *= decay
     if setup.first_gust < len(P):
         if age[2] < LEAST_LEFT:
@@ -77,7 +112,7 @@ def predict_augmented(
 
 
 @compiled
-def lengthen(since: Array, elapsed: float, slopes: Array, time: float, lanes: Lanes) -> None:
+def _lengthen(since: Array, elapsed: float, slopes: Array, time: float, lanes: Lanes) -> None:
     """The way since P's frame, and its derivatives by bias and scale, one sample longer."""
     for lane in range(len(lanes)):
         dx, dy = slopes[0, lane], slopes[1, lane]
@@ -123,7 +158,7 @@ def _blow(
 
 
 @compiled
-def _error_of(errors: Array, count: int, column: int, lane: int) -> float:
+def error_of(errors: Array, count: int, column: int, lane: int) -> float:
     """The error in a column of the state; 0 where the column is -1."""
     return errors[column - 3 * count, lane] if column >= 0 else 0.0
 
@@ -144,8 +179,8 @@ def move(
     n, time, substeps = len(x), motion.time, motion.substeps
     share = 0.5 * (substeps - 1) / substeps if substeps else 0.5
     for lane in range(len(lanes)):
-        slopes[8, lane] = 1.0 + _error_of(errors, n, own[SCALE], lane)
-        slopes[9, lane] = (turn_rates[i, lane] + _error_of(errors, n, own[TURN], lane)) * time
+        slopes[8, lane] = 1.0 + error_of(errors, n, own[SCALE], lane)
+        slopes[9, lane] = (turn_rates[i, lane] + error_of(errors, n, own[TURN], lane)) * time
     for lane in range(len(lanes)):
         half = 0.5 * slopes[9, lane]
         if substeps or abs(half) > SMALL:

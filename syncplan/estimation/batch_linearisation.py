@@ -24,7 +24,7 @@ from syncplan.estimation.augmented_correction import (
     take_off,
 )
 from syncplan.estimation.augmented_frame import GUST, Frame, bring_to_now
-from syncplan.estimation.augmented_prediction import LEAST_LEFT, gusts_in, lengthen, move
+from syncplan.estimation.augmented_prediction import LEAST_LEFT, add_reading_noise, gusts_in, move
 from syncplan.estimation.augmented_rows import dot, multiply, refer
 from syncplan.estimation.augmented_setup import AugmentedSetup
 from syncplan.estimation.batch_problem import (
@@ -40,7 +40,7 @@ from syncplan.estimation.batch_problem import (
     innovate,
     misfit,
 )
-from syncplan.estimation.batched_filter import add_motion_noise, motion_in
+from syncplan.estimation.batched_filter import motion_in
 from syncplan.estimation.filter_setup import MotionModel
 from syncplan.estimation.lane_filter import Lanes, compiled
 
@@ -121,12 +121,8 @@ def _add_noise(
     lanes: Lanes,
 ) -> None:
     """Noise of a sample of vehicle i in P's frame; what is expected of it is none at all."""
-    since, r = frame[0][i], 3 * i
-    lengthen(since, frame[1][0], slopes, motion.time, lanes)
-    for lane in range(len(lanes)):
-        slopes[4, lane] += since[1, lane] * motion.time
-        slopes[5, lane] -= since[0, lane] * motion.time
-    add_motion_noise(P, r, slopes, motion, lanes)
+    r = 3 * i
+    add_reading_noise(P, i, motion, frame, slopes, lanes)
     for c in range(4):
         way[c] = slopes[2 + c]
     for lane in range(len(lanes)):

@@ -16,10 +16,12 @@ __all__ = [
     "AUTO",
     "FILTERS",
     "FORMER_NAMES",
+    "FOR_RECORDINGS",
     "FilterChoice",
     "FilterModel",
     "FilterName",
     "MotionName",
+    "RecordingFilterName",
 ]
 
 
@@ -34,6 +36,8 @@ class FilterModel:
     second_order : whether sightings have second-order noise, see `second_order`
     finds_start : whether its covariance holds only when a period has passed, as it looks for its
         start until then
+    needs_truth : whether it takes the true states of a trial, as AugmentedReadings have them: it
+        always runs in the form with further states, and not on recordings
     kernel : where its LaneFilter is, a module of this package and a name in it
     augmented : where that with further states is
     """
@@ -42,6 +46,7 @@ class FilterModel:
     takes_substeps: bool = False
     second_order: bool = False
     finds_start: bool = False
+    needs_truth: bool = False
     kernel: str = "extended_filter.EXTENDED"
     augmented: str = "augmented_filter.AUGMENTED"
 
@@ -89,9 +94,18 @@ FILTERS: Mapping[str, FilterModel] = MappingProxyType(
             "The paper's Algorithm 1: extended, integrates its readings by Euler sub-steps.",
             takes_substeps=True,
         ),
+        "ideal": FilterModel(
+            "Linearised at the truth, which only a simulation knows: what is attainable at best.",
+            needs_truth=True,
+            kernel="ideal_filter.IDEAL",
+            augmented="ideal_filter.IDEAL",
+        ),
     }
 )
 """By name, the simplest first."""
+
+FOR_RECORDINGS = tuple(name for name, one in FILTERS.items() if not one.needs_truth)
+"""Names of those that run on recordings."""
 
 AUTO = "auto"
 """In place of a name: the filter that the start-up index of a plan calls for."""
@@ -103,9 +117,11 @@ if TYPE_CHECKING:
     FilterName: TypeAlias = str
     FilterChoice: TypeAlias = str
     MotionName: TypeAlias = str
+    RecordingFilterName: TypeAlias = str
 else:
     FilterName = Literal[tuple(FILTERS)]
     FilterChoice = Literal[(AUTO, *FILTERS)]
     MotionName = Literal[tuple(FORMER_NAMES)]
-"""A name in FILTERS; the same or AUTO; a name in FORMER_NAMES: for models that check them and
-describe them in their JSON schemas."""
+    RecordingFilterName = Literal[FOR_RECORDINGS]
+"""A name in FILTERS; the same or AUTO; a name in FORMER_NAMES, in FOR_RECORDINGS: for models that
+check them and describe them in their JSON schemas."""

@@ -93,11 +93,10 @@ def run_trials(
     _check_sightings(sightings, team.count, len(team.landmarks))
     assumed = replace(team, sensors=known.sensors, noise=known.noise, errors=known.errors)
     setup, layout = _setup(assumed, sightings, steps, options), layout_of(assumed)
+    wide = options.filter_model.needs_truth or needs_augmented(team) or len(layout.sigmas) > 0
     run = _Run(
         readings=TrialReadings.of(team, setup, layout, options.seed),
-        augmented=augmented_setup_of(setup, layout, known.errors)
-        if needs_augmented(team) or len(layout.sigmas)
-        else None,
+        augmented=augmented_setup_of(setup, layout, known.errors) if wide else None,
         options=options,
         end=first_trial + options.trials,
         stop=threading.Event(),

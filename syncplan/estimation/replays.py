@@ -14,6 +14,7 @@ from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.estimation.consistency import Consistency, coverage, recorded_anees, recorded_nis
 from syncplan.estimation.filter_options import FilterChanges, FilterOptions, options_with
+from syncplan.estimation.filters import FOR_RECORDINGS
 from syncplan.estimation.recorded_observability import SeenOverTime, seen_over_time
 from syncplan.estimation.recorded_readings import Clock, LeftOut, longest_gap
 from syncplan.estimation.recorded_run import Seen, filtered, run_of
@@ -301,11 +302,19 @@ def replay_with(
 
 
 def replay_options(options: FilterOptions | None, changes: FilterChanges) -> FilterOptions:
-    """Return the options of a replay with changes; its gate may also be 1: no gate."""
+    """Return the options of a replay with changes; its gate may also be 1: no gate.
+
+    Raises InputError naming the option at fault, such as a filter that only a simulation can run.
+    """
     gate = changes.get("gate_probability")
     if gate is not None and not 0.0 < gate <= 1.0:
         problem = f"{gate:g} given; allowed is more than 0, up to 1, which accepts all"
         raise InputError(problem, key="gate_probability")
     if gate == 1.0:
         changes = {**changes, "gate_probability": None}
-    return options_with(options or OPTIONS, changes)
+    chosen = options_with(options or OPTIONS, changes)
+    if chosen.filter_model.needs_truth:
+        others = " or ".join(FOR_RECORDINGS)
+        problem = f"{chosen.filter!r} needs the truth, which only trials have; choose {others}"
+        raise InputError(problem, key="filter")
+    return chosen

@@ -39,7 +39,7 @@ ESTIMABLE: dict[EstimableName, str] = {
 }
 """The key that says how large each is."""
 
-FilterKind = Literal["auto", "ekf", "second-order", "robust", "paper"]
+FilterKind = Literal["auto", "ekf", "second-order", "robust", "paper", "ideal"]
 """A name in syncplan.estimation.filters.FILTERS, or auto."""
 
 _Choice = Literal["auto", "all", "none"]
@@ -176,8 +176,9 @@ class Filter(Section):
         default=None,
         description="The filter: ekf, the extended Kalman filter; second-order, which takes a "
         "sighting's curvature for noise; robust, which looks for its start and begins again where "
-        "it is lost; paper, the paper's Algorithm 1. auto, the default, is ekf where the start-up "
-        "index clears it and robust where not",
+        "it is lost; paper, the paper's Algorithm 1; ideal, linearised at the truth, which shows "
+        "what is attainable. auto, the default, is ekf where the start-up index clears it and "
+        "robust where not",
         examples=["auto"],
     )
 

@@ -9,6 +9,7 @@ import pytest
 from typer.main import get_command
 
 import syncplan
+from api.job_kinds.replay_jobs import ReplayRequest
 from api.job_kinds.validation_jobs import ValidationRequest
 from syncplan.cli import command_line
 from syncplan.errors import InputError
@@ -18,7 +19,7 @@ from syncplan.estimation.filter_options import (
     FilterOptions,
     options_with,
 )
-from syncplan.estimation.filters import FILTERS
+from syncplan.estimation.filters import FILTERS, FOR_RECORDINGS
 from syncplan.reports.run_schemas import FilterRecord
 from syncplan.reports.validation_report import validation_document
 from syncplan.scenario.disturbances import FilterKind
@@ -136,6 +137,8 @@ def test_choices_everywhere_are_the_table_of_filters(run: Any) -> None:
     told = FilterRecord.model_json_schema()["properties"]["kind"]["anyOf"][0]
     assert told["enum"] == names
     assert get_args(FilterKind) == ("auto", *names)
+    recorded = ReplayRequest.model_json_schema()["properties"]["filter"]["enum"]
+    assert recorded == list(FOR_RECORDINGS) == names[:-1]
 
 
 @pytest.mark.parametrize("name", list(FILTERS))

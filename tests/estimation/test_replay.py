@@ -529,6 +529,10 @@ def test_what_can_not_be_run_is_refused(noisy: Path, tmp_path: Path) -> None:
         ({"sample_time": 1e-6}, "sample_time: 39.9 s at a sample time of 1e-06 s makes more than"),
         ({"sample_time": 100.0}, "recording: the truth of all robots is known together for 39.9"),
         ({"gate_probability": 0.0}, "gate_probability: 0 given; allowed is more than 0, up to 1"),
+        (
+            {"filter": "ideal"},
+            "filter: 'ideal' needs the truth, which only trials have; choose ekf",
+        ),
     ]
     for given_, told in wrong:
         with pytest.raises(InputError) as refused:
@@ -594,6 +598,7 @@ def test_at_a_terminal_there_is_a_table(noisy: Path, run: Any) -> None:
         (["--landmarks", "six"], "--landmarks: no landmark 'six'; there are 8, 6, 7"),
         (["--landmarks", "6, 99"], "--landmarks: no landmark '99'; there are 8, 6, 7"),
         (["--gate", "2"], "--gate: 2 given"),
+        (["--filter", "ideal"], "'ideal' is not one of 'ekf', 'second-order', 'robust', 'paper'"),
         (["--sample-time-s", "0"], "--sample-time-s: 0 given"),
     ],
 )
