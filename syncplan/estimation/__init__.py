@@ -19,7 +19,12 @@ consistency        ANEES, NIS, coverage
 filter_statistics  what a filter counts on its way
 filter_setup       motion model, initial variances, gate, sightings and readings of a run
 augmented_setup    columns of errors in the state, and their true values
-pilot              a few trials in plain NumPy, samples thinned out
+start_search       how batch solutions are searched for
+pilot_readings     what a few trials read, samples thinned out
+pilot_model        their arcs, and rows of their sightings
+pilot_filter       their filter in plain NumPy
+pilot_batch        their batch solution
+pilot              errors of a filter from a few such trials
 reference_filter   the filter in plain NumPy, one trial
 reference_states   the same with further states
 lane_filter        a compiled filter, many trials side by side

@@ -5,11 +5,8 @@ The batch solution takes all sightings of a window at once. It minimises
 
     |start - prior|^2 / P0  +  sum of (noise of readings)^2 / Q  +  sum of (z - h)^2 / R
 
-over the start and all noise, by Gauss-Newton steps with a line search. R is 100
-times too large at first, then 10 times, then true, which widens the basin that leads to the least
-minimum. Where the fit is not credible, others begin at starts drawn from the prior: the best stays.
-For N sightings the least cost is chi-square distributed with about N degrees of freedom, so a fit
-is credible up to N + 6 sqrt(2 N).
+over the start and all noise, by Gauss-Newton steps with a line search; R is tempered:
+`start_search`.
 
 A trial's solution depends on that trial alone, whatever runs beside it.
 """
@@ -32,19 +29,15 @@ from syncplan.estimation.batch_problem import (
 )
 from syncplan.estimation.batch_smoother import smooth
 from syncplan.estimation.lane_filter import Lanes, augmented_specimen, has_compiled, lanes_of
+from syncplan.estimation.start_search import (
+    CLOSE_ENOUGH,
+    MOST_HALVINGS,
+    MOST_STEPS,
+    TEMPERS,
+    Tempering,
+)
 
-__all__ = ["BatchSolution", "compile_solver", "is_credible", "solve", "solver_is_compiled"]
-
-TEMPERS = (100.0, 10.0, 1.0)
-"""Factors on the variance of sightings, one after another."""
-
-MOST_STEPS = (4, 4, 12)
-"""Gauss-Newton steps at each of TEMPERS."""
-
-CLOSE_ENOUGH = (1.0, 1.0, 0.01)
-"""Gain in cost that a step promises, below which a lane goes on to the next of TEMPERS."""
-
-MOST_HALVINGS = 6
+__all__ = ["BatchSolution", "compile_solver", "solve", "solver_is_compiled"]
 
 THINNING = 8
 """Sightings of a kind and a pair that one stands for, until R is true."""
@@ -71,11 +64,6 @@ class BatchSolution:
     errors: Array
     covariance: Array
     steps: Index
-
-
-def is_credible(cost: Array, sightings: Index) -> Flags:
-    """Return (lanes,) whether noise alone explains the cost (lanes,) of so many sightings."""
-    return np.asarray(cost <= sightings + 6.0 * np.sqrt(2.0 * sightings))
 
 
 def solve(
@@ -219,25 +207,19 @@ def _descend(
 ) -> Index:
     """Take the paths down to a minimum, in place; return the number of steps of each."""
     setup, window, prior, found = problem.setup, problem.window, problem.prior, problem.found
-    width, last = len(found.cost), len(tempers) - 1
-    level, steps, taken = (np.zeros(width, dtype=np.int64) for _ in range(3))
-    tempers, most = (*tempers, tempers[-1]), (*most, 0)
-    close = (*close, np.inf)
+    width = len(found.cost)
+    at, taken = Tempering.of(width, tempers, most, close), np.zeros(width, dtype=np.int64)
     while True:
-        window.temper[:] = np.take(tempers, level)
+        window.temper[:] = at.factors
         problem.ended = linear_pass(setup, window, prior, path, found, problem.lanes)
-        promised = found.cost - found.linear_cost
-        # a lane goes on to the next level where a step promises little, or no more may be taken
-        done = (promised < np.take(close, level)) | (steps >= np.take(most, level))
-        moving = ~(done & (level >= last))
+        settled = at.settled(found.cost - found.linear_cost)
+        moving = at.moving(settled)
         if not moving.any():
             return taken
         smooth(setup, window, prior, found, problem.best, problem.lanes)
         moved = _searched(problem, path, moving)
         taken += moving
-        through = done | ~moved
-        steps = np.where(through, 0, steps + 1)
-        level = np.where(through, np.minimum(level + 1, last + 1), level)
+        at.advance(settled | ~moved)
 
 
 def _searched(problem: _Problem, path: Trajectory, moving: Flags) -> Flags:

@@ -25,16 +25,12 @@ from syncplan.estimation.augmented_setup import (
     without_errors,
 )
 from syncplan.estimation.batch_problem import Prior
-from syncplan.estimation.batch_solution import (
-    compile_solver,
-    is_credible,
-    solve,
-    solver_is_compiled,
-)
+from syncplan.estimation.batch_solution import compile_solver, solve, solver_is_compiled
 from syncplan.estimation.extended_filter import EXTENDED
 from syncplan.estimation.filter_setup import FilterSetup, Readings
 from syncplan.estimation.filter_statistics import FilterStatistics
 from syncplan.estimation.lane_filter import LaneFilter, start_of
+from syncplan.estimation.start_search import DOUBT, ROUNDS, STARTS, is_credible, search_further
 
 __all__ = ["ROBUST", "ROBUST_AUGMENTED", "RobustFilter", "RobustRun"]
 
@@ -49,25 +45,6 @@ GROWTH = 1.5
 
 FAR_BETTER = 0.5
 """Share of the filter's cost below which a solution takes its place, even if not credible."""
-
-STARTS = (1, 2, 4)
-"""Periods from sample 0 that batch solutions cover; the later ones where the start is in doubt."""
-
-DOUBT = 0.1
-"""Share of what a lost vehicle may be off that leaves a start in doubt, as one sigma."""
-
-ROUNDS = (2, 8, 16)
-"""Further starts, drawn where none before was credible."""
-
-SAME = 1.0
-"""Difference in cost within which all starts have found the same: there is nothing better."""
-
-PLAUSIBLE = 4.0
-"""Cost of a sighting up to which the first round is enough to say so.
-
-Errors that the filter does not know explain such a cost. Wrong minima, in which many starts can
-end, cost far more.
-"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -264,24 +241,13 @@ class RobustRun:
             poses, np.zeros((len(variances) - 3 * len(poses), poses.shape[-1])), variances
         )
         best = self._solved(prior, lanes, None, begin, end)
-        missing = np.flatnonzero(~best.credible)
-        for number, starts in enumerate(ROUNDS):
-            if not len(missing):
-                break
-            again = np.repeat(missing, starts)
+
+        def tried(missing: Index, number: int) -> _Solved:
             away = [self._drawn(variances, lane, begin, number) for lane in lanes[missing]]
-            tried = self._solved(prior, lanes[again], np.concatenate(away, axis=1), begin, end)
-            costs = np.where(np.isnan(tried.cost), np.inf, tried.cost).reshape(-1, starts)
-            before = best.cost[missing]
-            least = np.argmin(costs, axis=1)
-            better = ~(before <= costs.min(axis=1))
-            its = (np.arange(len(missing)) * starts + least)[better]
-            best.take(tried, missing[better], its)
-            all_costs = np.column_stack([before, costs])
-            settled = all_costs.max(axis=1) - all_costs.min(axis=1) < SAME
-            if not number:
-                settled &= best.cost[missing] < PLAUSIBLE * best.sightings[missing]
-            missing = missing[~settled & ~best.credible[missing]]
+            again = lanes[np.repeat(missing, ROUNDS[number])]
+            return self._solved(prior, again, np.concatenate(away, axis=1), begin, end)
+
+        search_further(best, best.sightings, tried)
         return best
 
     def _drawn(self, variances: Array, lane: int, begin: int, number: int) -> Array:
