@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filters import AUTO
 from syncplan.planning.judged_plan import Plan
-from syncplan.planning.start_up import CLEARING_INDEX
+from syncplan.planning.start_up import CLEARED_FILTER, CLEARING_INDEX
 from syncplan.scenario.specification import Scenario
 
 __all__ = ["FilterChoice", "asked_filter", "choose_filter"]
@@ -42,9 +42,11 @@ def choose_filter(flown: Plan, options: FilterOptions) -> FilterChoice:
     asked = asked_filter(flown.scenario, options)
     if asked is not None:
         return asked
-    if flown.start_up is None:
-        return FilterChoice("ekf", "the default; the plan has no start-up index")
-    index = f"start-up index {flown.start_up.index.value:.3g}"
-    if flown.start_up.cleared:
-        return FilterChoice("ekf", f"{index}, at most {CLEARING_INDEX:g} is clear")
-    return FilterChoice("robust", f"{index}, over the {CLEARING_INDEX:g} that an ekf is clear of")
+    found = flown.start_up
+    if found is None:
+        return FilterChoice(CLEARED_FILTER, "the default; the plan has no start-up index")
+    index = f"start-up index {found.index.value:.3g}"
+    if found.cleared:
+        return FilterChoice(found.filter, f"{index}, at most {CLEARING_INDEX:g} is clear")
+    limit = f"over the {CLEARING_INDEX:g} that an {CLEARED_FILTER} is clear of"
+    return FilterChoice(found.filter, f"{index}, {limit}")

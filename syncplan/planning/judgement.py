@@ -80,7 +80,7 @@ def judge(
         resolved,
         pairs,
         _predict(assessed, resolved, steady, along, note),
-        start_up=_start_up(assessed, resolved.duration_s, along, pilot),
+        start_up=_start_up(assessed, resolved, along, pilot),
         found=found,
         single_points=single_points,
     )
@@ -258,8 +258,10 @@ def _predict(
 
 
 def _start_up(
-    assessed: Assessment, duration: float, along: PosteriorBound | None, pilot: bool
+    assessed: Assessment, scenario: Scenario, along: PosteriorBound | None, pilot: bool
 ) -> StartUp | None:
     if along is None:
         return None
-    return start_up_of(assessed.team, assessed.windows, duration, along, pilot=pilot)
+    asked = None if scenario.filter is None else scenario.filter.kind
+    length = scenario.duration_s
+    return start_up_of(assessed.team, assessed.windows, length, along, asked=asked, pilot=pilot)

@@ -1,7 +1,8 @@
 """Start-up: whether the filter can be expected to reach the bound from the initial sigmas.
 
-An index that comes with the bound clears most plans. Where it does not, a pilot of a few trials
-shows what the filter makes of the plan, beside what the bound predicts.
+An index that comes with the bound clears most plans, for any filter. Where it does not, the robust
+filter runs unless another is asked for, and a pilot of a few trials of the filter that will run
+shows what it makes of the plan, beside what the bound predicts.
 """
 
 from dataclasses import dataclass, replace
@@ -11,13 +12,9 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.errors import NoSolutionError
 from syncplan.estimation.bounds import posterior_bound
-from syncplan.estimation.pilot import (
-    PILOT_SEED,
-    PILOT_TRIALS,
-    pilot_squares,
-    pilot_work,
-    thinned,
-)
+from syncplan.estimation.filters import AUTO, FILTERS, FilterModel
+from syncplan.estimation.pilot import PILOT_SEED, PILOT_TRIALS, pilot_squares, pilot_work
+from syncplan.estimation.pilot_readings import thinned
 from syncplan.estimation.referred_system import PosteriorBound
 from syncplan.estimation.start_up_index import StartUpIndex, first_samples
 from syncplan.orbits.contacts import Windows
@@ -25,8 +22,10 @@ from syncplan.orbits.error_states import NO_ERRORS
 from syncplan.orbits.team import Team
 
 __all__ = [
+    "CLEARED_FILTER",
     "CLEARING_INDEX",
     "SAFE_RATIO",
+    "UNCLEARED_FILTER",
     "ClearingSigmas",
     "StartBefore",
     "StartTrials",
@@ -38,14 +37,17 @@ __all__ = [
 CLEARING_INDEX = 0.45
 """A plan with at most this start-up index needs no trials."""
 
+CLEARED_FILTER, UNCLEARED_FILTER = "ekf", "robust"
+"""Names of the filters that run, unless another is asked for."""
+
 SAFE_RATIO = 1.5
 """Largest RMS error over its prediction, of any vehicle, that counts as reaching the bound."""
 
 PILOT_TURNS = 5
 """Periods that a pilot covers at most."""
 
-PILOT_WORK_LIMIT = 1e9
-"""Multiplications that a pilot may take: about a second."""
+PILOT_WORK_LIMIT = 3e9
+"""Multiplications that a pilot may take: about a second, 26 vehicles of the robust filter."""
 
 _ATTEMPTS = 4
 _LEAST_SHARE = 0.02
@@ -113,6 +115,7 @@ class StartUp:
     Attributes
     ----------
     index : of the whole run
+    filter : that will run, or ran in the trials: a name in syncplan.estimation.filters.FILTERS
     trials : the pilot, or a validation's trials; None where none ran
     untried : why no pilot ran although the index does not clear the plan; else empty
     clearing : initial sigmas from which the index clears the plan; None where trials found no
@@ -120,6 +123,7 @@ class StartUp:
     """
 
     index: StartUpIndex
+    filter: str
     trials: StartTrials | None = None
     untried: str = ""
     clearing: ClearingSigmas | None = None
@@ -143,24 +147,31 @@ class StartUp:
 
 
 def start_up_of(
-    team: Team, windows: Windows, duration: float, bound: PosteriorBound, *, pilot: bool
+    team: Team,
+    windows: Windows,
+    duration: float,
+    bound: PosteriorBound,
+    *,
+    asked: str | None,
+    pilot: bool,
 ) -> StartUp | None:
     """Return what index and pilot say of a run of `duration` s with its bound.
 
-    None where the bound has no index. Without `pilot`, only the index.
+    `asked` names the filter that is asked for, AUTO or None if none is. None is returned where the
+    bound has no index. Without `pilot`, only the index.
     """
     index = bound.start_up
     if index is None:
         return None
-    found = StartUp(index)
+    found = StartUp(index, asked if asked not in (None, AUTO) else _filter_for(index))
     if found.cleared:
         return found
     if not pilot:
         return replace(found, untried="trials were left out, as in quick previews")
     length = min(duration, PILOT_TURNS * team.orbits.period)
-    if pilot_work(team, windows, length) > PILOT_WORK_LIMIT:
+    if pilot_work(team, windows, length, FILTERS[found.filter]) > PILOT_WORK_LIMIT:
         return replace(found, untried=f"a pilot of {team.count} vehicles takes over a second")
-    trials = _piloted(team, windows, length, bound)
+    trials = _piloted(team, windows, length, bound, FILTERS[found.filter])
     if trials is None:
         return replace(found, untried="the run is too short for a pilot")
     return concluded(found, trials, team, windows, duration)
@@ -178,13 +189,17 @@ def concluded(
     return replace(found, clearing=_clearing(team, windows, length, found.index.value))
 
 
+def _filter_for(index: StartUpIndex) -> str:
+    return CLEARED_FILTER if index.value <= CLEARING_INDEX else UNCLEARED_FILTER
+
+
 def _piloted(
-    team: Team, windows: Windows, length: float, bound: PosteriorBound
+    team: Team, windows: Windows, length: float, bound: PosteriorBound, model: FilterModel
 ) -> StartTrials | None:
     thin = thinned(team)
     if length < 2.0 * thin.sensors.sample_time:
         return None
-    squares = pilot_squares(thin, windows, length)
+    squares = pilot_squares(thin, windows, length, model)
     if bound.errors is not None:
         # the pilot leaves out errors that last, and so does what stands beside it
         bound = posterior_bound(replace(team, errors=NO_ERRORS), windows, length)

@@ -4,12 +4,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from syncplan.estimation.filters import FILTERS
 from syncplan.phrases import listed
 from syncplan.planning.findings import Cure, Finding
 from syncplan.planning.judged_team import JudgedTeam
 from syncplan.planning.start_up import (
     CLEARING_INDEX,
     SAFE_RATIO,
+    UNCLEARED_FILTER,
     StartBefore,
     StartTrials,
     StartUp,
@@ -34,7 +36,8 @@ def start_up(judged: JudgedTeam) -> Iterator[Finding]:
             yield Finding(
                 "start-up",
                 "note",
-                f"whether the filter reaches the bound was not tried: {found.untried}; {why}",
+                f"whether the filter ({found.filter}) reaches the bound was not tried: "
+                f"{found.untried}; {why}",
                 cure=Cure("validate the plan"),
             )
         return
@@ -45,7 +48,8 @@ def start_up(judged: JudgedTeam) -> Iterator[Finding]:
             yield Finding(
                 "start-up",
                 "note",
-                "whether the filter reaches the bound with errors as states was not tried: "
+                f"whether the filter ({found.filter}) reaches the bound with errors as states was "
+                "not tried: "
                 f"{_trials(found.trials)} left these errors out, and found no harm; {why}",
                 cure=Cure("validate the plan"),
             )
@@ -57,7 +61,7 @@ def start_up(judged: JudgedTeam) -> Iterator[Finding]:
         "start-up",
         "warning",
         f"from initial_sigma {noise.position_sigma:g} m and {noise.heading_sigma:g} rad the filter "
-        f"may not settle: {_trials(found.trials)} found {each}; {why}",
+        f"({found.filter}) may not settle: {_trials(found.trials)} found {each}; {why}",
         tuple(names[k] for k in late),
         _cure(found),
     )
@@ -100,11 +104,14 @@ def _beside(trials: StartTrials, names: list[str], k: int) -> str:
 
 def _cure(found: StartUp) -> Cure:
     better = found.clearing
+    finder = "" if FILTERS[found.filter].finds_start else f"the {UNCLEARED_FILTER} filter, or "
     if better is None:
-        return Cure("a better known start, landmarks in sight of it, or more distance to them")
+        return Cure(
+            f"{finder}a better known start, landmarks in sight of it, or more distance to them"
+        )
     return Cure(
-        f"a start known to {better.position:g} m and {better.heading:g} rad, which the index "
-        "clears",
+        f"{finder}a start known to {better.position:g} m and {better.heading:g} rad, "
+        "which the index clears",
         {
             "initial_sigma.position_m": better.position,
             "initial_sigma.heading_rad": better.heading,

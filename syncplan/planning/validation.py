@@ -252,7 +252,8 @@ def _with_own_trials(run: TrialRun, found: Accuracy, predicted: Array | None) ->
         predicted=predicted,
     )
     length = flown.scenario.duration_s
-    start_up = concluded(flown.start_up, trials, flown.team, flown.windows, length)
+    start_up = replace(flown.start_up, filter=run.options.filter)
+    start_up = concluded(start_up, trials, flown.team, flown.windows, length)
     return replace(flown, start_up=start_up)
 
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from pydantic import Field
 
+from syncplan.estimation.filters import FilterName
 from syncplan.planning.start_up import StartTrials, StartUp
 from syncplan.reports.document_base import DocumentPart, finite_or_none
 
@@ -13,6 +14,9 @@ __all__ = ["StartUpRecord", "start_up_record"]
 class PilotRecord(DocumentPart):
     """A few trials of the filter from the initial sigmas, samples thinned out."""
 
+    filter: FilterName | None = Field(
+        default=None, description="That ran; null in older files, whose pilots are of ekf"
+    )
     trials: int
     seed: int
     duration_s: float = Field(description="Length of each: the run's, or its first five periods")
@@ -50,14 +54,15 @@ def start_up_record(
         observer=names[index.observer],
         target=[*names, *landmarks][index.target],
         time_s=index.time,
-        pilot=None if start_up.trials is None else _pilot(start_up.trials, names),
+        pilot=None if start_up.trials is None else _pilot(start_up.trials, start_up.filter, names),
         untried=start_up.untried,
     )
 
 
-def _pilot(trials: StartTrials, names: Sequence[str]) -> PilotRecord:
+def _pilot(trials: StartTrials, filter_: str, names: Sequence[str]) -> PilotRecord:
     ratios = [finite_or_none(float(ratio)) for ratio in trials.ratios]
     return PilotRecord(
+        filter=filter_,
         trials=trials.trials,
         seed=trials.seed,
         duration_s=trials.duration,

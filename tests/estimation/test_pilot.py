@@ -6,11 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from syncplan.estimation import pilot
 from syncplan.estimation.bounds import posterior_bound
 from syncplan.estimation.filter_options import FilterOptions
+from syncplan.estimation.filters import FILTERS
 from syncplan.estimation.montecarlo import run_trials
-from syncplan.estimation.pilot import pilot_squares, thinned
+from syncplan.estimation.pilot import pilot_squares
+from syncplan.estimation.pilot_readings import INSTANTS_A_TURN, thinned
 from syncplan.orbits.sightings import sample_sightings
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.planner import plan
@@ -36,7 +37,7 @@ def test_with_one_sighting_an_instant_it_is_the_compiled_filter() -> None:
         ),
         bound="never",
     )
-    found = pilot_squares(made.team, made.windows, 40.0, trials=5, seed=3)
+    found = pilot_squares(made.team, made.windows, 40.0, FILTERS["ekf"], trials=5, seed=3)
     np.testing.assert_allclose(found, compiled_squares(made, 40.0, 5, 3), rtol=1e-6)
 
 
@@ -44,16 +45,18 @@ def test_with_many_sightings_an_instant_it_is_near_the_compiled_filter() -> None
     scenario = example("paper-grid-same")
     small_start = scenario.initial_sigma.model_copy(update={"position_m": 0.5, "heading_rad": 0.01})
     made = plan(scenario.model_copy(update={"initial_sigma": small_start}), bound="never")
-    found = pilot_squares(made.team, made.windows, 60.0, trials=4, seed=1)
+    found = pilot_squares(made.team, made.windows, 60.0, FILTERS["ekf"], trials=4, seed=1)
     np.testing.assert_allclose(found, compiled_squares(made, 60.0, 4, 1), rtol=0.05)
 
 
 def test_trials_are_the_same_whatever_their_number() -> None:
     made = plan(example("paper-grid-same"), bound="never")
     thin = thinned(made.team)
-    many = pilot_squares(thin, made.windows, 60.0, trials=6)
-    np.testing.assert_array_equal(pilot_squares(thin, made.windows, 60.0, trials=2), many[:2])
-    other = pilot_squares(thin, made.windows, 60.0, trials=2, seed=1)
+    many = pilot_squares(thin, made.windows, 60.0, FILTERS["ekf"], trials=6)
+    np.testing.assert_array_equal(
+        pilot_squares(thin, made.windows, 60.0, FILTERS["ekf"], trials=2), many[:2]
+    )
+    other = pilot_squares(thin, made.windows, 60.0, FILTERS["ekf"], trials=2, seed=1)
     assert not np.any(other == many[:2])
 
 
@@ -63,7 +66,7 @@ def test_samples_thinned_out_leave_the_bound_as_it_is(name: str) -> None:
     thin = thinned(made.team)
     kept = round(thin.sensors.sample_time / made.sensors.sample_time)
     assert kept > 1
-    assert made.orbits.period / thin.sensors.sample_time >= pilot.INSTANTS_A_TURN
+    assert made.orbits.period / thin.sensors.sample_time >= INSTANTS_A_TURN
     full = posterior_bound(made.team, made.windows, 100.0).rms_second_half()
     less = posterior_bound(thin, made.windows, 100.0).rms_second_half()
     np.testing.assert_allclose(less, full, rtol=0.05)
@@ -78,7 +81,7 @@ def test_few_samples_a_period_are_all_kept() -> None:
 
 def test_from_a_well_known_start_it_finds_the_bound() -> None:
     made = plan(example("paper-grid-same"))
-    found = pilot_squares(thinned(made.team), made.windows, 200.0, trials=200)
+    found = pilot_squares(thinned(made.team), made.windows, 200.0, FILTERS["ekf"], trials=200)
     assert made.prediction.rms is not None
     ratio = np.sqrt(found.mean(axis=0)) / made.prediction.rms
     assert np.all((ratio > 0.85) & (ratio < 1.15))
@@ -104,7 +107,7 @@ def test_with_other_kinds_of_sighting_it_is_the_compiled_filter() -> None:
         ),
         bound="never",
     )
-    found = pilot_squares(made.team, made.windows, 40.0, trials=5, seed=3)
+    found = pilot_squares(made.team, made.windows, 40.0, FILTERS["ekf"], trials=5, seed=3)
     np.testing.assert_allclose(found, compiled_squares(made, 40.0, 5, 3), rtol=0.03)
 
 
@@ -115,7 +118,7 @@ def test_with_every_kind_of_sighting_it_finds_the_bound_from_a_well_known_start(
     less = posterior_bound(thin, made.windows, 100.0).rms_second_half()
     full = posterior_bound(made.team, made.windows, 100.0).rms_second_half()
     np.testing.assert_allclose(less, full, rtol=0.05)
-    found = pilot_squares(thin, made.windows, 100.0, trials=100)
+    found = pilot_squares(thin, made.windows, 100.0, FILTERS["ekf"], trials=100)
     ratio = np.sqrt(found.mean(axis=0)) / full
     assert np.all((ratio > 0.85) & (ratio < 1.15))
 
@@ -124,5 +127,5 @@ def test_a_filter_that_breaks_down_has_infinite_errors() -> None:
     made = plan(example("paper-grid-same"), bound="never")
     sure = replace(made.sensors, bearing_sigmas=np.full(6, 1e-160))
     lost = replace(made.team, sensors=sure)
-    found = pilot_squares(lost, made.windows, 20.0, trials=3)
+    found = pilot_squares(lost, made.windows, 20.0, FILTERS["ekf"], trials=3)
     assert np.all(np.isinf(found))
