@@ -27,6 +27,7 @@ UNCERTAIN = document(
     name="uncertain",
     landmarks_m=[[35.0, 45.0], [35.0, -45.0]],
     initial_sigma={"position_m": 15.0, "heading_rad": 0.3},
+    filter={"kind": "ekf"},
 )
 
 

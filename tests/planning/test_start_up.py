@@ -24,15 +24,18 @@ from syncplan.reports.plan_report import plan_document
 from syncplan.reports.validation_report import validation_document
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario
-from tests.tools.scenarios import example, small
+from tests.tools.scenarios import changed, example, small
 
 
-def grid(position: float = 15.0, heading: float = 0.3, name: str = "paper-grid-same") -> Scenario:
-    scenario = example(name)
-    sigma = scenario.initial_sigma.model_copy(
-        update={"position_m": position, "heading_rad": heading}
-    )
-    return scenario.model_copy(update={"initial_sigma": sigma})
+def grid(
+    position: float = 15.0,
+    heading: float = 0.3,
+    name: str = "paper-grid-same",
+    filter_: str = "ekf",
+) -> Scenario:
+    """A scenario from an uncertain start, for a filter that it is too much for."""
+    start = {"position_m": position, "heading_rad": heading}
+    return changed(name, initial_sigma=start, filter={"kind": filter_})
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +64,7 @@ def test_an_uncertain_start_is_warned_of_with_error_and_prediction(uncertain: Pl
     assert trials.found[worst] > SAFE_RATIO * predicted
     words = f"{name} off by {trials.found[worst]:.3g} m ({predicted:.3g} m predicted)"
     assert words in told.message
-    assert "from initial_sigma 15 m and 0.3 rad" in told.message
+    assert "from initial_sigma 15 m and 0.3 rad the filter (ekf) may not settle" in told.message
     assert told.subjects == tuple(uncertain.scenario.vehicle_names)
 
 
@@ -69,6 +72,7 @@ def test_the_cure_of_an_uncertain_start_clears_it(uncertain: Plan) -> None:
     (told,) = found(uncertain)
     assert told.cure is not None
     assert set(told.cure.change) == {"initial_sigma.position_m", "initial_sigma.heading_rad"}
+    assert told.cure.text.startswith("the robust filter, or a start known to ")
     values = uncertain.scenario.model_dump(mode="json", exclude_none=True)
     for key, value in told.cure.change.items():
         section, name = key.split(".")
@@ -78,10 +82,39 @@ def test_the_cure_of_an_uncertain_start_clears_it(uncertain: Plan) -> None:
     assert start_of(cured).cleared
 
 
+@pytest.mark.parametrize("asked", ["auto", "robust"])
+def test_the_robust_filter_is_not_warned_of_where_the_extended_one_is(asked: str) -> None:
+    made = plan(grid(filter_=asked))
+    start = start_of(made)
+    assert start.filter == "robust"
+    assert start.trials is not None
+    assert start.trials.pilot
+    assert start.worst_ratio < 1.3
+    assert found(made) == []
+    assert plan_document(made).as_json()["start_up"]["pilot"]["filter"] == "robust"
+
+
+def test_the_pilot_is_of_the_filter_that_is_asked_for() -> None:
+    worst = {name: start_of(plan(grid(filter_=name))) for name in ("ekf", "second-order", "robust")}
+    assert [start.filter for start in worst.values()] == list(worst)
+    assert worst["ekf"].worst_ratio > 2.0 * worst["second-order"].worst_ratio
+    assert worst["second-order"].worst_ratio > 1.2 * worst["robust"].worst_ratio
+
+
+def test_a_robust_filter_that_misses_its_bound_is_warned_of_by_name(uncertain: Plan) -> None:
+    start = replace(ratios(uncertain, 3.0), filter="robust")
+    (told,) = found(replace(uncertain, start_up=start))
+    assert told.level == "warning"
+    assert "the filter (robust) may not settle: a pilot of 16 trials" in told.message
+    assert told.cure is not None
+    assert told.cure.text.startswith("a start known to ")
+
+
 def test_a_known_start_needs_no_pilot() -> None:
     made = plan(example("paper-grid-same"))
     assert start_of(made).index.value <= CLEARING_INDEX
     assert start_of(made).trials is None
+    assert start_of(made).filter == "ekf"
     assert found(made) == []
 
 
@@ -117,6 +150,7 @@ def test_a_pilot_that_left_errors_out_does_not_clear_a_plan_with_errors_as_state
 def test_what_was_not_tried_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     (told,) = found(plan(grid(), pilot=False))
     assert told.level == "note"
+    assert "the filter (ekf) reaches the bound was not tried" in told.message
     assert "trials were left out" in told.message
     monkeypatch.setattr(start_up, "PILOT_WORK_LIMIT", 1.0)
     (told,) = found(plan(grid()))
