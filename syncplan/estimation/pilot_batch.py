@@ -57,7 +57,7 @@ def batch_start(run: PilotReadings, samples: int, seed: int) -> PilotFilter:
     trials, n = run.initial.shape[:2]
     best = _solved_from(run, np.arange(trials), np.zeros((trials, n, 3)), samples)
 
-    def tried(missing: Index, number: int) -> _Solved:
+    def tried(missing: Index, number: int) -> _BatchStarts:
         starts = ROUNDS[number]
         away = [
             np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(trial, 1, number)))
@@ -73,7 +73,7 @@ def batch_start(run: PilotReadings, samples: int, seed: int) -> PilotFilter:
 
 
 @dataclass(slots=True)
-class _Solved:
+class _BatchStarts:
     """The best trajectories found, a lane each.
 
     Attributes
@@ -89,23 +89,25 @@ class _Solved:
     gone: Array
     errors: Array
 
-    def take(self, other: "_Solved", mine: Index, its: Index) -> None:
+    def take(self, other: "_BatchStarts", mine: Index, its: Index) -> None:
         """Take the other's solutions `its` in place of `mine`."""
         for one in fields(self):
             getattr(self, one.name)[mine] = getattr(other, one.name)[its]
 
 
-def _solved_from(run: PilotReadings, trials: Index, start: Array, samples: int) -> _Solved:
+def _solved_from(run: PilotReadings, trials: Index, start: Array, samples: int) -> _BatchStarts:
     """Those of `trials`, which may recur, from starts (lanes, n, 3) in sigmas off the prior."""
     parts = [
         _descend(run, trials[k : k + WIDE_LANES], start[k : k + WIDE_LANES], samples)
         for k in range(0, len(trials), WIDE_LANES)
     ]
-    names = [one.name for one in fields(_Solved)]
-    return _Solved(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+    names = [one.name for one in fields(_BatchStarts)]
+    return _BatchStarts(
+        *(np.concatenate([getattr(part, name) for part in parts]) for name in names)
+    )
 
 
-def _descend(run: PilotReadings, trials: Index, start: Array, samples: int) -> _Solved:
+def _descend(run: PilotReadings, trials: Index, start: Array, samples: int) -> _BatchStarts:
     still = np.zeros((len(trials), samples, run.team.count, 2))
     path = _Path.of(run, trials, start, still)
     at = Tempering.of(len(trials), TEMPERS, MOST_STEPS, (*CLOSE_ENOUGH[:-1], LAST_GAIN))
@@ -114,7 +116,7 @@ def _descend(run: PilotReadings, trials: Index, start: Array, samples: int) -> _
         settled = at.settled(cost - step.cost)
         moving = at.moving(settled)
         if not moving.any():
-            return _Solved(cost, path.x, step.P, path.gone[:, -1], step.errors)
+            return _BatchStarts(cost, path.x, step.P, path.gone[:, -1], step.errors)
         path, moved = _searched(path, step, cost, at.factors, moving)
         at.advance(settled | ~moved)
 
@@ -182,7 +184,7 @@ class _Path:
         own = np.sum(self.start**2, axis=(1, 2)) + np.sum(self.noise**2, axis=(1, 2, 3))
         return np.asarray(own + seen / temper)
 
-    def toward(self, step: "_Step", share: Array) -> "_Path":
+    def toward(self, step: "_GaussNewtonStep", share: Array) -> "_Path":
         """Return the trajectories a share (lanes,) of the way to those of a step."""
         start = self.start + share[:, None, None] * (step.start - self.start)
         noise = self.noise + share[:, None, None, None] * (step.noise - self.noise)
@@ -190,7 +192,7 @@ class _Path:
 
 
 @dataclass(frozen=True, slots=True)
-class _Step:
+class _GaussNewtonStep:
     """What is best were all linear along a path.
 
     Attributes
@@ -208,7 +210,7 @@ class _Step:
     errors: Array
 
 
-def _linear(path: _Path, temper: Array) -> _Step:
+def _linear(path: _Path, temper: Array) -> _GaussNewtonStep:
     """The Gauss-Newton step from a path."""
     run, rows, steps = path.run, path.seen.rows(), path.steps
     lanes, K, n, _ = path.noise.shape
@@ -241,7 +243,9 @@ def _linear(path: _Path, temper: Array) -> _Step:
         passed.append((chunk, gain, pull))
     np.einsum("liaib->liab", P.reshape(lanes, n, 3, n, 3))[:] += grown[:, -1]
     start, noise = _smoothed(rows, steps, gains, passed)
-    return _Step((spread * start).reshape(lanes, n, 3), noise, cost, P, errors - strayed[:, -1])
+    return _GaussNewtonStep(
+        (spread * start).reshape(lanes, n, 3), noise, cost, P, errors - strayed[:, -1]
+    )
 
 
 def _smoothed(
@@ -276,7 +280,7 @@ def _chunks(steps: Index) -> Iterator[slice]:
 
 
 def _searched(
-    path: _Path, step: _Step, cost: Array, temper: Array, moving: Flags
+    path: _Path, step: _GaussNewtonStep, cost: Array, temper: Array, moving: Flags
 ) -> tuple[_Path, Flags]:
     """The paths moved towards the step as far as their cost falls, and which moved."""
     share = np.where(moving, 1.0, 0.0)
