@@ -4,7 +4,8 @@
 vehicles, of a 10 x 10 grid and of a 40 x 25 grid. Files are in the system's cache and compiled to
 byte code: one run before the timed ones sees to that. Then the six vehicles' plan again and again
 in one process, as a service computes it, with all turning one way and alternating. Last, in pairs,
-the six vehicles' plan from 5 m, which the start-up index clears, and from 15 m, where a pilot of the robust filter runs.
+the six vehicles' plan from 5 m, which the start-up index clears, and from 15 m, where a pilot of
+the robust filter runs.
 
     python benchmarks/startup.py
 """
