@@ -65,10 +65,11 @@ def pair() -> Plan:
 
 
 @lru_cache
-def validation(trials: int, seed: int) -> Order:
-    """Return the order to validate the grid."""
-    report = validation_document(validate(grid(), trials=trials, seed=seed))
-    return Order("validation", {"trials": trials, "seed": seed}, as_text(report.as_json()))
+def validation(trials: int, seed: int, model: str | None = None) -> Order:
+    """Return the order to validate the grid, by a filter that a `model` names or the default."""
+    report = validation_document(validate(grid(), trials=trials, seed=seed, model=model))
+    body = {"trials": trials, "seed": seed} | ({"model": model} if model else {})
+    return Order("validation", body, as_text(report.as_json()))
 
 
 @lru_cache
