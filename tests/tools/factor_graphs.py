@@ -1,0 +1,360 @@
+"""The batch problem of one trial as a factor graph, and its solution by GTSAM.
+
+Variables are the poses of all vehicles at all samples, constant errors and gusts. A step's factor
+has three rows: the speed and the turn rate that two poses imply, less those read, and what must be
+zero, as a step is an arc: the place across the chord's direction. Priors and compasses are GTSAM's
+own factors, bearings and distances those of its poses. GTSAM eliminates all variables by QR and
+takes Gauss-Newton steps from the truth; nothing is shared with `estimation.batch_solution` but the
+readings.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import gtsam
+import numpy as np
+
+from syncplan.arrays import Array
+from syncplan.estimation.augmented_setup import AugmentedReadings, AugmentedSetup
+from syncplan.estimation.filter_setup import COMPASS_KIND, DISTANCE_KIND
+
+__all__ = ["GraphSolution", "TrialGraph", "solve_graph"]
+
+Factor = Callable[[gtsam.Values], tuple[Array, list[Array]]]
+"""Of values: errors, and their derivatives by each of the factor's variables."""
+
+POSE, CONSTANT, GUST = "x", "c", "g"
+
+CONSTANTS = ("wind x", "wind y", "scale", "turn-rate bias")
+"""Of AugmentedSetup.columns, those that move a vehicle and are constant."""
+
+MOST_STEPS = 60
+
+SIDEWAYS = 0.5 * np.pi
+"""rad, from a vehicle's heading to the x axis of its pose in the graph.
+
+A step is constrained across its chord, nearly across the heading, and GTSAM divides by the first
+coordinate's entry of a constraint as it eliminates: with x ahead, rounding grows a hundredfold.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class GraphSolution:
+    """The most likely trajectory.
+
+    Attributes
+    ----------
+    start, end : (3n + e,) state at the first and the last sample
+    start_sigmas, end_sigmas : (3n + e,) their standard deviations
+    cost : twice the negative log-likelihood, less a constant
+    moved : largest change of a state by the last step, in its standard deviations
+    """
+
+    start: Array
+    end: Array
+    start_sigmas: Array
+    end_sigmas: Array
+    cost: float
+    moved: float
+
+
+def solve_graph(
+    setup: AugmentedSetup, readings: AugmentedReadings, lane: int, steps: int
+) -> GraphSolution:
+    """Return GTSAM's solution over the first samples of a trial."""
+    return TrialGraph(setup, readings, lane, steps).solved()
+
+
+class TrialGraph:
+    """A factor graph, and values of its variables."""
+
+    def __init__(
+        self, setup: AugmentedSetup, readings: AugmentedReadings, lane: int, steps: int
+    ) -> None:
+        self.setup, self.readings, self.lane, self.steps = setup, readings, lane, steps
+        self.n, self.e = len(setup.columns), len(setup.variances)
+        self.constants = setup.first_gust - 3 * self.n
+        self.graph, self.values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        self._add_errors()
+        for i in range(self.n):
+            self._add_vehicle(i)
+        self._add_sightings()
+
+    def solved(self) -> GraphSolution:
+        """Return the solution from the truth on, by Gauss-Newton steps until they are rounding."""
+        parameters = gtsam.GaussNewtonParams()
+        parameters.setLinearSolverType("MULTIFRONTAL_QR")
+        ordering = self._ordering(range(self.steps + 1))
+        for c in range(self.constants):
+            ordering.push_back(self._key(CONSTANT, c))
+        parameters.setOrdering(ordering)
+        optimizer = gtsam.GaussNewtonOptimizer(self.graph, self.values, parameters)
+        before, moved = self._state(self.values, self.steps), np.inf
+        for _ in range(MOST_STEPS):
+            optimizer.iterate()
+            values = optimizer.values()
+            end = self._state(values, self.steps)
+            last, moved = moved, float(np.max(np.abs(end - before)))
+            before = end
+            if moved < 1e-13 or (moved < 1e-9 and moved >= last):
+                break
+        sigmas = self._sigmas(values, self.steps)
+        return GraphSolution(
+            start=self._state(values, 0),
+            end=end,
+            start_sigmas=self._sigmas(values, 0),
+            end_sigmas=sigmas,
+            cost=2.0 * self.graph.error(values),
+            moved=moved / float(sigmas.min()),
+        )
+
+    def _ordering(self, steps: Iterable[int]) -> gtsam.Ordering:
+        """The variables of some samples, one sample after another, poses before gusts.
+
+        Where a constraint is among what is eliminated, GTSAM divides by the first variable's entry
+        of it. That of a gust is small: COLAMD's ordering leaves errors of 1e-5 sigma.
+        """
+        ordering = gtsam.Ordering()
+        for k in steps:
+            for key in self._keys(k):
+                ordering.push_back(key)
+        return ordering
+
+    def _keys(self, step: int) -> list[int]:
+        poses = [self._key(POSE, i, step) for i in range(self.n)]
+        gusts = (self.e - self.constants) // 2
+        return poses + [self._key(GUST, g, step) for g in range(gusts)]
+
+    def _key(self, letter: str, place: int, step: int = 0) -> int:
+        return int(gtsam.symbol(letter, step * 1000 + place))
+
+    def _state(self, values: gtsam.Values, step: int) -> Array:
+        poses = [values.atPose2(self._key(POSE, i, step)) for i in range(self.n)]
+        found = [value for pose in poses for value in (pose.x(), pose.y(), pose.theta() - SIDEWAYS)]
+        found += [float(values.atVector(self._key(CONSTANT, c))[0]) for c in range(self.constants)]
+        gusts = (self.e - self.constants) // 2
+        for g in range(gusts):
+            found += values.atVector(self._key(GUST, g, step)).tolist()
+        return np.array(found)
+
+    def _sigmas(self, values: gtsam.Values, step: int) -> Array:
+        """(3n + e,) standard deviations at the first or the last sample: all others eliminated.
+
+        Not by gtsam.Marginals, which eliminates in an order of its own.
+        """
+        others = range(self.steps) if step else range(self.steps, 0, -1)
+        linear = self.graph.linearize(values)
+        _, rest = linear.eliminatePartialSequential(self._ordering(others))
+        keys, left = self._keys(step), gtsam.Ordering()
+        keys[self.n : self.n] = [self._key(CONSTANT, c) for c in range(self.constants)]
+        for key in keys:
+            left.push_back(key)
+        inverse = np.linalg.inv(np.linalg.qr(rest.jacobian(left)[0], mode="r"))
+        covariance = inverse @ inverse.T
+        for i in range(self.n):
+            own, R = slice(3 * i, 3 * i + 3), _turned(values.atPose2(keys[i]))
+            covariance[own, own] = R @ covariance[own, own] @ R.T
+        return np.sqrt(np.diag(covariance))
+
+    def _add(self, keys: list[int], sigmas: list[float], factor: Factor) -> None:
+        """Add a factor of our own; a sigma of 0 is a constraint."""
+
+        def error(_: Any, values: gtsam.Values, jacobians: Any) -> Array:
+            errors, slopes = factor(values)
+            if jacobians is not None:
+                for place, slope in enumerate(slopes):
+                    jacobians[place] = np.asfortranarray(slope)
+            return errors
+
+        noise = _noise(sigmas)
+        self.graph.add(gtsam.CustomFactor(noise, keys, error))
+
+    def _add_errors(self) -> None:
+        """Constants and gusts, their priors, and how gusts go on."""
+        setup, readings, lane = self.setup, self.readings, self.lane
+        sigmas = np.sqrt(setup.variances)
+        for c in range(self.constants):
+            key = self._key(CONSTANT, c)
+            self.values.insert(key, readings.constants[c : c + 1, lane])
+            self.graph.add(gtsam.PriorFactorVector(key, np.zeros(1), _noise([sigmas[c]])))
+        for g in range((self.e - self.constants) // 2):
+            own = slice(2 * g, 2 * g + 2)
+            for k in range(self.steps + 1):
+                self.values.insert(self._key(GUST, g, k), readings.gusts[k, own, lane])
+            prior = _noise(sigmas[self.constants :][own].tolist())
+            self.graph.add(gtsam.PriorFactorVector(self._key(GUST, g), np.zeros(2), prior))
+            for k in range(self.steps):
+                self._add_decay(self._key(GUST, g, k), self._key(GUST, g, k + 1))
+
+    def _add_decay(self, before: int, after: int) -> None:
+        decay, noise = self.setup.decay, float(np.sqrt(self.setup.gust_noise))
+
+        def error(values: gtsam.Values) -> tuple[Array, list[Array]]:
+            gained = values.atVector(after) - decay * values.atVector(before)
+            return gained, [-decay * np.eye(2), np.eye(2)]
+
+        self._add([before, after], [noise, noise], error)
+
+    def _add_vehicle(self, i: int) -> None:
+        """The poses of a vehicle, their prior, and its steps."""
+        poses, lane = self.setup.poses, self.lane
+        for k in range(self.steps + 1):
+            x, y = poses.truth[k, i, :2].tolist()
+            ahead = float(self.readings.headings[k, i, lane])
+            self.values.insert(self._key(POSE, i, k), gtsam.Pose2(x, y, ahead + SIDEWAYS))
+        x, y, heading = self.readings.initial[i, :, lane].tolist()
+        east, north, about = np.sqrt(poses.initial_variances[i]).tolist()
+        # translation's noise is along the axes of the pose: the same where both sigmas are
+        assert east == north
+        key = self._key(POSE, i)
+        pose = gtsam.Pose2(x, y, heading + SIDEWAYS)
+        self.graph.add(gtsam.PoseTranslationPrior2D(key, pose, _noise([east, north])))
+        self.graph.add(gtsam.PoseRotationPrior2D(key, pose, _noise([about])))
+        for k in range(self.steps):
+            self._add_step(i, k)
+
+    def _add_step(self, i: int, k: int) -> None:
+        """Add that two poses imply the speed and turn rate read, and lie on an arc."""
+        motion, own = self.setup.poses.motion, (self.setup.columns[i] - 3 * self.n).tolist()
+        step = _Step(
+            time=motion.time,
+            speed=float(self.readings.speeds[k, i, self.lane]),
+            turn_rate=float(self.readings.turn_rates[k, i, self.lane]),
+        )
+        constants = [(name, c) for name, c in zip(CONSTANTS, own, strict=False) if c >= 0]
+        keys = [self._key(POSE, i, k), self._key(POSE, i, k + 1)]
+        keys += [self._key(CONSTANT, c) for _, c in constants]
+        names = [name for name, _ in constants]
+        if own[5] >= 0:
+            keys.append(self._key(GUST, (own[5] - self.constants) // 2, k))
+            names.append("gust")
+
+        def error(values: gtsam.Values) -> tuple[Array, list[Array]]:
+            a, b = values.atPose2(keys[0]), values.atPose2(keys[1])
+            known = {name: values.atVector(key) for name, key in zip(names, keys[2:], strict=True)}
+            errors, slopes = step.errors(a, b, known)
+            return errors, [slopes[name] for name in ("before", "after", *names)]
+
+        sigmas = np.sqrt([motion.speed_variance, motion.turn_rate_variance]).tolist()
+        self._add(keys, [*sigmas, 0.0], error)
+
+    def _add_sightings(self) -> None:
+        poses = self.setup.poses
+        for k in range(1, self.steps + 1):
+            for s in range(int(poses.first[k]), int(poses.first[k + 1])):
+                reading = float(self.readings.sightings[s, self.lane])
+                if not np.isnan(reading):
+                    self._add_sighting(s, k, reading)
+
+    def _add_sighting(self, s: int, k: int, reading: float) -> None:
+        poses, n = self.setup.poses, self.n
+        o, t, kind = int(poses.observers[s]), int(poses.targets[s]), int(poses.kinds[s])
+        keys, sigma = [self._key(POSE, o, k)], float(np.sqrt(poses.variances[s]))
+        if kind == COMPASS_KIND:
+            pose = gtsam.Pose2(0.0, 0.0, reading + SIDEWAYS)
+            self.graph.add(gtsam.PoseRotationPrior2D(keys[0], pose, _noise([sigma])))
+            return
+        landmark = poses.landmarks[t - n] if t >= n else None
+        if landmark is None:
+            keys.append(self._key(POSE, t, k))
+        if kind == DISTANCE_KIND:
+            self._add(keys, [sigma], _distance(keys, landmark, reading))
+            return
+        bias = int(self.setup.columns[o, 4]) - 3 * n
+        if bias >= 0:
+            keys.append(self._key(CONSTANT, bias))
+        made = _bearing(keys, landmark, bias >= 0, gtsam.Rot2(reading - SIDEWAYS))
+        self._add(keys, [sigma], made)
+
+
+def _place(keys: list[int], landmark: Array | None, values: gtsam.Values) -> tuple[Array, Array]:
+    """Where the target is, and its derivative by what GTSAM moves a pose by."""
+    if landmark is not None:
+        return landmark, np.zeros((2, 0))
+    pose = values.atPose2(keys[1])
+    return pose.translation(), _turned(pose)[:2]
+
+
+def _distance(keys: list[int], landmark: Array | None, reading: float) -> Factor:
+    """A distance as GTSAM's Pose2 has it."""
+
+    def error(values: gtsam.Values) -> tuple[Array, list[Array]]:
+        by_observer, by_place = np.zeros((1, 3), order="F"), np.zeros((1, 2), order="F")
+        place, by_target = _place(keys, landmark, values)
+        distance = values.atPose2(keys[0]).range(place, by_observer, by_place)
+        return np.array([distance - reading]), [by_observer, by_place @ by_target][: len(keys)]
+
+    return error
+
+
+def _bearing(keys: list[int], landmark: Array | None, biased: bool, reading: gtsam.Rot2) -> Factor:
+    """A bearing as GTSAM's Pose2 has it; where it is biased, the last key is that of its bias."""
+
+    def error(values: gtsam.Values) -> tuple[Array, list[Array]]:
+        by_observer, by_place = np.zeros((1, 3), order="F"), np.zeros((1, 2), order="F")
+        place, by_target = _place(keys, landmark, values)
+        bearing = values.atPose2(keys[0]).bearing(place, by_observer, by_place)
+        bias = float(values.atVector(keys[-1])[0]) if biased else 0.0
+        off = reading.between(bearing.compose(gtsam.Rot2(bias))).theta()
+        slopes = [by_observer] + ([by_place @ by_target] if landmark is None else [])
+        return np.array([off]), slopes + ([np.ones((1, 1))] if biased else [])
+
+    return error
+
+
+def _turned(pose: gtsam.Pose2) -> Array:
+    """(3, 3) derivative of x, y and heading by what GTSAM moves a pose by."""
+    R = np.eye(3)
+    R[:2, :2] = pose.rotation().matrix()
+    return R
+
+
+def _noise(sigmas: list[float]) -> Any:
+    if all(one > 0.0 for one in sigmas):
+        return gtsam.noiseModel.Diagonal.Sigmas(np.array(sigmas))
+    return gtsam.noiseModel.Constrained.MixedSigmas(1.0, np.array(sigmas))
+
+
+@dataclass(frozen=True, slots=True)
+class _Step:
+    """What a vehicle reads in a step of some length: s, m/s, rad/s."""
+
+    time: float
+    speed: float
+    turn_rate: float
+
+    def errors(
+        self, a: gtsam.Pose2, b: gtsam.Pose2, known: dict[str, Array]
+    ) -> tuple[Array, dict[str, Array]]:
+        """Errors (3,) of a step from a to b, and their derivatives by poses and errors known.
+
+        With u along the chord's direction, half a turn h from the heading at a, and s = sin(h) / h,
+        the vehicle has flown u . chord = (1 + scale) v T s through the air, and nothing across.
+        """
+        T, none = self.time, np.zeros(1)
+        drift = np.concatenate([known.get("wind x", none), known.get("wind y", none)])
+        grown = 1.0 + float(known.get("scale", none)[0])
+        bias = float(known.get("turn-rate bias", none)[0])
+        chord = b.translation() - a.translation() - T * (drift + known.get("gust", np.zeros(2)))
+        turn = a.rotation().between(b.rotation()).theta()
+        half = 0.5 * turn
+        s = float(np.sinc(half / np.pi))
+        by_half = (np.cos(half) - s) / half if abs(half) > 1e-4 else -half / 3.0
+        direction = a.theta() - SIDEWAYS + half
+        u = np.array([np.cos(direction), np.sin(direction)])
+        p = np.array([-u[1], u[0]])
+        along, across, length = float(u @ chord), float(p @ chord), T * s * grown
+        errors = np.array([along / length - self.speed, turn / T - bias - self.turn_rate, across])
+        place = np.stack([u / length, np.zeros(2), p])
+        swung = 0.5 * np.array([across / length, 0.0, -along])
+        bent = np.array([-0.5 * along / length * by_half / s, 1.0 / T, 0.0])
+        return errors, {
+            "before": np.column_stack([-place, swung - bent]) @ _turned(a),
+            "after": np.column_stack([place, swung + bent]) @ _turned(b),
+            "wind x": -T * place[:, :1],
+            "wind y": -T * place[:, 1:],
+            "scale": np.array([[-along / length / grown], [0.0], [0.0]]),
+            "turn-rate bias": np.array([[0.0], [-1.0], [0.0]]),
+            "gust": -T * place,
+        }
