@@ -233,7 +233,8 @@ def _weigh(
         square = off * off / read if off == off else 0.0
         cost = misfit(square, gate, temper[lane])
         pulled = gate < np.inf and temper[lane] > 1.0 and square > FAR * FAR
-        made = 1.0 if off == off and (pulled or square <= gate) else 0.0
+        counted = gate if temper[lane] <= 1.0 else np.inf
+        made = 1.0 if off == off and square <= counted else 0.0
         # weighted down so that its pull is that of its cost
         read *= math.sqrt(square) / FAR if pulled else 1.0
         rest = cost - off * off / read if pulled else 0.0

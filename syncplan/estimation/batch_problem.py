@@ -155,11 +155,9 @@ def misfit(square: float, gate: float, temper: float) -> float:
     a start that is far off most good readings are beyond it, too, and would pull nowhere: until R
     is true, a reading beyond FAR costs in proportion to how far it is off (Huber).
     """
-    if gate == np.inf or square <= FAR * FAR:
-        return square
-    if temper > 1.0:
-        return 2.0 * FAR * math.sqrt(square) - FAR * FAR
-    return min(square, gate)
+    if temper <= 1.0 or gate == np.inf:
+        return min(square, gate)
+    return square if square <= FAR * FAR else 2.0 * FAR * math.sqrt(square) - FAR * FAR
 
 
 @compiled
