@@ -145,7 +145,7 @@ class TrialGraph:
         """
         others = range(self.steps) if step else range(self.steps, 0, -1)
         linear = self.graph.linearize(values)
-        _, rest = linear.eliminatePartialSequential(self._ordering(others))
+        _, rest = linear.eliminatePartialSequential(self._ordering(others), gtsam.EliminateQR)
         keys, left = self._keys(step), gtsam.Ordering()
         keys[self.n : self.n] = [self._key(CONSTANT, c) for c in range(self.constants)]
         for key in keys:
