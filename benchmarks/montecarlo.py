@@ -26,11 +26,15 @@ from syncplan.orbits.noise import Noise
 from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import Sightings, sample_sightings
 from syncplan.orbits.team import Team
+from syncplan.runtime.cores import usable_cores
 
 Scene = tuple[Team, Sightings, int]
 
 STEPS = 2000
 SEED = 1
+
+LEAST_TIMES = 200.0
+"""How many times as fast as filterpy a trial is to be, for each core."""
 
 
 def paper_grid_same() -> Scene:
@@ -169,13 +173,13 @@ def main(trials: int = 1000, filterpy_trials: int = 3) -> dict[str, float]:
 
 def figures(result: dict[str, float]) -> list[Figure]:
     """Return what is shown of the Monte Carlo's result."""
-    name = "Monte Carlo, a trial of 6 vehicles over 200 s"
+    name, least = "Monte Carlo, a trial of 6 vehicles over 200 s", LEAST_TIMES * usable_cores()
     return [
         Figure(f"{name}: filterpy", result["filterpy_s"], "s"),
         Figure(f"{name}: one thread", result["one_thread_s"], "s"),
         Figure(f"{name}: all cores", result["all_cores_s"], "s"),
         Figure(f"{name}: faster than filterpy, one thread", result["ratio_one_thread"], "x"),
-        Figure(f"{name}: faster than filterpy, all cores", result["ratio_all_cores"], "x", 200.0),
+        Figure(f"{name}: faster than filterpy, all cores", result["ratio_all_cores"], "x", least),
     ]
 
 

@@ -38,7 +38,7 @@ from syncplan.planning.planner import plan
 from syncplan.scenario.loading import scenario_from
 from tests.tools.scenario_draws import draw_document
 
-__all__ = ["Flight", "draw_plan", "main", "search_one"]
+__all__ = ["Flight", "draw_plan", "main", "search_one", "started"]
 
 HEADINGS = {5.0: 0.1, 15.0: 0.3, 30.0: 0.6, 50.0: 1.0}
 """rad of initial sigma for each position's in m."""
@@ -87,13 +87,13 @@ def draw_plan(number: int, seed: int, *, hardly: bool = False) -> Plan:
         except (InputError, NoSolutionError):
             continue
         if made.certificate.holds and (
-            hardly or np.max(_bound(_started(made, OBSERVED_FROM), made)) <= OBSERVED
+            hardly or np.max(_bound(started(made, OBSERVED_FROM), made)) <= OBSERVED
         ):
             return made
 
 
-def _started(made: Plan, sigma: float) -> Team:
-    """The team with an initial sigma in m, and its heading's."""
+def started(made: Plan, sigma: float) -> Team:
+    """Return the team with an initial sigma in m, of HEADINGS, and its heading's."""
     noise = replace(made.noise, position_sigma=sigma, heading_sigma=HEADINGS[sigma])
     return replace(made.team, noise=noise)
 
@@ -118,7 +118,7 @@ def search_one(
     steps = steps_within(duration, made.sensors.sample_time)
     seen = possible_sightings(made.team, made.windows, steps)
     for sigma in sigmas:
-        team = _started(made, sigma)
+        team = started(made, sigma)
         bound = _bound(team, made)
         for name in filters:
             options = FilterOptions(trials=trials, seed=seed + 1, filter=name)
