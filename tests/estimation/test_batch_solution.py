@@ -16,11 +16,11 @@ from syncplan.estimation.batch_solution import (
     BatchSolution,
     _Problem,
     _thinned,
-    is_credible,
     solve,
 )
 from syncplan.estimation.filter_setup import DISTANCE_KIND
 from syncplan.estimation.reference_states import moved_state, sighted
+from syncplan.estimation.start_search import is_credible
 from syncplan.orbits.circles import wrap
 from syncplan.orbits.error_states import ERROR_STATES
 from tests.estimation.test_further_states import Scene, a_team, scene_of
