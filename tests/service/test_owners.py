@@ -171,7 +171,7 @@ def test_an_idempotency_key_is_its_owners(
     }
     body = bodies.get(path, {})
     headers = {"idempotency-key": f"shared-{path}".replace("{", "").replace("}", "")}
-    identifiers = {"plan_id": planned(ann), "job_id": running}
+    identifiers = {"plan_id": planned(ann), "job_id": running, "recording_id": recorded(ann)}
     sent: dict[str, Any] = {"json": body}
     if path == "/v1/recordings":
         sent, headers = {"content": ARCHIVE}, {**headers, "content-type": "application/zip"}
