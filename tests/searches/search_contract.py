@@ -9,6 +9,7 @@ cases, and follows links for as long.
 """
 
 import math
+import os
 import re
 import subprocess
 import sys
@@ -16,7 +17,7 @@ import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from tests.tools.serving import Server, running
+from tests.tools.serving import ROOT, Server, running
 
 __all__ = ["KEY", "SMALL_JOBS", "Outcome", "errors_of", "main", "search"]
 
@@ -32,10 +33,12 @@ SMALL_JOBS = {
     "SYNCPLAN_MAX_REFINE_S": "2",
     "SYNCPLAN_MAX_SWEEP_VALUES": "3",
     "SYNCPLAN_PLAN_TIMEOUT_S": "60",
+    "SYNCPLAN_MAX_RECORDINGS": "5000",
 }
-"""Settings under which no job takes long."""
+"""Settings under which no job takes long, nor are there too many recordings."""
 
 _CONFIG = Path(__file__).with_name("contract.toml")
+_ARCHIVES = "tests.searches.contract_archives"
 _CASES = re.compile(r"(\d+) generated")
 
 
@@ -62,6 +65,8 @@ def search(url: str, cases: int, seed: int, phases: str = _PHASES) -> Outcome:
         capture_output=True,
         text=True,
         check=False,
+        cwd=ROOT,
+        env={**os.environ, "SCHEMATHESIS_HOOKS": _ARCHIVES},
     )
     counted = _CASES.search(done.stdout)
     return Outcome(
