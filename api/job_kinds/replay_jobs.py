@@ -20,6 +20,7 @@ from api.limits import RequestLimits, check_replay_work
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import LARGEST_SEED
 from syncplan.estimation.filters import RecordingFilterName
+from syncplan.estimation.recorded_starts import check_start
 from syncplan.estimation.replay_requests import options_of_request, settings_of_request
 from syncplan.estimation.replay_settings import ReplaySettings
 from syncplan.estimation.replay_tuning import FIT_SHARE, MOST_RUNS
@@ -79,7 +80,8 @@ class ReplayRequest(JobRequest):
     )
     start: Literal["truth", "prior", "given"] = Field(
         default="truth",
-        description="Start at the truth, drawn about it by the start's sigmas, or where given",
+        description="Start at the truth, drawn about it by the start's sigmas, or where given, "
+        "which a recording without truth needs",
     )
     start_poses: Many[Pose] | None = Field(
         default=None, description="x, y and heading of each robot, where the start is given"
@@ -114,7 +116,8 @@ class ReplayRequest(JobRequest):
         assert isinstance(subject, Overview)
         chosen_landmarks(subject.landmarks, self.landmarks)
         asked = self.model_dump(exclude_none=True)
-        settings_of_request(asked)
+        settings = settings_of_request(asked)
+        check_start(settings, subject.name, has_truth=subject.has_truth)
         options_of_request(asked)
         sightings = subject.bearings + subject.distances * self.distances
         check_replay_work(sightings, len(subject.robots), limits)
@@ -156,8 +159,8 @@ REPLAY = JobKind(
         id="replayRecording",
         path="/recordings/{recording_id}/replays",
         summary="Replay a recording",
-        description="Run the filter on what real robots recorded: a job that reports errors, "
-        "beside the recorded truth, and consistency.",
+        description="Run the filter on what real robots recorded: a job that reports errors "
+        "against the recorded truth, if there is any, and consistency.",
         body="What the filter assumes; defaults if empty",
         body_required=False,
     ),

@@ -73,7 +73,10 @@ Delay = Annotated[
 ]
 Start = Annotated[
     StartKind,
-    typer.Option(help="Start at the truth, drawn about it by the start's sigmas, or where given"),
+    typer.Option(
+        help="Start at the truth, drawn about it by the start's sigmas, or where given, which a "
+        "recording without truth needs"
+    ),
 ]
 Poses = Annotated[
     str | None,
@@ -139,7 +142,10 @@ def _replay(
     gate: Gate = 0.999,
     series: Series = False,
 ) -> int:
-    """Run the filter on recorded odometry and sightings, and compare it with the recorded truth."""
+    """Run the filter on recorded odometry and sightings, and compare it with the truth if recorded.
+
+    Without truth, the report has estimates and the filter's own sigmas in place of errors.
+    """
     from syncplan.cli.start_option import poses_of
     from syncplan.estimation.replay_settings import START_SIGMAS, ReplaySettings
     from syncplan.orbits.noise import Noise
@@ -181,10 +187,12 @@ def _document(
     recording: "Log", settings: "ReplaySettings", changes: "FilterChanges", *, tune: bool
 ) -> "ReplayDocument":
     """The report of a replay, with its progress on the way."""
+    from syncplan.estimation.recorded_starts import check_start
     from syncplan.estimation.replay_tuning import MOST_RUNS, tuned
     from syncplan.estimation.replays import replay_options, replay_with
     from syncplan.reports.replay_report import replay_document
 
+    check_start(settings, recording.name, has_truth=recording.has_truth)
     options = replay_options(None, changes)
     announce_compilation(options, [(len(recording.robots), settings.has_lasting_errors)])
     tuning = None

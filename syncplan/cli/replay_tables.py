@@ -12,10 +12,13 @@ __all__ = ["show_replay"]
 
 def show_replay(report: ReplayDocument, console: Console) -> None:
     """Print the report of a replay."""
-    console.print(
-        f"[bold]{escape(report.name)}[/]: {report.run}; position {report.position_rmse_m:.3f} m, "
-        f"heading {report.heading_rmse_rad:.3f} rad RMS over all robots"
-    )
+    found = "no truth, so errors are not known"
+    if report.has_errors:
+        found = (
+            f"position {report.position_rmse_m:.3f} m, heading {report.heading_rmse_rad:.3f} rad "
+            "RMS over all robots"
+        )
+    console.print(f"[bold]{escape(report.name)}[/]: {report.run}; {found}")
     for name, counts in (("bearings", report.readings), ("distances", report.distances)):
         if counts is not None:
             console.print(
@@ -23,6 +26,25 @@ def show_replay(report: ReplayDocument, console: Console) -> None:
                 f"{counts.unknown} of unknown targets, {counts.not_asked_for} not asked for, "
                 f"{counts.outside} outside the run"
             )
+    table = _errors(report) if report.has_errors else _estimates(report)
+    table.count_hidden(len(report.robots) - MOST_ROWS)
+    console.print(table)
+    if (seen := report.observability) is not None:
+        console.print(
+            f"observable over the last {seen.window_s:g} s during {seen.observable_s:.1f} of "
+            f"{seen.judged_s:.1f} s, certified during {seen.certified_s:.1f} s; longest gap "
+            f"{seen.longest_gap_s:.1f} s"
+        )
+    _print_tuning(report, console)
+    _print_lasting_errors(report, console)
+    if report.anees is not None:
+        console.print(f"ANEES {spread_words(report.anees)}")
+    console.print(f"NIS   {spread_words(report.nis)}")
+    for note in report.notes:
+        console.print(f"[yellow]note[/]: {escape(note)}")
+
+
+def _errors(report: ReplayDocument) -> FittedTable:
     table = FittedTable(
         "RMS error in m over the run, and over its second half",
         ("robot", "x", "y", "position", "2nd half", "heading rad", "3 sigma"),
@@ -36,20 +58,20 @@ def show_replay(report: ReplayDocument, console: Console) -> None:
             f"{robot.rms_heading_rad:.3f}",
             f"{robot.coverage_3sigma:.4f}",
         )
-    table.count_hidden(len(report.robots) - MOST_ROWS)
-    console.print(table)
-    if (seen := report.observability) is not None:
-        console.print(
-            f"observable over the last {seen.window_s:g} s during {seen.observable_s:.1f} of "
-            f"{seen.judged_s:.1f} s, certified during {seen.certified_s:.1f} s; longest gap "
-            f"{seen.longest_gap_s:.1f} s"
-        )
-    _print_tuning(report, console)
-    _print_lasting_errors(report, console)
-    console.print(f"ANEES {spread_words(report.anees)}")
-    console.print(f"NIS   {spread_words(report.nis)}")
-    for note in report.notes:
-        console.print(f"[yellow]note[/]: {escape(note)}")
+    return table
+
+
+def _estimates(report: ReplayDocument) -> FittedTable:
+    table = FittedTable(
+        "estimate at the end in m, and the filter's own sigmas",
+        ("robot", "x", "y", "heading rad", "sigma", "sigma rad", "RMS sigma over the run"),
+        goes=("sigma rad", "RMS sigma over the run", "heading rad"),
+    )
+    for robot in report.robots[:MOST_ROWS]:
+        pose = (robot.final_x_m, robot.final_y_m, robot.final_heading_rad)
+        sigmas = (robot.final_sigma_m, robot.final_sigma_heading_rad, robot.rms_sigma_m)
+        table.add_row(escape(robot.name), *(f"{value:.3f}" for value in (*pose, *sigmas)))
+    return table
 
 
 def _print_tuning(report: ReplayDocument, console: Console) -> None:

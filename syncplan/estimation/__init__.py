@@ -58,6 +58,7 @@ recorded_readings  a recording's readings at their own times
 recorded_run       a recording as a run of the filter
 recorded_observability  when a recording's sightings determined all poses
 replay_tuning      sigmas and delay from a recording's innovations
+replay_results     what a replay found
 replays            the filter on a recording
 replay_requests    the same as requests name it
 """

@@ -1,7 +1,8 @@
 """When the sightings of a recording determined where everybody was: rank and certificate over time.
 
 At each of some times, the sightings of the last `window` s are judged as those of a plan's window
-are. Paths are those of odometry from the truth at the beginning of each window.
+are. Paths are those of odometry from the truth at the beginning of each window; where that is not
+known, from the filter's estimate then.
 """
 
 from dataclasses import dataclass
@@ -74,13 +75,17 @@ class SeenOverTime:
 
 
 def seen_over_time(run: RecordedRun, made: FilteredRun, window: float) -> SeenOverTime:
-    """Return what the accepted sightings of a run determined over windows of so many s."""
+    """Return what the accepted sightings of a run determined over windows of so many s.
+
+    Of a recording without truth, `made` must hold the estimates.
+    """
     clock = run.clock
     samples = max(min(round(window / clock.sample_time), clock.samples), 1)
     step = max(samples // STEPS_IN_WINDOW, -(-(clock.samples - samples) // MOST_WINDOWS), 1)
     ends = np.arange(samples, clock.samples + 1, step)
     used = np.flatnonzero(made.weights > 0.0)
     seen, setup = run.sightings, run.setup
+    poses = setup.truth if run.has_truth else made.estimates
     begins = ends - samples
     watched = WatchedTeam(
         times=seen.times[used],
@@ -90,11 +95,13 @@ def seen_over_time(run: RecordedRun, made: FilteredRun, window: float) -> SeenOv
         sigmas=np.sqrt(setup.variances[used]),
         count=run.layout.count,
         landmarks=setup.landmarks,
-        scale=_scale(setup.truth[:, :, :2]),
+        scale=_scale(poses[:, :, :2]),
     )
     times = clock.times
     found = list(
-        judged_windows(watched, _along_odometry(run, used, begins), times[begins], times[ends])
+        judged_windows(
+            watched, _along_odometry(run, poses, used, begins), times[begins], times[ends]
+        )
     )
     length = step * clock.sample_time
     return SeenOverTime(
@@ -109,24 +116,27 @@ def seen_over_time(run: RecordedRun, made: FilteredRun, window: float) -> SeenOv
     )
 
 
-def _along_odometry(run: RecordedRun, used: Index, begins: Index) -> Placed:
-    """Where everybody is in windows from samples `begins`, by odometry from the truth there."""
+def _along_odometry(run: RecordedRun, poses: Array, used: Index, begins: Index) -> Placed:
+    """Where everybody is in windows from samples `begins`, by odometry from their poses there.
+
+    `poses` are (samples + 1, n, 3) m, m, rad.
+    """
     setup, n, paths = run.setup, run.layout.count, _paths(run)
     o, t = run.sightings.observers[used], run.sightings.targets[used]
     step_of = np.repeat(np.arange(len(setup.first) - 1), np.diff(setup.first))[used]
     at_sample = np.flatnonzero(setup.compared >= 0)
 
     def placed(k: int, of: slice) -> tuple[Array, Array]:
-        truth, begin = setup.truth[begins[k]], paths[at_sample[begins[k]]]
-        turn = truth[:, 2] - begin[:, 2]
+        start, begin = poses[begins[k]], paths[at_sample[begins[k]]]
+        turn = start[:, 2] - begin[:, 2]
         now, a, b = paths[step_of[of]], o[of], t[of]
         places = np.empty((len(a), 2, 2))
         for side, body in ((0, a), (1, np.minimum(b, n - 1))):
             gone = now[np.arange(len(a)), body, :2] - begin[body, :2]
-            places[:, side] = truth[body, :2] + _turned(gone, turn[body])
+            places[:, side] = start[body, :2] + _turned(gone, turn[body])
         fixed = b >= n
         places[fixed, 1] = setup.landmarks[b[fixed] - n]
-        return truth[:, :2], places
+        return start[:, :2], places
 
     return placed
 

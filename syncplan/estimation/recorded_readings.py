@@ -1,9 +1,9 @@
-"""A recording's readings at their own times, on a clock that begins with its truth.
+"""A recording's readings at their own times, on a clock that begins with its truth, if it has any.
 
 odometry    held from one reading to the next, and averaged over each step of the filter; zero
             before the first and after the last
 sightings   in the order of their times, which end the filter's steps
-truth       straight lines between its entries; headings unwrapped
+truth       straight lines between its entries; headings unwrapped; zeros where there is none
 """
 
 from collections.abc import Mapping
@@ -98,18 +98,18 @@ class RecordedSightings:
 def clock_of(log: Log, sample_time: float, portion: tuple[float, float] = (0.0, 1.0)) -> Clock:
     """Return the samples at which the truth of all robots is known, in a portion of that time.
 
+    Of a recording without truth, those from the first to the last odometry that all robots have.
     Raises InputError where there are none or too many, or where no odometry is from then.
     """
-    if not log.has_truth:
-        problem = "holds no truth; the filter starts at it, and its errors are from it"
-        raise InputError(problem, source=log.name)
-    begin = max(float(robot.truth[0, 0]) for robot in log.robots)
-    end = min(float(robot.truth[-1, 0]) for robot in log.robots)
+    tables = [robot.truth if log.has_truth else robot.odometry for robot in log.robots]
+    begin = max(float(table[0, 0]) for table in tables)
+    end = min(float(table[-1, 0]) for table in tables)
     duration = end - begin
     if duration < sample_time:
+        known = "the truth of all robots is known" if log.has_truth else "all robots have odometry"
         raise InputError(
-            f"the truth of all robots is known together for {max(duration, 0.0):g} s; at least "
-            f"one sample time, {sample_time:g} s, is needed",
+            f"{known} together for {max(duration, 0.0):g} s; at least one sample time, "
+            f"{sample_time:g} s, is needed",
             source=log.name,
         )
     problem = excess(duration, sample_time, duration, len(log.robots))
@@ -131,8 +131,10 @@ def clock_of(log: Log, sample_time: float, portion: tuple[float, float] = (0.0, 
 
 
 def true_poses(log: Log, clock: Clock) -> Array:
-    """Return (samples + 1, n, 3) m, m, rad."""
-    poses = np.empty((clock.samples + 1, len(log.robots), 3))
+    """Return (samples + 1, n, 3) m, m, rad; zeros of a recording without truth."""
+    poses = np.zeros((clock.samples + 1, len(log.robots), 3))
+    if not log.has_truth:
+        return poses
     for k, robot in enumerate(log.robots):
         known = clock.since_begin(robot.truth[:, 0])
         poses[:, k, 0] = np.interp(clock.times, known, robot.truth[:, 1])

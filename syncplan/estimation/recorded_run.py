@@ -2,7 +2,8 @@
 
 Each time at which something was seen ends a step of the filter, and so does each sample; errors are
 taken at the samples. Odometry is integrated over each step along an arc. The filter runs as for one
-trial of a Monte Carlo (`lane_filter.LaneFilter.run`), so its figures mean the same.
+trial of a Monte Carlo (`lane_filter.LaneFilter.run`), so its figures mean the same. Where the
+recording has no truth, zeros stand for it: what the filter then counts as errors is its estimate.
 """
 
 from collections.abc import Callable
@@ -33,9 +34,10 @@ from syncplan.estimation.recorded_readings import (
     sightings_of,
     true_poses,
 )
-from syncplan.estimation.recorded_starts import start_of
+from syncplan.estimation.recorded_starts import check_start, start_of
 from syncplan.estimation.replay_settings import ReplaySettings
-from syncplan.estimation.trials import MonteCarloResult, result_of
+from syncplan.estimation.trials import MonteCarloResult, result_of, series
+from syncplan.orbits.circles import wrap
 from syncplan.orbits.error_states import NO_ERRORS, StateLayout
 from syncplan.recordings.log import Log
 
@@ -62,8 +64,10 @@ class RecordedRun:
     ----------
     clock, sightings : of the run
     landmarks : places of the chosen ones among the recording's
-    setup, readings : as the filter of poses takes them, in its one lane
+    setup, readings : as the filter of poses takes them, in its one lane; the truth is zeros where
+        it is not known
     layout : of poses and lasting errors
+    has_truth : whether it is known where every robot truly was
     """
 
     clock: Clock
@@ -72,6 +76,7 @@ class RecordedRun:
     setup: FilterSetup
     readings: Readings
     layout: StateLayout
+    has_truth: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +89,8 @@ class FilteredRun:
     innovations, weights : (s,) in the unit of each sighting's kind, and 1 over its variance, 0
         where the sighting was rejected
     errors, error_sigmas : (e,) lasting errors at the end, in the order of the layout
+    estimates : (samples + 1, n, 3) m, m, rad where robots are taken to be, headings wrapped; no
+        rows unless a series was kept
     """
 
     result: MonteCarloResult
@@ -91,10 +98,12 @@ class FilteredRun:
     weights: Array
     errors: Array
     error_sigmas: Array
+    estimates: Array
 
 
 def run_of(log: Log, settings: ReplaySettings, options: FilterOptions) -> RecordedRun:
     """Return the run of a recording; raises InputError naming what does not fit."""
+    check_start(settings, log.name, has_truth=log.has_truth)
     used = log.landmark_places(settings.landmarks)
     clock = clock_of(log, settings.sample_time, settings.portion)
     seen, truth = sightings_of(log, clock, used, settings), true_poses(log, clock)
@@ -126,7 +135,8 @@ def run_of(log: Log, settings: ReplaySettings, options: FilterOptions) -> Record
         turn_rates=mean_odometry(log, clock, ends, 2)[..., None],
         sightings=seen.values[:, None],
     )
-    return RecordedRun(clock, seen, used, setup, readings, _layout(len(log.robots), settings))
+    layout = _layout(len(log.robots), settings)
+    return RecordedRun(clock, seen, used, setup, readings, layout, log.has_truth)
 
 
 def filtered(run: RecordedRun, options: FilterOptions, progress: Seen | None = None) -> FilteredRun:
@@ -149,7 +159,18 @@ def filtered(run: RecordedRun, options: FilterOptions, progress: Seen | None = N
         )
     innovations, weights = counted.poses.innovations[..., 0].T
     sigmas = np.sqrt(np.diag(P[3 * n :, 3 * n :, 0]))
-    return FilteredRun(result, innovations, weights, states[:, 0], sigmas)
+    return FilteredRun(
+        result, innovations, weights, states[:, 0], sigmas, _estimates(run.setup.truth, result)
+    )
+
+
+def _estimates(truth: Array, result: MonteCarloResult) -> Array:
+    """Poses over time, of errors and the truth that they are from."""
+    if not result.branches:
+        return np.zeros((0, *truth.shape[1:]))
+    estimates = truth + series(result).mean_errors
+    estimates[..., 2] = wrap(estimates[..., 2])
+    return estimates
 
 
 def _in_thread(

@@ -1,6 +1,7 @@
 """Where the filter starts on a recording: at the truth, drawn about it, or where it is told."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
@@ -9,12 +10,36 @@ from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.estimation.replay_settings import ReplaySettings
 
-__all__ = ["STARTS", "start_of"]
+__all__ = ["STARTS", "RecordedStart", "check_start", "start_of"]
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedStart:
+    """A kind of start.
+
+    Attributes
+    ----------
+    poses : (n, 3) m, m, rad, of the true poses at the beginning, settings and a seed
+    needs_truth : whether those must be known; zeros of the same shape do where they need not
+    """
+
+    poses: Callable[[Array, ReplaySettings, int], Array]
+    needs_truth: bool
+
+
+def check_start(settings: ReplaySettings, name: str, *, has_truth: bool) -> None:
+    """Raise InputError if the start rests on truth that the recording of this name lacks."""
+    if STARTS[settings.start].needs_truth and not has_truth:
+        problem = (
+            f"{settings.start!r} needs the truth, which {name} does not hold; give the start: "
+            "'given' with start_poses (--start given --start-poses ...)"
+        )
+        raise InputError(problem, key="start")
 
 
 def start_of(truth: Array, settings: ReplaySettings, seed: int) -> Array:
     """Return the initial estimate (n, 3) m, m, rad, from the true poses at the beginning."""
-    return STARTS[settings.start](truth, settings, seed)
+    return STARTS[settings.start].poses(truth, settings, seed)
 
 
 def _at_truth(truth: Array, settings: ReplaySettings, seed: int) -> Array:
@@ -39,7 +64,11 @@ def _given(truth: Array, settings: ReplaySettings, seed: int) -> Array:
     return poses
 
 
-STARTS: Mapping[str, Callable[[Array, ReplaySettings, int], Array]] = MappingProxyType(
-    {"truth": _at_truth, "prior": _drawn, "given": _given}
+STARTS: Mapping[str, RecordedStart] = MappingProxyType(
+    {
+        "truth": RecordedStart(_at_truth, needs_truth=True),
+        "prior": RecordedStart(_drawn, needs_truth=True),
+        "given": RecordedStart(_given, needs_truth=False),
+    }
 )
-"""By name, of the true poses at the beginning, settings and a seed."""
+"""By name."""

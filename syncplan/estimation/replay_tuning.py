@@ -2,7 +2,7 @@
 
 The likelihood of what was seen, given what was seen before, is that of the filter's innovations:
 each has density N(nu; 0, S), and one that the gate rejects that of a reading that may be anything.
-No truth is needed but for the start. In turn
+No truth is needed but for a start at it. In turn
 
     delay                        the best of a few
     bearing, motion, delay       by the simplex method of Nelder and Mead, from bearings alone
@@ -12,6 +12,9 @@ No truth is needed but for the start. In turn
 Errors of sightings that last give innovations that are alike for seconds, which a likelihood of
 white ones does not see: the sum of k of them then scatters by more than root k. Where it does over
 blocks of BLOCK_S, by observer and target, the kind's sigma grows by as much.
+
+The rest of a recording without truth starts where the filter with the fitted settings was then, and
+as well known as its least known robot.
 
 Source: Bar-Shalom, Li, Kirubarajan (2001), 5.4 (innovations) and 11.3; Nelder, Mead (1965).
 """
@@ -28,6 +31,7 @@ from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filters import FILTERS
 from syncplan.estimation.recorded_run import FilteredRun, RecordedRun, filtered, run_of
 from syncplan.estimation.replay_settings import ReplaySettings
+from syncplan.estimation.trials import series
 from syncplan.orbits.bearings import BEARING
 from syncplan.orbits.distances import DISTANCE
 from syncplan.orbits.sighting_kinds import place_of
@@ -114,8 +118,11 @@ def tuned(
         found = trials[int(np.argmin([fit.cost(one) for one in trials]))]
         growth[DISTANCE_PLACE] = fit.growth(found, DISTANCE_PLACE)
         found = replace(found, range_sigma=found.range_sigma * growth[DISTANCE_PLACE])
-    rest = (FIT_SHARE, 1.0)
-    before_rest, after_rest = (replace(one, portion=rest) for one in (settings, found))
+    rest: dict[str, Any] = {"portion": (FIT_SHARE, 1.0)}
+    before_rest, after_rest = replace(settings, **rest), replace(found, **rest)
+    if not log.has_truth:
+        end = fit.end(found)
+        before_rest, after_rest = end.as_start_of(before_rest), end.as_start_of(after_rest)
     return Tuning(
         before=settings,
         after=after_rest,
@@ -129,6 +136,24 @@ def tuned(
 
 
 BEARING_PLACE, DISTANCE_PLACE = place_of(BEARING), place_of(DISTANCE)
+
+
+@dataclass(frozen=True, slots=True)
+class _End:
+    """Where the filter was at the end of what was fitted to: (n, 3), and sigmas in m and rad."""
+
+    poses: Array
+    position_sigma: float
+    heading_sigma: float
+
+    def as_start_of(self, settings: ReplaySettings) -> ReplaySettings:
+        """Settings that start there."""
+        known_to = {
+            "position_sigma": self.position_sigma,
+            "heading_sigma": self.heading_sigma,
+        }
+        noise = replace(settings.noise, **known_to)
+        return replace(settings, start_poses=self.poses, noise=noise)
 
 
 class _Fit:
@@ -145,7 +170,7 @@ class _Fit:
         self.settings = replace(settings, portion=(0.0, FIT_SHARE))
         # from a known start the plainest filter is as good as any
         model = next(iter(FILTERS)) if settings.start == "truth" else options.filter
-        self.options = replace(options, filter=model, with_series=False)
+        self.options = replace(options, filter=model)
         run = run_of(log, self.settings, self.options)
         self.duration, seen = run.clock.duration, run.sightings.kinds
         self.kinds = np.unique(seen).tolist()
@@ -154,13 +179,25 @@ class _Fit:
             raise InputError(problem, source=log.name)
         self.farthest = max(float(np.nanmax(one.ranges, initial=1.0)) for one in log.robots)
 
-    def run(self, settings: ReplaySettings) -> tuple[RecordedRun, FilteredRun]:
+    def run(
+        self, settings: ReplaySettings, *, with_series: bool = False
+    ) -> tuple[RecordedRun, FilteredRun]:
         """The filter's run with settings."""
         self.runs += 1
         if self.progress is not None:
             self.progress(min(self.runs, MOST_RUNS))
         run = run_of(self.log, settings, self.options)
-        return run, filtered(run, self.options)
+        return run, filtered(run, replace(self.options, with_series=with_series))
+
+    def end(self, settings: ReplaySettings) -> _End:
+        """Where the filter with settings is at the end."""
+        _, made = self.run(settings, with_series=True)
+        kept = series(made.result)
+        return _End(
+            poses=made.estimates[-1],
+            position_sigma=float(kept.axis_sigma[-1].max()),
+            heading_sigma=float(kept.heading_sigma[-1].max()),
+        )
 
     def cost(self, settings: ReplaySettings) -> float:
         """The mean negative log-likelihood of a sighting; infinite where the filter diverges."""

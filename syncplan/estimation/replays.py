@@ -1,23 +1,24 @@
-"""The filter run on a recording of real robots, and its errors against their recorded truth.
+"""The filter run on a recording of real robots, and its errors against their truth, if recorded.
 
 `recorded_readings` brings readings onto one clock, `recorded_run` runs the filter on them;
 `replay_settings` says what it assumes.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Unpack
 
 import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.errors import InputError
-from syncplan.estimation.consistency import Consistency, coverage, recorded_anees, recorded_nis
+from syncplan.estimation.consistency import coverage, recorded_anees, recorded_nis
 from syncplan.estimation.filter_options import FilterChanges, FilterOptions, options_with
 from syncplan.estimation.filters import FOR_RECORDINGS
-from syncplan.estimation.recorded_observability import SeenOverTime, seen_over_time
-from syncplan.estimation.recorded_readings import Clock, LeftOut, longest_gap
-from syncplan.estimation.recorded_run import Seen, filtered, run_of
+from syncplan.estimation.recorded_observability import seen_over_time
+from syncplan.estimation.recorded_readings import longest_gap
+from syncplan.estimation.recorded_run import FilteredRun, RecordedRun, Seen, filtered, run_of
+from syncplan.estimation.replay_results import ErrorsFromTruth, FittedError, KindCounts, Replay
 from syncplan.estimation.replay_settings import (
     BEARING_SIGMA,
     GROUND_ROBOTS,
@@ -30,18 +31,15 @@ from syncplan.estimation.replay_settings import (
     ReplaySettings,
 )
 from syncplan.estimation.replay_tuning import Tuning, tuned
-from syncplan.estimation.trials import Accuracy, MonteCarloResult, accuracy
+from syncplan.estimation.trials import MonteCarloResult, accuracy
 from syncplan.orbits.error_states import ERROR_STATES
 from syncplan.orbits.noise import Noise
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 from syncplan.recordings.log import Log
-from syncplan.results import Result
 
 __all__ = [
     "GROUND_ROBOTS",
     "OPTIONS",
-    "FittedError",
-    "KindCounts",
     "Replay",
     "longest_gap",
     "replay",
@@ -51,140 +49,6 @@ __all__ = [
 
 OPTIONS = FilterOptions(trials=1, gate_probability=0.999, filter="robust")
 """How the filter runs on a recording where nothing else is asked for."""
-
-
-@dataclass(frozen=True, slots=True)
-class KindCounts:
-    """What became of the readings of one kind of sighting.
-
-    Attributes
-    ----------
-    used, rejected : number that the gate accepted, and that it did not
-    left_out : those that the filter was not given
-    nis : of the used ones
-    """
-
-    used: int
-    rejected: int
-    left_out: LeftOut
-    nis: Consistency
-
-
-@dataclass(frozen=True, slots=True)
-class FittedError:
-    """A lasting error of one robot's odometry or camera, as the filter has it at the end.
-
-    Attributes
-    ----------
-    name, robot, unit : name in ERROR_STATES, of the robot, unit in words
-    value, sigma : in that unit
-    """
-
-    name: str
-    robot: str
-    unit: str
-    value: float
-    sigma: float
-
-
-@dataclass(frozen=True, slots=True, repr=False)
-class Replay(Result):
-    """The filter on a recording, and its errors.
-
-    Attributes
-    ----------
-    log : the recording
-    landmarks : l names, or numbers, of the landmarks whose sightings were used
-    settings : what the filter assumed
-    options : which filter, and its gate
-    clock : when errors were taken
-    result : one trial's errors
-    accuracy : RMS errors by robot
-    coverage : (n,) share of coordinates within the filter's own three sigma
-    anees, nis : consistency figures; NIS of all kinds of sighting
-    counts : by name of the kind of sighting, of the kinds that were asked for
-    lasting_errors : as the filter has them at the end
-    seen : what windows of the sightings determined; None where none is judged
-    tuning : how sigmas and delay were fitted to what came before; None where they were not
-    """
-
-    log: Log
-    landmarks: tuple[int | str, ...]
-    settings: ReplaySettings
-    options: FilterOptions
-    clock: Clock
-    result: MonteCarloResult
-    accuracy: Accuracy
-    coverage: Array
-    anees: Consistency
-    nis: Consistency
-    counts: dict[str, KindCounts]
-    lasting_errors: tuple[FittedError, ...]
-    seen: SeenOverTime | None
-    tuning: Tuning | None = None
-
-    def __repr__(self) -> str:
-        """Return one line: how many robots, how long, and the error."""
-        found = self.accuracy.overall()
-        return (
-            f"<{type(self).__name__}: {len(self.log.robots)} robots over {self.duration:.4g} s, "
-            f"RMS {float(found.position):.3g} m>"
-        )
-
-    @property
-    def gate_probability(self) -> float:
-        """Of the innovation gate; 1 accepts all."""
-        return 1.0 if self.options.gate_probability is None else self.options.gate_probability
-
-    @property
-    def begin(self) -> float:
-        """When the run begins by the recording's clock, s."""
-        return self.clock.begin
-
-    @property
-    def duration(self) -> float:
-        """In s."""
-        return self.clock.duration
-
-    @property
-    def sample_time(self) -> float:
-        """In s."""
-        return self.clock.sample_time
-
-    @property
-    def meetings(self) -> bool:
-        """Whether sightings between robots were used."""
-        return self.settings.meetings
-
-    @property
-    def bearing_sigma(self) -> float:
-        """What the filter assumed, rad."""
-        return self.settings.bearing_sigma
-
-    @property
-    def noise(self) -> Noise:
-        """What the filter assumed of motion readings and the start."""
-        return self.settings.noise
-
-    @property
-    def bearings(self) -> KindCounts:
-        """What became of the bearings."""
-        return self.counts["bearing"]
-
-    @property
-    def unknown(self) -> int:
-        """Number of bearings of a subject that there is not."""
-        return self.bearings.left_out.unknown
-
-    @property
-    def not_asked_for(self) -> int:
-        """Number of bearings of landmarks or robots left out on purpose."""
-        return self.bearings.left_out.not_asked_for
-
-    @property
-    def outside(self) -> int:
-        """Number of bearings asked for, but from before or after the run."""
-        return self.bearings.left_out.outside
 
 
 def replay(
@@ -209,7 +73,7 @@ def replay(
     progress: Seen | None = None,
     **changes: Unpack[FilterChanges],
 ) -> Replay:
-    """Return the errors of the filter on a recording's odometry and sightings.
+    """Return what the filter makes of a recording's odometry and sightings, and its errors.
 
     `landmarks` are the names of those whose sightings count (numbers, where the recording numbers
     them), all if None; `meetings` says whether sightings between robots count, `distances` whether
@@ -218,7 +82,8 @@ def replay(
     GROUND_ROBOTS if None. Each robot's speed scale, turn-rate bias (rad/s) and bearing bias (rad)
     is estimated where its sigma is more than 0. Sightings are taken to be made `delay` s before
     they are recorded. `start` is "truth"; "prior", drawn about the truth by the start's sigmas and
-    the `seed`; or "given", at `start_poses` (n, 3) m, m, rad. `options`, or changes of it by
+    the `seed`; or "given", at `start_poses` (n, 3) m, m, rad: the one for recordings without truth,
+    whose errors are not known. `options`, or changes of it by
     name, choose the filter: a sighting counts while it is within the gate of `gate_probability`,
     0.999 if not given, where 1 accepts all; `with_series` keeps errors and sigmas over time. The
     sightings of each `window` s are judged by rank and certificate, none where it is 0. `tune`
@@ -261,7 +126,9 @@ def replay_with(
     """Return the replay that settings ask for, or those that were fitted; see `replay`."""
     settings = settings if tuning is None else tuning.after
     run = run_of(log, settings, options)
-    found = filtered(run, options, progress)
+    # without truth, estimates are what there is to report
+    kept = replace(options, with_series=options.with_series or not run.has_truth)
+    found = filtered(run, kept, progress)
     names, result, gate = list(SIGHTING_KINDS), found.result, options.gate_probability
     counts = {}
     for place, left_out in run.sightings.left_out.items():
@@ -280,24 +147,35 @@ def replay_with(
         options=options,
         clock=run.clock,
         result=result,
-        accuracy=accuracy(result),
-        coverage=coverage(result.covered[0], result.coverage_samples),
-        anees=recorded_anees(float(result.nees[0]), 3 * len(log.robots)),
+        estimates=found.estimates,
+        from_truth=_errors_of(result, len(log.robots)) if run.has_truth else None,
         nis=recorded_nis(float(result.nis_sums[0]), int(result.accepted[0]), gate),
         counts=counts,
-        lasting_errors=tuple(
-            FittedError(
-                name=name,
-                robot=robot.name,
-                unit=ERROR_STATES[name].unit,
-                value=float(found.errors[column - 3 * run.layout.count]),
-                sigma=float(found.error_sigmas[column - 3 * run.layout.count]),
-            )
-            for name, columns in run.layout.columns.items()
-            for robot, column in zip(log.robots, columns[:, 0].tolist(), strict=True)
-        ),
+        lasting_errors=_lasting_errors(log, run, found),
         seen=seen_over_time(run, found, settings.window) if settings.window else None,
         tuning=tuning,
+    )
+
+
+def _errors_of(result: MonteCarloResult, count: int) -> ErrorsFromTruth:
+    return ErrorsFromTruth(
+        accuracy=accuracy(result),
+        coverage=coverage(result.covered[0], result.coverage_samples),
+        anees=recorded_anees(float(result.nees[0]), 3 * count),
+    )
+
+
+def _lasting_errors(log: Log, run: RecordedRun, found: FilteredRun) -> tuple[FittedError, ...]:
+    return tuple(
+        FittedError(
+            name=name,
+            robot=robot.name,
+            unit=ERROR_STATES[name].unit,
+            value=float(found.errors[column - 3 * run.layout.count]),
+            sigma=float(found.error_sigmas[column - 3 * run.layout.count]),
+        )
+        for name, columns in run.layout.columns.items()
+        for robot, column in zip(log.robots, columns[:, 0].tolist(), strict=True)
     )
 
 

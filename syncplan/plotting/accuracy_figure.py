@@ -1,4 +1,4 @@
-"""Errors vehicle by vehicle: predicted by the bound, and found by the Monte Carlo."""
+"""Errors vehicle by vehicle: predicted by the bound, found by the Monte Carlo, or stated sigmas."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,7 @@ from syncplan.plotting.palette import BLUE, GREEN, INK, ORANGE, SKY
 from syncplan.reports.replay_schemas import ReplayDocument
 from syncplan.reports.run_schemas import ValidationDocument
 
-__all__ = ["accuracy_spec", "bars", "prediction_spec"]
+__all__ = ["accuracy_spec", "bars", "prediction_spec", "sigmas_spec"]
 
 _LEAST_BAR_PX = 5.0
 """Width below which bars become marks: their patterns could not be told apart."""
@@ -52,6 +52,20 @@ def accuracy_spec(report: ValidationDocument | ReplayDocument, style: FigureStyl
     if isinstance(report, ReplayDocument):
         return _replayed(report, style)
     return _validated(report, style)
+
+
+def sigmas_spec(report: ReplayDocument, style: FigureStyle) -> Spec:
+    """Return the figure of the filter's own position sigmas on a recording without truth."""
+    names = [escaped(robot.name) for robot in report.robots]
+    last = [robot.final_sigma_m for robot in report.robots]
+    whole = [robot.rms_sigma_m for robot in report.robots]
+    traces = [
+        bars("late", "at the end", names, last, ORANGE, ""),
+        bars("whole", "RMS over the run", names, whole, SKY, "/"),
+    ]
+    title = f"{escaped(report.name)}: the filter's own sigmas"
+    note = f"{report.run} without truth: errors are not known"
+    return _drawn(title, note, traces, len(names), style, shown="own position sigma, m")
 
 
 def _validated(report: ValidationDocument, style: FigureStyle) -> Spec:
@@ -136,7 +150,14 @@ def _marks(uid: str, name: str, vehicles: list[str], values: np.ndarray, symbol:
     }
 
 
-def _drawn(title: str, note: str, traces: list[Spec], count: int, style: FigureStyle) -> Spec:
+def _drawn(
+    title: str,
+    note: str,
+    traces: list[Spec],
+    count: int,
+    style: FigureStyle,
+    shown: str = "RMS position error, m",
+) -> Spec:
     """The figure of traces over `count` vehicles: bars, or marks where bars become too thin."""
     bars_shown = sum(trace["type"] == "bar" for trace in traces)
     if style.plot_px < _LEAST_BAR_PX * count * (bars_shown + 0.5):
@@ -148,7 +169,7 @@ def _drawn(title: str, note: str, traces: list[Spec], count: int, style: FigureS
         inner=330,
         barmode="group",
         xaxis=axis("vehicle", type="category"),
-        yaxis=axis("RMS position error, m", rangemode="tozero"),
+        yaxis=axis(shown, rangemode="tozero"),
     )
     return {"data": traces, "layout": drawn}
 

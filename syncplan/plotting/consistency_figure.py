@@ -27,11 +27,16 @@ _COLOURS = {"consistent": BLUE, "unknown": MUTED}
 
 
 def consistency_spec(report: ValidationDocument | ReplayDocument, style: FigureStyle) -> Spec:
-    """Return the figure of ANEES and NIS with 95 % intervals, and of each vehicle's coverage."""
-    figures = [("ANEES", report.anees), ("NIS", report.nis)]
+    """Return the figure of ANEES and NIS with 95 % intervals, and of each vehicle's coverage.
+
+    Of a recording without truth: of NIS alone.
+    """
+    figures = [("NIS", report.nis)]
+    if report.anees is not None:
+        figures.insert(0, ("ANEES", report.anees))
     traces = []
     axes: Spec = {}
-    inner, places, split = _panels(style)
+    inner, places, split = _panels(style, len(figures), _COVERAGE_PX if report.has_errors else 0)
     for number, (name, figure) in enumerate(figures):
         suffix = "" if number == 0 else "2"
         traces += _spread_traces(name, figure, suffix)
@@ -48,42 +53,40 @@ def consistency_spec(report: ValidationDocument | ReplayDocument, style: FigureS
         axes[f"yaxis{suffix}"] = axis(
             domain=[low, high], range=[-1, 1], visible=False, anchor=f"x{suffix}"
         )
-    names = [escaped(vehicle.name) for vehicle in report.vehicles]
-    covered = [vehicle.coverage_3sigma for vehicle in report.vehicles]
-    traces += _coverage_traces(names, covered)
-    axes["xaxis3"] = axis("vehicle", type="category", domain=[0, 1], anchor="y3")
-    lowest = min(*covered, IDEAL_COVERAGE, 0.98)
-    axes["yaxis3"] = axis(
-        "share within 3 sigma",
-        domain=[0, split],
-        anchor="x3",
-        range=[lowest - 0.05 * (1.0 - lowest), 1.002],
-        tickformat=".1%",
-    )
     titles = [
         panel_title(_verdict(name, figure), places[number][0], places[number][3])
         for number, (name, figure) in enumerate(figures)
     ]
-    titles.append(panel_title("Coordinates within the filter's own 3 sigma", 0, split))
+    note = report.run
+    if report.has_errors:
+        covered = [vehicle.coverage_3sigma or 0.0 for vehicle in report.vehicles]
+        traces += _coverage_traces([escaped(vehicle.name) for vehicle in report.vehicles], covered)
+        axes |= _coverage_axes(covered, split)
+        titles.append(panel_title("Coordinates within the filter's own 3 sigma", 0, split))
+    else:
+        note += " without truth: innovations alone are judged"
     title = f"{escaped(report.name or 'Plan')}: is the filter honest?"
-    drawn = layout(title, note=report.run, inner=inner, above=40, annotations=titles, **axes)
+    drawn = layout(title, note=note, inner=inner, above=40, annotations=titles, **axes)
     return {"data": traces, "layout": drawn}
 
 
-def _panels(style: FigureStyle) -> tuple[int, list[tuple[float, float, float, float]], float]:
+def _panels(
+    style: FigureStyle, count: int, lowest_px: int
+) -> tuple[int, list[tuple[float, float, float, float]], float]:
     """Height in px, (left, right, low, high) of the bands' panels, and the top of the lowest one.
 
     The bands stand side by side, or under each other where that leaves no room for their words.
     """
-    rows, words_px = 2 if style.narrow else 1, style.px(_WORDS_PX)
-    inner = rows * (_BAND_PX + words_px) + _COVERAGE_PX
+    below = style.narrow or count == 1
+    rows, words_px = count if below else 1, style.px(_WORDS_PX)
+    inner = rows * (_BAND_PX + words_px) + lowest_px
     places = []
-    for number in range(2):
-        row, column = (number, 0) if rows == 2 else (0, number)
+    for number in range(count):
+        row, column = (number, 0) if below else (0, number)
         high = 1.0 - row * (_BAND_PX + words_px) / inner
-        left, right = (0.0, 1.0) if rows == 2 else (0.52 * column, 0.52 * column + 0.48)
+        left, right = (0.0, 1.0) if below else (0.52 * column, 0.52 * column + 0.48)
         places.append((left, right, high - _BAND_PX / inner, high))
-    return inner, places, _COVERAGE_PX / inner
+    return inner, places, lowest_px / inner
 
 
 def _verdict(name: str, figure: Spread) -> str:
@@ -151,6 +154,20 @@ def _spread_traces(name: str, figure: Spread, suffix: str) -> list[Spec]:
 
 def _band_name(figure: Spread) -> str:
     return "95 % band" if figure.basis is None else "95 % interval"
+
+
+def _coverage_axes(covered: list[float], split: float) -> Spec:
+    lowest = min(*covered, IDEAL_COVERAGE, 0.98)
+    return {
+        "xaxis3": axis("vehicle", type="category", domain=[0, 1], anchor="y3"),
+        "yaxis3": axis(
+            "share within 3 sigma",
+            domain=[0, split],
+            anchor="x3",
+            range=[lowest - 0.05 * (1.0 - lowest), 1.002],
+            tickformat=".1%",
+        ),
+    }
 
 
 def _coverage_traces(names: list[str], covered: list[float]) -> list[Spec]:

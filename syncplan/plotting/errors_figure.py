@@ -100,6 +100,9 @@ def _clipped(
 
 
 def _series_of(report: ValidationDocument | ReplayDocument) -> Series:
+    if not report.has_errors:
+        problem = "the recording has no truth, so errors are not known"
+        raise InputError(problem, key="series")
     if report.series is None:
         raise InputError(
             "the report has no errors over time; --series keeps them",
@@ -118,7 +121,7 @@ def _chosen(
                 problem = f"{name!r} is not in the report; it has {', '.join(list(known)[:6])}"
                 raise InputError(problem, key="vehicles")
         return [known[name] for name in vehicles]
-    errors = {one.name: one.rms_m for one in report.vehicles}
+    errors = {one.name: one.rms_m or 0.0 for one in report.vehicles}
     kept = sorted(errors, key=lambda name: -errors[name])[:MOST_VEHICLES]
     return [row for row in series.vehicles if row.name in kept]
 

@@ -79,6 +79,8 @@ class Figure:
     there : whether a subject has it; None where every one does
     why_not : why a subject may lack it
     compares : whether it shows two plans; it is then what their reader looks at first
+    of_errors : whether only a run whose errors are known has it, as all but recordings without
+        truth have
     """
 
     title: str
@@ -89,9 +91,12 @@ class Figure:
     there: Callable[[FigureInput], bool] | None = None
     why_not: str = ""
     compares: bool = False
+    of_errors: bool = False
 
     def fits(self, given: FigureInput) -> bool:
         """Whether a subject of the right kind has this figure."""
+        if self.of_errors and not given.subject.has_errors:
+            return False
         return self.there is None or self.there(given)
 
     def draw(self, given: FigureInput) -> "Spec":
@@ -167,6 +172,17 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "run",
             "accuracy_figure.accuracy_spec",
             takes=_subject_in_style,
+            of_errors=True,
+            why_not="the recording has no truth, so errors are not known",
+        ),
+        "sigmas": Figure(
+            "Sigmas",
+            "The filter's own position sigmas, where a recording has no truth.",
+            "run",
+            "accuracy_figure.sigmas_spec",
+            takes=_subject_in_style,
+            there=lambda given: not given.subject.has_errors,
+            why_not="errors are known",
         ),
         "errors": Figure(
             "Errors over time",
@@ -175,7 +191,19 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "errors_figure.errors_spec",
             takes=_subject_in_style,
             there=lambda given: given.subject.series is not None,
-            why_not="the report has no errors over time (--series keeps them)",
+            why_not="the report has no errors over time (--series keeps them where the truth is "
+            "known)",
+        ),
+        "estimates": Figure(
+            "Estimates over time",
+            "Estimated x and y of each robot with the filter's own 3-sigma band, where a recording "
+            "has no truth.",
+            "run",
+            "estimates_figure.estimates_spec",
+            takes=_subject_in_style,
+            there=lambda given: getattr(given.subject, "estimates", None) is not None,
+            why_not="the report has no estimates over time (--series keeps those of a recording "
+            "without truth)",
         ),
         "states": Figure(
             "Further states over time",
@@ -214,5 +242,5 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
 
 
 def always_there(of: SubjectKind) -> list[str]:
-    """Return the names of the figures that every subject of a kind has."""
+    """Return the names of the figures that every subject of a kind has, if its errors are known."""
     return [name for name, figure in FIGURES.items() if figure.of == of and figure.there is None]

@@ -5,11 +5,11 @@ clock common to all files and never decrease; angles are in rad:
 
     Barcodes.dat               subject, barcode        the number a camera reads off a subject
     Landmark_Groundtruth.dat   subject, x, y           m; further columns are not read
-    Robot1_Groundtruth.dat     time, x, y, heading     m, rad: where the robot truly was
+    Robot1_Groundtruth.dat     time, x, y, heading     m, rad: where the robot truly was; optional
     Robot1_Odometry.dat        time, speed, turn rate  m/s, rad/s
     Robot1_Measurement.dat     time, barcode, range, bearing   m, rad from the robot's heading
 
-Each robot has the last three; its number is its subject's.
+Each robot has the last three, or all lack the first of them; its number is its subject's.
 
 Source: Leung, Halpern, Barfoot, Liu, "The UTIAS multi-robot cooperative localization and mapping
 dataset", International Journal of Robotics Research 30(8):969-974, 2011.
@@ -44,7 +44,8 @@ def read_mrclam(folder: Path) -> Log:
     numbers = _robots_in(folder)
     landmark_subjects, landmarks = _landmarks(folder / "Landmark_Groundtruth.dat", numbers)
     carried = _barcodes(folder / "Barcodes.dat", {*numbers, *landmark_subjects.tolist()})
-    robots = tuple(_robot(folder, number, carried) for number in numbers)
+    has_truth = _has_truth(folder, numbers)
+    robots = tuple(_robot(folder, number, carried, has_truth=has_truth) for number in numbers)
     return Log(
         name=folder.resolve().name,
         robots=robots,
@@ -91,14 +92,29 @@ def _barcodes(path: Path, known: set[int]) -> dict[int, int]:
     return {barcode: subject for subject, barcode in table.tolist()}
 
 
-def _robot(folder: Path, number: int, carried: dict[int, int]) -> RobotLog:
-    truth = _table(folder / f"Robot{number}_Groundtruth.dat", "time, x, y, heading", ordered=True)
+def _has_truth(folder: Path, numbers: list[int]) -> bool:
+    """Whether robots have truth; raises InputError where some have, and one has not."""
+    paths = [folder / f"Robot{number}_Groundtruth.dat" for number in numbers]
+    missing = [path for path in paths if not path.exists()]
+    if 0 < len(missing) < len(paths):
+        problem = "is missing, but others have truth; add it, or remove theirs"
+        raise InputError(problem, source=str(missing[0]))
+    return not missing
+
+
+def _robot(folder: Path, number: int, carried: dict[int, int], *, has_truth: bool) -> RobotLog:
+    truth = np.zeros((0, 4))
     odometry = _table(
         folder / f"Robot{number}_Odometry.dat", "time, speed, turn rate", ordered=True
     )
+    tables = [(odometry, "Odometry")]
+    if has_truth:
+        path = folder / f"Robot{number}_Groundtruth.dat"
+        truth = _table(path, "time, x, y, heading", ordered=True)
+        tables.insert(0, (truth, "Groundtruth"))
     path = folder / f"Robot{number}_Measurement.dat"
     seen = _table(path, "time, barcode, range, bearing", whole=(1,), ordered=True)
-    for table, kind in ((truth, "Groundtruth"), (odometry, "Odometry")):
+    for table, kind in tables:
         if not len(table):
             source = str(folder / f"Robot{number}_{kind}.dat")
             raise InputError("holds no rows of numbers", source=source)

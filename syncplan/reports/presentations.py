@@ -160,6 +160,11 @@ def _sweep_rows(document: Any) -> list[Row]:
     ]
 
 
+def _known(figures: Document) -> Row:
+    """Values that are not null: of a robot, those that the truth of its recording allows."""
+    return {key: value for key, value in figures.as_json().items() if value is not None}
+
+
 def _flat(values: Mapping[str, Any]) -> Row:
     """Plain values alone: a point [x, y] as two columns, `center_m` as `center_x_m`."""
     row: Row = {}
@@ -179,7 +184,7 @@ PRESENTATIONS: Mapping[type, Presentation] = {
         validation_document, lambda document: [_flat(one.model_dump()) for one in document.vehicles]
     ),
     Replay: Presentation(
-        replay_document, lambda document: [_flat(one.model_dump()) for one in document.robots]
+        replay_document, lambda document: [_flat(_known(one)) for one in document.robots]
     ),
     SiteChoice: Presentation(
         sites_document, lambda document: [_flat(one.model_dump()) for one in document.candidates]

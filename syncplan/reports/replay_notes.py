@@ -3,10 +3,12 @@
 import numpy as np
 
 from syncplan.arrays import Array
+from syncplan.estimation.recorded_readings import longest_gap
+from syncplan.estimation.replay_results import Replay
 from syncplan.estimation.replay_tuning import Tuning
-from syncplan.estimation.replays import Replay, longest_gap
 from syncplan.phrases import listed
 from syncplan.reports.consistency_words import interval_words
+from syncplan.reports.run_schemas import Spread
 from syncplan.reports.validation_report import spread_of
 
 __all__ = ["notes_of"]
@@ -32,19 +34,30 @@ OTHER_CAUSES = "clocks, units or places do not fit"
 def notes_of(replayed: Replay) -> list[str]:
     """Return what the figures mean for the reader, and what of the recording is amiss."""
     return [
+        *_truth_notes(replayed),
         *_tuning_notes(replayed.tuning),
         *_readings_notes(replayed),
         *_observability_notes(replayed),
         *_consistency_notes(replayed),
         *_span_notes(replayed),
         *_odometry_notes(replayed),
-        *(
-            f"the truth of {name} has a gap of {gap:.2f} s: its errors there are from a straight "
-            "line"
-            for name, gap in _gaps(replayed, [robot.truth for robot in replayed.log.robots])
-            if gap > LONG_GAP_S
-        ),
+        *_gap_notes(replayed),
     ]
+
+
+def _truth_notes(replayed: Replay) -> list[str]:
+    if replayed.from_truth is not None:
+        return []
+    notes = [
+        "the recording has no truth: errors, ANEES and coverage are not known; sigmas are the "
+        "filter's own"
+    ]
+    if replayed.tuning is not None:
+        notes.append(
+            "the rest starts where the filter was at the end of what sigmas were fitted to, as "
+            "well known as its least known robot"
+        )
+    return notes
 
 
 def _tuning_notes(tuning: Tuning | None) -> list[str]:
@@ -108,18 +121,8 @@ def _observability_notes(replayed: Replay) -> list[str]:
 
 
 def _consistency_notes(replayed: Replay) -> list[str]:
-    notes = []
-    anees, settings = spread_of(replayed.anees), replayed.settings
-    if anees.verdict == "optimistic":
-        notes.append(
-            f"the filter makes larger errors than its sigmas say (ANEES {interval_words(anees)}): "
-            f"they are too small for these robots, or {OTHER_CAUSES}"
-        )
-    elif anees.verdict == "conservative":
-        notes.append(
-            f"the filter makes smaller errors than its sigmas say (ANEES {interval_words(anees)}): "
-            "they may be smaller"
-        )
+    settings = replayed.settings
+    notes = [] if replayed.from_truth is None else _error_notes(spread_of(replayed.anees))
     assumed = {
         "bearing": f"{settings.bearing_sigma:g} rad",
         "distance": f"{settings.range_sigma:g} m",
@@ -139,20 +142,37 @@ def _consistency_notes(replayed: Replay) -> list[str]:
     return notes
 
 
+def _error_notes(anees: Spread) -> list[str]:
+    """What the ANEES shows."""
+    if anees.verdict == "optimistic":
+        return [
+            f"the filter makes larger errors than its sigmas say (ANEES {interval_words(anees)}): "
+            f"they are too small for these robots, or {OTHER_CAUSES}"
+        ]
+    if anees.verdict == "conservative":
+        return [
+            f"the filter makes smaller errors than its sigmas say (ANEES {interval_words(anees)}): "
+            "they may be smaller"
+        ]
+    return []
+
+
 def _span_notes(replayed: Replay) -> list[str]:
-    """Where the truth of some robots is known for much longer than that of all."""
-    robots = replayed.log.robots
-    begins = {robot.name: float(robot.truth[0, 0]) for robot in robots}
-    ends = {robot.name: float(robot.truth[-1, 0]) for robot in robots}
+    """Where what a run needs of all robots is there of some for much longer."""
+    log = replayed.log
+    what = "truth" if log.has_truth else "odometry"
+    times = {one.name: (one.truth if log.has_truth else one.odometry)[:, 0] for one in log.robots}
+    begins = {name: float(one[0]) for name, one in times.items()}
+    ends = {name: float(one[-1]) for name, one in times.items()}
     late, early = max(begins, key=lambda name: begins[name]), min(ends, key=lambda name: ends[name])
     lost = {
-        f"the truth of {late} begins": begins[late] - min(begins.values()),
-        f"the truth of {early} ends": max(ends.values()) - ends[early],
+        f"the {what} of {late} begins": begins[late] - min(begins.values()),
+        f"the {what} of {early} ends": max(ends.values()) - ends[early],
     }
     whole = max(ends.values()) - min(begins.values())
     return [
-        f"{what} {time:.1f} s {way}: that part of the recording is not used"
-        for (what, time), way in zip(lost.items(), ("late", "early"), strict=True)
+        f"{lost_by} {time:.1f} s {way}: that part of the recording is not used"
+        for (lost_by, time), way in zip(lost.items(), ("late", "early"), strict=True)
         if time > max(LONG_PAUSE_S, SHARE_WORTH_TELLING * whole)
     ]
 
@@ -172,6 +192,16 @@ def _odometry_notes(replayed: Replay) -> list[str]:
         f"the odometry of {name} has a gap of {gap:.2f} s: its last reading counts meanwhile"
         for name, gap in _gaps(replayed, [robot.odometry for robot in replayed.log.robots])
         if gap > LONG_PAUSE_S
+    ]
+
+
+def _gap_notes(replayed: Replay) -> list[str]:
+    if not replayed.log.has_truth:
+        return []
+    return [
+        f"the truth of {name} has a gap of {gap:.2f} s: its errors there are from a straight line"
+        for name, gap in _gaps(replayed, [robot.truth for robot in replayed.log.robots])
+        if gap > LONG_GAP_S
     ]
 
 

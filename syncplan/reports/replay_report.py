@@ -1,18 +1,18 @@
 """A replay as a document, with what its figures mean in words."""
 
-from typing import Any
-
 import numpy as np
 
 from syncplan import __version__
 from syncplan.estimation.filters import AUTO
 from syncplan.estimation.recorded_observability import SeenOverTime
+from syncplan.estimation.replay_results import ErrorsFromTruth, KindCounts, Replay
 from syncplan.estimation.replay_settings import ReplaySettings
 from syncplan.estimation.replay_tuning import Tuning
-from syncplan.estimation.replays import KindCounts, Replay
-from syncplan.estimation.trials import Accuracy
+from syncplan.estimation.trials import series
 from syncplan.reports.replay_notes import notes_of
 from syncplan.reports.replay_schemas import (
+    EstimatedPath,
+    EstimateSeries,
     GapRecord,
     LastingError,
     ReadingCounts,
@@ -27,11 +27,19 @@ from syncplan.reports.validation_report import series_of, spread_of
 
 __all__ = ["replay_document"]
 
+_ERRORS = (
+    *("rms_m", "rms_second_half_m", "rms_x_m", "rms_y_m", "rms_heading_rad"),
+    *("final_error_m", "coverage_3sigma"),
+)
+"""Figures of a robot that take truth."""
+
 
 def replay_document(replayed: Replay) -> ReplayDocument:
     """Return the report of the filter on a recording."""
     names = [robot.name for robot in replayed.log.robots]
-    result, overall = replayed.result, replayed.accuracy.overall()
+    result, found = replayed.result, replayed.from_truth
+    overall = found.accuracy.overall() if found else None
+    wanted = replayed.options.with_series
     return ReplayDocument(
         version=__version__,
         name=replayed.log.name,
@@ -40,18 +48,11 @@ def replay_document(replayed: Replay) -> ReplayDocument:
         landmarks=list(replayed.landmarks),
         meetings=replayed.meetings,
         filter=_filter(replayed),
-        position_rmse_m=float(overall.position),
-        heading_rmse_rad=float(overall.heading),
-        robots=[
-            RobotFigures(
-                name=name,
-                coverage_3sigma=float(replayed.coverage[k]),
-                **_figures(replayed.accuracy, k),
-            )
-            for k, name in enumerate(names)
-        ],
-        coverage_3sigma=float(replayed.coverage.mean()),
-        anees=spread_of(replayed.anees),
+        position_rmse_m=float(overall.position) if overall else None,
+        heading_rmse_rad=float(overall.heading) if overall else None,
+        robots=_errors_of(found, names) if found else _estimates_of(replayed, names),
+        coverage_3sigma=float(found.coverage.mean()) if found else None,
+        anees=spread_of(found.anees) if found else None,
         nis=spread_of(replayed.nis),
         readings=_counts(replayed.bearings),
         distances=_counts(distances) if (distances := _distances(replayed)) else None,
@@ -63,7 +64,8 @@ def replay_document(replayed: Replay) -> ReplayDocument:
             )
             for one in replayed.lasting_errors
         ],
-        series=series_of(result, names, replayed.sample_time) if result.branches else None,
+        series=series_of(result, names, replayed.sample_time) if found and wanted else None,
+        estimates=_series_of(replayed, names) if wanted and not found else None,
         notes=notes_of(replayed),
     )
 
@@ -150,12 +152,58 @@ def _counts(counts: KindCounts) -> ReadingCounts:
     )
 
 
-def _figures(accuracy: Accuracy, robot: int) -> dict[str, Any]:
-    return {
-        "rms_m": float(accuracy.position[robot]),
-        "rms_second_half_m": float(accuracy.late_position[robot]),
-        "rms_x_m": float(accuracy.x[robot]),
-        "rms_y_m": float(accuracy.y[robot]),
-        "rms_heading_rad": float(accuracy.heading[robot]),
-        "final_error_m": float(accuracy.final_position[robot]),
-    }
+def _errors_of(found: ErrorsFromTruth, names: list[str]) -> list[RobotFigures]:
+    accuracy = found.accuracy
+    return [
+        RobotFigures(
+            name=name,
+            rms_m=float(accuracy.position[k]),
+            rms_second_half_m=float(accuracy.late_position[k]),
+            rms_x_m=float(accuracy.x[k]),
+            rms_y_m=float(accuracy.y[k]),
+            rms_heading_rad=float(accuracy.heading[k]),
+            final_error_m=float(accuracy.final_position[k]),
+            coverage_3sigma=float(found.coverage[k]),
+        )
+        for k, name in enumerate(names)
+    ]
+
+
+def _estimates_of(replayed: Replay, names: list[str]) -> list[RobotFigures]:
+    """Figures of robots of whom it is not known where they truly were."""
+    kept = series(replayed.result)
+    last, sigmas = replayed.estimates[-1], kept.position_sigma
+    whole = np.sqrt(np.mean(sigmas[1:] ** 2, axis=0))
+    return [
+        RobotFigures(
+            name=name,
+            **dict.fromkeys(_ERRORS),
+            final_x_m=float(last[k, 0]),
+            final_y_m=float(last[k, 1]),
+            final_heading_rad=float(last[k, 2]),
+            final_sigma_m=float(sigmas[-1, k]),
+            final_sigma_heading_rad=float(kept.heading_sigma[-1, k]),
+            rms_sigma_m=float(whole[k]),
+        )
+        for k, name in enumerate(names)
+    ]
+
+
+def _series_of(replayed: Replay, names: list[str]) -> EstimateSeries:
+    kept, poses = series(replayed.result), replayed.estimates
+    return EstimateSeries(
+        time_s=replayed.clock.times.tolist(),
+        robots=[
+            EstimatedPath(
+                name=name,
+                x_m=poses[:, k, 0].tolist(),
+                y_m=poses[:, k, 1].tolist(),
+                heading_rad=poses[:, k, 2].tolist(),
+                sigma_m=kept.position_sigma[:, k].tolist(),
+                sigma_x_m=kept.axis_sigma[:, k, 0].tolist(),
+                sigma_y_m=kept.axis_sigma[:, k, 1].tolist(),
+                sigma_heading_rad=kept.heading_sigma[:, k].tolist(),
+            )
+            for k, name in enumerate(names)
+        ],
+    )

@@ -1,11 +1,15 @@
 """The JSON contract of replays: the filter on a recording of real robots."""
 
+from typing import ClassVar
+
 from pydantic import Field
 
-from syncplan.reports.document_base import DocumentPart
-from syncplan.reports.run_schemas import Errors, RunReport, Series, Spread
+from syncplan.reports.document_base import Document, DocumentPart
+from syncplan.reports.run_schemas import RunReport, Series, Spread
 
 __all__ = [
+    "EstimateSeries",
+    "EstimatedPath",
     "GapRecord",
     "LastingError",
     "ReadingCounts",
@@ -18,10 +22,41 @@ __all__ = [
 ]
 
 
-class RobotFigures(Errors):
-    """Errors of one robot of a recording: a single trial."""
+class RobotFigures(Document):
+    """Errors of one robot of a recording: a single trial, RMS over the samples after time 0.
 
+    Where the recording has no truth, they are null and the filter's own figures take their place.
+    """
+
+    left_out_if_none: ClassVar[frozenset[str]] = frozenset(
+        {
+            *("final_x_m", "final_y_m", "final_heading_rad"),
+            *("final_sigma_m", "final_sigma_heading_rad", "rms_sigma_m"),
+        }
+    )
+
+    rms_m: float | None
+    rms_second_half_m: float | None
+    rms_x_m: float | None
+    rms_y_m: float | None
+    rms_heading_rad: float | None
+    final_error_m: float | None = Field(description="At the last sample")
+    coverage_3sigma: float | None = Field(
+        description="Share of coordinates within 3 sigma; ideal 0.9973"
+    )
     name: str
+    final_x_m: float | None = Field(
+        default=None, description="Estimate at the last sample; absent where the truth is known"
+    )
+    final_y_m: float | None = None
+    final_heading_rad: float | None = None
+    final_sigma_m: float | None = Field(
+        default=None, description="The filter's own position sigma at the last sample"
+    )
+    final_sigma_heading_rad: float | None = None
+    rms_sigma_m: float | None = Field(
+        default=None, description="RMS of the filter's own position sigma over the run"
+    )
 
 
 class ReplayFilter(DocumentPart):
@@ -128,8 +163,33 @@ class TuningRecord(DocumentPart):
     range_growth: float = Field(description="The same of a distance")
 
 
+class EstimatedPath(DocumentPart):
+    """Where the filter takes one robot to be over time, and its own sigmas."""
+
+    name: str
+    x_m: list[float]
+    y_m: list[float]
+    heading_rad: list[float]
+    sigma_m: list[float] = Field(description="Of the position")
+    sigma_x_m: list[float]
+    sigma_y_m: list[float]
+    sigma_heading_rad: list[float]
+
+
+class EstimateSeries(DocumentPart):
+    """Estimates over time."""
+
+    time_s: list[float]
+    robots: list[EstimatedPath]
+
+
 class ReplayDocument(RunReport):
-    """The filter on a recording of real robots, beside where they truly were."""
+    """The filter on a recording of real robots, beside where they truly were if that is known.
+
+    Where the recording has no truth, all that compares with it is null.
+    """
+
+    left_out_if_none: ClassVar[frozenset[str]] = frozenset({"series", "estimates"})
 
     begin_s: float = Field(description="When the run begins by the recording's clock")
     duration_s: float
@@ -138,11 +198,13 @@ class ReplayDocument(RunReport):
     )
     meetings: bool = Field(description="Whether sightings between robots were")
     filter: ReplayFilter
-    position_rmse_m: float = Field(description="Over all robots and samples after the first")
-    heading_rmse_rad: float
+    position_rmse_m: float | None = Field(
+        description="Over all robots and samples after the first; null without truth"
+    )
+    heading_rmse_rad: float | None
     robots: list[RobotFigures]
-    coverage_3sigma: float
-    anees: Spread
+    coverage_3sigma: float | None
+    anees: Spread | None
     nis: Spread = Field(description="Of all kinds of sighting")
     readings: ReadingCounts = Field(description="Of bearings")
     distances: ReadingCounts | None = Field(
@@ -158,7 +220,15 @@ class ReplayDocument(RunReport):
         default=None, description="Those that are states of the filter; null in older files"
     )
     series: Series | None = None
+    estimates: EstimateSeries | None = Field(
+        default=None, description="In place of `series` where the recording has no truth"
+    )
     notes: list[str]
+
+    @property
+    def has_errors(self) -> bool:
+        """Whether errors are known."""
+        return self.position_rmse_m is not None
 
     @property
     def run(self) -> str:

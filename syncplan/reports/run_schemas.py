@@ -142,6 +142,11 @@ class RunReport(VersionedDocument):
 
     name: str
 
+    @property
+    def has_errors(self) -> bool:
+        """Whether errors are known: of all runs but of recordings without truth."""
+        return True
+
 
 class ValidationDocument(RunReport):
     """A Monte Carlo run of the filter on a plan."""

@@ -227,6 +227,7 @@ def test_errors_are_those_of_the_numpy_filter(
         assert robot.rms_x_m == pytest.approx(np.sqrt(np.mean(errors[:, k, 0] ** 2)))
         assert robot.coverage_3sigma == pytest.approx(found.covered[k])
     assert document.coverage_3sigma == pytest.approx(np.mean(found.covered))
+    assert document.anees is not None
     assert document.anees.value == pytest.approx(found.nees / 9)
     assert document.anees.count == 9
     below = _mean_below(gate_threshold(0.99))
@@ -543,7 +544,7 @@ def test_what_can_not_be_run_is_refused(noisy: Path, tmp_path: Path) -> None:
     first = replace(log.robots[0], truth=np.zeros((0, 4)))
     unknown = replace(log, robots=(first, *log.robots[1:]))
     assert not unknown.has_truth
-    with pytest.raises(InputError, match="recording: holds no truth; the filter starts at it"):
+    with pytest.raises(InputError, match="start: 'truth' needs the truth, which recording does"):
         replay(unknown)
 
 

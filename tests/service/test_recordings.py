@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import httpx2
+import numpy as np
 import pytest
 from sqlalchemy import Connection, insert, select, update
 from typer.main import get_command
@@ -25,11 +26,13 @@ from syncplan.cli import command_line
 from syncplan.client.connection import RemoteError
 from syncplan.client.service_client import Client
 from syncplan.errors import InputError
+from syncplan.estimation.recorded_readings import clock_of, true_poses
 from syncplan.estimation.replays import replay
 from syncplan.recordings.overviews import Overview
 from syncplan.recordings.packed_logs import pack_log, unpack_log
 from syncplan.recordings.recording_formats import load_log
 from syncplan.reports.replay_report import replay_document
+from syncplan.reports.replay_schemas import ReplayDocument
 from tests.tools.api_servers import done, key_of, problem, serving, speaking
 from tests.tools.processes import PATIENCE_S, wait_until
 from tests.tools.record_examples import RECORDED
@@ -283,6 +286,42 @@ def test_a_replay_that_can_not_be_says_why(http: httpx2.Client) -> None:
         "start_poses",
         "has shape (2, 3)",
     )
+
+
+def test_a_recording_without_truth_is_replayed_from_a_given_start(
+    noisy: Path, worker: Server, http: httpx2.Client, tmp_path: Path, run: Any
+) -> None:
+    log = load_log(noisy)
+    poses = true_poses(log, clock_of(log, 0.05))[0].tolist()
+    blind = replace(log, robots=tuple(replace(one, truth=np.zeros((0, 4))) for one in log.robots))
+    folder = write_csv(blind, tmp_path / "hall")
+    at = _kept(http, _folder_zipped(folder))
+    assert http.get(at).json()["has_truth"] is False
+    for asked in ({}, {"start": "prior", "tune": True}):
+        found = problem(http.post(f"{at}/replays", json=asked), 422)
+        assert found.errors is not None
+        assert found.errors[0].path == "start"
+        assert (
+            "needs the truth, which hall does not hold; give the start" in found.errors[0].message
+        )
+    report = tmp_path / "report.json"
+    text = ";".join(",".join(map(repr, pose)) for pose in poses)
+    words = ("--start", "given", "--start-poses", text, "--series", "-o", str(report))
+    assert run("replay", str(folder), *words)[0] == 0
+    asked = {"start": "given", "start_poses": poses, "series": True}
+    job = http.post(f"{at}/replays", json=asked).headers["location"]
+    ended = done(http, job)
+    assert http.get(ended["result"]).content == report.read_bytes()
+    drawn = {one: http.get(f"{job}/figures/{one}") for one in ("sigmas", "estimates", "accuracy")}
+    assert [answer.status_code for answer in drawn.values()] == [200, 200, 404]
+    assert "has no truth, so errors are not known" in problem(drawn["accuracy"], 404).detail
+    with Client(worker.url, key_of("ann"), timeout_s=PATIENCE_S) as client:
+        kept = client.upload(folder)
+        document = client.wait(client.replay(kept, **asked))
+        assert document == ReplayDocument.model_validate_json(report.read_text())
+        assert not document.has_errors
+        with pytest.raises(InputError, match="'truth' needs the truth, which hall does not hold"):
+            client.replay(kept)
 
 
 def test_a_recording_stays_until_its_job_has_ended(
