@@ -165,6 +165,20 @@ def test_fitted_sigmas_begin_the_rest_where_the_filter_was(known: Log) -> None:
     assert "the rest starts where the filter was at the end" in document.notes[1]
 
 
+def test_real_robots_are_found_without_their_truth(real: Log) -> None:
+    chosen: dict[str, Any] = {"landmarks": [7, 15]}
+    wanted = replay(real, **chosen).accuracy.overall().position
+    blind = without(real)
+    clock = clock_of(blind, 0.05)
+    start = true_poses(real, replace(clock, samples=1))[0] + [0.3, -0.3, 0.1]
+    found = replay(blind, start="given", start_poses=start, **chosen)
+    assert found.clock == clock
+    end = min(robot.truth[-1, 0] for robot in real.robots)
+    watched = (clock.times > 60.0) & (clock.begin + clock.times < end)
+    off = (found.estimates - true_poses(real, clock))[watched]
+    assert np.sqrt(np.mean(np.sum(off[..., :2] ** 2, axis=-1))) < 1.1 * wanted < 0.15
+
+
 # --- what is refused ------------------------------------------------------------------------------
 
 
