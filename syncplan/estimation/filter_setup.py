@@ -78,6 +78,7 @@ class FilterSetup(NamedTuple):
     lost_variances : (n, 3) m^2, m^2, rad^2, about where a lost vehicle is taken for
     sample_every : entries of `truth` between those at which NEES and coverage are taken; the last
         one is one too
+    noise_known : whether sightings scatter as `variances` say; those of a recording are assumed
     """
 
     truth: Array
@@ -97,6 +98,7 @@ class FilterSetup(NamedTuple):
     judged_from: int
     lost_variances: Array
     sample_every: int
+    noise_known: bool
 
 
 class Readings(NamedTuple):
@@ -131,6 +133,7 @@ def build_setup(
     options: FilterOptions,
     spans: Array | None = None,
     compared: Index | None = None,
+    noise_known: bool = True,
 ) -> FilterSetup:
     """Return the set-up of a run of the vehicles in `truth`, (samples + 1, n, 3).
 
@@ -163,6 +166,7 @@ def build_setup(
         judged_from=judged_from(samples, sample_time, period, options),
         lost_variances=np.tile(np.square([reach, reach, LOST_HEADING_SIGMA]), (truth.shape[1], 1)),
         sample_every=SAMPLE_EVERY,
+        noise_known=noise_known,
     )
 
 

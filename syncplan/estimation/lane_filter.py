@@ -242,6 +242,7 @@ def pose_specimen(n: int) -> tuple[Any, ...]:
         judged_from=0,
         lost_variances=np.ones((n, 3)),
         sample_every=SAMPLE_EVERY,
+        noise_known=True,
     )
     readings = Readings(np.zeros((n, 3, 1)), still, still, np.zeros((0, 1)))
     statistics = empty_statistics(n, 1, empty_series(n, 0, wanted=False))

@@ -247,7 +247,8 @@ class RobustRun:
             again = lanes[np.repeat(missing, ROUNDS[number])]
             return self._solved(prior, again, np.concatenate(away, axis=1), begin, end)
 
-        search_further(best, best.sightings, tried)
+        known = self.augmented.poses.noise_known
+        search_further(best, best.sightings, tried, noise_known=known)
         return best
 
     def _drawn(self, variances: Array, lane: int, begin: int, number: int) -> Array:

@@ -3,7 +3,9 @@
 The variance R of sightings is 100 times too large at first, then 10 times, then true, which widens
 the basin that leads to the least minimum. Where the fit is not credible, others begin at starts
 drawn from the prior: the best stays. For N sightings the least cost is chi-square distributed with
-about N degrees of freedom, so a fit is credible up to N + 6 sqrt(2 N).
+about N degrees of freedom, so a fit is credible up to N + 6 sqrt(2 N). Of a recording the true R is
+not known, and a wrong fit may cost no more than that: there the least cost counts once it has been
+found twice.
 
 `batch_solution` and the pilot's plain one, `pilot_batch`, search alike.
 """
@@ -124,14 +126,21 @@ AnySolutions = TypeVar("AnySolutions", bound=Solutions)
 
 
 def search_further(
-    best: AnySolutions, sightings: Index, tried: Callable[[Index, int], AnySolutions]
+    best: AnySolutions,
+    sightings: Index,
+    tried: Callable[[Index, int], AnySolutions],
+    *,
+    noise_known: bool = True,
 ) -> None:
     """Put better solutions, from further starts, in place of those that are not credible.
 
     `sightings` (lanes,) are how many each explains. `tried`, of places in it and the number of a
     round, returns solutions from ROUNDS of that number of drawn starts for each place, in turn.
+    Unless `noise_known`, no cost is credible, and the second round goes on to look for a better
+    one even where it is small.
     """
-    missing = np.flatnonzero(~is_credible(best.cost, sightings))
+    credible = is_credible(best.cost, sightings) & noise_known
+    missing = np.flatnonzero(~credible)
     for number, starts in enumerate(ROUNDS):
         if not len(missing):
             break
@@ -143,8 +152,12 @@ def search_further(
         its = (np.arange(len(missing)) * starts + least)[better]
         best.take(found, missing[better], its)
         all_costs = np.column_stack([before, costs])
-        settled = all_costs.max(axis=1) - all_costs.min(axis=1) < SAME
+        least_found = all_costs < all_costs.min(axis=1, keepdims=True) + SAME
+        settled = least_found.all(axis=1)
         if not number:
             settled &= best.cost[missing] < PLAUSIBLE * sightings[missing]
-        credible = is_credible(best.cost[missing], sightings[missing])
-        missing = missing[~settled & ~credible]
+        if noise_known:
+            settled |= is_credible(best.cost[missing], sightings[missing])
+        elif number:
+            settled |= least_found.sum(axis=1) > 1
+        missing = missing[~settled]

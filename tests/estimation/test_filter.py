@@ -86,6 +86,7 @@ def scene_of(steps: int, motion: MotionModel = MOTION, gate: float = np.inf) -> 
         judged_from=0,
         lost_variances=np.ones((3, 3)),
         sample_every=SAMPLE_EVERY,
+        noise_known=True,
     )
     bearings = [
         predict_bearing(poses[k], o, t, LANDMARKS)[0] for k, (o, t) in zip(step, seen, strict=True)

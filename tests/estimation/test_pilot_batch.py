@@ -257,3 +257,24 @@ def test_further_starts_are_tried_until_a_solution_is_credible_or_all_agree() ->
     assert asked == [[1, 2, 3, 4, 5], [2, 4, 5], [5]]
     assert best.cost.tolist() == [100.0, 150.0, 120.0, 300.0, 899.8, 600.0]
     assert best.found_in.tolist() == [-1, 0, 1, -1, 1, 2]
+
+
+def test_where_the_noise_is_not_known_the_least_cost_counts_once_it_is_found_twice() -> None:
+    # of 100 sightings each: all of these costs would be credible if the noise were known
+    costs: dict[int, list[list[float]]] = {
+        0: [[50.0], [50.2, 50.4]],  # all agree
+        1: [[50.0], [50.2, 60.0], [50.4, *[90.0] * 7]],  # found again in the second round
+        2: [[60.0], [60.0, 65.0], [30.0, *[60.0] * 7], [30.5, *[60.0] * 15]],  # only in the third
+        3: [[60.0], [40.0, 80.0], [30.0, 30.2, *[60.0] * 6]],  # twice in the second
+        4: [[60.0], [50.0, 50.0], [50.0, *[60.0] * 7]],  # twice in the first, which is too few
+    }
+    best, asked = Tries([one[0][0] for one in costs.values()]), []
+
+    def tried(missing: Index, number: int) -> Tries:
+        asked.append(missing.tolist())
+        found = [cost for k in missing.tolist() for cost in costs[k][number + 1]]
+        return Tries(found, number)
+
+    search_further(best, np.full(5, 100), tried, noise_known=False)
+    assert asked == [[0, 1, 2, 3, 4], [1, 2, 3, 4], [2]]
+    assert best.cost.tolist() == [50.0, 50.0, 30.0, 30.0, 50.0]

@@ -307,14 +307,20 @@ def test_a_replay_that_is_tuned_reports_the_rest(long: Log, tmp_path: Path, run:
 # --- the robust filter ----------------------------------------------------------------------------
 
 
-def test_a_far_start_is_found_among_wild_readings(real: Log) -> None:
+@pytest.mark.parametrize(
+    ("landmarks", "distances", "times"),
+    [([7, 15], False, 1.08), (None, False, 1.02), ([7, 15], True, 1.02), (None, True, 1.02)],
+)
+def test_a_far_start_is_found_among_wild_readings(
+    landmarks: list[int] | None, distances: bool, times: float, real: Log
+) -> None:
     assert OPTIONS.filter == "robust"
-    for distances in (False, True):
-        given: dict[str, Any] = {"distances": distances, "with_series": True, "window": 0.0}
-        known = _after_a_minute(replay(real, **given))
-        found = [_after_a_minute(replay(real, start="prior", seed=k, **given)) for k in range(3)]
-        assert known < (0.09 if distances else 0.105)
-        assert max(found) < 1.15 * known
+    given: dict[str, Any] = {"landmarks": landmarks, "distances": distances, "window": 0.0}
+    given["with_series"] = True
+    known = _after_a_minute(replay(real, **given))
+    # from seeds 11 and 13 the first fit is a wrong one that noise as large as assumed explains
+    found = [_after_a_minute(replay(real, start="prior", seed=k, **given)) for k in (9, 11, 13)]
+    assert max(found) < times * known
 
 
 def _after_a_minute(found: Replay) -> float:
