@@ -42,6 +42,9 @@ __all__ = ["BatchSolution", "compile_solver", "solve", "solver_is_compiled"]
 THINNING = 8
 """Sightings of a kind and a pair that one stands for, until R is true."""
 
+ROUNDING = 1e-12
+"""Share of the cost below which what a step gains does not show."""
+
 
 @dataclass(frozen=True, slots=True)
 class BatchSolution:
@@ -225,7 +228,9 @@ def _descend(
 def _searched(problem: _Problem, path: Trajectory, moving: Flags) -> Flags:
     """Move each path towards its best as far as its cost falls; return which moved."""
     cost, best = problem.found.cost, problem.best
-    share, found, there = np.ones(len(cost)), np.zeros(len(cost), dtype=bool), best
+    # too little to show in the cost, and so near the minimum that the whole step is right
+    little = cost - problem.found.linear_cost < ROUNDING * cost
+    share, found, there = np.ones(len(cost)), moving & little, best
     for _ in range(MOST_HALVINGS):
         tried = trajectory_cost(problem.setup, problem.window, problem.prior, there, problem.lanes)
         found |= moving & (tried < cost)

@@ -42,8 +42,8 @@ __all__ = ["Compared", "batch_of", "compare", "compare_drawn", "main"]
 SAME = 1e-6
 """Of a standard deviation."""
 
-CONVERGED = 1e-14
-"""Gain in cost below which ours takes no further step."""
+CONVERGED = -np.inf
+"""Gain in cost below which ours takes no further step: it takes as many as it may."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,12 +3,13 @@
 Variables are the poses of all vehicles at all samples, constant errors and gusts. A step's factor
 has three rows: the speed and the turn rate that two poses imply, less those read, and what must be
 zero, as a step is an arc: the place across the chord's direction. Priors and compasses are GTSAM's
-own factors, bearings and distances those of its poses. GTSAM eliminates all variables by QR and
-takes Gauss-Newton steps from the truth; nothing is shared with `estimation.batch_solution` but the
-readings.
+own factors, bearings and distances those of its poses. GTSAM takes Gauss-Newton steps from the
+truth. It eliminates constraints with up to 1e-4 sigma of rounding, so the last steps solve the
+linear systems that it makes as the sparse, symmetric ones of least squares under constraints.
+Nothing is shared with `estimation.batch_solution` but the readings.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,18 +19,21 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.estimation.augmented_setup import AugmentedReadings, AugmentedSetup
 from syncplan.estimation.filter_setup import COMPASS_KIND, DISTANCE_KIND
+from tests.tools.linear_systems import CONSTANT, GUST, POSE, LinearSystem
 
 __all__ = ["GraphSolution", "TrialGraph", "solve_graph"]
 
 Factor = Callable[[gtsam.Values], tuple[Array, list[Array]]]
 """Of values: errors, and their derivatives by each of the factor's variables."""
 
-POSE, CONSTANT, GUST = "x", "c", "g"
-
 CONSTANTS = ("wind x", "wind y", "scale", "turn-rate bias")
 """Of AugmentedSetup.columns, those that move a vehicle and are constant."""
 
-MOST_STEPS = 60
+NEAR, MOST_STEPS = 1e-3, 60
+"""m and rad that a step of GTSAM moves at most once it has come near; steps."""
+
+SAME, MOST_EXACT = 1e-12, 40
+"""The same of the last exact step; such steps."""
 
 SIDEWAYS = 0.5 * np.pi
 """rad, from a vehicle's heading to the x axis of its pose in the graph.
@@ -83,42 +87,50 @@ class TrialGraph:
 
     def solved(self) -> GraphSolution:
         """Return the solution from the truth on, by Gauss-Newton steps until they are rounding."""
-        parameters = gtsam.GaussNewtonParams()
-        parameters.setLinearSolverType("MULTIFRONTAL_QR")
-        ordering = self._ordering(range(self.steps + 1))
-        for c in range(self.constants):
-            ordering.push_back(self._key(CONSTANT, c))
-        parameters.setOrdering(ordering)
-        optimizer = gtsam.GaussNewtonOptimizer(self.graph, self.values, parameters)
-        before, moved = self._state(self.values, self.steps), np.inf
-        for _ in range(MOST_STEPS):
-            optimizer.iterate()
-            values = optimizer.values()
-            end = self._state(values, self.steps)
-            last, moved = moved, float(np.max(np.abs(end - before)))
-            before = end
-            if moved < 1e-13 or (moved < 1e-9 and moved >= last):
+        values, moved = self._near(), np.inf
+        for _ in range(MOST_EXACT):
+            system = LinearSystem.of(self.graph, values)
+            delta = system.solution()
+            values, moved = values.retract(system.split(delta)), float(np.max(np.abs(delta)))
+            if moved < SAME:
                 break
-        sigmas = self._sigmas(values, self.steps)
+        end = self._sigmas(system, values, self.steps)
         return GraphSolution(
             start=self._state(values, 0),
-            end=end,
-            start_sigmas=self._sigmas(values, 0),
-            end_sigmas=sigmas,
+            end=self._state(values, self.steps),
+            start_sigmas=self._sigmas(system, values, 0),
+            end_sigmas=end,
             cost=2.0 * self.graph.error(values),
-            moved=moved / float(sigmas.min()),
+            moved=moved / float(end.min()),
         )
 
-    def _ordering(self, steps: Iterable[int]) -> gtsam.Ordering:
-        """The variables of some samples, one sample after another, poses before gusts.
+    def _near(self) -> gtsam.Values:
+        """Values near the solution, by GTSAM's own steps."""
+        parameters = gtsam.GaussNewtonParams()
+        parameters.setLinearSolverType("MULTIFRONTAL_QR")
+        parameters.setOrdering(self._ordering())
+        optimizer = gtsam.GaussNewtonOptimizer(self.graph, self.values, parameters)
+        before = self._state(self.values, self.steps)
+        for _ in range(MOST_STEPS):
+            optimizer.iterate()
+            after = self._state(optimizer.values(), self.steps)
+            if np.max(np.abs(after - before)) < NEAR:
+                break
+            before = after
+        return optimizer.values()
+
+    def _ordering(self) -> gtsam.Ordering:
+        """All variables, one sample after another, poses before gusts, and constants last.
 
         Where a constraint is among what is eliminated, GTSAM divides by the first variable's entry
         of it. That of a gust is small: COLAMD's ordering leaves errors of 1e-5 sigma.
         """
         ordering = gtsam.Ordering()
-        for k in steps:
+        for k in range(self.steps + 1):
             for key in self._keys(k):
                 ordering.push_back(key)
+        for c in range(self.constants):
+            ordering.push_back(self._key(CONSTANT, c))
         return ordering
 
     def _keys(self, step: int) -> list[int]:
@@ -138,20 +150,11 @@ class TrialGraph:
             found += values.atVector(self._key(GUST, g, step)).tolist()
         return np.array(found)
 
-    def _sigmas(self, values: gtsam.Values, step: int) -> Array:
-        """(3n + e,) standard deviations at the first or the last sample: all others eliminated.
-
-        Not by gtsam.Marginals, which eliminates in an order of its own.
-        """
-        others = range(self.steps) if step else range(self.steps, 0, -1)
-        linear = self.graph.linearize(values)
-        _, rest = linear.eliminatePartialSequential(self._ordering(others), gtsam.EliminateQR)
-        keys, left = self._keys(step), gtsam.Ordering()
+    def _sigmas(self, system: "LinearSystem", values: gtsam.Values, step: int) -> Array:
+        """(3n + e,) standard deviations at the first or the last sample."""
+        keys = self._keys(step)
         keys[self.n : self.n] = [self._key(CONSTANT, c) for c in range(self.constants)]
-        for key in keys:
-            left.push_back(key)
-        inverse = np.linalg.inv(np.linalg.qr(rest.jacobian(left)[0], mode="r"))
-        covariance = inverse @ inverse.T
+        covariance = system.covariance(keys)
         for i in range(self.n):
             own, R = slice(3 * i, 3 * i + 3), _turned(values.atPose2(keys[i]))
             covariance[own, own] = R @ covariance[own, own] @ R.T
