@@ -66,7 +66,7 @@ check-all: postgresql check
 	docker/steps.sh
 
 # the longest first
-SEARCHES := survival contract upgrade sight-lines equipment clearances refinements counterexamples phases thrown start-up predictions losses lost consistency neglect
+SEARCHES := survival contract upgrade sight-lines equipment clearances refinements counterexamples phases thrown start-up predictions batch recording losses lost consistency neglect
 
 search-survival:        ARGUMENTS = 3 $(SEED)
 search-upgrade:         ARGUMENTS = 1 $(SEED)
@@ -75,6 +75,8 @@ search-thrown:          ARGUMENTS = 40 $(SEED)
 search-start-up:        ARGUMENTS = 40 $(SEED) --trials 100 --missed 0.4 --wrong 0.2
 search-predictions:     ARGUMENTS = 16 $(SEED) --trials 100 --median 0.06 --ninety 0.15
 search-neglect:         ARGUMENTS = 12 $(SEED) --most 0.2
+search-batch:           ARGUMENTS = 8 $(SEED)
+search-recording:       ARGUMENTS = 2
 search-consistency:     ARGUMENTS = 20 $(SEED)
 search-clearances:      ARGUMENTS = 6 $(SEED)
 search-refinements:     ARGUMENTS = 8 $(SEED)

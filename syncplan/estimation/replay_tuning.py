@@ -13,8 +13,8 @@ Errors of sightings that last give innovations that are alike for seconds, which
 white ones does not see: the sum of k of them then scatters by more than root k. Where it does over
 blocks of BLOCK_S, by observer and target, the kind's sigma grows by as much.
 
-The rest of a recording without truth starts where the filter with the fitted settings was then, and
-as well known as its least known robot.
+Where the start is given, the rest starts where the filter with the fitted settings was then, as well
+known as its least known robot.
 
 Source: Bar-Shalom, Li, Kirubarajan (2001), 5.4 (innovations) and 11.3; Nelder, Mead (1965).
 """
@@ -120,7 +120,7 @@ def tuned(
         found = replace(found, range_sigma=found.range_sigma * growth[DISTANCE_PLACE])
     rest: dict[str, Any] = {"portion": (FIT_SHARE, 1.0)}
     before_rest, after_rest = replace(settings, **rest), replace(found, **rest)
-    if not log.has_truth:
+    if settings.start == "given":
         end = fit.end(found)
         before_rest, after_rest = end.as_start_of(before_rest), end.as_start_of(after_rest)
     return Tuning(

@@ -48,16 +48,10 @@ def notes_of(replayed: Replay) -> list[str]:
 def _truth_notes(replayed: Replay) -> list[str]:
     if replayed.from_truth is not None:
         return []
-    notes = [
+    return [
         "the recording has no truth: errors, ANEES and coverage are not known; sigmas are the "
         "filter's own"
     ]
-    if replayed.tuning is not None:
-        notes.append(
-            "the rest starts where the filter was at the end of what sigmas were fitted to, as "
-            "well known as its least known robot"
-        )
-    return notes
 
 
 def _tuning_notes(tuning: Tuning | None) -> list[str]:
@@ -67,6 +61,11 @@ def _tuning_notes(tuning: Tuning | None) -> list[str]:
         f"sigmas and delay are fitted to the first {tuning.duration:.1f} s, without truth; figures "
         "are of the rest"
     ]
+    if tuning.after.start == "given":
+        notes.append(
+            "the rest starts where the filter was at the end of what sigmas were fitted to, as "
+            "well known as its least known robot"
+        )
     if tuning.gain_on_rest < 0.0:
         notes.append(
             "those that were given explain the rest better: the recording changes on its way, or "
