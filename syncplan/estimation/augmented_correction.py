@@ -18,7 +18,7 @@ from syncplan.estimation.augmented_setup import (
 )
 from syncplan.estimation.batched_filter import sighting_lanes
 from syncplan.estimation.filter_setup import BEARING_KIND
-from syncplan.estimation.lane_filter import Lanes, compiled
+from syncplan.estimation.lane_filter import Lanes, compiled, inner
 from syncplan.estimation.lane_statistics import subtract_outer
 
 __all__ = ["AT_ONCE", "correct_augmented", "correct_covariance", "correct_state", "take_off"]
@@ -118,7 +118,7 @@ def _expect_bias(errors: Array, bias: int, innovation: Array, lanes: Lanes) -> N
         innovation[lane] = off - 2.0 * math.pi * math.floor((off + math.pi) / (2.0 * math.pi))
 
 
-@compiled
+@inner
 def take_off(gain: Array, shares: Array, u: Array, lanes: Lanes) -> None:
     """u -= gain shares: the correction by a sighting that P has not had yet."""
     for k in range(len(u)):
@@ -126,7 +126,7 @@ def take_off(gain: Array, shares: Array, u: Array, lanes: Lanes) -> None:
             u[k, lane] -= gain[k, lane] * shares[lane]
 
 
-@compiled
+@inner
 def _weigh(
     variance: float,
     gate: float,
@@ -217,7 +217,7 @@ def correct_covariance(P: Array, pending: int, halves: tuple[Array, Array], lane
         subtract_outer(P, gains[done], us[done], 0, lanes)
 
 
-@compiled
+@inner
 def _subtract_two(P: Array, g: Array, u: Array, lanes: Lanes) -> None:
     for i in range(len(P)):
         for j in range(i + 1):
@@ -225,7 +225,7 @@ def _subtract_two(P: Array, g: Array, u: Array, lanes: Lanes) -> None:
                 P[i, j, lane] -= g[0, i, lane] * u[0, j, lane] + g[1, i, lane] * u[1, j, lane]
 
 
-@compiled
+@inner
 def _subtract_four(P: Array, g: Array, u: Array, lanes: Lanes) -> None:
     for i in range(len(P)):
         for j in range(i + 1):

@@ -13,7 +13,7 @@ is left. Where these states are columns of P: `augmented_setup`; the frame: `aug
 from syncplan.arrays import Array, Index
 from syncplan.estimation.augmented_frame import GUST, SCALE, TURN, WIND, Frame
 from syncplan.estimation.augmented_setup import AugmentedSetup
-from syncplan.estimation.lane_filter import Lanes, compiled
+from syncplan.estimation.lane_filter import Lanes, compiled, inner
 
 __all__ = ["MOST_ENTRIES", "Sparse", "dot", "multiply", "refer"]
 
@@ -102,7 +102,7 @@ def _refer_vehicle(
     return count
 
 
-@compiled
+@inner
 def multiply(P: Array, row: Sparse, count: int, u: Array, lanes: Lanes) -> None:
     """u = P h, three entries of h at a time."""
     columns, h = row
@@ -127,7 +127,7 @@ def multiply(P: Array, row: Sparse, count: int, u: Array, lanes: Lanes) -> None:
                     )
 
 
-@compiled
+@inner
 def dot(row: Sparse, count: int, u: Array, products: Array, lanes: Lanes) -> None:
     """Fill in h . u (lanes,)."""
     columns, h = row

@@ -33,7 +33,7 @@ from syncplan.estimation.filter_setup import (
     MotionModel,
 )
 from syncplan.estimation.filter_statistics import FilterStatistics
-from syncplan.estimation.lane_filter import Lanes, compiled
+from syncplan.estimation.lane_filter import Lanes, inner
 from syncplan.estimation.lane_statistics import subtract_outer
 
 __all__ = [
@@ -52,7 +52,7 @@ SMALLEST_SQUARE = 1e-300
 """Least squared distance in m^2: bodies estimated at one place give a row of zeros, not NaN."""
 
 
-@compiled
+@inner
 def shortening(half_turn: float, substeps: int) -> tuple[float, float]:
     """Return the ratio s(a) of chord to path and its derivative by a; see `reference_filter`.
 
@@ -68,7 +68,7 @@ def shortening(half_turn: float, substeps: int) -> tuple[float, float]:
     return ratio, (math.cos(half_turn) - ratio * math.cos(part)) / path
 
 
-@compiled
+@inner
 def motion_in(setup: FilterSetup, step: int) -> MotionModel:
     """Return the motion model of a step, 1 to the last: that of a sample for one as long."""
     motion, span = setup.motion, setup.spans[step - 1]
@@ -78,7 +78,7 @@ def motion_in(setup: FilterSetup, step: int) -> MotionModel:
     )
 
 
-@compiled
+@inner
 def predict_lanes(
     x: Array,
     P: Array,
@@ -114,7 +114,7 @@ def predict_lanes(
             x[i, 2, lane] += turn_rates[i, lane] * time
 
 
-@compiled
+@inner
 def _turn_covariance(P: Array, r: int, moves: Array, lanes: Lanes) -> None:
     """P = F P F' for the vehicle at rows r, r + 1, r + 2; F's heading column is (-dy, dx, 1)."""
     for k in range(r):
@@ -128,7 +128,7 @@ def _turn_covariance(P: Array, r: int, moves: Array, lanes: Lanes) -> None:
             P[k, r + 1, lane] += moves[0, lane] * P[k, r + 2, lane]
 
 
-@compiled
+@inner
 def turn_block(P: Array, r: int, moves: Array, lanes: Lanes) -> None:
     """Turn the block of the pose at row r, whose place is moves[0:2] from where it began."""
     for lane in range(len(lanes)):
@@ -141,7 +141,7 @@ def turn_block(P: Array, r: int, moves: Array, lanes: Lanes) -> None:
         P[r + 2, r + 1, lane] = hy + b * hh
 
 
-@compiled
+@inner
 def add_motion_noise(P: Array, r: int, moves: Array, motion: MotionModel, lanes: Lanes) -> None:
     """P += G Q G' for the vehicle at row r: moves[2:4] is G by speed, moves[4:6] by turn rate."""
     time, speed_variance = motion.time, motion.speed_variance
@@ -157,7 +157,7 @@ def add_motion_noise(P: Array, r: int, moves: Array, motion: MotionModel, lanes:
         P[r + 2, r + 2, lane] += turn_variance * time * time
 
 
-@compiled
+@inner
 def bearing_lanes(
     x: Array,
     observer: int,
@@ -188,7 +188,7 @@ def bearing_lanes(
         innovation[lane] -= 2.0 * math.pi * turns
 
 
-@compiled
+@inner
 def distance_lanes(
     x: Array,
     observer: int,
@@ -213,7 +213,7 @@ def distance_lanes(
         innovation[lane] = distances[lane] - rho
 
 
-@compiled
+@inner
 def heading_lanes(
     x: Array, observer: int, headings: Array, row: Array, innovation: Array, lanes: Lanes
 ) -> None:
@@ -224,7 +224,7 @@ def heading_lanes(
         innovation[lane] = turn - 2.0 * math.pi * math.floor((turn + math.pi) / (2.0 * math.pi))
 
 
-@compiled
+@inner
 def sighting_lanes(
     kind: int,
     x: Array,
@@ -248,21 +248,33 @@ def sighting_lanes(
         heading_lanes(x, observer, measured, row, innovation, lanes)
 
 
-@compiled
+@inner
 def _add_product(
     P: Array, r: int, row: Array, sign: float, width: int, u: Array, lanes: Lanes
 ) -> None:
-    """u += sign * P[:, r : r + width] row, from the lower triangle of P alone."""
-    for c in range(width):
-        for k in range(r + c):
+    """u += sign * P[:, r : r + width] row, from the lower triangle of P alone; width is 2 or 3."""
+    for k in range(r):
+        for lane in range(len(lanes)):
+            total = u[k, lane] + sign * row[0, lane] * P[r, k, lane]
+            total += sign * row[1, lane] * P[r + 1, k, lane]
+            if width == 3:
+                total += sign * row[2, lane] * P[r + 2, k, lane]
+            u[k, lane] = total
+    for k in range(r, r + 3):
+        for c in range(width):
+            i, j = max(k, r + c), min(k, r + c)
             for lane in range(len(lanes)):
-                u[k, lane] += sign * row[c, lane] * P[r + c, k, lane]
-        for k in range(r + c, len(P)):
-            for lane in range(len(lanes)):
-                u[k, lane] += sign * row[c, lane] * P[k, r + c, lane]
+                u[k, lane] += sign * row[c, lane] * P[i, j, lane]
+    for k in range(r + 3, len(P)):
+        for lane in range(len(lanes)):
+            total = u[k, lane] + sign * row[0, lane] * P[k, r, lane]
+            total += sign * row[1, lane] * P[k, r + 1, lane]
+            if width == 3:
+                total += sign * row[2, lane] * P[k, r + 2, lane]
+            u[k, lane] = total
 
 
-@compiled
+@inner
 def correct_lanes(
     x: Array,
     P: Array,

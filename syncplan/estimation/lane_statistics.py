@@ -10,7 +10,7 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.estimation.filter_setup import FilterSetup
 from syncplan.estimation.filter_statistics import FilterStatistics
-from syncplan.estimation.lane_filter import Lanes, compiled
+from syncplan.estimation.lane_filter import Lanes, compiled, inner
 
 __all__ = ["record_errors", "record_lanes", "subtract_outer"]
 
@@ -60,7 +60,7 @@ def record_errors(
         _add_nees(P, error, A, u, factor, statistics, lanes)
 
 
-@compiled
+@inner
 def subtract_outer(P: Array, factor: Array, u: Array, start: int, lanes: Lanes) -> None:
     """P -= factor u' on the lower triangle, rows and columns from `start` on."""
     for i in range(start, len(P)):
@@ -99,7 +99,7 @@ def _add_nees(
             sums.nees_samples[lane] += 1.0
 
 
-@compiled
+@inner
 def _add_errors(
     x: Array,
     truth: Array,
@@ -123,7 +123,7 @@ def _add_errors(
                     statistics.late_squares[i, c, lane] += e * e
 
 
-@compiled
+@inner
 def _add_coverage(P: Array, error: Array, statistics: FilterStatistics, lanes: Lanes) -> None:
     """Count the coordinates within three of the filter's own sigmas."""
     for k in range(len(P)):
@@ -132,7 +132,7 @@ def _add_coverage(P: Array, error: Array, statistics: FilterStatistics, lanes: L
             statistics.covered[k // 3, lane] += 1.0 if inside else 0.0
 
 
-@compiled
+@inner
 def _add_series(P: Array, error: Array, sums: Array, lanes: Lanes) -> None:
     """Add one step's errors and variances, lane after lane, to (n, 11)."""
     for i in range(len(sums)):

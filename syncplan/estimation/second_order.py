@@ -15,7 +15,7 @@ Source: Bar-Shalom, Li, Kirubarajan (2001), 10.3.2 (second-order extended Kalman
 
 from syncplan.arrays import Array
 from syncplan.estimation.filter_setup import COMPASS_KIND, DISTANCE_KIND
-from syncplan.estimation.lane_filter import Lanes, compiled
+from syncplan.estimation.lane_filter import Lanes, inner
 
 __all__ = ["second_order_lanes", "second_order_variance"]
 
@@ -23,7 +23,7 @@ NEAREST_SQUARE = 1e-12
 """m^2: nearer bodies count as this far apart, which leaves finite variances."""
 
 
-@compiled
+@inner
 def second_order_variance(
     kind: int, dx: float, dy: float, xx: float, xy: float, yy: float
 ) -> float:
@@ -42,7 +42,7 @@ def second_order_variance(
     return max(xx * yy - xy * xy + 2.0 * mixed * mixed, 0.0) / (square * square)
 
 
-@compiled
+@inner
 def second_order_lanes(
     kind: int,
     x: Array,
