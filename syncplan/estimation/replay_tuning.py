@@ -13,8 +13,8 @@ Errors of sightings that last give innovations that are alike for seconds, which
 white ones does not see: the sum of k of them then scatters by more than root k. Where it does over
 blocks of BLOCK_S, by observer and target, the kind's sigma grows by as much.
 
-Where the start is given, the rest starts where the filter with the fitted settings was then, as well
-known as its least known robot.
+Where the start is given, the rest starts where the filter with the fitted settings was then, as
+well known as its least known robot.
 
 Source: Bar-Shalom, Li, Kirubarajan (2001), 5.4 (innovations) and 11.3; Nelder, Mead (1965).
 """

@@ -6,9 +6,10 @@ Part of `make check-all`, where the recording lies beside the checkout: data set
 docs/how-to/replay-a-log.md. The robust filter runs on it with the sigmas by default, with bearings
 alone and with distances, with two of the 15 landmarks and with all. The table has position errors,
 RMS over all robots, in m: over the whole run from the truth, and over its last two thirds with
-sigmas fitted to the first; after the first minute from the truth, and from starts drawn about it by 5 m and 0.5 rad, the median and the
-largest of some seeds. Fails where an error over the whole run is over its limit, one with fitted
-sigmas over 1.1 times that limit, or one from a drawn start over 1.1 times that from the truth.
+sigmas fitted to the first; after the first minute from the truth, and from starts drawn about it by
+5 m and 0.5 rad, the median and the largest of some seeds. Fails where an error over the whole run
+is over its limit, one with fitted sigmas over 1.1 times that limit, or one from a drawn start over
+1.1 times that from the truth.
 """
 
 import sys
