@@ -88,7 +88,7 @@ def correct_augmented(
     correct_covariance(P, pending, halves, lanes)
 
 
-@compiled
+@inner
 def _expect_off(
     x: Array,
     errors: Array,
@@ -110,7 +110,7 @@ def _expect_off(
         innovation[lane] -= off
 
 
-@compiled
+@inner
 def _expect_bias(errors: Array, bias: int, innovation: Array, lanes: Lanes) -> None:
     """Take the bearing bias that is expected off the innovations (lanes,)."""
     for lane in range(len(lanes)):
@@ -151,7 +151,7 @@ def _weigh(
         spread[lane] = accepted / total
 
 
-@compiled
+@inner
 def correct_state(
     x: Array,
     errors: Array,
@@ -202,7 +202,7 @@ def correct_state(
             errors[k, lane] += left * gain[first + k, lane] * innovation[lane]
 
 
-@compiled
+@inner
 def correct_covariance(P: Array, pending: int, halves: tuple[Array, Array], lanes: Lanes) -> None:
     """P -= sum of gain u' over the pending sightings, on the lower triangle."""
     us, gains = halves

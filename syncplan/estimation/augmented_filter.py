@@ -31,12 +31,12 @@ from syncplan.estimation.augmented_setup import (
     AugmentedStatistics,
 )
 from syncplan.estimation.augmented_statistics import is_wanted_now, record_augmented
-from syncplan.estimation.lane_filter import LaneFilter, Lanes, augmented_specimen, compiled
+from syncplan.estimation.lane_filter import LaneFilter, Lanes, augmented_specimen, compiled, inner
 
 __all__ = ["AUGMENTED"]
 
 
-@compiled
+@inner
 def _compare(
     x: Array,
     errors: Array,

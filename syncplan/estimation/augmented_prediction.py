@@ -23,7 +23,7 @@ from syncplan.estimation.augmented_frame import GUST, SCALE, TURN, WIND, Frame, 
 from syncplan.estimation.augmented_setup import AugmentedSetup
 from syncplan.estimation.batched_filter import add_motion_noise, motion_in, shortening
 from syncplan.estimation.filter_setup import MotionModel
-from syncplan.estimation.lane_filter import Lanes, compiled
+from syncplan.estimation.lane_filter import Lanes, inner
 
 __all__ = [
     "LEAST_LEFT",
@@ -45,7 +45,7 @@ SMALL = 0.03
 """rad: half a sample's turn up to which a chord's length is by series."""
 
 
-@compiled
+@inner
 def predict_augmented(
     x: Array,
     errors: Array,
@@ -72,7 +72,7 @@ def predict_augmented(
     pass_sample(P, errors, setup, motion.time, frame, before, lanes)
 
 
-@compiled
+@inner
 def add_reading_noise(
     P: Array, i: int, motion: MotionModel, frame: Frame, slopes: Array, lanes: Lanes
 ) -> None:
@@ -89,7 +89,7 @@ def add_reading_noise(
     add_motion_noise(P, 3 * i, slopes, motion, lanes)
 
 
-@compiled
+@inner
 def pass_sample(
     P: Array,
     errors: Array,
@@ -111,7 +111,7 @@ def pass_sample(
         _blow(P, errors, setup.columns, age, decay, noise, lanes)
 
 
-@compiled
+@inner
 def _lengthen(since: Array, elapsed: float, slopes: Array, time: float, lanes: Lanes) -> None:
     """The way since P's frame, and its derivatives by bias and scale, one sample longer."""
     for lane in range(len(lanes)):
@@ -124,7 +124,7 @@ def _lengthen(since: Array, elapsed: float, slopes: Array, time: float, lanes: L
         since[5, lane] += slopes[7, lane]
 
 
-@compiled
+@inner
 def gusts_in(setup: AugmentedSetup, span: float) -> tuple[float, float]:
     """What is left of a gust after a step, and the variance that it gains."""
     time, decay = setup.poses.motion.time, setup.decay
@@ -134,7 +134,7 @@ def gusts_in(setup: AugmentedSetup, span: float) -> tuple[float, float]:
     return left, setup.gust_noise * (1.0 - left * left) / (1.0 - decay * decay)
 
 
-@compiled
+@inner
 def _blow(
     P: Array,
     errors: Array,
@@ -157,13 +157,13 @@ def _blow(
                 P[r, r, lane] += noise * age[1] * age[1]
 
 
-@compiled
+@inner
 def error_of(errors: Array, count: int, column: int, lane: int) -> float:
     """The error in a column of the state; 0 where the column is -1."""
     return errors[column - 3 * count, lane] if column >= 0 else 0.0
 
 
-@compiled
+@inner
 def move(
     x: Array,
     errors: Array,
@@ -208,7 +208,7 @@ def move(
                     x[i, axis, lane] += time * errors[column - 3 * n, lane]
 
 
-@compiled
+@inner
 def _short_arc(a: float) -> tuple[float, float]:
     """sin(a) / a and its derivative by their series, exact to rounding up to SMALL."""
     square = a * a
@@ -216,7 +216,7 @@ def _short_arc(a: float) -> tuple[float, float]:
     return ratio, -a / 3.0 * (1.0 - square / 10.0 * (1.0 - square / 28.0))
 
 
-@compiled
+@inner
 def _sine_and_cosine(angle: float) -> tuple[float, float]:
     """Sine and cosine without a branch, so that lanes are taken side by side.
 

@@ -13,7 +13,7 @@ is left. Where these states are columns of P: `augmented_setup`; the frame: `aug
 from syncplan.arrays import Array, Index
 from syncplan.estimation.augmented_frame import GUST, SCALE, TURN, WIND, Frame
 from syncplan.estimation.augmented_setup import AugmentedSetup
-from syncplan.estimation.lane_filter import Lanes, compiled, inner
+from syncplan.estimation.lane_filter import Lanes, inner
 
 __all__ = ["MOST_ENTRIES", "Sparse", "dot", "multiply", "refer"]
 
@@ -25,7 +25,7 @@ Sparse = tuple[Index, Array]
 """A row: columns (MOST_ENTRIES,) and entries (MOST_ENTRIES, lanes)."""
 
 
-@compiled
+@inner
 def refer(
     slopes: Array,
     o: int,
@@ -59,7 +59,7 @@ def refer(
     return count
 
 
-@compiled
+@inner
 def _refer_vehicle(
     slopes: Array,
     i: int,

@@ -6,7 +6,7 @@
 from syncplan.arrays import Array
 from syncplan.estimation.augmented_setup import AugmentedStatistics, ErrorStatistics
 from syncplan.estimation.filter_setup import FilterSetup
-from syncplan.estimation.lane_filter import Lanes, compiled
+from syncplan.estimation.lane_filter import Lanes, compiled, inner
 from syncplan.estimation.lane_statistics import record_errors
 
 __all__ = ["is_wanted_now", "record_augmented"]
@@ -16,13 +16,13 @@ Compared = tuple[Array, tuple[Array, Array, Array, Array], Array]
 the poses (3n, lanes); and room for the poses' covariance."""
 
 
-@compiled
+@inner
 def is_wanted_now(setup: FilterSetup, step: int, statistics: AugmentedStatistics) -> bool:
     """Return whether the statistics of a step take the covariance, as it is then."""
     return _is_sampled(setup, step) or len(statistics.poses.series) > 0
 
 
-@compiled
+@inner
 def _is_sampled(poses: FilterSetup, step: int) -> bool:
     taken = step % poses.sample_every == 0 or step == len(poses.truth) - 1
     return taken and step > poses.judged_from
