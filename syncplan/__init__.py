@@ -46,6 +46,7 @@ Packages, each using only those before it; each lists its modules
     planning          plan, judge, validate, sweep
     refinement        the best plan near a plan
     landmarks         choice of landmark sites
+    flight            vehicles that steer by their own estimates
     reports           JSON documents
     plotting          figures
     exporting         other programs' formats

@@ -6,7 +6,7 @@ exported_files    files in memory, in a folder or in an archive
 format_table      the table of formats; it names the module of each
 geodesy           the plane on Earth
 safe_names        names that any file system and ROS take
-flight            a plan as it is flown: height, length, poses
+scheduled_plan    a plan as it is flown: height, length, poses
 mission_items     items of autopilots' missions
 loiter_turns      missions of loiter turns
 polygons          missions of waypoints

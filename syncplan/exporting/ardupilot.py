@@ -5,9 +5,9 @@ longitude, altitude, autocontinue. Item 0 is home. Source: MAVLink, "File Format
 """
 
 from syncplan.exporting.exported_files import Written
-from syncplan.exporting.flight import Flight
 from syncplan.exporting.mission_items import WAYPOINT, Mission, MissionItem
 from syncplan.exporting.missions import write_missions
+from syncplan.exporting.scheduled_plan import ScheduledPlan
 
 __all__ = ["write_ardupilot"]
 
@@ -15,16 +15,16 @@ HEADER = "QGC WPL 110"
 FRAME_GLOBAL = 0
 
 
-def write_ardupilot(flight: Flight) -> Written:
+def write_ardupilot(flown: ScheduledPlan) -> Written:
     """Return a .waypoints file for each vehicle; altitudes are above home, home's above the sea.
 
     Raises InputError as missions_of does.
     """
-    return write_missions(flight, "waypoints", _text)
+    return write_missions(flown, "waypoints", _text)
 
 
-def _text(flight: Flight, mission: Mission) -> str:
-    origin = flight.origin
+def _text(flown: ScheduledPlan, mission: Mission) -> str:
+    origin = flown.origin
     home = MissionItem(
         WAYPOINT,
         FRAME_GLOBAL,

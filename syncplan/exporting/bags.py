@@ -9,8 +9,8 @@ import numpy as np
 
 from syncplan.errors import InputError
 from syncplan.exporting.exported_files import ExportedFile, Written
-from syncplan.exporting.flight import Flight, Poses, sampled_poses, start_of
 from syncplan.exporting.safe_names import ros_names
+from syncplan.exporting.scheduled_plan import Poses, ScheduledPlan, sampled_poses, start_of
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -28,36 +28,36 @@ _NANO = 1_000_000_000
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
-def write_rosbag2(flight: Flight) -> Written:
+def write_rosbag2(flown: ScheduledPlan) -> Written:
     """Return a bag in SQLite; see write_mcap."""
-    return _write(flight, "SQLITE3", "rosbag2")
+    return _write(flown, "SQLITE3", "rosbag2")
 
 
-def write_mcap(flight: Flight) -> Written:
+def write_mcap(flown: ScheduledPlan) -> Written:
     """Return a bag in MCAP: a folder with metadata.yaml and the messages.
 
     Topic /NAME/path holds one nav_msgs/Path in frame `map` (x east, y north, z up), published at
     the start, its poses stamped from start_time, or from 0 where the scenario has none. Raises
     InputError where rosbags is missing, and for times that a stamp can't hold.
     """
-    return _write(flight, "MCAP", "mcap")
+    return _write(flown, "MCAP", "mcap")
 
 
-def _write(flight: Flight, storage: str, kind: str) -> Written:
+def _write(flown: ScheduledPlan, storage: str, kind: str) -> Written:
     try:
         from rosbags.rosbag2 import StoragePlugin, Writer
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
         raise InputError("needs rosbags: pip install 'syncplan[export]'") from error
-    poses, start = sampled_poses(flight), _start(flight)
+    poses, start = sampled_poses(flown), _start(flown)
     store = get_typestore(Stores.ROS2_HUMBLE)
-    topics = tuple(f"/{token}/path" for token in ros_names(flight.names))
+    topics = tuple(f"/{token}/path" for token in ros_names(flown.names))
     with tempfile.TemporaryDirectory(prefix="syncplan-") as folder:
         # the bag's own name is in its metadata
-        bag = Path(folder) / f"{flight.title}_{kind}"
+        bag = Path(folder) / f"{flown.title}_{kind}"
         with Writer(bag, version=BAG_VERSION, storage_plugin=StoragePlugin[storage]) as writer:
             for k, topic in enumerate(topics):
-                message = _path(store, poses, k, start, flight.altitudes[k])
+                message = _path(store, poses, k, start, flown.altitudes[k])
                 raw = store.serialize_cdr(message, message.__msgtype__)
                 to = writer.add_connection(topic, message.__msgtype__, typestore=store)
                 writer.write(to, start, raw)
@@ -71,16 +71,16 @@ def _write(flight: Flight, storage: str, kind: str) -> Written:
     return Written(files, topics=topics, notes=(note,))
 
 
-def _start(flight: Flight) -> int:
+def _start(flown: ScheduledPlan) -> int:
     """Time 0 in nanoseconds since 1970. Raises InputError if the run is not within the stamps."""
-    start = start_of(flight.plan)
+    start = start_of(flown.plan)
     if start is None:
         return 0
     since = start - _EPOCH
     nanoseconds = (since.days * 86_400 + since.seconds) * _NANO + since.microseconds * 1000
-    if nanoseconds < 0 or nanoseconds / _NANO + flight.duration > LAST_SECOND:
+    if nanoseconds < 0 or nanoseconds / _NANO + flown.duration > LAST_SECOND:
         raise InputError(
-            f"{flight.plan.scenario.start_time}: stamps of ROS messages go from 1970 to 2038-01-19",
+            f"{flown.plan.scenario.start_time}: stamps of ROS messages go from 1970 to 2038-01-19",
             key="start_time",
         )
     return nanoseconds

@@ -11,7 +11,7 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.exporting.exported_files import ExportedFile, Written
-from syncplan.exporting.flight import Flight
+from syncplan.exporting.scheduled_plan import ScheduledPlan
 from syncplan.orbits.circles import Orbits, heading
 
 __all__ = ["arc_pieces", "write_crazyswarm"]
@@ -36,25 +36,25 @@ HEADER = ",".join(
 )
 
 
-def write_crazyswarm(flight: Flight) -> Written:
+def write_crazyswarm(flown: ScheduledPlan) -> Written:
     """Return a trajectory file for each vehicle, in the plan's own frame, yaw along the path.
 
     Pieces join with continuous position, velocity, acceleration and jerk; yaw is exact and not
     wrapped.
     """
-    orbits = flight.plan.orbits
-    names = [f"{flight.title}-{label}.trajectory.csv" for label in flight.labels]
+    orbits = flown.plan.orbits
+    names = [f"{flown.title}-{label}.trajectory.csv" for label in flown.labels]
     files, longest = [], 0
     for k, name in enumerate(names):
-        count = _piece_count(float(orbits.radii[k]), orbits.rate * flight.duration)
+        count = _piece_count(float(orbits.radii[k]), orbits.rate * flown.duration)
         longest = max(longest, count)
         if longest * orbits.count > MOST_PIECES_WRITTEN:
             raise InputError(
-                f"{flight.duration:g}: makes trajectories of {longest:,} pieces; a Crazyflie holds "
+                f"{flown.duration:g}: makes trajectories of {longest:,} pieces; a Crazyflie holds "
                 f"{MOST_PIECES}: give a shorter one",
                 key="duration",
             )
-        rows = arc_pieces(orbits, k, flight.duration, count, flight.altitudes[k])
+        rows = arc_pieces(orbits, k, flown.duration, count, flown.altitudes[k])
         lines = [HEADER, *(",".join(f"{value:.12g}" for value in row) for row in rows.tolist())]
         files.append(ExportedFile(name, ("\n".join(lines) + "\n").encode()))
     notes = ["upload as absolute (not relative) trajectories, and start all at once from the entry"]

@@ -12,7 +12,7 @@ __all__ = ["MOST_TURNS", "ExportOptions"]
 HIGHEST_M = 100_000.0
 LONGEST_S = 1e7
 MOST_TURNS = 20_000
-"""Longest flight, in turns: as long as a scenario's run may be."""
+"""Longest flown, in turns: as long as a scenario's run may be."""
 
 
 @dataclass(frozen=True, slots=True)

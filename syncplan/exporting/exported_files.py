@@ -27,7 +27,7 @@ class ExportedFile:
 
 @dataclass(frozen=True, slots=True)
 class Written:
-    """What a format makes of a flight.
+    """What a format makes of a flown.
 
     Attributes
     ----------

@@ -13,7 +13,7 @@ from syncplan.exporting.autopilots import AutopilotName
 
 if TYPE_CHECKING:
     from syncplan.exporting.exported_files import Written
-    from syncplan.exporting.flight import Flight
+    from syncplan.exporting.scheduled_plan import ScheduledPlan
 
 __all__ = ["ALL", "FORMATS", "ExportFormat", "default_altitudes"]
 
@@ -28,7 +28,7 @@ class ExportFormat:
     Attributes
     ----------
     title : what it is called where people choose one
-    writer : module of this package and its function, from the flight to what is written
+    writer : module of this package and its function, from the plan to what is written
     altitude_m : flown where the options name none
     on_earth : whether it needs the scenario's geo_origin
     mission : whether it is an autopilot's mission
@@ -42,10 +42,10 @@ class ExportFormat:
     mission: bool = False
     only_for: AutopilotName | None = None
 
-    def write(self, flight: "Flight") -> "Written":
-        """Return a flight's files in this format; raises InputError for what it can't hold."""
+    def write(self, flown: "ScheduledPlan") -> "Written":
+        """Return a plan's files in this format; raises InputError for what it can't hold."""
         module, _, function = self.writer.partition(".")
-        written: Written = getattr(import_module(f"{__package__}.{module}"), function)(flight)
+        written: Written = getattr(import_module(f"{__package__}.{module}"), function)(flown)
         return written
 
 

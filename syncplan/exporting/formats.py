@@ -7,11 +7,11 @@ import numpy as np
 from syncplan.errors import InputError, NoGoError
 from syncplan.exporting.export_options import ExportOptions
 from syncplan.exporting.exported_files import Export, ExportedFile, as_archive, write_files
-from syncplan.exporting.flight import Flight, flight_of
 from syncplan.exporting.format_table import ALL, FORMATS, ExportFormat
 from syncplan.exporting.geodesy import ground_error
 from syncplan.exporting.loiter_turns import snapped_radii
 from syncplan.exporting.missions import flies_loiter_turns
+from syncplan.exporting.scheduled_plan import ScheduledPlan, scheduled
 from syncplan.exporting.sidecar import sidecar_file
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.judgement import BoundChoice, judge
@@ -54,16 +54,16 @@ def export(plan: Plan, format: str, options: ExportOptions | None = None) -> Exp
             f"choose {others}",
             key="autopilot",
         )
-    flight = flight_of(plan, asked, chosen.altitude_m)
-    notes = _ground_notes(flight) if chosen.on_earth else []
-    if chosen.mission and asked.snap_radius and flies_loiter_turns(flight):
-        flight, snapped = _snapped(flight)
+    flown = scheduled(plan, asked, chosen.altitude_m)
+    notes = _ground_notes(flown) if chosen.on_earth else []
+    if chosen.mission and asked.snap_radius and flies_loiter_turns(flown):
+        flown, snapped = _snapped(flown)
         notes += snapped
     if not asked.force:
-        _check_go(flight.plan)
-    written = chosen.write(flight)
+        _check_go(flown.plan)
+    written = chosen.write(flown)
     written = replace(written, notes=(*notes, *written.notes))
-    files = (*written.files, sidecar_file(flight, format, written))
+    files = (*written.files, sidecar_file(flown, format, written))
     return Export(format, files, written.notes)
 
 
@@ -112,8 +112,8 @@ def _all(plan: Plan, options: ExportOptions) -> Export:
     return Export(ALL, tuple(files), tuple(notes))
 
 
-def _ground_notes(flight: Flight) -> list[str]:
-    orbits = flight.plan.orbits
+def _ground_notes(flown: ScheduledPlan) -> list[str]:
+    orbits = flown.plan.orbits
     reach = float(np.max(np.hypot(*orbits.centers.T) + orbits.radii))
     error = ground_error(reach)
     if error < PLANE_ERROR_M:
@@ -124,13 +124,13 @@ def _ground_notes(flight: Flight) -> list[str]:
     ]
 
 
-def _snapped(flight: Flight) -> tuple[Flight, list[str]]:
-    """The flight with radii that ArduPilot can store, judged afresh by the exact code."""
-    plan = flight.plan
+def _snapped(flown: ScheduledPlan) -> tuple[ScheduledPlan, list[str]]:
+    """The plan with radii that ArduPilot can store, judged afresh by the exact code."""
+    plan = flown.plan
     radii = snapped_radii(plan.orbits.radii)
     moved = np.abs(radii - plan.orbits.radii)
     if not moved.any():
-        return flight, []
+        return flown, []
     orbit = plan.scenario.orbit.following(
         radius_m=radii.tolist(), angular_rate_rad_s=plan.orbits.rate, speed_mps=None
     )
@@ -141,7 +141,7 @@ def _snapped(flight: Flight) -> tuple[Flight, list[str]]:
     worst = int(np.argmax(moved))
     notes = [
         f"radii snapped to what ArduPilot stores, at most by {moved[worst]:.2g} m "
-        f"({flight.names[worst]}: {plan.orbits.radii[worst]:g} to {radii[worst]:g} m); "
+        f"({flown.names[worst]}: {plan.orbits.radii[worst]:g} to {radii[worst]:g} m); "
         "speeds keep the common period"
     ]
     if plan.observable and not judged.observable:
@@ -149,9 +149,7 @@ def _snapped(flight: Flight) -> tuple[Flight, list[str]]:
     before = {(item.a, item.b) for item in plan.links}
     lost = before - {(item.a, item.b) for item in judged.links}
     for a, b in sorted(lost):
-        notes.append(
-            f"{flight.names[a]} and {flight.names[b]} no longer meet with the radii snapped"
-        )
+        notes.append(f"{flown.names[a]} and {flown.names[b]} no longer meet with the radii snapped")
     if len(judged.too_close) > len(plan.too_close):
         notes.append("vehicles come nearer than they may with the radii snapped")
-    return replace(flight, plan=judged), notes
+    return replace(flown, plan=judged), notes

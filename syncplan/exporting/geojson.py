@@ -4,8 +4,8 @@ from typing import Any
 
 from syncplan.arrays import Array
 from syncplan.exporting.exported_files import ExportedFile, Written
-from syncplan.exporting.flight import Flight
 from syncplan.exporting.map_tracks import landmark_places, parted, tracks_of
+from syncplan.exporting.scheduled_plan import ScheduledPlan
 from syncplan.runtime.files import as_text
 
 __all__ = ["write_geojson"]
@@ -15,30 +15,30 @@ DIGITS = 9
 """Of degrees: a tenth of a millimetre."""
 
 
-def write_geojson(flight: Flight) -> Written:
+def write_geojson(flown: ScheduledPlan) -> Written:
     """Return one FeatureCollection; a circle that crosses the antimeridian is cut in two there.
 
     Raises InputError without a geo_origin.
     """
-    orbits = flight.plan.orbits
+    orbits = flown.plan.orbits
     features = []
-    for k, track in enumerate(tracks_of(flight)):
+    for k, track in enumerate(tracks_of(flown)):
         about = {
             "vehicle": track.name,
             "direction": "ccw" if orbits.senses[k] > 0.0 else "cw",
             "radius_m": float(orbits.radii[k]),
             "speed_mps": float(orbits.speeds[k]),
-            "altitude_m": flight.altitudes[k],
+            "altitude_m": flown.altitudes[k],
         }
         features += [
             _feature(_line(track.circle), {"kind": "circle", **about}),
             _feature(_point(track.center), {"kind": "center", "vehicle": track.name}),
             _feature(_point(track.entry), {"kind": "entry", "vehicle": track.name, "time_s": 0.0}),
         ]
-    for name, place in landmark_places(flight).items():
+    for name, place in landmark_places(flown).items():
         features.append(_feature(_point(place), {"kind": "landmark", "landmark": name}))
     collection = {"type": "FeatureCollection", "features": features}
-    name = f"{flight.title}.geojson"
+    name = f"{flown.title}.geojson"
     return Written(files=(ExportedFile(name, as_text(collection).encode()),))
 
 

@@ -1,25 +1,25 @@
 """How a vehicle joins its circle at the right phase and stays in step, for each kind of file."""
 
 from syncplan.exporting.exported_files import Written
-from syncplan.exporting.flight import Flight, start_of
 from syncplan.exporting.loiter_turns import ACCELERATION
+from syncplan.exporting.scheduled_plan import ScheduledPlan, start_of
 
 __all__ = ["procedure"]
 
 
-def procedure(flight: Flight, written: Written) -> list[str]:
+def procedure(flown: ScheduledPlan, written: Written) -> list[str]:
     """Return the steps in order, for those who fly."""
     if written.kind in ("loiter_turns", "waypoints"):
-        return [*_before_a_mission(flight, written), *_start_of_a_mission(flight, written)]
+        return [*_before_a_mission(flown, written), *_start_of_a_mission(flown, written)]
     if written.kind == "trajectories":
-        return [*_start_of_trajectories(flight), *_off_time(flight)]
-    return [*_start_by_oneself(flight), *_off_time(flight)]
+        return [*_start_of_trajectories(flown), *_off_time(flown)]
+    return [*_start_by_oneself(flown), *_off_time(flown)]
 
 
 # --- missions -----------------------------------------------------------------------------------
 
 
-def _before_a_mission(flight: Flight, written: Written) -> list[str]:
+def _before_a_mission(flown: ScheduledPlan, written: Written) -> list[str]:
     steps = [
         "Take-off and landing are not in the mission: take off first, then start the mission in "
         "the air (ArduPilot refuses one without a take-off from the ground). Until a vehicle is on "
@@ -32,14 +32,14 @@ def _before_a_mission(flight: Flight, written: Written) -> list[str]:
     return steps
 
 
-def _start_of_a_mission(flight: Flight, written: Written) -> list[str]:
-    known = start_of(flight.plan) is not None
-    period = f"{flight.plan.orbits.period:.6g} s"
+def _start_of_a_mission(flown: ScheduledPlan, written: Written) -> list[str]:
+    known = start_of(flown.plan) is not None
+    period = f"{flown.plan.orbits.period:.6g} s"
     again = (
         "A vehicle that misses time 0 holds at entry.position_m; make start_item its current item "
         f"a whole number of periods ({period}) later."
     )
-    if flight.is_copter:
+    if flown.is_copter:
         join = [
             "The mission flies to entry.position_m and stops there. "
             + (
@@ -53,7 +53,7 @@ def _start_of_a_mission(flight: Flight, written: Written) -> list[str]:
                 "at the same moment, time 0. With a start_time in the scenario, missions wait for "
                 "it by themselves."
             ),
-            _lag(flight),
+            _lag(flown),
             again,
         ]
     else:
@@ -72,8 +72,8 @@ def _start_of_a_mission(flight: Flight, written: Written) -> list[str]:
     return [*join, hold, _check(), _stand_by()]
 
 
-def _lag(flight: Flight) -> str:
-    speeds = flight.plan.orbits.speeds
+def _lag(flown: ScheduledPlan) -> str:
+    speeds = flown.plan.orbits.speeds
     spread = float(speeds.max() - speeds.min()) / (2.0 * ACCELERATION)
     between = (
         "the same for all, because all fly at one speed"
@@ -97,7 +97,7 @@ def _stand_by() -> str:
 # --- other files --------------------------------------------------------------------------------
 
 
-def _start_of_trajectories(flight: Flight) -> list[str]:
+def _start_of_trajectories(flown: ScheduledPlan) -> list[str]:
     return [
         "Let every vehicle take off and hover at entry.position_m with yaw entry.heading_rad, one "
         "after the other where paths cross; then start all trajectories by one broadcast, at time "
@@ -109,10 +109,10 @@ def _start_of_trajectories(flight: Flight) -> list[str]:
     ]
 
 
-def _start_by_oneself(flight: Flight) -> list[str]:
-    known = flight.plan.scenario.start_time is not None
+def _start_by_oneself(flown: ScheduledPlan) -> list[str]:
+    known = flown.plan.scenario.start_time is not None
     when = "start_time" if known else "a moment that all agree on (time 0)"
-    period = flight.plan.orbits.period
+    period = flown.plan.orbits.period
     return [
         "Take-off and landing are the operator's; wait clear of all circles, each vehicle at an "
         "altitude of its own.",
@@ -126,7 +126,7 @@ def _start_by_oneself(flight: Flight) -> list[str]:
     ]
 
 
-def _off_time(flight: Flight) -> list[str]:
+def _off_time(flown: ScheduledPlan) -> list[str]:
     return [
         _check(),
         "A vehicle late by s seconds (s < 0: early), at most half a period, flies one turn at "

@@ -6,9 +6,9 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.exporting.exported_files import ExportedFile, Written
-from syncplan.exporting.flight import Flight, moment, start_of
 from syncplan.exporting.geodesy import geodetic
 from syncplan.exporting.map_tracks import POINTS_PER_TURN, landmark_places, parted, tracks_of
+from syncplan.exporting.scheduled_plan import ScheduledPlan, moment, start_of
 from syncplan.orbits.circles import position
 
 __all__ = ["write_kml"]
@@ -21,7 +21,7 @@ MOST_TRACK_POINTS = 2000
 """Of one timed track: what is beyond would not show."""
 
 
-def write_kml(flight: Flight) -> Written:
+def write_kml(flown: ScheduledPlan) -> Written:
     """Return one file with a folder for each vehicle; altitudes are above the ground.
 
     Where the scenario has a start_time, each vehicle also has a track over time, which viewers
@@ -29,18 +29,18 @@ def write_kml(flight: Flight) -> Written:
     """
     root = Xml.Element("kml", {"xmlns": KML, "xmlns:gx": GOOGLE})
     document = Xml.SubElement(root, "Document")
-    _text(document, "name", flight.plan.scenario.name or "plan")
-    for k, track in enumerate(tracks_of(flight)):
-        folder, height = Xml.SubElement(document, "Folder"), flight.altitudes[k]
+    _text(document, "name", flown.plan.scenario.name or "plan")
+    for k, track in enumerate(tracks_of(flown)):
+        folder, height = Xml.SubElement(document, "Folder"), flown.altitudes[k]
         _text(folder, "name", track.name)
         _circle(_placemark(folder, f"{track.name} circle"), parted(track.circle), height)
         _point(folder, f"{track.name} entry", track.entry, height)
-        _track(folder, flight, k)
-    for name, place in landmark_places(flight).items():
+        _track(folder, flown, k)
+    for name, place in landmark_places(flown).items():
         _point(document, name, place, 0.0)
     Xml.indent(root, space=" ")
     content = Xml.tostring(root, encoding="utf-8", xml_declaration=True) + b"\n"
-    return Written(files=(ExportedFile(f"{flight.title}.kml", content),))
+    return Written(files=(ExportedFile(f"{flown.title}.kml", content),))
 
 
 def _circle(placemark: Xml.Element, parts: list[Array], height: float) -> None:
@@ -52,21 +52,21 @@ def _circle(placemark: Xml.Element, parts: list[Array], height: float) -> None:
         _text(line, "coordinates", " ".join(_coordinates(one, height, ",") for one in part))
 
 
-def _track(folder: Xml.Element, flight: Flight, k: int) -> None:
+def _track(folder: Xml.Element, flown: ScheduledPlan, k: int) -> None:
     """Add the timed track of vehicle k, where the moment of time 0 is known."""
-    start = start_of(flight.plan)
+    start = start_of(flown.plan)
     if start is None:
         return
-    orbits = flight.plan.orbits
-    wanted = int(np.ceil(flight.duration / orbits.period * POINTS_PER_TURN)) + 1
-    times = np.linspace(0.0, flight.duration, min(wanted, MOST_TRACK_POINTS))
-    places = geodetic(flight.origin, position(orbits, times)[:, k])
-    track = Xml.SubElement(_placemark(folder, f"{flight.names[k]} flight"), "gx:Track")
+    orbits = flown.plan.orbits
+    wanted = int(np.ceil(flown.duration / orbits.period * POINTS_PER_TURN)) + 1
+    times = np.linspace(0.0, flown.duration, min(wanted, MOST_TRACK_POINTS))
+    places = geodetic(flown.origin, position(orbits, times)[:, k])
+    track = Xml.SubElement(_placemark(folder, f"{flown.names[k]} flight"), "gx:Track")
     _text(track, "altitudeMode", "relativeToGround")
     for time in times.tolist():
         _text(track, "when", moment(start, time))
     for place in places:
-        _text(track, "gx:coord", _coordinates(place, flight.altitudes[k], " "))
+        _text(track, "gx:coord", _coordinates(place, flown.altitudes[k], " "))
 
 
 def _point(parent: Xml.Element, name: str, place: Array, height: float) -> None:

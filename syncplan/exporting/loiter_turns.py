@@ -18,7 +18,6 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.errors import InputError
-from syncplan.exporting.flight import Flight
 from syncplan.exporting.geodesy import geodetic
 from syncplan.exporting.mission_items import (
     Mission,
@@ -27,6 +26,7 @@ from syncplan.exporting.mission_items import (
     waiting_items,
     waypoint_item,
 )
+from syncplan.exporting.scheduled_plan import ScheduledPlan
 from syncplan.orbits.circles import position
 from syncplan.phrases import listed
 
@@ -50,30 +50,30 @@ NOSE_ALONG_THE_PATH = 2.0
 _NAMED = 6
 
 
-def loiter_missions(flight: Flight) -> tuple[list[Mission], list[str]]:
+def loiter_missions(flown: ScheduledPlan) -> tuple[list[Mission], list[str]]:
     """Return the mission of each vehicle, and what the reader must not miss.
 
     Each sets the speed, flies to where the vehicle is at time 0, waits for that moment if the
     vehicle is a Copter and the moment is known, and circles for as many whole turns as cover the
     duration. Raises InputError for a radius that loiter turns can't have.
     """
-    orbits = flight.plan.orbits
-    notes = [*_radius_notes(flight), *_rate_notes(flight)]
-    entries = geodetic(flight.origin, position(orbits, 0.0))
-    centers = geodetic(flight.origin, orbits.centers)
-    waits, missions = waiting_items(flight), []
+    orbits = flown.plan.orbits
+    notes = [*_radius_notes(flown), *_rate_notes(flown)]
+    entries = geodetic(flown.origin, position(orbits, 0.0))
+    centers = geodetic(flown.origin, orbits.centers)
+    waits, missions = waiting_items(flown), []
     for k in range(orbits.count):
         # clockwise is positive there, counter-clockwise here
-        clockwise, altitude = -float(orbits.senses[k]), flight.altitudes[k]
+        clockwise, altitude = -float(orbits.senses[k]), flown.altitudes[k]
         radius, speed = clockwise * float(orbits.radii[k]), float(orbits.speeds[k])
         before = (
-            speed_item(flight, speed),
-            waypoint_item(flight, entries[k], altitude, 0.0),
+            speed_item(flown, speed),
+            waypoint_item(flown, entries[k], altitude, 0.0),
             *waits,
         )
         circles = (
             circle_item(turns, radius, centers[k], altitude)
-            for turns in _turns_per_item(flight.turns)
+            for turns in _turns_per_item(flown.turns)
         )
         rate = clockwise * math.degrees(orbits.rate)
         parameters = (("CIRCLE_OPTIONS", NOSE_ALONG_THE_PATH), ("CIRCLE_RATE", rate))
@@ -82,7 +82,7 @@ def loiter_missions(flight: Flight) -> tuple[list[Mission], list[str]]:
                 (*before, *circles),
                 speed,
                 start_item=len(before) + 1,
-                parameters=parameters if flight.is_copter else (),
+                parameters=parameters if flown.is_copter else (),
             )
         )
     return missions, notes
@@ -115,9 +115,9 @@ def _turns_per_item(turns: int) -> list[float]:
 # --- notes --------------------------------------------------------------------------------------
 
 
-def _radius_notes(flight: Flight) -> list[str]:
-    radii = flight.plan.orbits.radii
-    for name, radius in zip(flight.names, radii, strict=True):
+def _radius_notes(flown: ScheduledPlan) -> list[str]:
+    radii = flown.plan.orbits.radii
+    for name, radius in zip(flown.names, radii, strict=True):
         if radius > TENS_UP_TO:
             raise InputError(f"{name}: {_too_large(float(radius))}", key="orbit.radius_m")
         if radius < 1.0:
@@ -133,12 +133,12 @@ def _radius_notes(flight: Flight) -> list[str]:
         drift = 2.0 * math.pi * (radii[worst] / stored[worst] - 1.0)
         notes.append(
             f"ArduPilot stores radii in {'tens of' if stored[worst] > 255 else 'whole'} metres: "
-            f"{listed([flight.names[k] for k in cut], _NAMED)} would fly smaller circles "
-            f"({flight.names[worst]} {stored[worst]:g} m instead of {radii[worst]:g} m) and, at "
+            f"{listed([flown.names[k] for k in cut], _NAMED)} would fly smaller circles "
+            f"({flown.names[worst]} {stored[worst]:g} m instead of {radii[worst]:g} m) and, at "
             f"the commanded speed, be up to {drift:.2g} rad ahead after each turn; snap the radii, "
             "or fly waypoints"
         )
-    large = [flight.names[k] for k in np.flatnonzero(radii > WHOLE_METRES_UP_TO)]
+    large = [flown.names[k] for k in np.flatnonzero(radii > WHOLE_METRES_UP_TO)]
     if large:
         notes.append(
             f"{listed(large, _NAMED)}: older ArduPilot stores no radius above 255 m; "
@@ -147,11 +147,11 @@ def _radius_notes(flight: Flight) -> list[str]:
     return notes
 
 
-def _rate_notes(flight: Flight) -> list[str]:
+def _rate_notes(flown: ScheduledPlan) -> list[str]:
     """What keeps a Copter from the rate of the plan."""
-    if not flight.is_copter:
+    if not flown.is_copter:
         return []
-    orbits = flight.plan.orbits
+    orbits = flown.plan.orbits
     rate = math.degrees(orbits.rate)
     notes = [
         f"Copter circles at the rate of its own parameter: set CIRCLE_RATE to {rate:.6g} (deg/s), "
@@ -164,9 +164,9 @@ def _rate_notes(flight: Flight) -> list[str]:
     if slow.size:
         most = float(needed.max())
         beyond = f"; its range ends at {LARGEST_ACCELERATION:g}" * (most > LARGEST_ACCELERATION)
-        named = [flight.names[k] for k in slow]
+        named = [flown.names[k] for k in slow]
         notes.append(
-            f"Copter circles with at most half its acceleration in waypoint flight, WPNAV_ACCEL: "
+            f"Copter circles with at most half its acceleration in waypoint flown, WPNAV_ACCEL: "
             f"{listed(named, _NAMED)} would turn too slowly at its default of "
             f"{ACCELERATION:g} m/s^2; set {most:.3g} m/s^2 or more{beyond}"
         )

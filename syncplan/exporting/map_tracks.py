@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.exporting.flight import Flight
 from syncplan.exporting.geodesy import geodetic
+from syncplan.exporting.scheduled_plan import ScheduledPlan
 from syncplan.orbits.circles import position, unit
 
 __all__ = ["VehicleTrack", "landmark_places", "parted", "tracks_of"]
@@ -21,7 +21,7 @@ class VehicleTrack:
 
     Attributes
     ----------
-    circle : (181, 2) from the entry point in the direction of flight, the last is the first
+    circle : (181, 2) from the entry point in the direction of flown, the last is the first
     center, entry : (2,)
     """
 
@@ -31,24 +31,23 @@ class VehicleTrack:
     entry: Array
 
 
-def tracks_of(flight: Flight) -> list[VehicleTrack]:
+def tracks_of(flown: ScheduledPlan) -> list[VehicleTrack]:
     """Return the track of each vehicle. Raises InputError without a geo_origin."""
-    orbits, origin = flight.plan.orbits, flight.origin
+    orbits, origin = flown.plan.orbits, flown.origin
     turn = 2.0 * np.pi / POINTS_PER_TURN * np.arange(POINTS_PER_TURN)
     phases = orbits.phases[:, None] + orbits.senses[:, None] * turn
     points = orbits.centers[:, None] + orbits.radii[:, None, None] * unit(phases)
     circles = geodetic(origin, np.concatenate([points, points[:, :1]], axis=1))
     centers, entries = geodetic(origin, orbits.centers), geodetic(origin, position(orbits, 0.0))
     return [
-        VehicleTrack(name, circles[k], centers[k], entries[k])
-        for k, name in enumerate(flight.names)
+        VehicleTrack(name, circles[k], centers[k], entries[k]) for k, name in enumerate(flown.names)
     ]
 
 
-def landmark_places(flight: Flight) -> dict[str, Array]:
+def landmark_places(flown: ScheduledPlan) -> dict[str, Array]:
     """Return latitude and longitude of each landmark by its name."""
-    places = geodetic(flight.origin, flight.plan.landmarks)
-    return dict(zip(flight.plan.scenario.landmark_names, places, strict=True))
+    places = geodetic(flown.origin, flown.plan.landmarks)
+    return dict(zip(flown.plan.scenario.landmark_names, places, strict=True))
 
 
 def parted(places: Array) -> list[Array]:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from syncplan.arrays import Array
-from syncplan.exporting.flight import Flight, start_second
+from syncplan.exporting.scheduled_plan import ScheduledPlan, start_second
 
 __all__ = [
     "LOITER_TURNS",
@@ -64,27 +64,29 @@ class Mission:
     parameters: tuple[tuple[str, float], ...] = ()
 
 
-def speed_item(flight: Flight, speed: float) -> MissionItem:
+def speed_item(flown: ScheduledPlan, speed: float) -> MissionItem:
     """Return the change to a speed in m/s: of the air for fixed wings, else over ground."""
-    kind = _AIRSPEED if flight.vehicle.holds_airspeed else _GROUND_SPEED
+    kind = _AIRSPEED if flown.vehicle.holds_airspeed else _GROUND_SPEED
     return MissionItem(CHANGE_SPEED, FRAME_MISSION, (kind, speed, _UNCHANGED, 0.0))
 
 
-def waiting_items(flight: Flight) -> tuple[MissionItem, ...]:
+def waiting_items(flown: ScheduledPlan) -> tuple[MissionItem, ...]:
     """Return a Copter's wait for time 0, a time of day in whole seconds; none if not known."""
-    moment = start_second(flight) if flight.is_copter else None
+    moment = start_second(flown) if flown.is_copter else None
     if moment is None:
         return ()
     when = (_TIME_OF_DAY, float(moment.hour), float(moment.minute), float(moment.second))
     return (MissionItem(DELAY, FRAME_MISSION, when),)
 
 
-def waypoint_item(flight: Flight, place: Array, altitude: float, accepted: float) -> MissionItem:
+def waypoint_item(
+    flown: ScheduledPlan, place: Array, altitude: float, accepted: float
+) -> MissionItem:
     """Return a waypoint that counts as reached `accepted` m from it; 0: the autopilot's own.
 
     Parameter 4 is the yaw: PX4 takes 0 for north and nothing for the way it flies.
     """
-    return _placed(WAYPOINT, (0.0, accepted, 0.0, flight.autopilot.yaw), place, altitude)
+    return _placed(WAYPOINT, (0.0, accepted, 0.0, flown.autopilot.yaw), place, altitude)
 
 
 def circle_item(turns: float, radius: float, center: Array, altitude: float) -> MissionItem:

@@ -5,10 +5,10 @@ from collections.abc import Callable
 import numpy as np
 
 from syncplan.exporting.exported_files import ExportedFile, Written
-from syncplan.exporting.flight import Flight, start_of, start_second
 from syncplan.exporting.loiter_turns import loiter_missions
 from syncplan.exporting.mission_items import Mission
 from syncplan.exporting.polygons import waypoint_missions
+from syncplan.exporting.scheduled_plan import ScheduledPlan, start_of, start_second
 
 __all__ = ["flies_loiter_turns", "missions_of", "write_missions"]
 
@@ -16,33 +16,35 @@ _GRAVITY = 9.81
 _STEEP = 45.0
 
 
-def flies_loiter_turns(flight: Flight) -> bool:
+def flies_loiter_turns(flown: ScheduledPlan) -> bool:
     """Whether the missions are loiter turns, not waypoints; PX4 refuses loiter turns."""
-    return flight.autopilot.loiter_turns and not flight.options.waypoints
+    return flown.autopilot.loiter_turns and not flown.options.waypoints
 
 
-def missions_of(flight: Flight) -> tuple[list[Mission], list[str]]:
+def missions_of(flown: ScheduledPlan) -> tuple[list[Mission], list[str]]:
     """Return the mission of each vehicle, and what the reader must not miss.
 
     Raises InputError without a geo_origin, for a radius that loiter turns can't have, and where
     missions would be too long.
     """
-    made = loiter_missions if flies_loiter_turns(flight) else waypoint_missions
-    missions, notes = made(flight)
-    return missions, [*notes, *_airspeed_notes(flight), *_waiting_notes(flight)]
+    made = loiter_missions if flies_loiter_turns(flown) else waypoint_missions
+    missions, notes = made(flown)
+    return missions, [*notes, *_airspeed_notes(flown), *_waiting_notes(flown)]
 
 
-def write_missions(flight: Flight, ending: str, text: Callable[[Flight, Mission], str]) -> Written:
+def write_missions(
+    flown: ScheduledPlan, ending: str, text: Callable[[ScheduledPlan, Mission], str]
+) -> Written:
     """Return a file for each vehicle, its name with this ending, its `text` that of its mission.
 
     Raises InputError as missions_of does.
     """
-    missions, notes = missions_of(flight)
-    turns = flies_loiter_turns(flight)
-    names = tuple(f"{flight.title}-{label}.{ending}" for label in flight.labels)
+    missions, notes = missions_of(flown)
+    turns = flies_loiter_turns(flown)
+    names = tuple(f"{flown.title}-{label}.{ending}" for label in flown.labels)
     return Written(
         files=tuple(
-            ExportedFile(name, text(flight, mission).encode())
+            ExportedFile(name, text(flown, mission).encode())
             for name, mission in zip(names, missions, strict=True)
         ),
         kind="loiter_turns" if turns else "waypoints",
@@ -54,10 +56,10 @@ def write_missions(flight: Flight, ending: str, text: Callable[[Flight, Mission]
     )
 
 
-def _airspeed_notes(flight: Flight) -> list[str]:
-    if not flight.vehicle.holds_airspeed:
+def _airspeed_notes(flown: ScheduledPlan) -> list[str]:
+    if not flown.vehicle.holds_airspeed:
         return []
-    orbits = flight.plan.orbits
+    orbits = flown.plan.orbits
     slow, fast = float(orbits.speeds.min()), float(orbits.speeds.max())
     notes = [
         "autopilots of fixed wings hold airspeed: in wind the speed over ground varies along "
@@ -69,16 +71,16 @@ def _airspeed_notes(flight: Flight) -> list[str]:
     steepest = int(np.argmax(bank))
     if bank[steepest] > _STEEP:
         notes.append(
-            f"{flight.names[steepest]} would bank {bank[steepest]:.0f} deg: more than autopilots "
+            f"{flown.names[steepest]} would bank {bank[steepest]:.0f} deg: more than autopilots "
             "allow by default; fly larger circles or a longer period"
         )
     return notes
 
 
-def _waiting_notes(flight: Flight) -> list[str]:
+def _waiting_notes(flown: ScheduledPlan) -> list[str]:
     """Where whole seconds are all that a mission can wait for."""
-    start, second = start_of(flight.plan), start_second(flight)
-    if not flight.is_copter or start is None or second is None or start == second:
+    start, second = start_of(flown.plan), start_second(flown)
+    if not flown.is_copter or start is None or second is None or start == second:
         return []
     late = (second - start).total_seconds()
     return [

@@ -14,7 +14,6 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.errors import InputError
-from syncplan.exporting.flight import Flight, check_amount
 from syncplan.exporting.geodesy import geodetic
 from syncplan.exporting.mission_items import (
     Mission,
@@ -22,6 +21,7 @@ from syncplan.exporting.mission_items import (
     waiting_items,
     waypoint_item,
 )
+from syncplan.exporting.scheduled_plan import ScheduledPlan, check_amount
 from syncplan.orbits.circles import Orbits, unit
 
 __all__ = ["px4_corner_speed", "waypoint_missions"]
@@ -39,7 +39,7 @@ ACCELERATION, JERK, TRAJECTORY_GAIN = 3.0, 4.0, 0.5
 """PX4's defaults of MPC_ACC_HOR in m/s^2, MPC_JERK_AUTO in m/s^3 and MPC_XY_TRAJ_P in 1/s."""
 
 
-def waypoint_missions(flight: Flight) -> tuple[list[Mission], list[str]]:
+def waypoint_missions(flown: ScheduledPlan) -> tuple[list[Mission], list[str]]:
     """Return the mission of each vehicle, evenly spaced in time, and what not to miss.
 
     A chord is shorter than its arc: flown at the speed of the circle, a polygon of 14 legs would
@@ -47,12 +47,12 @@ def waypoint_missions(flight: Flight) -> tuple[list[Mission], list[str]]:
     chords. A Copter waits at the first waypoint for time 0, where that moment is known. Raises
     InputError where the missions would be too long.
     """
-    orbits, sagitta = flight.plan.orbits, flight.options.sagitta_m
-    waits, missions, most = waiting_items(flight), [], 0
+    orbits, sagitta = flown.plan.orbits, flown.options.sagitta_m
+    waits, missions, most = waiting_items(flown), [], 0
     for k in range(orbits.count):
-        radius, altitude = float(orbits.radii[k]), flight.altitudes[k]
+        radius, altitude = float(orbits.radii[k]), flown.altitudes[k]
         legs = _legs_per_turn(radius, sagitta)
-        count = max(1, math.ceil(flight.duration / orbits.period * legs - 1e-9))
+        count = max(1, math.ceil(flown.duration / orbits.period * legs - 1e-9))
         most = max(most, count + 2 + len(waits))
         check_amount("waypoints", most * orbits.count, "sagitta_m", sagitta)
         if most > MOST_ITEMS:
@@ -61,15 +61,15 @@ def waypoint_missions(flight: Flight) -> tuple[list[Mission], list[str]]:
                 f"{MOST_ITEMS:,}; allow more, or fly fewer turns",
                 key="sagitta_m",
             )
-        speed = _chord_speed(flight, radius, legs)
-        accepted = _acceptance(flight, radius, legs)
+        speed = _chord_speed(flown, radius, legs)
+        accepted = _acceptance(flown, radius, legs)
         first, *others = (
-            waypoint_item(flight, place, altitude, accepted)
-            for place in geodetic(flight.origin, _corners(orbits, k, legs, count))
+            waypoint_item(flown, place, altitude, accepted)
+            for place in geodetic(flown.origin, _corners(orbits, k, legs, count))
         )
-        before = (speed_item(flight, speed), first, *waits)
+        before = (speed_item(flown, speed), first, *waits)
         missions.append(Mission((*before, *others), speed, start_item=len(before) + 1))
-    return missions, [*_pace_notes(flight), *_length_notes(most)]
+    return missions, [*_pace_notes(flown), *_length_notes(most)]
 
 
 def px4_corner_speed(radius: float, legs: int) -> float:
@@ -96,15 +96,15 @@ def _leg(radius: float, legs: int) -> float:
     return 2.0 * radius * math.sin(math.pi / legs)
 
 
-def _chord_speed(flight: Flight, radius: float, legs: int) -> float:
+def _chord_speed(flown: ScheduledPlan, radius: float, legs: int) -> float:
     """Speed in m/s along the chords that takes one period for a turn."""
-    return _leg(radius, legs) * legs / flight.plan.orbits.period
+    return _leg(radius, legs) * legs / flown.plan.orbits.period
 
 
-def _acceptance(flight: Flight, radius: float, legs: int) -> float:
+def _acceptance(flown: ScheduledPlan, radius: float, legs: int) -> float:
     """Half a leg in m; ArduPilot's Plane keeps whole metres, and takes 0 for its own default."""
     half = _leg(radius, legs) / 2.0
-    if not flight.autopilot.whole_metres:
+    if not flown.autopilot.whole_metres:
         return half
     return float(min(max(1, round(half)), LARGEST_ACCEPTANCE_M))
 
@@ -118,26 +118,26 @@ def _corners(orbits: Orbits, k: int, legs: int, count: int) -> Array:
 # --- notes --------------------------------------------------------------------------------------
 
 
-def _pace_notes(flight: Flight) -> list[str]:
+def _pace_notes(flown: ScheduledPlan) -> list[str]:
     """Whether corners cost time, and with it the meetings."""
-    if flight.vehicle.holds_airspeed:
+    if flown.vehicle.holds_airspeed:
         return [
             "fixed wings cut and overshoot the corners of short legs, so that turns of waypoints "
             "do not take the time planned; where the autopilot has loiter turns, fly those"
         ]
-    if flight.autopilot.loiter_turns:
+    if flown.autopilot.loiter_turns:
         return [
             "Copter slows down for corners, so that turns of waypoints take longer than planned "
             "and meetings are lost; fly loiter turns where you can"
         ]
-    orbits = flight.plan.orbits
+    orbits = flown.plan.orbits
     slowest, fastest, name = math.inf, 0.0, ""
     for k, radius in enumerate(orbits.radii.tolist()):
-        legs = _legs_per_turn(radius, flight.options.sagitta_m)
-        speed = _chord_speed(flight, radius, legs)
+        legs = _legs_per_turn(radius, flown.options.sagitta_m)
+        speed = _chord_speed(flown, radius, legs)
         corner = px4_corner_speed(radius, legs)
         if corner < speed and corner / speed < slowest:
-            slowest, fastest, name = corner / speed, speed, flight.names[k]
+            slowest, fastest, name = corner / speed, speed, flown.names[k]
     if not name:
         return []
     return [

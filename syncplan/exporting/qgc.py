@@ -6,9 +6,9 @@ Source: QGroundControl developer guide, "Plan File Format".
 from typing import Any
 
 from syncplan.exporting.exported_files import Written
-from syncplan.exporting.flight import Flight
 from syncplan.exporting.mission_items import Mission, MissionItem
 from syncplan.exporting.missions import write_missions
+from syncplan.exporting.scheduled_plan import ScheduledPlan
 from syncplan.runtime.files import as_text
 
 __all__ = ["write_qgc"]
@@ -16,28 +16,28 @@ __all__ = ["write_qgc"]
 RELATIVE_TO_HOME = 1
 
 
-def write_qgc(flight: Flight) -> Written:
+def write_qgc(flown: ScheduledPlan) -> Written:
     """Return a .plan file for each vehicle; altitudes are above home.
 
     Raises InputError as missions_of does.
     """
-    return write_missions(flight, "plan", _text)
+    return write_missions(flown, "plan", _text)
 
 
-def _text(flight: Flight, mission: Mission) -> str:
-    return as_text(_plan(flight, mission))
+def _text(flown: ScheduledPlan, mission: Mission) -> str:
+    return as_text(_plan(flown, mission))
 
 
-def _plan(flight: Flight, mission: Mission) -> dict[str, Any]:
-    origin = flight.origin
+def _plan(flown: ScheduledPlan, mission: Mission) -> dict[str, Any]:
+    origin = flown.origin
     return {
         "fileType": "Plan",
         "version": 1,
         "groundStation": "QGroundControl",
         "mission": {
             "version": 2,
-            "firmwareType": flight.autopilot.code,
-            "vehicleType": flight.vehicle.code,
+            "firmwareType": flown.autopilot.code,
+            "vehicleType": flown.vehicle.code,
             "globalPlanAltitudeMode": RELATIVE_TO_HOME,
             "cruiseSpeed": mission.speed,
             "hoverSpeed": mission.speed,

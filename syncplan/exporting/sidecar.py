@@ -7,8 +7,8 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.exporting.exported_files import ExportedFile, Written
-from syncplan.exporting.flight import Flight, moment, places_of, start_of
 from syncplan.exporting.joining import procedure
+from syncplan.exporting.scheduled_plan import ScheduledPlan, moment, places_of, start_of
 from syncplan.exporting.sync_document import (
     EntryPoint,
     LandmarkSighting,
@@ -26,18 +26,18 @@ from syncplan.synchronisation.phase_tolerance import separation_tolerances
 __all__ = ["sidecar_file", "sync_document"]
 
 
-def sidecar_file(flight: Flight, format_: str, written: Written) -> ExportedFile:
+def sidecar_file(flown: ScheduledPlan, format_: str, written: Written) -> ExportedFile:
     """Return the sidecar `TITLE.FORMAT.sync.json` of what was written."""
-    document = sync_document(flight, format_, written)
-    return ExportedFile(f"{flight.title}.{format_}.sync.json", as_text(document.as_json()).encode())
+    document = sync_document(flown, format_, written)
+    return ExportedFile(f"{flown.title}.{format_}.sync.json", as_text(document.as_json()).encode())
 
 
-def sync_document(flight: Flight, format_: str, written: Written) -> SyncDocument:
-    """Return what the files of a format can't say of the flight, for the circles exported."""
+def sync_document(flown: ScheduledPlan, format_: str, written: Written) -> SyncDocument:
+    """Return what the files of a format can't say of the flown, for the circles exported."""
     from syncplan import __version__
 
-    plan, start = flight.plan, start_of(flight.plan)
-    names, landmarks = flight.names, plan.scenario.landmark_names
+    plan, start = flown.plan, start_of(flown.plan)
+    names, landmarks = flown.names, plan.scenario.landmark_names
     return SyncDocument(
         version=__version__,
         name=plan.scenario.name,
@@ -48,9 +48,9 @@ def sync_document(flight: Flight, format_: str, written: Written) -> SyncDocumen
         period_s=plan.orbits.period,
         angular_rate_rad_s=plan.orbits.rate,
         min_separation_m=plan.scenario.separation,
-        duration_s=flight.duration,
-        procedure=procedure(flight, written),
-        vehicles=_vehicles(flight, written),
+        duration_s=flown.duration,
+        procedure=procedure(flown, written),
+        vehicles=_vehicles(flown, written),
         meetings=[
             VehicleMeeting(
                 a=names[item.a],
@@ -58,7 +58,7 @@ def sync_document(flight: Flight, format_: str, written: Written) -> SyncDocumen
                 planned=planned,
                 min_distance_m=item.min_distance,
                 windows_s=_windows(item.windows),
-                tolerance_s=_tolerance(flight, [item]),
+                tolerance_s=_tolerance(flown, [item]),
             )
             for planned, items in ((True, plan.links), (False, plan.incidental_links))
             for item in items
@@ -76,12 +76,12 @@ def sync_document(flight: Flight, format_: str, written: Written) -> SyncDocumen
     )
 
 
-def _vehicles(flight: Flight, written: Written) -> list[SyncedVehicle]:
-    orbits, start = flight.plan.orbits, start_of(flight.plan)
+def _vehicles(flown: ScheduledPlan, written: Written) -> list[SyncedVehicle]:
+    orbits, start = flown.plan.orbits, start_of(flown.plan)
     where, ahead = position(orbits, 0.0), heading(orbits, 0.0) % (2.0 * np.pi)
-    entries = _degrees(flight, where)
-    centers = _degrees(flight, orbits.centers)
-    separations = _separation_tolerances(flight)
+    entries = _degrees(flown, where)
+    centers = _degrees(flown, orbits.centers)
+    separations = _separation_tolerances(flown)
     return [
         SyncedVehicle(
             name=name,
@@ -97,7 +97,7 @@ def _vehicles(flight: Flight, written: Written) -> list[SyncedVehicle]:
                 position_m=_pair(where[k]),
                 lat_deg=entries[k][0],
                 lon_deg=entries[k][1],
-                altitude_m=flight.altitudes[k],
+                altitude_m=flown.altitudes[k],
                 heading_rad=float(ahead[k]),
                 course_deg=(90.0 - math.degrees(float(ahead[k]))) % 360.0,
                 time_s=0.0,
@@ -107,26 +107,26 @@ def _vehicles(flight: Flight, written: Written) -> list[SyncedVehicle]:
             leg_speed_mps=written.leg_speeds[k] if written.leg_speeds else None,
             start_item=written.start_items[k] if written.start_items else None,
             autopilot_parameters=dict(written.parameters[k]) if written.parameters else {},
-            tolerance_s=_tolerance(flight, _meetings_of(flight, k)),
+            tolerance_s=_tolerance(flown, _meetings_of(flown, k)),
             separation_tolerance_s=separations[k],
         )
-        for k, name in enumerate(flight.names)
+        for k, name in enumerate(flown.names)
     ]
 
 
-def _meetings_of(flight: Flight, k: int) -> list[LinkVerdict]:
-    return [item for item in flight.plan.links if k in (item.a, item.b)]
+def _meetings_of(flown: ScheduledPlan, k: int) -> list[LinkVerdict]:
+    return [item for item in flown.plan.links if k in (item.a, item.b)]
 
 
-def _tolerance(flight: Flight, meetings: Sequence[LinkVerdict]) -> float | None:
+def _tolerance(flown: ScheduledPlan, meetings: Sequence[LinkVerdict]) -> float | None:
     """Least time in s by which a phase may slip; None where no meeting can be lost."""
     least = min((item.tolerance for item in meetings), default=math.pi)
-    return None if least >= math.pi else least / flight.plan.orbits.rate
+    return None if least >= math.pi else least / flown.plan.orbits.rate
 
 
-def _separation_tolerances(flight: Flight) -> list[float | None]:
+def _separation_tolerances(flown: ScheduledPlan) -> list[float | None]:
     """How late or early each vehicle may be, s, before it comes too near; None for no limit."""
-    orbits, apart = flight.plan.orbits, flight.plan.scenario.separation
+    orbits, apart = flown.plan.orbits, flown.plan.scenario.separation
     a, b = reachable_pairs(orbits, np.full(orbits.count, apart))
     pairs = np.column_stack([a, b])[a < b]
     least, allowed = np.full(orbits.count, np.pi), separation_tolerances(orbits, pairs, apart)
@@ -135,8 +135,8 @@ def _separation_tolerances(flight: Flight) -> list[float | None]:
     return [None if phase >= math.pi else phase / orbits.rate for phase in least.tolist()]
 
 
-def _degrees(flight: Flight, points: Array) -> list[tuple[float | None, float | None]]:
-    places = places_of(flight, points)
+def _degrees(flown: ScheduledPlan, points: Array) -> list[tuple[float | None, float | None]]:
+    places = places_of(flown, points)
     if places is None:
         return [(None, None)] * len(points)
     return [_pair(place) for place in places]

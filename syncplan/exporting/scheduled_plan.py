@@ -1,4 +1,4 @@
-"""The flight that an export writes down: a plan, with how long and how high it is flown."""
+"""The plan that an export writes down, with how long and how high it is flown."""
 
 import math
 from dataclasses import dataclass
@@ -17,13 +17,13 @@ from syncplan.planning.judged_plan import Plan
 from syncplan.scenario.georeference import GeoOrigin
 
 __all__ = [
-    "Flight",
     "Poses",
+    "ScheduledPlan",
     "check_amount",
-    "flight_of",
     "moment",
     "places_of",
     "sampled_poses",
+    "scheduled",
     "start_of",
     "start_second",
 ]
@@ -36,7 +36,7 @@ _SLIVER = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class Flight:
+class ScheduledPlan:
     """A plan with how it is flown.
 
     Attributes
@@ -101,8 +101,8 @@ class Poses:
     headings: Array
 
 
-def flight_of(plan: Plan, options: ExportOptions, altitude: float) -> Flight:
-    """Return the flight of a plan; `altitude` in m holds where the options name none."""
+def scheduled(plan: Plan, options: ExportOptions, altitude: float) -> ScheduledPlan:
+    """Return a plan as it is written down; `altitude` in m holds where the options name none."""
     scenario, turns = plan.scenario, options.turns
     lowest = altitude if options.altitude_m is None else options.altitude_m
     period = plan.orbits.period
@@ -112,7 +112,7 @@ def flight_of(plan: Plan, options: ExportOptions, altitude: float) -> Flight:
             f"{duration:g}: must be at most {MOST_TURNS * period:.6g}, {MOST_TURNS:,} turns",
             key="duration",
         )
-    return Flight(
+    return ScheduledPlan(
         plan=plan,
         options=options,
         altitudes=tuple(lowest + k * options.altitude_step_m for k in range(plan.orbits.count)),
@@ -122,16 +122,16 @@ def flight_of(plan: Plan, options: ExportOptions, altitude: float) -> Flight:
     )
 
 
-def sampled_poses(flight: Flight) -> Poses:
+def sampled_poses(flown: ScheduledPlan) -> Poses:
     """Return the poses every sample time, the first at 0, headings not wrapped.
 
     Raises InputError where there would be more than two million of them.
     """
-    step = flight.options.sample_time_s or flight.plan.scenario.sample_time
-    count = math.floor(flight.duration / step + _SLIVER) + 1
-    check_amount("poses", count * flight.plan.orbits.count, "sample_time_s", step)
+    step = flown.options.sample_time_s or flown.plan.scenario.sample_time
+    count = math.floor(flown.duration / step + _SLIVER) + 1
+    check_amount("poses", count * flown.plan.orbits.count, "sample_time_s", step)
     times = step * np.arange(count, dtype=np.float64)
-    return Poses(times, position(flight.plan.orbits, times), heading(flight.plan.orbits, times))
+    return Poses(times, position(flown.plan.orbits, times), heading(flown.plan.orbits, times))
 
 
 def check_amount(what: str, total: int, key: str, value: float) -> None:
@@ -144,9 +144,9 @@ def check_amount(what: str, total: int, key: str, value: float) -> None:
         )
 
 
-def places_of(flight: Flight, points: Array) -> Array | None:
+def places_of(flown: ScheduledPlan, points: Array) -> Array | None:
     """Return (..., 2) latitudes and longitudes of points, or None where no origin is known."""
-    known = flight.plan.scenario.geo_origin
+    known = flown.plan.scenario.geo_origin
     return None if known is None else geodetic(known, points)
 
 
@@ -164,9 +164,9 @@ def start_of(plan: Plan) -> datetime | None:
         ) from None
 
 
-def start_second(flight: Flight) -> datetime | None:
+def start_second(flown: ScheduledPlan) -> datetime | None:
     """Return the first whole second in UTC at or after time 0, or None where none is known."""
-    start = start_of(flight.plan)
+    start = start_of(flown.plan)
     if start is None or start.microsecond == 0:
         return start
     try:
