@@ -13,6 +13,7 @@ What a trial does depends on that trial alone; starts are drawn from its own str
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -107,6 +108,24 @@ class _Solved:
         self.covariance[..., mine] = other.covariance[..., its]
 
 
+class Stepped(Protocol):
+    """What takes a filter from sample to sample: a LaneFilter, or what flies as it does."""
+
+    def lanes_for(self, n: int) -> int:
+        """Return how many trials of n vehicles it is best to filter side by side."""
+
+    def advance(
+        self,
+        setup: FilterSetup | AugmentedSetup,
+        readings: Readings | AugmentedReadings,
+        statistics: FilterStatistics | AugmentedStatistics,
+        state: tuple[Array, ...],
+        begin: int,
+        end: int,
+    ) -> None:
+        """Take a state from sample `begin` to sample `end`, in place."""
+
+
 @dataclass(slots=True)
 class RobustRun:
     """A robust filter on its way; its lanes may be looked at, and moved, between samples.
@@ -124,7 +143,7 @@ class RobustRun:
     at : steps taken in
     """
 
-    base: LaneFilter
+    base: Stepped
     setup: FilterSetup | AugmentedSetup
     readings: Readings | AugmentedReadings
     statistics: FilterStatistics | AugmentedStatistics
@@ -140,7 +159,7 @@ class RobustRun:
     @classmethod
     def begun(
         cls,
-        base: LaneFilter,
+        base: Stepped,
         setup: FilterSetup | AugmentedSetup,
         readings: Readings | AugmentedReadings,
         statistics: FilterStatistics | AugmentedStatistics,

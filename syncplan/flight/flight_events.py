@@ -1,0 +1,131 @@
+"""What happens in a flight: losses and holds at their times, sightings that are lost or false.
+
+Texts are as the command line has them: v3@60 loses vehicle v3 at 60 s, sensor:v3@60 its sensor,
+L1@60 landmark L1; v2@100:20 holds vehicle v2 from 100 s on for 20 s.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from syncplan.errors import InputError
+from syncplan.orbits.losses import Loss
+from syncplan.planning.lost_parts import lost_together, phrase_of
+from syncplan.scenario.specification import Scenario
+
+__all__ = ["FlightEvents", "Hold", "TimedLoss", "events_of"]
+
+
+@dataclass(frozen=True, slots=True)
+class TimedLoss:
+    """A vehicle, sensor or landmark that is lost at a time in s; `name` is as it was given."""
+
+    name: str
+    loss: Loss
+    time: float
+
+    @property
+    def sentence(self) -> str:
+        """What happens."""
+        return f"{phrase_of(self.name)} is lost at {self.time:g} s"
+
+
+@dataclass(frozen=True, slots=True)
+class Hold:
+    """A vehicle, by name and number, that stays where it is from `time` on for `length`, in s."""
+
+    name: str
+    vehicle: int
+    time: float
+    length: float
+
+    @property
+    def sentence(self) -> str:
+        """What happens."""
+        return f"{self.name} is held from {self.time:g} s for {self.length:g} s"
+
+
+@dataclass(frozen=True, slots=True)
+class FlightEvents:
+    """All that happens at a time, in order of time."""
+
+    losses: tuple[TimedLoss, ...] = ()
+    holds: tuple[Hold, ...] = ()
+
+    @property
+    def sentences(self) -> list[str]:
+        """What happens, in order of time."""
+        found = sorted((*self.losses, *self.holds), key=lambda one: one.time)
+        return [one.sentence for one in found]
+
+
+def events_of(
+    lose: Iterable[str], hold: Iterable[str], scenario: Scenario, duration: float
+) -> FlightEvents:
+    """Return the events that texts name, in a flight of `duration` s.
+
+    Raises InputError, key `lose` or `hold`, for a text that is none, a name that nothing has, a
+    time that is no time of the flight, and for what is lost or held twice.
+    """
+    losses = sorted((_loss(text, scenario, duration) for text in lose), key=lambda one: one.time)
+    if losses:
+        lost_together([one.name for one in losses], scenario)
+    holds = sorted((_hold(text, scenario, duration) for text in hold), key=lambda one: one.time)
+    for k, one in enumerate(holds):
+        for other in holds[:k]:
+            if other.vehicle == one.vehicle and other.time + other.length > one.time:
+                problem = f"{one.name} is held twice at {one.time:g} s; give one hold"
+                raise InputError(problem, key="hold")
+        gone = next((loss for loss in losses if one.vehicle in loss.loss.vehicles), None)
+        if gone is not None and one.time + one.length > gone.time:
+            problem = f"{one.name} is lost at {gone.time:g} s; end its hold before"
+            raise InputError(problem, key="hold")
+    return FlightEvents(tuple(losses), tuple(holds))
+
+
+def _loss(text: str, scenario: Scenario, duration: float) -> TimedLoss:
+    name, at, when = text.rpartition("@")
+    if not at:
+        raise InputError(f"{text!r} has no time; give it as v3@60, in s", key="lose")
+    time = _time(when, text, "lose", "v3@60", duration)
+    return TimedLoss(name, lost_together([name], scenario), time)
+
+
+def _hold(text: str, scenario: Scenario, duration: float) -> Hold:
+    name, at, rest = text.rpartition("@")
+    when, colon, long = rest.partition(":")
+    if not (at and colon):
+        problem = f"{text!r} is no hold; give it as v2@100:20, from 100 s for 20 s"
+        raise InputError(problem, key="hold")
+    names = scenario.vehicle_names
+    if name not in names:
+        problem = f"{text}: no vehicle is named {name}; vehicles are {_shown(names)}"
+        raise InputError(problem, key="hold")
+    time = _time(when, text, "hold", "v2@100:20", duration)
+    length = _number(long, text, "hold", "v2@100:20")
+    if not length > 0.0:
+        raise InputError(f"{text}: {length:g} s is no length; give more than 0 s", key="hold")
+    return Hold(name, names.index(name), time, length)
+
+
+def _time(text: str, whole: str, key: str, example: str, duration: float) -> float:
+    time = _number(text, whole, key, example)
+    if not 0.0 <= time < duration:
+        problem = f"{whole}: {time:g} s is no time of the flight, which is from 0 to {duration:g} s"
+        raise InputError(f"{problem}; give one before its end", key=key)
+    return time
+
+
+def _number(text: str, whole: str, key: str, example: str) -> float:
+    try:
+        found = float(text)
+    except ValueError:
+        found = math.nan
+    if not math.isfinite(found):
+        problem = f"{whole!r}: {text!r} is no number of seconds; give it as {example}"
+        raise InputError(problem, key=key)
+    return found
+
+
+def _shown(names: list[str]) -> str:
+    return ", ".join(names) if len(names) <= 6 else f"{names[0]} to {names[-1]}"

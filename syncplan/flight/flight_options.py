@@ -1,0 +1,83 @@
+"""How a flight is flown: the filter, the guidance, and all that goes wrong on the way."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from syncplan.errors import InputError
+from syncplan.estimation.filter_options import FilterOptions
+from syncplan.flight.flight_setup import AS_COMMANDED, OPEN_LOOP, TRACKING
+
+__all__ = ["GUIDANCES", "FlightOptions", "GuidanceModel"]
+
+DEFAULT_GATE = 0.9999
+"""Probability of the innovation gate where bearings may be false."""
+
+MOST_LATE = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class GuidanceModel:
+    """A guidance that can be chosen: what it does, and where the loop has its commands from."""
+
+    sentence: str
+    mode: int
+
+
+GUIDANCES: Mapping[str, GuidanceModel] = MappingProxyType(
+    {
+        "track": GuidanceModel("Steers to where the plan has the vehicle at each moment.", TRACKING),
+        "mpc": GuidanceModel(
+            "Predicts, and keeps place, phase and separation within limits.", AS_COMMANDED
+        ),
+        "none": GuidanceModel("Open loop: the plan's speed and turn rate, whatever comes.", OPEN_LOOP),
+    }
+)
+"""By name."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightOptions(FilterOptions):
+    """How a flight is flown; raises InputError naming the option at fault.
+
+    Attributes
+    ----------
+    guidance : a name in GUIDANCES
+    lose, hold : events, as flight_events reads them
+    dropout : share of sightings that are lost on their way
+    outliers : share of bearings that are false: of nothing, anywhere in view
+    mistaken : share of sightings that are of another body than the filter takes them for
+    late : samples after which sightings arrive
+    wind : m/s, the true wind; drawn by the scenario's wind.sigma_mps if None
+    """
+
+    trials: int = 100
+    guidance: str = "track"
+    lose: tuple[str, ...] = ()
+    hold: tuple[str, ...] = ()
+    dropout: float = 0.0
+    outliers: float = 0.0
+    mistaken: float = 0.0
+    late: int = 0
+    wind: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        super(FlightOptions, self).__post_init__()
+        if self.guidance not in GUIDANCES:
+            problem = f"{self.guidance!r} is unknown; choose {' or '.join(GUIDANCES)}"
+            raise InputError(problem, key="guidance")
+        if self.filter_model.needs_truth:
+            raise InputError(f"{self.filter} takes the truth; nobody can fly by it", key="filter")
+        for name in ("dropout", "outliers", "mistaken"):
+            share = getattr(self, name)
+            if not 0.0 <= share < 1.0:
+                raise InputError(f"{share:g} given; a share is from 0 to below 1", key=name)
+        if self.outliers + self.mistaken >= 1.0:
+            raise InputError("together with mistaken this is 1 or more", key="outliers")
+        if not 0 <= self.late <= MOST_LATE:
+            raise InputError(f"{self.late} given; allowed are 0 to {MOST_LATE} samples", key="late")
+        if self.wind is not None and not all(map(math.isfinite, self.wind)):
+            raise InputError(f"{self.wind} is no velocity; give x,y in m/s", key="wind")
+        if self.gate_probability is None and self.outliers + self.mistaken > 0.0:
+            object.__setattr__(self, "gate_probability", DEFAULT_GATE)

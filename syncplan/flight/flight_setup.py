@@ -1,0 +1,188 @@
+"""What the closed loop is given: vehicles, circles, sensors, mishaps; and what it keeps of a flight.
+
+All as arrays, for kernels. Trials are lanes, the last axis, as in the filter's kernels.
+"""
+
+from typing import NamedTuple
+
+from syncplan.arrays import Array, Index
+
+__all__ = [
+    "AS_COMMANDED",
+    "OPEN_LOOP",
+    "TRACKING",
+    "Circles",
+    "Eyes",
+    "FlightSetup",
+    "Flown",
+    "Mishaps",
+    "Response",
+    "Steering",
+]
+
+OPEN_LOOP, TRACKING, AS_COMMANDED = 0, 1, 2
+"""Where commands come from: the plan, the tracking law, or whoever wrote them last."""
+
+
+class Circles(NamedTuple):
+    """The plan that is flown.
+
+    Fields
+    ------
+    centers : (n, 2) m
+    radii : (n,) m
+    senses : (n,) +1 counter-clockwise, -1 clockwise
+    phases : (n,) rad at time 0
+    rate : rad/s
+    """
+
+    centers: Array
+    radii: Array
+    senses: Array
+    phases: Array
+    rate: float
+
+
+class Response(NamedTuple):
+    """How vehicles obey commands.
+
+    Fields
+    ------
+    least_speeds, most_speeds : (n,) m/s, of commands
+    most_turn_rates : (n,) rad/s, of commands
+    left : share of a difference between response and command that is left after a sample
+    mean_left : its mean over a sample
+    measured : whether readings are measured, with the noise, instead of commanded
+    speed_sigma, turn_rate_sigma : m/s, rad/s, of what is read, or else of what is done
+    """
+
+    least_speeds: Array
+    most_speeds: Array
+    most_turn_rates: Array
+    left: float
+    mean_left: float
+    measured: bool
+    speed_sigma: float
+    turn_rate_sigma: float
+
+
+class Eyes(NamedTuple):
+    """What n vehicles can see of bodies by true geometry, and what hides them.
+
+    Fields
+    ------
+    ranges : (n,) m
+    half_views, boresights : (n,) rad
+    every : (K, n) samples from one sighting of a kind to the next
+    sigmas : (K, n) of each kind, infinite where it is not measured
+    detection : (n,) share of sightings that are made
+    landmarks : (m, 2) m
+    corners : (c, 2) m, of all obstacles
+    first_corner : (q + 1,) corners of obstacle k are first_corner[k] to first_corner[k + 1]
+    """
+
+    ranges: Array
+    half_views: Array
+    boresights: Array
+    every: Index
+    sigmas: Array
+    detection: Array
+    landmarks: Array
+    corners: Array
+    first_corner: Index
+
+
+class Mishaps(NamedTuple):
+    """What goes wrong, and when, in steps.
+
+    Fields
+    ------
+    gone_from : (n + m,) from which a vehicle or landmark takes no further part
+    blind_from : (K, n) from which a vehicle makes no sightings of a kind
+    held_from, held_until : (n, h) between which a vehicle stays where it is
+    dropout : share of sightings that are lost on their way
+    outliers : share of bearings that are of nothing, anywhere in view
+    mistaken : share of sightings that are of another body in view than the filter takes them for
+    late : samples after which sightings arrive
+    """
+
+    gone_from: Index
+    blind_from: Index
+    held_from: Index
+    held_until: Index
+    dropout: float
+    outliers: float
+    mistaken: float
+    late: int
+
+
+class Steering(NamedTuple):
+    """How commands are found.
+
+    Fields
+    ------
+    mode : OPEN_LOOP, TRACKING or AS_COMMANDED
+    place_gain : 1/s, of the tracking law
+    heading_gain : 1/s
+    closing_speeds : (n,) m/s, at most so fast a vehicle closes in on its place
+    patience : steps without a sighting after which a vehicle looks for others
+    meeting_points : (n, 2) m, where the circle is moved to that it then flies
+    """
+
+    mode: int
+    place_gain: float
+    heading_gain: float
+    closing_speeds: Array
+    patience: int
+    meeting_points: Array
+
+
+class FlightSetup(NamedTuple):
+    """What all trials of a flight share, beside the set-up of the filter."""
+
+    circles: Circles
+    response: Response
+    eyes: Eyes
+    mishaps: Mishaps
+    steering: Steering
+    time: float
+    steps: int
+
+
+class Flown(NamedTuple):
+    """Truth and record of some trials, a lane each.
+
+    Fields
+    ------
+    path : (steps + 1, n, 3, lanes) m, m, rad, as truly flown up to the present step
+    drift : (1 or steps + 1, 1 or n, 2, lanes) m/s, velocity of the air, held over a sample
+    scales, turn_biases, bearing_biases : (n, lanes) true lasting errors
+    speed_noise, turn_noise : (steps, n, lanes) standard normal
+    keys : (lanes, 2) unsigned, of the noise of sightings
+    commands, responses : (n, 2, lanes) m/s, rad/s, at present
+    moved : (n, 2, lanes) m, by how much each circle is moved at present to be seen again
+    seen : (n, lanes) step of the last sighting of, or by, each vehicle
+    longest : (n, lanes) most steps between two of them so far
+    saturated : (n, lanes) steps at which a command was at its limit
+    sought : (n, lanes) steps at which a vehicle looked for others
+    places : (2,) steps flown, and sightings recorded so far
+    """
+
+    path: Array
+    drift: Array
+    scales: Array
+    turn_biases: Array
+    bearing_biases: Array
+    speed_noise: Array
+    turn_noise: Array
+    keys: Array
+    commands: Array
+    responses: Array
+    moved: Array
+    seen: Index
+    longest: Index
+    saturated: Index
+    sought: Index
+    places: Index
+
+

@@ -1,0 +1,102 @@
+"""Many flights of a team: trials side by side and over threads, the same bytes on any number.
+
+Trials are flown in chunks of CHUNK_TRIALS, as those of a validation are.
+"""
+
+import threading
+from collections import deque
+from collections.abc import Callable, Generator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing
+
+import numpy as np
+
+from syncplan.estimation.augmented_setup import AugmentedStatistics, empty_augmented_statistics
+from syncplan.estimation.filter_statistics import empty_series
+from syncplan.estimation.trials import CHUNK_TRIALS, result_of
+from syncplan.flight.flight_results import (
+    FlightFigures,
+    FlightResult,
+    joined_figures,
+    joined_flights,
+)
+from syncplan.flight.flown_figures import figures_of, without_gone
+from syncplan.flight.flown_lanes import ClosedLoop, FlownLanes
+from syncplan.flight.flown_team import FlownTeam
+from syncplan.runtime.cores import usable_cores
+
+__all__ = ["fly_trials"]
+
+
+class _StoppedError(Exception):
+    """The run was interrupted; this chunk will not be read."""
+
+
+def fly_trials(
+    team: FlownTeam,
+    first_trial: int,
+    trials: int,
+    *,
+    threads: int | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> FlightResult:
+    """Return `trials` flights from `first_trial` on, a multiple of CHUNK_TRIALS.
+
+    `progress` is called with the number of trials done.
+    """
+    parts: list[FlightResult] = []
+    end = first_trial + trials
+    with closing(_in_order(team, first_trial, end, threads or usable_cores())) as chunks:
+        for part in chunks:
+            parts.append(part)
+            if progress is not None:
+                done = part.estimates
+                progress(done.first_trial + done.trials - first_trial)
+    return joined_flights(parts)
+
+
+def _in_order(team: FlownTeam, begin: int, end: int, threads: int) -> Generator[FlightResult]:
+    """Results of all chunks, in order, a few computed ahead."""
+    pending: deque[Future[FlightResult]] = deque()
+    stop = threading.Event()
+    with ThreadPoolExecutor(threads) as pool:
+        try:
+            for start in range(begin, end, CHUNK_TRIALS):
+                chunk = range(start, min(start + CHUNK_TRIALS, end))
+                pending.append(pool.submit(_chunk, team, chunk, stop))
+                if len(pending) > 2 * threads:
+                    yield pending.popleft().result()
+            while pending:
+                yield pending.popleft().result()
+        finally:
+            stop.set()
+
+
+def _chunk(team: FlownTeam, trials: range, stop: threading.Event) -> FlightResult:
+    """The result of the trials of a chunk."""
+    n, e, wanted = team.team.count, len(team.layout.sigmas), team.options.with_series
+    sums = (
+        empty_series(n, team.steps, wanted=wanted),
+        np.zeros((team.steps + 1 if wanted else 0, e, 3)),
+    )
+    counted: list[AugmentedStatistics] = []
+    figures: list[FlightFigures] = []
+    lanes, judged_from = ClosedLoop.lanes_for(n), 0
+    for first in range(trials.start, trials.stop, lanes):
+        if stop.is_set():
+            raise _StoppedError
+        part = range(first, min(first + lanes, trials.stop))
+        flown = FlownLanes.begun(team, part, empty_augmented_statistics(n, e, len(part), sums))
+        flown.advance(team.steps)
+        judged_from = flown.run.setup.poses.judged_from
+        counted.append(without_gone(team, flown))
+        figures.append(figures_of(team, flown))
+    estimates = result_of(
+        [one.poses for one in counted],
+        [one.errors for one in counted],
+        steps=team.steps,
+        seed=team.options.seed,
+        first_trial=trials.start,
+        judged_from=judged_from,
+    )
+    return FlightResult(estimates, joined_figures(figures))

@@ -1,0 +1,133 @@
+"""Figures of trials that have been flown: errors of those still there, and how they kept the plan."""
+
+import numpy as np
+
+from syncplan.arrays import Array, Flags
+from syncplan.estimation.augmented_setup import AugmentedStatistics, empty_augmented_statistics
+from syncplan.estimation.filter_statistics import SAMPLE_EVERY, empty_series
+from syncplan.estimation.lane_filter import lanes_of, start_of
+from syncplan.flight.bound_along import bound_lanes
+from syncplan.flight.flight_measures import kept_meetings, meetings_of, nearest, off_plan
+from syncplan.flight.flight_results import FlightFigures
+from syncplan.flight.flown_lanes import FlownLanes
+from syncplan.flight.flown_team import FlownTeam, step_of
+
+__all__ = ["IN_PHASE_S", "figures_of", "without_gone"]
+
+IN_PHASE_S = 1.0
+"""A vehicle that was held has its phase again where it is off by no more, for a period."""
+
+
+def figures_of(team: FlownTeam, lanes: FlownLanes) -> FlightFigures:
+    """Return the figures of trials that have been flown to their end."""
+    flown, time, steps = lanes.flown, team.setup.time, team.steps
+    orbits = team.team.orbits
+    away, ahead = off_plan(orbits, flown.path, time)
+    there, late = _there(team), 2 * np.arange(steps + 1) > steps
+    counted = late[:, None] & there
+    close = nearest(flown.path, there)
+    meetings = meetings_of(team.windows, time, orbits.period, steps)
+    sightings = lanes.run.readings.sightings[: flown.places[1]]
+    gone = team.setup.mishaps.gone_from
+    kept, planned = kept_meetings(meetings, lanes.run.setup, sightings, gone)
+    # for a vehicle that is gone the time until then counts
+    present = np.maximum(np.minimum(gone[: len(there[0])], steps), 1)[:, None]
+    return FlightFigures(
+        planned_meetings=planned,
+        tracking_squares=_mean(away**2, counted),
+        phase_squares=_mean(ahead**2, counted),
+        worst_phases=_worst(np.abs(ahead), counted),
+        bound_squares=_bounds(team, lanes, counted),
+        separations=close.distance,
+        nearest=close.pair,
+        nearest_times=close.step * time,
+        kept_meetings=kept.T,
+        longest_unseen=flown.longest.T * time,
+        saturated=(flown.saturated / present).T,
+        sought=(flown.sought / present).T,
+        sightings=np.isfinite(sightings).sum(axis=0),
+        settled=_settled(team, ahead),
+    )
+
+
+def without_gone(team: FlownTeam, lanes: FlownLanes) -> AugmentedStatistics:
+    """Return the statistics, those of vehicles that leave being of the time that they are there.
+
+    A vehicle that is gone counts with errors of zero; means are over all samples.
+    """
+    counted, there, steps = lanes.run.statistics, _there(team), team.steps
+    if there.all():
+        return counted
+    late = 2 * np.arange(steps + 1) > steps
+    sampled = np.arange(steps + 1) % SAMPLE_EVERY == 0
+    sampled[-1], sampled[0] = True, False
+    sampled &= np.arange(steps + 1) > lanes.run.setup.poses.judged_from
+    poses = counted.poses
+    whole, second, seldom = (
+        there[chosen].mean(axis=0) for chosen in (np.arange(steps + 1) > 0, late, sampled)
+    )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        within = poses.covered - 3.0 * ((1.0 - seldom) * sampled.sum())[:, None]
+        return AugmentedStatistics(
+            poses._replace(
+                squares=poses.squares / whole[:, None, None],
+                late_squares=poses.late_squares / second[:, None, None],
+                final=np.where(there[-1][:, None, None], poses.final, np.nan),
+                covered=within / seldom[:, None],
+                nees=poses.nees / seldom.mean(),
+            ),
+            counted.errors,
+        )
+
+
+def _there(team: FlownTeam) -> Flags:
+    """(steps + 1, n) whether a vehicle takes part."""
+    gone = team.setup.mishaps.gone_from[: team.team.count]
+    return np.arange(team.steps + 1)[:, None] < gone
+
+
+def _mean(values: Array, counted: Flags) -> Array:
+    """(lanes, n) mean over the samples that count of (steps + 1, n, lanes); NaN without any."""
+    with np.errstate(invalid="ignore"):
+        sums = np.where(counted[..., None], values, 0.0).sum(axis=0)
+        return np.asarray((sums / counted.sum(axis=0)[:, None]).T)
+
+
+def _worst(values: Array, counted: Flags) -> Array:
+    """(lanes, n) largest over the samples that count; NaN without any."""
+    most = np.where(counted[..., None], values, -1.0).max(axis=0)
+    return np.where(most < 0.0, np.nan, most).T
+
+
+def _bounds(team: FlownTeam, lanes: FlownLanes, counted: Flags) -> Array:
+    """(lanes, n) m^2, mean of the bound's variance of each place over the second half."""
+    run, n = lanes.run, team.team.count
+    width, e = run.readings.initial.shape[-1], len(team.layout.sigmas)
+    poses = run.setup.poses._replace(gate=np.inf, second_order=False)
+    setup = run.setup._replace(poses=poses)
+    none = empty_series(n, 0, wanted=False), np.zeros((0, e, 3))
+    scratch = empty_augmented_statistics(n, e, width, none)
+    squares = np.zeros((n, width))
+    state = start_of(setup, run.readings)
+    bound_lanes(
+        lanes.flown, setup, run.readings, scratch, squares, counted, lanes_of(n, width), *state
+    )
+    with np.errstate(invalid="ignore"):
+        return np.asarray((squares / counted.sum(axis=0)[:, None]).T)
+
+
+def _settled(team: FlownTeam, ahead: Array) -> Array:
+    """(lanes, h) s from the end of each hold until the vehicle keeps its phase for a period."""
+    time, found = team.setup.time, []
+    period = step_of(team.team.orbits.period, time)
+    for hold in team.events.holds:
+        end = step_of(hold.time + hold.length, time)
+        off = np.abs(ahead[end:, hold.vehicle]) > IN_PHASE_S
+        # off at some sample of the period that begins here
+        total = np.cumsum(np.concatenate([np.zeros((1, off.shape[1])), off]), axis=0)
+        if len(off) < period:
+            found.append(np.full(off.shape[1], np.nan))
+            continue
+        calm = total[period:] == total[:-period]
+        found.append(np.where(calm.any(axis=0), calm.argmax(axis=0) * time, np.nan))
+    return np.array(found).reshape(len(found), ahead.shape[-1]).T

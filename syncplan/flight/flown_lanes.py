@@ -1,0 +1,175 @@
+"""Some trials of a flight, side by side, on their way: the filter's run with the closed loop in it.
+
+A flight is flown in legs. Between them room is made for further sightings, whose number nobody knows
+beforehand, and what is lost leaves the filter: a vehicle that is gone is made independent of the
+others, whose estimates go on as those of a filter that never had it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from syncplan.arrays import Array, Index
+from syncplan.estimation.augmented_setup import (
+    AugmentedReadings,
+    AugmentedSetup,
+    AugmentedStatistics,
+)
+from syncplan.estimation.filter_setup import FilterSetup, Readings
+from syncplan.estimation.filter_statistics import FilterStatistics
+from syncplan.estimation.lane_filter import LaneFilter, lanes_of, start_of
+from syncplan.estimation.robust_filter import RobustRun
+from syncplan.flight.closed_loop import fly_lanes
+from syncplan.flight.flight_setup import FlightSetup, Flown
+from syncplan.flight.flown_team import FILTERS_OWN, FlownTeam
+
+__all__ = ["ClosedLoop", "FlownLanes"]
+
+LEG_STEPS = 64
+"""Samples that are flown at once."""
+
+MOST_ROWS = 1_000_000
+"""Sightings that room is made for at once."""
+
+
+@dataclass(frozen=True, slots=True)
+class ClosedLoop:
+    """Flies where a LaneFilter only filters, and takes the place of one.
+
+    Attributes
+    ----------
+    flight, flown : what the closed loop is given, and keeps
+    """
+
+    flight: FlightSetup
+    flown: Flown
+
+    @staticmethod
+    def lanes_for(n: int) -> int:
+        """Return how many trials of n vehicles it is best to fly side by side."""
+        return LaneFilter.lanes_for(n)
+
+    def advance(
+        self,
+        setup: FilterSetup | AugmentedSetup,
+        readings: Readings | AugmentedReadings,
+        statistics: FilterStatistics | AugmentedStatistics,
+        state: tuple[Array, ...],
+        begin: int,
+        end: int,
+    ) -> None:
+        """Take a state from sample `begin` to sample `end`, in place, and fly on the way."""
+        n, _, width = readings.initial.shape
+        lanes = lanes_of(n, width)
+        fly_lanes(self.flight, self.flown, setup, readings, statistics, lanes, *state, begin, end)
+
+
+@dataclass(slots=True)
+class PlainRun:
+    """A filter on its way that goes on from sample to sample; attributes are as of RobustRun."""
+
+    base: ClosedLoop
+    setup: AugmentedSetup
+    readings: AugmentedReadings
+    statistics: AugmentedStatistics
+    state: tuple[Array, ...]
+    at: int = 0
+
+    def advance(self, end: int) -> None:
+        """Take in all samples up to `end`."""
+        self.base.advance(
+            self.setup, self.readings, self.statistics, self.state, self.at, end
+        )
+        self.at = end
+
+
+@dataclass(slots=True)
+class FlownLanes:
+    """Trials on their way.
+
+    Attributes
+    ----------
+    team : that flies
+    flown : the truth
+    run : the filter, which flies as it goes
+    """
+
+    team: FlownTeam
+    flown: Flown
+    run: PlainRun | RobustRun
+
+    @classmethod
+    def begun(
+        cls, team: FlownTeam, trials: range, statistics: AugmentedStatistics
+    ) -> "FlownLanes":
+        """Return trials at time 0."""
+        flown, readings = team.begun(trials)
+        setup = team.filter_setup()
+        loop = ClosedLoop(team.setup, flown)
+        if team.options.filter_model.finds_start:
+            streams = [
+                np.random.SeedSequence(team.options.seed, spawn_key=(trial, FILTERS_OWN))
+                for trial in trials
+            ]
+            run = RobustRun.begun(loop, setup, readings, statistics, streams)
+            return cls(team, flown, run)
+        state = start_of(setup, readings)
+        return cls(team, flown, PlainRun(loop, setup, readings, statistics, state))
+
+    def advance(self, end: int) -> None:
+        """Fly until the filter is at step `end`."""
+        rows = _rows_in_step(self.team)
+        leg = max(1, min(LEG_STEPS, MOST_ROWS // rows))
+        stops = [step for step in self._departures() if step < end]
+        while self.run.at < end:
+            until = min([end, self.run.at + leg, *(s for s in stops if s > self.run.at)])
+            self._make_room(rows * (until - self.run.at + self.team.setup.mishaps.late))
+            self.run.advance(until)
+            for vehicle in self._departures().get(until, []):
+                _part(self.run.state[-1], vehicle)
+
+    def _departures(self) -> dict[int, list[int]]:
+        """Vehicles that are gone from a step on, by step."""
+        gone = self.team.setup.mishaps.gone_from[: self.team.team.count]
+        found: dict[int, list[int]] = {}
+        for vehicle, step in enumerate(gone.tolist()):
+            found.setdefault(step, []).append(vehicle)
+        return found
+
+    def _make_room(self, further: int) -> None:
+        """Let set-up and readings hold so many further sightings."""
+        used, have = int(self.flown.places[1]), len(self.run.readings.sightings)
+        if used + further <= have:
+            return
+        size = max(used + further, 2 * have)
+        setup, readings = self.run.setup, self.run.readings
+        poses = setup.poses._replace(
+            **{
+                name: _grown(getattr(setup.poses, name), used, size)
+                for name in ("observers", "targets", "kinds", "variances")
+            }
+        )
+        self.run.setup = setup._replace(poses=poses)
+        self.run.readings = readings._replace(sightings=_grown(readings.sightings, used, size))
+
+
+def _rows_in_step(team: FlownTeam) -> int:
+    """Most sightings of a step: of each other body by each vehicle of each kind, and compasses."""
+    n = team.team.count
+    kinds = np.isfinite(team.setup.eyes.sigmas)
+    return int(kinds.sum()) * (n + len(team.team.landmarks)) or 1
+
+
+def _grown(array: Array | Index, used: int, size: int) -> Array:
+    larger = np.empty((size, *array.shape[1:]), dtype=array.dtype)
+    larger[:used] = array[:used]
+    return larger
+
+
+def _part(P: Array, vehicle: int) -> None:
+    """Make a vehicle's pose independent of all else; P is a lower triangle."""
+    own = slice(3 * vehicle, 3 * vehicle + 3)
+    kept = P[own, own].copy()
+    P[own] = 0.0
+    P[:, own] = 0.0
+    P[own, own] = kept

@@ -1,0 +1,289 @@
+"""A team as it is flown: set-ups of filter and closed loop, and what each trial is drawn."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from syncplan.arrays import Array, Index
+from syncplan.estimation.augmented_setup import (
+    AugmentedReadings,
+    AugmentedSetup,
+    augmented_setup_of,
+)
+from syncplan.estimation.drawn_errors import DrawnErrors, error_draws
+from syncplan.estimation.filter_setup import build_setup
+from syncplan.flight.flight_events import FlightEvents
+from syncplan.flight.flight_limits import FlightLimits
+from syncplan.flight.flight_options import GUIDANCES, FlightOptions
+from syncplan.flight.flight_setup import (
+    Circles,
+    Eyes,
+    FlightSetup,
+    Flown,
+    Mishaps,
+    Response,
+    Steering,
+)
+from syncplan.flight.keyed_noise import key_of
+from syncplan.orbits.circles import heading, position
+from syncplan.orbits.contacts import Windows
+from syncplan.orbits.error_states import StateLayout, layout_of
+from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, samples_between
+from syncplan.orbits.team import Team
+
+__all__ = ["FILTERS_OWN", "FlownTeam", "flown_team", "step_of"]
+
+FILTERS_OWN = 1
+"""Key below a trial's of the numbers that its filter draws."""
+
+NEVER = np.iinfo(np.int64).max
+
+TRACKING_RATE = 2.0
+"""The tracking law's gain in times the plan's rate."""
+
+STEPS_OF_GAIN = 2.0
+"""The law turns towards its heading over at least so many samples, or lags of the response."""
+
+LEAST_CLOSING = 0.25
+"""A vehicle closes in on its place at this share of its speed even where limits leave no more."""
+
+
+@dataclass(frozen=True, slots=True)
+class FlownTeam:
+    """What all trials of a flight share.
+
+    Attributes
+    ----------
+    team, windows : that fly, and the plan's contact windows
+    layout : of the filter's states
+    setup : of the closed loop
+    options, events : of the flight
+    """
+
+    team: Team
+    windows: Windows
+    layout: StateLayout
+    setup: FlightSetup
+    options: FlightOptions
+    events: FlightEvents
+
+    @property
+    def steps(self) -> int:
+        """Number of samples."""
+        return self.setup.steps
+
+    def filter_setup(self) -> AugmentedSetup:
+        """Return the filter's set-up for some trials, as yet without sightings."""
+        team, sensors = self.team, self.team.sensors
+        times = sensors.sample_time * np.arange(self.steps + 1)
+        orbits = team.orbits
+        poses = build_setup(
+            truth=np.concatenate(
+                [position(orbits, times), heading(orbits, times)[..., None]], axis=2
+            ),
+            landmarks=np.array(team.landmarks, dtype=np.float64).reshape(-1, 2),
+            first=np.zeros(self.steps + 2, dtype=np.int64),
+            observers=np.zeros(0, dtype=np.int64),
+            targets=np.zeros(0, dtype=np.int64),
+            kinds=np.zeros(0, dtype=np.int64),
+            variances=np.zeros(0),
+            noise=team.noise,
+            sample_time=sensors.sample_time,
+            period=orbits.period,
+            reach=2.0 * float(np.mean(orbits.radii)),
+            options=self.options,
+        )
+        return augmented_setup_of(poses, self.layout, team.errors)
+
+    def begun(self, trials: range) -> tuple[Flown, AugmentedReadings]:
+        """Return trials at time 0, and what they read, as yet no sightings."""
+        n, steps, lanes = self.team.count, self.steps, len(trials)
+        poses, speeds, turns, lasting = self._draws(trials)
+        errors = self._errors(lasting)
+        constants, gusts = errors.states(self.layout, steps, lanes)
+        path = np.zeros((steps + 1, n, 3, lanes))
+        circles = self.setup.circles
+        planned = np.column_stack(
+            [position(self.team.orbits, 0.0), heading(self.team.orbits, 0.0)]
+        )[..., None]
+        noise = self.team.noise
+        sigmas = np.array([noise.position_sigma, noise.position_sigma, noise.heading_sigma])
+        path[0] = planned - sigmas[:, None] * poses.reshape(n, 3, lanes)
+        start = np.stack([circles.rate * circles.radii, circles.rate * circles.senses], axis=1)
+        own = {name: np.zeros((n, lanes)) + errors.own(name) for name in _OWN}
+        drift = np.zeros((1, 1, 2, lanes)) + errors.drift()
+        flown = Flown(
+            path=path,
+            drift=np.ascontiguousarray(drift),
+            scales=own["speed_scale"],
+            turn_biases=own["turn_rate_bias"],
+            bearing_biases=own["bearing_bias"],
+            speed_noise=np.ascontiguousarray(speeds.reshape(steps, n, lanes)),
+            turn_noise=np.ascontiguousarray(turns.reshape(steps, n, lanes)),
+            keys=np.stack([key_of(self.options.seed, trial) for trial in trials]),
+            commands=np.repeat(start[..., None], lanes, axis=2),
+            responses=np.repeat(start[..., None], lanes, axis=2),
+            moved=np.zeros((n, 2, lanes)),
+            seen=np.zeros((n, lanes), dtype=np.int64),
+            longest=np.zeros((n, lanes), dtype=np.int64),
+            saturated=np.zeros((n, lanes), dtype=np.int64),
+            sought=np.zeros((n, lanes), dtype=np.int64),
+            places=np.zeros(2, dtype=np.int64),
+        )
+        readings = AugmentedReadings(
+            initial=np.ascontiguousarray(np.repeat(planned, lanes, axis=2)),
+            speeds=np.zeros((steps, n, lanes)),
+            turn_rates=np.zeros((steps, n, lanes)),
+            sightings=np.zeros((0, lanes)),
+            headings=np.zeros((1, n, lanes)),
+            constants=constants,
+            gusts=gusts,
+        )
+        return flown, readings
+
+    def _draws(self, trials: range) -> list[Array]:
+        """Draws of poses, speeds, turn rates, lasting errors, each (d, lanes)."""
+        steps, n = self.steps, self.team.count
+        sizes = (3 * n, steps * n, steps * n, error_draws(self.team, steps))
+        draws = np.empty((len(trials), sum(sizes)))
+        for trial, row in zip(trials, draws, strict=True):
+            sequence = np.random.SeedSequence(self.options.seed, spawn_key=(trial,))
+            np.random.Generator(np.random.PCG64(sequence)).standard_normal(out=row)
+        return np.split(draws.T, np.cumsum(sizes)[:-1])
+
+    def _errors(self, draws: Array) -> DrawnErrors:
+        errors = DrawnErrors.of(self.team, self.steps, draws)
+        if self.options.wind is None:
+            return errors
+        wind = np.array(self.options.wind)[None, None, :, None]
+        lanes = draws.shape[1]
+        return DrawnErrors({**errors.values, "wind": np.repeat(wind, lanes, axis=3)})
+
+
+_OWN = ("speed_scale", "turn_rate_bias", "bearing_bias")
+
+
+def flown_team(
+    team: Team,
+    windows: Windows,
+    limits: FlightLimits,
+    response: tuple[float, bool],
+    steps: int,
+    options: FlightOptions,
+    events: FlightEvents,
+) -> FlownTeam:
+    """Return the set-up of a flight; `response` is the lag in s, and whether readings are measured."""
+    orbits, time = team.orbits, team.sensors.sample_time
+    lag, measured = response
+    setup = FlightSetup(
+        circles=Circles(
+            np.array(orbits.centers, dtype=float),
+            np.array(orbits.radii, dtype=float),
+            np.array(orbits.senses, dtype=float),
+            np.array(orbits.phases, dtype=float),
+            float(orbits.rate),
+        ),
+        response=Response(
+            np.array(limits.least_speeds, dtype=float),
+            np.array(limits.most_speeds, dtype=float),
+            np.array(limits.most_turn_rates, dtype=float),
+            left=math.exp(-time / lag) if lag > 0.0 else 0.0,
+            mean_left=lag / time * -math.expm1(-time / lag) if lag > 0.0 else 0.0,
+            measured=measured,
+            speed_sigma=team.noise.speed_sigma,
+            turn_rate_sigma=team.noise.turn_rate_sigma,
+        ),
+        eyes=_eyes(team),
+        mishaps=_mishaps(team, options, events),
+        steering=_steering(team, windows, limits, lag, options),
+        time=float(time),
+        steps=steps,
+    )
+    return FlownTeam(team, windows, layout_of(team), setup, options, events)
+
+
+def step_of(time: float, sample_time: float) -> int:
+    """Return the first step that is not before a time in s."""
+    return math.ceil(time / sample_time - 1e-9)
+
+
+def _eyes(team: Team) -> Eyes:
+    sensors = team.sensors
+    corners = [np.asarray(one, dtype=float) for one in team.obstacles]
+    return Eyes(
+        ranges=np.array(sensors.ranges, dtype=float),
+        half_views=0.5 * np.array(sensors.fields_of_view, dtype=float),
+        boresights=np.array(sensors.boresights, dtype=float),
+        every=np.ascontiguousarray(samples_between(sensors), dtype=np.int64),
+        sigmas=np.stack(
+            [np.array(kind.sigmas(sensors), dtype=float) for kind in SIGHTING_KINDS.values()]
+        ),
+        detection=np.array(sensors.detection, dtype=float),
+        landmarks=np.array(team.landmarks, dtype=np.float64).reshape(-1, 2),
+        corners=np.concatenate([np.zeros((0, 2)), *corners]),
+        first_corner=np.cumsum([0, *(len(one) for one in corners)]),
+    )
+
+
+def _mishaps(team: Team, options: FlightOptions, events: FlightEvents) -> Mishaps:
+    n, time = team.count, team.sensors.sample_time
+    kinds = list(SIGHTING_KINDS.values())
+    gone = np.full(n + len(team.landmarks), NEVER)
+    blind = np.full((len(kinds), n), NEVER)
+    for one in events.losses:
+        step, loss = step_of(one.time, time), one.loss
+        gone[[*loss.vehicles, *(n + k for k in loss.landmarks)]] = step
+        for place, kind in enumerate(kinds):
+            if kind.of_target:
+                blind[place, list(loss.sensors)] = step
+        for place, vehicle in loss.kinds:
+            blind[place, vehicle] = np.minimum(blind[place, vehicle], step)
+    most = max([0, *(sum(h.vehicle == k for h in events.holds) for k in range(n))])
+    held: list[Index] = [np.zeros((n, most), dtype=np.int64) for _ in range(2)]
+    for k in range(n):
+        for place, hold in enumerate(h for h in events.holds if h.vehicle == k):
+            held[0][k, place] = step_of(hold.time, time)
+            held[1][k, place] = step_of(hold.time + hold.length, time)
+    return Mishaps(
+        gone_from=gone,
+        blind_from=blind,
+        held_from=held[0],
+        held_until=held[1],
+        dropout=float(options.dropout),
+        outliers=float(options.outliers),
+        mistaken=float(options.mistaken),
+        late=options.late,
+    )
+
+
+def _steering(
+    team: Team, windows: Windows, limits: FlightLimits, lag: float, options: FlightOptions
+) -> Steering:
+    orbits = team.orbits
+    quickest = 1.0 / (STEPS_OF_GAIN * (team.sensors.sample_time + lag))
+    heading_gain = min(4.0 * TRACKING_RATE * orbits.rate, quickest)
+    closing = np.maximum(limits.most_speeds - orbits.speeds, LEAST_CLOSING * orbits.speeds)
+    return Steering(
+        mode=GUIDANCES[options.guidance].mode,
+        place_gain=0.25 * heading_gain,
+        heading_gain=heading_gain,
+        closing_speeds=np.minimum(closing, orbits.speeds),
+        patience=step_of(orbits.period, team.sensors.sample_time),
+        meeting_points=_meeting_points(team, windows),
+    )
+
+
+def _meeting_points(team: Team, windows: Windows) -> Array:
+    """(n, 2) m from each circle's centre, towards the mean of the bodies that it meets."""
+    orbits, found = team.orbits, np.zeros((team.count, 2))
+    places = np.concatenate([orbits.centers, np.reshape(team.landmarks, (-1, 2))])
+    for k in range(team.count):
+        met = np.concatenate(
+            [windows.targets[windows.observers == k], windows.observers[windows.targets == k]]
+        )
+        if len(met):
+            away = places[np.unique(met)].mean(axis=0) - orbits.centers[k]
+            size = float(np.hypot(*away))
+            found[k] = away * min(1.0, 0.5 * orbits.radii[k] / max(size, 1e-9))
+    return found

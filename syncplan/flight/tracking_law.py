@@ -1,0 +1,80 @@
+"""The tracking law: commands from an estimate, towards the place that the plan has for this moment.
+
+With place p and velocity V over ground that the plan has now, estimates marked ^, e = p - p^ and the
+estimated velocity of the air w^ (wind and the vehicle's own gust, where these are states),
+
+    u   = V + e kp, at most `closing` m/s of it, - w^        wanted velocity through the air
+    v   = |u| cos(turn), not below 0                         turn = direction of u - psi^, wrapped
+    w   = k_psi turn + rate at which V - w^ turns
+
+so in steady wind the circle is kept over ground. Near the plan, errors a along and c across follow
+a' = -kp a, c'' + k_psi c' + k_psi kp c = 0, which is critically damped at k_psi = 4 kp; this is the
+law of Kanayama with K_x = kp, K_theta = k_psi / v and K_y = k_psi kp / v^2. Far from it the vehicle
+heads for its place. All estimates are those of the filter, and commands are kept within limits.
+
+Source: Kanayama, Kimura, Miyazaki, Noguchi (1990), A stable tracking control method for an
+autonomous mobile robot, equation 8.
+"""
+
+import math
+
+from syncplan.arrays import Array
+from syncplan.estimation.augmented_frame import GUST, WIND
+from syncplan.estimation.augmented_prediction import error_of
+from syncplan.estimation.augmented_setup import AugmentedSetup
+from syncplan.estimation.lane_filter import Lanes, inner
+from syncplan.flight.flight_setup import FlightSetup, Flown
+
+__all__ = ["command_plan", "track"]
+
+STILL = 0.05
+"""Share of the plan's speed below which the direction of the wanted velocity says nothing."""
+
+
+@inner
+def command_plan(flight: FlightSetup, flown: Flown, lanes: Lanes) -> None:
+    """Command the plan's own speeds and turn rates."""
+    circles = flight.circles
+    for i in range(len(circles.radii)):
+        for lane in range(len(lanes)):
+            flown.commands[i, 0, lane] = circles.rate * circles.radii[i]
+            flown.commands[i, 1, lane] = circles.rate * circles.senses[i]
+
+
+@inner
+def track(
+    flight: FlightSetup,
+    flown: Flown,
+    step: int,
+    x: Array,
+    errors: Array,
+    setup: AugmentedSetup,
+    lanes: Lanes,
+) -> None:
+    """Fill in the commands of the sample that begins at `step`, from the estimates then."""
+    circles, steering, n = flight.circles, flight.steering, len(x)
+    for i in range(n):
+        rate, radius = circles.senses[i] * circles.rate, circles.radii[i]
+        phase, own = circles.phases[i] + rate * step * flight.time, setup.columns[i]
+        cos, sin = math.cos(phase), math.sin(phase)
+        place_x, place_y = circles.centers[i, 0] + radius * cos, circles.centers[i, 1] + radius * sin
+        along_x, along_y = -rate * radius * sin, rate * radius * cos
+        bent_x, bent_y = -rate * rate * radius * cos, -rate * rate * radius * sin
+        still = (STILL * rate * radius) ** 2
+        for lane in range(len(lanes)):
+            air_x = error_of(errors, n, own[WIND], lane) + error_of(errors, n, own[GUST], lane)
+            air_y = error_of(errors, n, own[WIND + 1], lane)
+            air_y += error_of(errors, n, own[GUST + 1], lane)
+            near_x = steering.place_gain * (place_x + flown.moved[i, 0, lane] - x[i, 0, lane])
+            near_y = steering.place_gain * (place_y + flown.moved[i, 1, lane] - x[i, 1, lane])
+            size = math.sqrt(near_x * near_x + near_y * near_y)
+            share = min(1.0, steering.closing_speeds[i] / max(size, 1e-12))
+            free_x, free_y = along_x - air_x, along_y - air_y
+            want_x, want_y = free_x + share * near_x, free_y + share * near_y
+            turn = math.atan2(want_y, want_x) - x[i, 2, lane]
+            turn -= 2.0 * math.pi * math.floor((turn + math.pi) / (2.0 * math.pi))
+            square = free_x * free_x + free_y * free_y
+            ahead = (free_x * bent_y - free_y * bent_x) / square if square > still else rate
+            speed = math.sqrt(want_x * want_x + want_y * want_y)
+            flown.commands[i, 0, lane] = speed * max(math.cos(turn), 0.0)
+            flown.commands[i, 1, lane] = ahead + steering.heading_gain * turn

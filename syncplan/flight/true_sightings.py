@@ -1,0 +1,226 @@
+"""Who truly sees whom in flight, and what they read.
+
+A target is sighted when it is within range, in view and not hidden, its vehicle's turn to look has
+come, and the sighting is neither missed nor lost on its way. Trials differ in that, lanes do not: a
+pair that meets in any lane is recorded for all of them, as NaN where there is no sighting.
+
+Numbers of a sighting are those of its key: two normal ones for bearing and distance, one that
+decides whether it is made, one that decides whether it is false. A compass has those of its own
+vehicle as target.
+"""
+
+import math
+
+import numpy as np
+
+from syncplan.arrays import Array
+from syncplan.estimation.augmented_setup import AugmentedSetup
+from syncplan.estimation.filter_setup import BEARING_KIND, COMPASS_KIND, DISTANCE_KIND
+from syncplan.estimation.lane_filter import Lanes, compiled, inner
+from syncplan.flight.flight_setup import Eyes, FlightSetup, Flown
+from syncplan.flight.keyed_noise import normal_pair, uniform, words_at
+from syncplan.orbits.contacts import BOUNDARY_SLACK
+
+__all__ = ["sight_truly"]
+
+HALF_WORD = np.uint64(32)
+LOW_HALF = np.uint64(0xFFFFFFFF)
+
+
+@compiled
+def sight_truly(
+    flight: FlightSetup,
+    flown: Flown,
+    step: int,
+    setup: AugmentedSetup,
+    sightings: Array,
+    lanes: Lanes,
+) -> None:
+    """Record all sightings of a step: what they are of in `setup`, what they read in `sightings`."""
+    eyes, mishaps, poses = flight.eyes, flight.mishaps, setup.poses
+    pose, n = flown.path[step], len(eyes.ranges)
+    away = np.empty((3, len(lanes)))
+    for o in range(n):
+        if mishaps.gone_from[o] <= step:
+            continue
+        for t in range(n + len(eyes.landmarks)):
+            if t == o:
+                _read_compass(flight, flown, step, o, setup, sightings, lanes)
+                continue
+            bearing = _is_due(flight, BEARING_KIND, o, step)
+            distance = _is_due(flight, DISTANCE_KIND, o, step)
+            if mishaps.gone_from[t] <= step or not (bearing or distance):
+                continue
+            if _look(eyes, pose, o, t, away, lanes):
+                _read(flight, flown, step, (o, t), (bearing, distance), away, setup, sightings)
+    poses.first[step + 1] = flown.places[1]
+    for i in range(n):
+        for lane in range(len(lanes)):
+            waited = step - flown.seen[i, lane]
+            if waited > flown.longest[i, lane] and mishaps.gone_from[i] > step:
+                flown.longest[i, lane] = waited
+
+
+@inner
+def _is_due(flight: FlightSetup, kind: int, o: int, step: int) -> bool:
+    """Whether a vehicle measures a kind at a step."""
+    eyes = flight.eyes
+    if not np.isfinite(eyes.sigmas[kind, o]) or step % eyes.every[kind, o] != 0:
+        return False
+    return bool(step < flight.mishaps.blind_from[kind, o])
+
+
+@inner
+def _look(eyes: Eyes, pose: Array, o: int, t: int, away: Array, lanes: Lanes) -> bool:
+    """Fill in the way to the target and, as its third, whether it is in sight; in any lane."""
+    n, found = len(eyes.ranges), False
+    reach = (eyes.ranges[o] * (1.0 + BOUNDARY_SLACK)) ** 2
+    for lane in range(len(lanes)):
+        if t < n:
+            away[0, lane], away[1, lane] = pose[t, 0, lane], pose[t, 1, lane]
+        else:
+            away[0, lane], away[1, lane] = eyes.landmarks[t - n, 0], eyes.landmarks[t - n, 1]
+        away[0, lane] -= pose[o, 0, lane]
+        away[1, lane] -= pose[o, 1, lane]
+        square = away[0, lane] * away[0, lane] + away[1, lane] * away[1, lane]
+        away[2, lane] = 1.0 if square <= reach else 0.0
+        found |= square <= reach
+    if not found:
+        return False
+    half, found = eyes.half_views[o], False
+    for lane in range(len(lanes)):
+        if away[2, lane] == 0.0:
+            continue
+        dx, dy = away[0, lane], away[1, lane]
+        if half < math.pi:
+            axis = pose[o, 2, lane] + eyes.boresights[o]
+            ahead = dx * math.cos(axis) + dy * math.sin(axis)
+            if ahead < (math.cos(half) - BOUNDARY_SLACK) * math.sqrt(dx * dx + dy * dy):
+                away[2, lane] = 0.0
+        if away[2, lane] and _is_hidden(eyes, pose[o, 0, lane], pose[o, 1, lane], dx, dy):
+            away[2, lane] = 0.0
+        found |= away[2, lane] > 0.0
+    return found
+
+
+@inner
+def _is_hidden(eyes: Eyes, x: float, y: float, dx: float, dy: float) -> bool:
+    """Whether an obstacle is between a place and one (dx, dy) from it: it crosses an edge."""
+    for k in range(len(eyes.first_corner) - 1):
+        begin, end = eyes.first_corner[k], eyes.first_corner[k + 1]
+        before, inside = end - 1, False
+        mid_x, mid_y = x + 0.5 * dx, y + 0.5 * dy
+        for c in range(begin, end):
+            ax, ay = eyes.corners[before, 0], eyes.corners[before, 1]
+            bx, by = eyes.corners[c, 0], eyes.corners[c, 1]
+            side_a, side_b = dx * (ay - y) - dy * (ax - x), dx * (by - y) - dy * (bx - x)
+            ex, ey = bx - ax, by - ay
+            side_s, side_e = ex * (y - ay) - ey * (x - ax), ex * (y + dy - ay) - ey * (x + dx - ax)
+            if side_a * side_b < 0.0 and side_s * side_e < 0.0:
+                return True
+            if (ay > mid_y) != (by > mid_y) and mid_x < ax + ex * (mid_y - ay) / ey:
+                inside = not inside
+            before = c
+        if inside:
+            return True
+    return False
+
+
+@inner
+def _read_compass(
+    flight: FlightSetup,
+    flown: Flown,
+    step: int,
+    o: int,
+    setup: AugmentedSetup,
+    sightings: Array,
+    lanes: Lanes,
+) -> None:
+    """Record what vehicle o reads of its own heading, if it does."""
+    if not _is_due(flight, COMPASS_KIND, o, step):
+        return
+    sigma = flight.eyes.sigmas[COMPASS_KIND, o]
+    s = _new_row(flown, setup, COMPASS_KIND, o, o, sigma)
+    for lane in range(len(lanes)):
+        words = words_at(flown.keys[lane], step, o, o)
+        noise = normal_pair(words[0], words[1])[0]
+        sightings[s, lane] = flown.path[step, o, 2, lane] + sigma * noise
+
+
+@inner
+def _new_row(
+    flown: Flown, setup: AugmentedSetup, kind: int, o: int, t: int, sigma: float
+) -> int:
+    """Begin a row of sightings; return its number."""
+    poses, s = setup.poses, flown.places[1]
+    poses.observers[s], poses.targets[s], poses.kinds[s] = o, t, kind
+    poses.variances[s] = sigma * sigma
+    flown.places[1] += 1
+    return int(s)
+
+
+@compiled
+def _read(
+    flight: FlightSetup,
+    flown: Flown,
+    step: int,
+    pair: tuple[int, int],
+    due: tuple[bool, bool],
+    away: Array,
+    setup: AugmentedSetup,
+    sightings: Array,
+) -> None:
+    """Record what vehicle o reads of body t, of each kind that is due, where it is in sight."""
+    (o, t), (bearing, distance) = pair, due
+    eyes, mishaps, width = flight.eyes, flight.mishaps, away.shape[1]
+    bearing_sigma, distance_sigma = eyes.sigmas[BEARING_KIND, o], eyes.sigmas[DISTANCE_KIND, o]
+    b = _new_row(flown, setup, BEARING_KIND, o, t, bearing_sigma) if bearing else -1
+    d = _new_row(flown, setup, DISTANCE_KIND, o, t, distance_sigma) if distance else -1
+    made = eyes.detection[o] * (1.0 - mishaps.dropout)
+    for lane in range(width):
+        bearing_read, distance_read = np.nan, np.nan
+        if away[2, lane] > 0.0:
+            words = words_at(flown.keys[lane], step, o, t)
+            if uniform(words[2]) < made:
+                noise = normal_pair(words[0], words[1])
+                dx, dy, thrown = _misread(flight, flown.path[step], words[3], pair, away, lane)
+                bearing_read = math.atan2(dy, dx) - flown.path[step, o, 2, lane]
+                if thrown < 2.0 * math.pi:
+                    bearing_read = eyes.boresights[o] + thrown
+                bearing_read += flown.bearing_biases[o, lane] + bearing_sigma * noise[0]
+                distance_read = math.sqrt(dx * dx + dy * dy) + distance_sigma * noise[1]
+                flown.seen[o, lane] = step
+                if t < len(eyes.ranges):
+                    flown.seen[t, lane] = step
+        if b >= 0:
+            sightings[b, lane] = bearing_read
+        if d >= 0:
+            sightings[d, lane] = distance_read
+
+
+@inner
+def _misread(
+    flight: FlightSetup,
+    pose: Array,
+    word: int,
+    pair: tuple[int, int],
+    away: Array,
+    lane: int,
+) -> tuple[float, float, float]:
+    """The way to what is truly sighted, and the direction in view of a false bearing, or 7."""
+    eyes, mishaps, (o, t) = flight.eyes, flight.mishaps, pair
+    chance = float(word >> HALF_WORD) / 4294967296.0
+    where = (float(word & LOW_HALF) + 0.5) / 4294967296.0
+    dx, dy = away[0, lane], away[1, lane]
+    if chance < mishaps.outliers:
+        return dx, dy, (2.0 * where - 1.0) * min(eyes.half_views[o], math.pi)
+    if chance < mishaps.outliers + mishaps.mistaken:
+        n = len(eyes.ranges)
+        for ahead in range(1, n):
+            other = (t + ahead) % n
+            if other in (o, t) or mishaps.gone_from[other] <= 0:
+                continue
+            x, y = pose[other, 0, lane] - pose[o, 0, lane], pose[other, 1, lane] - pose[o, 1, lane]
+            if x * x + y * y <= eyes.ranges[o] ** 2:
+                return x, y, 7.0
+    return dx, dy, 7.0
