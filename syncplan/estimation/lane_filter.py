@@ -82,7 +82,7 @@ def compiled(function: Function) -> Function:
     """Return the kernel compiled, and kept in numba's disk cache where one can be written.
 
     The cache alone notices only changes of the kernel's own file; here it notices changes of
-    KERNEL_FILES as well.
+    KERNEL_FILES as well, and of kernels beside it in another package.
     """
     return _compiled(function, {})
 
@@ -115,7 +115,8 @@ def _compiled(function: Function, options: dict[str, Any]) -> Function:
         kernel = jit(function)
     with suppress(AttributeError):  # a numba whose cache has another layout
         file = kernel._cache._cache_file
-        file._source_stamp = (file._source_stamp, _shared_stamp())
+        folder = Path(function.__code__.co_filename).parent
+        file._source_stamp = (file._source_stamp, _shared_stamp(), _stamp_of(folder))
     return cast(Function, kernel)
 
 
@@ -124,6 +125,18 @@ def _shared_stamp() -> bytes:
     """Digest of the kernel files."""
     files = (Path(__file__).with_name(name).read_bytes() for name in KERNEL_FILES)
     return hashlib.sha256(b"".join(files)).digest()
+
+
+@cache
+def _stamp_of(folder: Path) -> bytes:
+    """Digest of the kernels, and records of theirs, in another package than this one."""
+    if folder == Path(__file__).parent:
+        return b""
+    texts = [file.read_bytes() for file in sorted(folder.glob("*.py"))]
+    marks = b"@compiled", b"@inner", b"NamedTuple"
+    return hashlib.sha256(
+        b"".join(text for text in texts if any(mark in text for mark in marks))
+    ).digest()
 
 
 def has_compiled(kernel: Any, arguments: tuple[Any, ...]) -> bool:

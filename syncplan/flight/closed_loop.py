@@ -31,7 +31,7 @@ from syncplan.estimation.augmented_statistics import is_wanted_now, record_augme
 from syncplan.estimation.batched_filter import motion_in
 from syncplan.estimation.lane_filter import Lanes, compiled, inner
 from syncplan.flight.flight_setup import OPEN_LOOP, TRACKING, FlightSetup, Flown
-from syncplan.flight.seeking import seek
+from syncplan.flight.seeking import move_circles
 from syncplan.flight.tracking_law import command_plan, track
 from syncplan.flight.true_motion import move_truly
 from syncplan.flight.true_sightings import sight_truly
@@ -80,7 +80,6 @@ def _fly_to(
         step = flown.places[0]
         now, further = _carry_on(x, errors, at, step, setup, readings, slopes, lanes)
         if flight.steering.mode == TRACKING:
-            seek(flight, flown, step, now, lanes)
             track(flight, flown, step, now, further, setup, lanes)
         elif flight.steering.mode == OPEN_LOOP:
             command_plan(flight, flown, lanes)
@@ -161,7 +160,10 @@ def fly_lanes(
         correct_augmented(
             x, errors, P, step, setup, readings, about, frame, seen, row, halves, statistics, lanes
         )
-        if step == end or is_wanted_now(poses, step, statistics):
+        looks = step % flight.steering.look_every == 0
+        if step == end or looks or is_wanted_now(poses, step, statistics):
             bring_to_now(P, setup, frame, before, lanes)
+        if looks:
+            move_circles(flight, flown, setup, P, flight.steering.look_every, lanes)
         compare_truly(x, errors, flight, flown, readings, step, offs, error_offs, lanes)
         record_augmented(P, poses, step, compared, statistics, lanes)

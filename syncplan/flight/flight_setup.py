@@ -125,16 +125,23 @@ class Steering(NamedTuple):
     place_gain : 1/s, of the tracking law
     heading_gain : 1/s
     closing_speeds : (n,) m/s, at most so fast a vehicle closes in on its place
-    patience : steps without a sighting after which a vehicle looks for others
-    meeting_points : (n, 2) m, where the circle is moved to that it then flies
+    order : (n,) vehicles, each after its anchor; none if circles stay where they are
+    anchors, toward, slacks, most : (n, ...) as in Anchors
+    look_every : steps after which circles are moved
+    lead : s, how far ahead it is looked whether places will be known
     """
 
     mode: int
     place_gain: float
     heading_gain: float
     closing_speeds: Array
-    patience: int
-    meeting_points: Array
+    order: Index
+    anchors: Index
+    toward: Array
+    slacks: Array
+    most: Array
+    look_every: int
+    lead: float
 
 
 class FlightSetup(NamedTuple):
@@ -164,7 +171,7 @@ class Flown(NamedTuple):
     seen : (n, lanes) step of the last sighting of, or by, each vehicle
     longest : (n, lanes) most steps between two of them so far
     saturated : (n, lanes) steps at which a command was at its limit
-    sought : (n, lanes) steps at which a vehicle looked for others
+    sought : (n, lanes) steps at which a vehicle was not sure to meet its anchor
     places : (2,) steps flown, and sightings recorded so far
     """
 

@@ -13,6 +13,7 @@ from syncplan.estimation.augmented_setup import (
 )
 from syncplan.estimation.drawn_errors import DrawnErrors, error_draws
 from syncplan.estimation.filter_setup import build_setup
+from syncplan.flight.anchors import anchors_of
 from syncplan.flight.flight_events import FlightEvents
 from syncplan.flight.flight_limits import FlightLimits
 from syncplan.flight.flight_options import GUIDANCES, FlightOptions
@@ -44,6 +45,12 @@ TRACKING_RATE = 2.0
 
 STEPS_OF_GAIN = 2.0
 """The law turns towards its heading over at least so many samples, or lags of the response."""
+
+LOOKS_IN_PERIOD = 32
+"""So often in a period circles are moved to their anchors, or back."""
+
+LEAD_PERIODS = 0.25
+"""Periods before a vehicle would be off by too much in which its circle begins to move."""
 
 LEAST_CLOSING = 0.25
 """A vehicle closes in on its place at this share of its speed even where limits leave no more."""
@@ -263,27 +270,18 @@ def _steering(
     orbits = team.orbits
     quickest = 1.0 / (STEPS_OF_GAIN * (team.sensors.sample_time + lag))
     heading_gain = min(4.0 * TRACKING_RATE * orbits.rate, quickest)
+    anchors = anchors_of(team, windows, limits.separation)
     closing = np.maximum(limits.most_speeds - orbits.speeds, LEAST_CLOSING * orbits.speeds)
     return Steering(
         mode=GUIDANCES[options.guidance].mode,
         place_gain=0.25 * heading_gain,
         heading_gain=heading_gain,
         closing_speeds=np.minimum(closing, orbits.speeds),
-        patience=step_of(orbits.period, team.sensors.sample_time),
-        meeting_points=_meeting_points(team, windows),
+        order=anchors.order if options.guidance != "none" else anchors.order[:0],
+        anchors=anchors.bodies,
+        toward=np.ascontiguousarray(anchors.toward),
+        slacks=anchors.slacks,
+        most=anchors.most,
+        look_every=max(1, round(orbits.period / team.sensors.sample_time / LOOKS_IN_PERIOD)),
+        lead=LEAD_PERIODS * orbits.period,
     )
-
-
-def _meeting_points(team: Team, windows: Windows) -> Array:
-    """(n, 2) m from each circle's centre, towards the mean of the bodies that it meets."""
-    orbits, found = team.orbits, np.zeros((team.count, 2))
-    places = np.concatenate([orbits.centers, np.reshape(team.landmarks, (-1, 2))])
-    for k in range(team.count):
-        met = np.concatenate(
-            [windows.targets[windows.observers == k], windows.observers[windows.targets == k]]
-        )
-        if len(met):
-            away = places[np.unique(met)].mean(axis=0) - orbits.centers[k]
-            size = float(np.hypot(*away))
-            found[k] = away * min(1.0, 0.5 * orbits.radii[k] / max(size, 1e-9))
-    return found

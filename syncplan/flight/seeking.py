@@ -1,28 +1,83 @@
-"""What a vehicle does that nobody has sighted for long: it comes nearer to those who could.
+"""How vehicles keep in contact: circles move to their anchors where places are uncertain.
 
-After `patience` steps in which it has neither made a sighting nor been sighted, a vehicle flies its
-circle moved towards its meeting point, one that more of the team can see, until it is sighted;
-then its circle is moved back. Phases stay, so that others are met when they pass.
+A vehicle is sure to meet its anchor while its place relative to it, in the direction of the anchor,
+stays known to SIGMAS standard deviations within the slack of their meeting. Where it is not, its
+circle is moved towards the anchor by what is missing, and so is every circle that is anchored in it:
+a part of the team that has lost its landmarks moves as one and stays together. As soon as a sighting
+has told where vehicles are, their circles are back in their places.
+
+It takes time to move. So what counts is how well the place would be known `lead` s from now without
+a sighting, with the air's velocity as unsure as it is.
 """
 
-from syncplan.arrays import Array
-from syncplan.estimation.lane_filter import Lanes, inner
+import math
+
+import numpy as np
+
+from syncplan.arrays import Array, Index
+from syncplan.estimation.augmented_frame import GUST, WIND
+from syncplan.estimation.augmented_setup import AugmentedSetup
+from syncplan.estimation.lane_filter import Lanes, compiled, inner
 from syncplan.flight.flight_setup import FlightSetup, Flown
 
-__all__ = ["seek"]
+__all__ = ["move_circles"]
+
+SIGMAS = 4.0
+"""A place is taken to be within so many standard deviations."""
+
+MOST_ENTRIES = 10
+"""Of a row: places of both, the wind, gusts of both."""
 
 
 @inner
-def seek(flight: FlightSetup, flown: Flown, step: int, x: Array, lanes: Lanes) -> None:
-    """Move the circles of vehicles that look for others, and those of others back."""
-    steering = flight.steering
-    for i in range(len(x)):
+def _fill_row(
+    setup: AugmentedSetup, i: int, anchor: int, lead: float, toward: Array, row: tuple[Index, Array]
+) -> int:
+    """Fill in how the distance ahead of vehicle i from its anchor hangs on states; how many do."""
+    columns, entries = row
+    n, count = len(setup.columns), 0
+    for axis in range(2):
+        columns[count], entries[count] = 3 * i + axis, toward[axis]
+        count += 1
+        if setup.columns[i, GUST + axis] >= 0:
+            columns[count], entries[count] = setup.columns[i, GUST + axis], lead * toward[axis]
+            count += 1
+        if anchor < n:
+            columns[count], entries[count] = 3 * anchor + axis, -toward[axis]
+            count += 1
+            if setup.columns[anchor, GUST + axis] >= 0:
+                columns[count] = setup.columns[anchor, GUST + axis]
+                entries[count] = -lead * toward[axis]
+                count += 1
+        elif setup.columns[i, WIND + axis] >= 0:
+            columns[count], entries[count] = setup.columns[i, WIND + axis], lead * toward[axis]
+            count += 1
+    return count
+
+
+@compiled
+def move_circles(
+    flight: FlightSetup, flown: Flown, setup: AugmentedSetup, P: Array, steps: int, lanes: Lanes
+) -> None:
+    """Move circles by what the covariance of the present, lower triangle, says; for so many steps."""
+    steering, n = flight.steering, len(flight.circles.radii)
+    row = np.zeros(MOST_ENTRIES, dtype=np.int64), np.zeros(MOST_ENTRIES)
+    for i in steering.order:
+        anchor, toward = steering.anchors[i], steering.toward[i]
+        if anchor < 0:
+            continue
+        count = _fill_row(setup, i, anchor, steering.lead, toward, row)
+        columns, entries = row
         for lane in range(len(lanes)):
-            waited = step - flown.seen[i, lane]
-            if waited > steering.patience:
-                flown.sought[i, lane] += 1
-                flown.moved[i, 0, lane] = steering.meeting_points[i, 0]
-                flown.moved[i, 1, lane] = steering.meeting_points[i, 1]
-            else:
-                flown.moved[i, 0, lane] = 0.0
-                flown.moved[i, 1, lane] = 0.0
+            spread = 0.0
+            for a in range(count):
+                for b in range(count):
+                    r, q = max(columns[a], columns[b]), min(columns[a], columns[b])
+                    spread += entries[a] * entries[b] * P[r, q, lane]
+            missing = SIGMAS * math.sqrt(max(spread, 0.0)) - steering.slacks[i]
+            if missing > 0.0:
+                flown.sought[i, lane] += steps
+            by = min(max(missing, 0.0), steering.most[i])
+            for axis in range(2):
+                with_anchor = flown.moved[anchor, axis, lane] if anchor < n else 0.0
+                flown.moved[i, axis, lane] = with_anchor + by * toward[axis]

@@ -1,0 +1,95 @@
+"""Anchors: the body by which each vehicle keeps in contact with the rest, and how surely.
+
+A meeting bears that a vehicle is off its place by its slack, the range less the least distance of
+the two in the plan. Anchors are chosen so that the least slack on the way from a vehicle to the
+landmarks is as large as can be: a spanning tree of the meetings, grown from the landmarks by the
+largest slack first. A vehicle without a way to a landmark is anchored in the largest part of the
+team that it belongs to; that part's first vehicle has no anchor.
+
+Source: Prim (1957), Shortest connection networks and some generalizations, for a tree of largest
+instead of smallest edges.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from syncplan.arrays import Array, Index
+from syncplan.orbits.contacts import Windows
+from syncplan.orbits.paths import relative_motion
+from syncplan.orbits.separation import least_distances
+from syncplan.orbits.team import Team
+
+__all__ = ["Anchors", "anchors_of"]
+
+NEARER = 0.5
+"""Share of the least distance from its anchor that a vehicle may come nearer by; of a landmark, a
+circle may come to lie around it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Anchors:
+    """The anchor of each of n vehicles.
+
+    Attributes
+    ----------
+    order : (n,) vehicles, each after its anchor
+    bodies : (n,) anchor of each; from n on a landmark, -1 for none
+    toward : (n, 2) unit vector from the centre of the vehicle's circle to its anchor's
+    slacks : (n,) m, by which the vehicle may be off its place and still meet its anchor
+    most : (n,) m, by which its circle may be moved to its anchor
+    """
+
+    order: Index
+    bodies: Index
+    toward: Array
+    slacks: Array
+    most: Array
+
+
+def anchors_of(team: Team, windows: Windows, separation: float) -> Anchors:
+    """Return the anchors of a team; no two vehicles are to come nearer than `separation` m."""
+    n, orbits = team.count, team.orbits
+    observers, targets = windows.observers, windows.targets
+    least = least_distances(relative_motion(orbits, observers, targets, team.landmarks))[0]
+    slack = team.sensors.ranges[observers] - least
+    bodies = n + len(team.landmarks)
+    slacks, gaps = np.full((bodies, bodies), -np.inf), np.zeros((bodies, bodies))
+    np.maximum.at(slacks, (observers, targets), slack)
+    slacks = np.maximum(slacks, slacks.T)
+    gaps[observers, targets] = gaps[targets, observers] = least
+    order, chosen = _tree(slacks, n)
+    centers = np.concatenate([orbits.centers, np.reshape(team.landmarks, (-1, 2))])
+    own = np.arange(n)
+    anchored = np.maximum(chosen, 0)
+    away = centers[anchored] - centers[:n]
+    distance = np.hypot(away[:, 0], away[:, 1])
+    gap = gaps[own, anchored]
+    most = np.where(chosen >= n, distance, gap - np.maximum(separation, NEARER * gap))
+    return Anchors(
+        order=order,
+        bodies=chosen,
+        toward=away / np.where(distance > 0.0, distance, 1.0)[:, None],
+        slacks=np.where(chosen < 0, np.inf, slacks[own, anchored]),
+        most=np.where(chosen < 0, 0.0, np.maximum(most, 0.0)),
+    )
+
+
+def _tree(slacks: Array, n: int) -> tuple[Index, Index]:
+    """Vehicles in the order in which the tree reaches them, and the body each is reached from."""
+    reached = np.zeros(len(slacks), dtype=bool)
+    reached[n:] = True
+    order: list[int] = []
+    chosen = np.full(n, -1, dtype=np.int64)
+    while len(order) < n:
+        edges = np.where(reached[:, None] & ~reached[:n], slacks[:, :n], -np.inf)
+        best = int(np.argmax(edges)) if edges.size else 0
+        body, vehicle = divmod(best, n)
+        if edges.size and edges.flat[best] > -np.inf:
+            chosen[vehicle] = body
+        else:
+            meets = np.isfinite(slacks[:n, :n]).sum(axis=1)
+            vehicle = int(np.argmax(np.where(reached[:n], -1, meets)))
+        reached[vehicle] = True
+        order.append(vehicle)
+    return np.array(order, dtype=np.int64), chosen
