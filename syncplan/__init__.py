@@ -65,6 +65,7 @@ from typing import TYPE_CHECKING, Any
 
 __all__ = [
     "Client",
+    "Flight",
     "InputError",
     "NoGoError",
     "NoSolutionError",
@@ -77,6 +78,7 @@ __all__ = [
     "choose_landmarks",
     "export",
     "figures",
+    "fly",
     "load_log",
     "load_plan",
     "load_scenario",
@@ -95,6 +97,7 @@ _HOME = {
     "load_plan": "planning.subjects",
     "choose_landmarks": "landmarks.site_choice",
     "Client": "client.service_client",
+    "Flight": "flight.flying",
     "InputError": "errors",
     "NoGoError": "errors",
     "NoSolutionError": "errors",
@@ -105,6 +108,7 @@ _HOME = {
     "Validation": "planning.validation",
     "WhatIf": "planning.loss_study",
     "export": "exporting.formats",
+    "fly": "flight.flying",
     "load_log": "recordings.recording_formats",
     "load_scenario": "scenario.loading",
     "place": "placement.centers",
@@ -122,6 +126,7 @@ if TYPE_CHECKING:
     from syncplan.errors import InputError, NoGoError, NoSolutionError, SyncplanError
     from syncplan.estimation.replays import Replay, replay
     from syncplan.exporting.formats import export
+    from syncplan.flight.flying import Flight, fly
     from syncplan.landmarks.site_choice import choose_landmarks
     from syncplan.placement.centers import place
     from syncplan.planning.judged_plan import Plan

@@ -12,6 +12,7 @@ from syncplan.cli.arguments import Output
 from syncplan.cli.console import Format, deliver, open_closed_streams, reader_may_leave, say
 from syncplan.cli.document_table import DOCUMENTS
 from syncplan.cli.export_commands import exporters
+from syncplan.cli.flight_commands import flights
 from syncplan.cli.loss_commands import losses
 from syncplan.cli.plan_commands import plans
 from syncplan.cli.plot_commands import plots
@@ -73,6 +74,13 @@ OPTIONS = {
     "sagitta_m": "--sagitta-m",
     "autopilot": "--autopilot",
     "vehicle": "--vehicle",
+    "guidance": "--guidance",
+    "hold": "--hold",
+    "dropout": "--dropout",
+    "outliers": "--outliers",
+    "mistaken": "--mistaken",
+    "late": "--late",
+    "wind": "--wind",
 }
 """Options by the name of the library's argument that they set."""
 
@@ -111,6 +119,7 @@ def _schema(
 
 app.add_typer(plans)
 app.add_typer(runs)
+app.add_typer(flights)
 app.add_typer(losses)
 app.add_typer(replays)
 app.add_typer(plots)

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Format",
     "announce_compilation",
+    "announce_flight",
     "deliver",
     "deliver_document",
     "open_closed_streams",
@@ -135,6 +136,14 @@ def announce_compilation(options: "FilterOptions", runs: Iterable[tuple[int, boo
         for count, augmented in set(runs)
     ):
         say("compiling the filter's kernels, once; this takes some seconds ...")
+
+
+def announce_flight() -> None:
+    """Say that the kernels of a flight are compiled first, if they are not."""
+    from syncplan.flight.flown_lanes import ClosedLoop
+
+    if not ClosedLoop.is_compiled():
+        say("compiling the kernels of flight, once; this takes up to a minute ...")
 
 
 def say_notes(notes: list[str]) -> None:

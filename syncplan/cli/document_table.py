@@ -12,11 +12,12 @@ if TYPE_CHECKING:
     from pydantic import BaseModel
     from rich.console import Console
 
+    from syncplan.reports.flight_schemas import FlightDocument
     from syncplan.reports.loss_schemas import WhatIfDocument
     from syncplan.reports.replay_schemas import ReplayDocument
     from syncplan.reports.run_schemas import SweepReport, ValidationDocument
 
-    Report = ReplayDocument | SweepReport | ValidationDocument | WhatIfDocument
+    Report = FlightDocument | ReplayDocument | SweepReport | ValidationDocument | WhatIfDocument
 
 __all__ = ["DOCUMENTS", "DocumentKind", "checked", "read_report"]
 
@@ -81,6 +82,13 @@ DOCUMENTS: Mapping[str, DocumentKind] = MappingProxyType(
             known_by=OTHER_DOCUMENTS["validation"].keys,
             title="Validation",
             shown_by="terminal_tables.show_validation",
+        ),
+        "flight": DocumentKind(
+            "syncplan.reports.flight_schemas",
+            "FlightDocument",
+            known_by=OTHER_DOCUMENTS["flight"].keys,
+            title="Flight",
+            shown_by="flight_tables.show_flight",
         ),
         "replay": DocumentKind(
             "syncplan.reports.replay_schemas",

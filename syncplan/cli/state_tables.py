@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from rich.markup import escape
 
 from syncplan.cli.fitted_tables import FittedTable
+from syncplan.reports.flight_schemas import FlightDocument
 from syncplan.reports.plan_schemas import PlanDocument, PredictedStateError
 from syncplan.reports.run_schemas import ValidationDocument
 
@@ -67,7 +68,7 @@ def further_states_table(document: PlanDocument) -> FittedTable | None:
     return table
 
 
-def found_states_table(report: ValidationDocument) -> FittedTable | None:
+def found_states_table(report: FlightDocument | ValidationDocument) -> FittedTable | None:
     """Return the table of what trials found of further states; None where there are none."""
     if not report.errors:
         return None

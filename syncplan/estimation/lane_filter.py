@@ -38,6 +38,7 @@ __all__ = [
     "compiled",
     "has_compiled",
     "inner",
+    "is_in_cache",
     "lanes_of",
     "pose_specimen",
     "start_of",
@@ -152,6 +153,16 @@ def has_compiled(kernel: Any, arguments: tuple[Any, ...]) -> bool:
         index = kernel._cache._cache_file._load_index()
         return any(tuple(key[0]) == types for key in index)
     except (AttributeError, TypeError, IndexError, OSError):
+        return False
+
+
+def is_in_cache(kernel: Any) -> bool:
+    """Return whether a kernel for any arguments is in memory or in numba's disk cache."""
+    if kernel.overloads:
+        return True
+    try:
+        return bool(kernel._cache._cache_file._load_index())
+    except (AttributeError, TypeError, OSError):
         return False
 
 

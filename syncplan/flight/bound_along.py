@@ -7,8 +7,8 @@ as a true one.
 The variance of a place now, while P is in an earlier frame, is h' P h with h the row in that frame
 of the place itself: `augmented_rows.refer` of the slopes (1, 0, 0) and (0, 1, 0).
 
-Source: Tichavsky, Muravchik, Nehorai (1998), Posterior Cramer-Rao bounds for discrete-time nonlinear
-filtering; Taylor (1979).
+Source: Tichavsky, Muravchik, Nehorai (1998), Posterior Cramer-Rao bounds for discrete-time
+nonlinear filtering; Taylor (1979).
 """
 
 import numpy as np
@@ -46,6 +46,7 @@ def bound_lanes(
     readings: AugmentedReadings,
     statistics: AugmentedStatistics,
     squares: Array,
+    state_squares: Array,
     counted: Flags,
     lanes: Lanes,
     x: Array,
@@ -53,6 +54,8 @@ def bound_lanes(
     P: Array,
 ) -> None:
     """Add each place's variance, m^2, to `squares` (n, lanes), at steps `counted` (steps + 1, n).
+
+    Those of further states go to `state_squares` (e, lanes), over the second half of the run.
 
     x, errors and P are the state at the start, and scratch; `statistics` is scratch.
     """
@@ -85,3 +88,9 @@ def bound_lanes(
                     slopes[axis] = 1.0
                     entries = refer(slopes, i, i, -1, setup, frame, row, lanes)
                     _variance(P, row, entries, squares[i], lanes)
+        if 2 * step > steps:
+            for k in range(3 * n, size):
+                # a constant is the same in any frame, a gust has decayed since
+                left = frame[1][2] if k >= setup.first_gust else 1.0
+                for lane in range(len(lanes)):
+                    state_squares[k - 3 * n, lane] += left * left * P[k, k, lane]

@@ -30,7 +30,8 @@ from syncplan.estimation.augmented_setup import (
 from syncplan.estimation.augmented_statistics import is_wanted_now, record_augmented
 from syncplan.estimation.batched_filter import motion_in
 from syncplan.estimation.lane_filter import Lanes, compiled, inner
-from syncplan.flight.flight_setup import OPEN_LOOP, TRACKING, FlightSetup, Flown
+from syncplan.flight.flight_options import OPEN_LOOP, TRACKING
+from syncplan.flight.flight_setup import FlightSetup, Flown
 from syncplan.flight.seeking import move_circles
 from syncplan.flight.tracking_law import command_plan, track
 from syncplan.flight.true_motion import move_truly
@@ -150,9 +151,7 @@ def fly_lanes(
         record_augmented(P, poses, 0, compared, statistics, lanes)
     for step in range(begin + 1, end + 1):
         ahead = min(step + flight.mishaps.late, flight.steps)
-        _fly_to(
-            ahead, step - 1, x, errors, flight, flown, setup, readings, slopes, lanes
-        )
+        _fly_to(ahead, step - 1, x, errors, flight, flown, setup, readings, slopes, lanes)
         speeds, turn_rates = readings.speeds[step - 1], readings.turn_rates[step - 1]
         predict_augmented(
             x, errors, P, speeds, turn_rates, setup, step, frame, slopes, before, lanes

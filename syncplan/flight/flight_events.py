@@ -55,7 +55,8 @@ class FlightEvents:
     @property
     def sentences(self) -> list[str]:
         """What happens, in order of time."""
-        found = sorted((*self.losses, *self.holds), key=lambda one: one.time)
+        timed: list[TimedLoss | Hold] = [*self.losses, *self.holds]
+        found = sorted(timed, key=lambda one: one.time)
         return [one.sentence for one in found]
 
 

@@ -2,14 +2,26 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from syncplan.errors import InputError
-from syncplan.estimation.filter_options import FilterOptions
-from syncplan.flight.flight_setup import AS_COMMANDED, OPEN_LOOP, TRACKING
+from syncplan.estimation.filter_options import FilterChanges, FilterOptions
 
-__all__ = ["GUIDANCES", "FlightOptions", "GuidanceModel"]
+__all__ = [
+    "AS_COMMANDED",
+    "DEFAULT_GATE",
+    "GUIDANCES",
+    "OPEN_LOOP",
+    "TRACKING",
+    "FlightChanges",
+    "FlightOptions",
+    "GuidanceModel",
+    "flight_options_with",
+]
+
+OPEN_LOOP, TRACKING, AS_COMMANDED = 0, 1, 2
+"""Where commands come from: the plan, the tracking law, or whoever wrote them last."""
 
 DEFAULT_GATE = 0.9999
 """Probability of the innovation gate where bearings may be false."""
@@ -27,11 +39,15 @@ class GuidanceModel:
 
 GUIDANCES: Mapping[str, GuidanceModel] = MappingProxyType(
     {
-        "track": GuidanceModel("Steers to where the plan has the vehicle at each moment.", TRACKING),
+        "track": GuidanceModel(
+            "Steers to where the plan has the vehicle at each moment.", TRACKING
+        ),
         "mpc": GuidanceModel(
             "Predicts, and keeps place, phase and separation within limits.", AS_COMMANDED
         ),
-        "none": GuidanceModel("Open loop: the plan's speed and turn rate, whatever comes.", OPEN_LOOP),
+        "none": GuidanceModel(
+            "Open loop: the plan's speed and turn rate, whatever comes.", OPEN_LOOP
+        ),
     }
 )
 """By name."""
@@ -81,3 +97,21 @@ class FlightOptions(FilterOptions):
             raise InputError(f"{self.wind} is no velocity; give x,y in m/s", key="wind")
         if self.gate_probability is None and self.outliers + self.mistaken > 0.0:
             object.__setattr__(self, "gate_probability", DEFAULT_GATE)
+
+
+class FlightChanges(FilterChanges, total=False):
+    """Options by name, as functions take them beside, or instead of, FlightOptions."""
+
+    guidance: str
+    lose: tuple[str, ...]
+    hold: tuple[str, ...]
+    dropout: float
+    outliers: float
+    mistaken: float
+    late: int
+    wind: tuple[float, float] | None
+
+
+def flight_options_with(options: FlightOptions | None, changes: FlightChanges) -> FlightOptions:
+    """Return the options, the defaults if None, with some replaced and all checked."""
+    return replace(options or FlightOptions(), **changes)

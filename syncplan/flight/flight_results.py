@@ -22,6 +22,7 @@ class FlightFigures:
         second half; NaN for a vehicle that is gone by then, here and below
     phase_squares, worst_phases : (trials, n) s^2, s, ahead of or behind the plan, second half
     bound_squares : (trials, n) m^2, mean of the bound's variance along the path, second half
+    state_bound_squares : (trials, e) the same of the filter's further states, in their units
     separations : (trials,) m, the closest that any two come
     nearest : (trials, 2) which two
     nearest_times : (trials,) s
@@ -38,6 +39,7 @@ class FlightFigures:
     phase_squares: Array
     worst_phases: Array
     bound_squares: Array
+    state_bound_squares: Array
     separations: Array
     nearest: Index
     nearest_times: Array
@@ -51,7 +53,7 @@ class FlightFigures:
 
 @dataclass(frozen=True, slots=True)
 class FlightResult:
-    """Trials of a flight, in order: errors of the filter against the truth as flown, and figures."""
+    """Trials of a flight, in order: errors of estimates against the truth flown, and figures."""
 
     estimates: MonteCarloResult
     figures: FlightFigures

@@ -1,16 +1,17 @@
-"""What the closed loop is given: vehicles, circles, sensors, mishaps; and what it keeps of a flight.
+"""What the closed loop is given: vehicles, circles, sensors, mishaps; and what it keeps of a
+flight.
 
 All as arrays, for kernels. Trials are lanes, the last axis, as in the filter's kernels.
 """
 
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from syncplan.arrays import Array, Index
 
 __all__ = [
-    "AS_COMMANDED",
-    "OPEN_LOOP",
-    "TRACKING",
     "Circles",
     "Eyes",
     "FlightSetup",
@@ -19,9 +20,6 @@ __all__ = [
     "Response",
     "Steering",
 ]
-
-OPEN_LOOP, TRACKING, AS_COMMANDED = 0, 1, 2
-"""Where commands come from: the plan, the tracking law, or whoever wrote them last."""
 
 
 class Circles(NamedTuple):
@@ -182,7 +180,7 @@ class Flown(NamedTuple):
     bearing_biases: Array
     speed_noise: Array
     turn_noise: Array
-    keys: Array
+    keys: NDArray[np.uint64]
     commands: Array
     responses: Array
     moved: Array
@@ -191,5 +189,3 @@ class Flown(NamedTuple):
     saturated: Index
     sought: Index
     places: Index
-
-

@@ -88,7 +88,7 @@ def _chunk(team: FlownTeam, trials: range, stop: threading.Event) -> FlightResul
         part = range(first, min(first + lanes, trials.stop))
         flown = FlownLanes.begun(team, part, empty_augmented_statistics(n, e, len(part), sums))
         flown.advance(team.steps)
-        judged_from = flown.run.setup.poses.judged_from
+        judged_from = flown.setup.poses.judged_from
         counted.append(without_gone(team, flown))
         figures.append(figures_of(team, flown))
     estimates = result_of(

@@ -1,4 +1,4 @@
-"""Figures of trials that have been flown: errors of those still there, and how they kept the plan."""
+"""Figures of trials that have been flown: errors of estimates, and how the plan was kept."""
 
 import numpy as np
 
@@ -25,11 +25,12 @@ def figures_of(team: FlownTeam, lanes: FlownLanes) -> FlightFigures:
     away, ahead = off_plan(orbits, flown.path, time)
     there, late = _there(team), 2 * np.arange(steps + 1) > steps
     counted = late[:, None] & there
+    bounds = _bounds(team, lanes, counted)
     close = nearest(flown.path, there)
     meetings = meetings_of(team.windows, time, orbits.period, steps)
-    sightings = lanes.run.readings.sightings[: flown.places[1]]
+    sightings = lanes.readings.sightings[: flown.places[1]]
     gone = team.setup.mishaps.gone_from
-    kept, planned = kept_meetings(meetings, lanes.run.setup, sightings, gone)
+    kept, planned = kept_meetings(meetings, lanes.setup, sightings, gone)
     # for a vehicle that is gone the time until then counts
     present = np.maximum(np.minimum(gone[: len(there[0])], steps), 1)[:, None]
     return FlightFigures(
@@ -37,12 +38,13 @@ def figures_of(team: FlownTeam, lanes: FlownLanes) -> FlightFigures:
         tracking_squares=_mean(away**2, counted),
         phase_squares=_mean(ahead**2, counted),
         worst_phases=_worst(np.abs(ahead), counted),
-        bound_squares=_bounds(team, lanes, counted),
+        bound_squares=bounds[0],
+        state_bound_squares=bounds[1],
         separations=close.distance,
         nearest=close.pair,
-        nearest_times=close.step * time,
+        nearest_times=np.asarray(close.step * time),
         kept_meetings=kept.T,
-        longest_unseen=flown.longest.T * time,
+        longest_unseen=np.asarray(flown.longest.T * time),
         saturated=(flown.saturated / present).T,
         sought=(flown.sought / present).T,
         sightings=np.isfinite(sightings).sum(axis=0),
@@ -55,13 +57,13 @@ def without_gone(team: FlownTeam, lanes: FlownLanes) -> AugmentedStatistics:
 
     A vehicle that is gone counts with errors of zero; means are over all samples.
     """
-    counted, there, steps = lanes.run.statistics, _there(team), team.steps
+    counted, there, steps = lanes.statistics, _there(team), team.steps
     if there.all():
         return counted
     late = 2 * np.arange(steps + 1) > steps
     sampled = np.arange(steps + 1) % SAMPLE_EVERY == 0
     sampled[-1], sampled[0] = True, False
-    sampled &= np.arange(steps + 1) > lanes.run.setup.poses.judged_from
+    sampled &= np.arange(steps + 1) > lanes.setup.poses.judged_from
     poses = counted.poses
     whole, second, seldom = (
         there[chosen].mean(axis=0) for chosen in (np.arange(steps + 1) > 0, late, sampled)
@@ -99,21 +101,34 @@ def _worst(values: Array, counted: Flags) -> Array:
     return np.where(most < 0.0, np.nan, most).T
 
 
-def _bounds(team: FlownTeam, lanes: FlownLanes, counted: Flags) -> Array:
-    """(lanes, n) m^2, mean of the bound's variance of each place over the second half."""
-    run, n = lanes.run, team.team.count
-    width, e = run.readings.initial.shape[-1], len(team.layout.sigmas)
-    poses = run.setup.poses._replace(gate=np.inf, second_order=False)
-    setup = run.setup._replace(poses=poses)
+def _bounds(team: FlownTeam, lanes: FlownLanes, counted: Flags) -> tuple[Array, Array]:
+    """Mean of the bound's variance over the second half: of places (lanes, n) m^2, and of errors.
+
+    Those of the further states are (lanes, e).
+    """
+    n = team.team.count
+    width, e = lanes.readings.initial.shape[-1], len(team.layout.sigmas)
+    poses = lanes.setup.poses._replace(gate=np.inf, second_order=False)
+    setup = lanes.setup._replace(poses=poses)
     none = empty_series(n, 0, wanted=False), np.zeros((0, e, 3))
     scratch = empty_augmented_statistics(n, e, width, none)
-    squares = np.zeros((n, width))
-    state = start_of(setup, run.readings)
+    squares, of_states = np.zeros((n, width)), np.zeros((e, width))
+    state = start_of(setup, lanes.readings)
+    side_by_side = lanes_of(n, width)
     bound_lanes(
-        lanes.flown, setup, run.readings, scratch, squares, counted, lanes_of(n, width), *state
+        lanes.flown,
+        setup,
+        lanes.readings,
+        scratch,
+        squares,
+        of_states,
+        counted,
+        side_by_side,
+        *state,
     )
+    late = team.steps - team.steps // 2
     with np.errstate(invalid="ignore"):
-        return np.asarray((squares / counted.sum(axis=0)[:, None]).T)
+        return (squares / counted.sum(axis=0)[:, None]).T, of_states.T / late
 
 
 def _settled(team: FlownTeam, ahead: Array) -> Array:

@@ -1,11 +1,12 @@
 """Some trials of a flight, side by side, on their way: the filter's run with the closed loop in it.
 
-A flight is flown in legs. Between them room is made for further sightings, whose number nobody knows
-beforehand, and what is lost leaves the filter: a vehicle that is gone is made independent of the
-others, whose estimates go on as those of a filter that never had it.
+A flight is flown in legs. Between them room is made for further sightings, whose number nobody
+knows beforehand, and what is lost leaves the filter: a vehicle that is gone is made independent of
+the others, whose estimates go on as those of a filter that never had it.
 """
 
 from dataclasses import dataclass
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
@@ -17,13 +18,15 @@ from syncplan.estimation.augmented_setup import (
 )
 from syncplan.estimation.filter_setup import FilterSetup, Readings
 from syncplan.estimation.filter_statistics import FilterStatistics
-from syncplan.estimation.lane_filter import LaneFilter, lanes_of, start_of
+from syncplan.estimation.lane_filter import LaneFilter, is_in_cache, lanes_of, start_of
 from syncplan.estimation.robust_filter import RobustRun
 from syncplan.flight.closed_loop import fly_lanes
 from syncplan.flight.flight_setup import FlightSetup, Flown
 from syncplan.flight.flown_team import FILTERS_OWN, FlownTeam
 
 __all__ = ["ClosedLoop", "FlownLanes"]
+
+Kept = TypeVar("Kept", Array, Index)
 
 LEG_STEPS = 64
 """Samples that are flown at once."""
@@ -49,6 +52,11 @@ class ClosedLoop:
         """Return how many trials of n vehicles it is best to fly side by side."""
         return LaneFilter.lanes_for(n)
 
+    @staticmethod
+    def is_compiled() -> bool:
+        """Return whether the kernel is in memory or in numba's disk cache."""
+        return is_in_cache(fly_lanes)
+
     def advance(
         self,
         setup: FilterSetup | AugmentedSetup,
@@ -61,7 +69,8 @@ class ClosedLoop:
         """Take a state from sample `begin` to sample `end`, in place, and fly on the way."""
         n, _, width = readings.initial.shape
         lanes = lanes_of(n, width)
-        fly_lanes(self.flight, self.flown, setup, readings, statistics, lanes, *state, begin, end)
+        kernel: Any = fly_lanes
+        kernel(self.flight, self.flown, setup, readings, statistics, lanes, *state, begin, end)
 
 
 @dataclass(slots=True)
@@ -77,9 +86,7 @@ class PlainRun:
 
     def advance(self, end: int) -> None:
         """Take in all samples up to `end`."""
-        self.base.advance(
-            self.setup, self.readings, self.statistics, self.state, self.at, end
-        )
+        self.base.advance(self.setup, self.readings, self.statistics, self.state, self.at, end)
         self.at = end
 
 
@@ -99,9 +106,7 @@ class FlownLanes:
     run: PlainRun | RobustRun
 
     @classmethod
-    def begun(
-        cls, team: FlownTeam, trials: range, statistics: AugmentedStatistics
-    ) -> "FlownLanes":
+    def begun(cls, team: FlownTeam, trials: range, statistics: AugmentedStatistics) -> "FlownLanes":
         """Return trials at time 0."""
         flown, readings = team.begun(trials)
         setup = team.filter_setup()
@@ -136,21 +141,39 @@ class FlownLanes:
             found.setdefault(step, []).append(vehicle)
         return found
 
+    @property
+    def setup(self) -> AugmentedSetup:
+        """The filter's set-up, with the sightings so far."""
+        assert isinstance(self.run.setup, AugmentedSetup)
+        return self.run.setup
+
+    @property
+    def readings(self) -> AugmentedReadings:
+        """What was read so far."""
+        assert isinstance(self.run.readings, AugmentedReadings)
+        return self.run.readings
+
+    @property
+    def statistics(self) -> AugmentedStatistics:
+        """What the filter has counted."""
+        assert isinstance(self.run.statistics, AugmentedStatistics)
+        return self.run.statistics
+
     def _make_room(self, further: int) -> None:
         """Let set-up and readings hold so many further sightings."""
-        used, have = int(self.flown.places[1]), len(self.run.readings.sightings)
+        used, have = int(self.flown.places[1]), len(self.readings.sightings)
         if used + further <= have:
             return
-        size = max(used + further, 2 * have)
-        setup, readings = self.run.setup, self.run.readings
-        poses = setup.poses._replace(
-            **{
-                name: _grown(getattr(setup.poses, name), used, size)
-                for name in ("observers", "targets", "kinds", "variances")
-            }
+        size, poses = max(used + further, 2 * have), self.setup.poses
+        poses = poses._replace(
+            observers=_grown(poses.observers, used, size),
+            targets=_grown(poses.targets, used, size),
+            kinds=_grown(poses.kinds, used, size),
+            variances=_grown(poses.variances, used, size),
         )
-        self.run.setup = setup._replace(poses=poses)
-        self.run.readings = readings._replace(sightings=_grown(readings.sightings, used, size))
+        self.run.setup = self.setup._replace(poses=poses)
+        sightings = _grown(self.readings.sightings, used, size)
+        self.run.readings = self.readings._replace(sightings=sightings)
 
 
 def _rows_in_step(team: FlownTeam) -> int:
@@ -160,10 +183,10 @@ def _rows_in_step(team: FlownTeam) -> int:
     return int(kinds.sum()) * (n + len(team.team.landmarks)) or 1
 
 
-def _grown(array: Array | Index, used: int, size: int) -> Array:
-    larger = np.empty((size, *array.shape[1:]), dtype=array.dtype)
+def _grown(array: Kept, used: int, size: int) -> Kept:
+    larger: Any = np.empty((size, *array.shape[1:]), dtype=array.dtype)
     larger[:used] = array[:used]
-    return larger
+    return cast(Kept, larger)
 
 
 def _part(P: Array, vehicle: int) -> None:

@@ -180,7 +180,7 @@ def flown_team(
     options: FlightOptions,
     events: FlightEvents,
 ) -> FlownTeam:
-    """Return the set-up of a flight; `response` is the lag in s, and whether readings are measured."""
+    """Return the set-up of a flight; `response` is lag in s, and whether readings are measured."""
     orbits, time = team.orbits, team.sensors.sample_time
     lag, measured = response
     setup = FlightSetup(

@@ -1,27 +1,31 @@
 """Random numbers by key: those of one sighting of one trial, whatever else is sighted.
 
-In flight, who sees whom differs from trial to trial and with every change of a plan or of a guidance
-law. So the numbers of a sighting are no part of a sequence: they are a function of the trial's key
-and of the counter (step, observer, target, 0). Runs that differ in one thing are paired in all else.
+In flight, who sees whom differs from trial to trial, and with every change of a plan or of a
+guidance law. So the numbers of a sighting are no part of a sequence: they are a function of the
+trial's key and of the counter (step, observer, target, 0). Runs that differ in one thing are paired
+in all else.
 
 The function is Philox4x64 with ten rounds, as numpy.random.Philox has it:
 
     Philox(key=key, counter=counter - 1).random_raw(4)  ==  words_at(key, counter)
 
-Source: Salmon et al. (2011), Parallel random numbers: as easy as 1, 2, 3; normal deviates by Box and
-Muller (1958).
+Source: Salmon et al. (2011), Parallel random numbers: as easy as 1, 2, 3; normal deviates by Box
+and Muller (1958).
 """
 
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
-from syncplan.arrays import Array
 from syncplan.estimation.lane_filter import compiled, inner
 
-__all__ = ["Words", "key_of", "normal_pair", "uniform", "words_at"]
+__all__ = ["Word", "Words", "key_of", "normal_pair", "uniform", "words_at"]
 
-Words = tuple[int, int, int, int]
+Word = np.uint64
+"""Of 64 bits, unsigned."""
+
+Words = tuple[Word, Word, Word, Word]
 """Four words of 64 bits."""
 
 SIGHTED = 2
@@ -36,14 +40,14 @@ SPARE = np.uint64(11)
 STEP = 2.0**-53
 
 
-def key_of(seed: int, trial: int) -> Array:
+def key_of(seed: int, trial: int) -> NDArray[np.uint64]:
     """Return the key (2,) of a trial's sightings, as unsigned integers of 64 bits."""
     sequence = np.random.SeedSequence(seed, spawn_key=(trial, SIGHTED))
-    return sequence.generate_state(2, np.uint64)
+    return sequence.generate_state(2, np.uint64)  # type: ignore[return-value]
 
 
 @inner
-def _high(a: int, b: int) -> int:
+def _high(a: Word, b: Word) -> Word:
     """The upper half of the product of two words, from products of their halves."""
     a_low, a_high, b_low, b_high = a & LOW, a >> HALF, b & LOW, b >> HALF
     middle = a_high * b_low + ((a_low * b_low) >> HALF)
@@ -52,7 +56,7 @@ def _high(a: int, b: int) -> int:
 
 
 @compiled
-def words_at(key: Array, step: int, observer: int, target: int) -> Words:
+def words_at(key: NDArray[np.uint64], step: int, observer: int, target: int) -> Words:
     """Return four words for a sighting of a trial with this key (2,)."""
     a, b, c, d = np.uint64(step), np.uint64(observer), np.uint64(target), np.uint64(0)
     k, m = key[0], key[1]
@@ -66,13 +70,13 @@ def words_at(key: Array, step: int, observer: int, target: int) -> Words:
 
 
 @inner
-def uniform(word: int) -> float:
+def uniform(word: Word) -> float:
     """Return a number in (0, 1) from a word."""
     return (float(word >> SPARE) + 0.5) * STEP
 
 
 @inner
-def normal_pair(first: int, second: int) -> tuple[float, float]:
+def normal_pair(first: Word, second: Word) -> tuple[float, float]:
     """Return two independent standard normal numbers from two words."""
     radius = math.sqrt(-2.0 * math.log(uniform(first)))
     angle = 2.0 * math.pi * uniform(second)

@@ -2,9 +2,9 @@
 
 A vehicle is sure to meet its anchor while its place relative to it, in the direction of the anchor,
 stays known to SIGMAS standard deviations within the slack of their meeting. Where it is not, its
-circle is moved towards the anchor by what is missing, and so is every circle that is anchored in it:
-a part of the team that has lost its landmarks moves as one and stays together. As soon as a sighting
-has told where vehicles are, their circles are back in their places.
+circle is moved towards the anchor by what is missing, and so is every circle that is anchored in
+it: a part of the team that has lost its landmarks moves as one and stays together. As soon as a
+sighting has told where vehicles are, their circles are back in their places.
 
 It takes time to move. So what counts is how well the place would be known `lead` s from now without
 a sighting, with the air's velocity as unsure as it is.
@@ -59,7 +59,7 @@ def _fill_row(
 def move_circles(
     flight: FlightSetup, flown: Flown, setup: AugmentedSetup, P: Array, steps: int, lanes: Lanes
 ) -> None:
-    """Move circles by what the covariance of the present, lower triangle, says; for so many steps."""
+    """Move circles by what the covariance now, a lower triangle, says; for so many steps."""
     steering, n = flight.steering, len(flight.circles.radii)
     row = np.zeros(MOST_ENTRIES, dtype=np.int64), np.zeros(MOST_ENTRIES)
     for i in steering.order:

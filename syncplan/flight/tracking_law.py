@@ -1,7 +1,7 @@
 """The tracking law: commands from an estimate, towards the place that the plan has for this moment.
 
-With place p and velocity V over ground that the plan has now, estimates marked ^, e = p - p^ and the
-estimated velocity of the air w^ (wind and the vehicle's own gust, where these are states),
+With place p and velocity V over ground that the plan has now, estimates marked ^, e = p - p^ and
+the estimated velocity of the air w^ (wind and the vehicle's own gust, where these are states),
 
     u   = V + e kp, at most `closing` m/s of it, - w^        wanted velocity through the air
     v   = |u| cos(turn), not below 0                         turn = direction of u - psi^, wrapped
@@ -57,7 +57,10 @@ def track(
         rate, radius = circles.senses[i] * circles.rate, circles.radii[i]
         phase, own = circles.phases[i] + rate * step * flight.time, setup.columns[i]
         cos, sin = math.cos(phase), math.sin(phase)
-        place_x, place_y = circles.centers[i, 0] + radius * cos, circles.centers[i, 1] + radius * sin
+        place_x, place_y = (
+            circles.centers[i, 0] + radius * cos,
+            circles.centers[i, 1] + radius * sin,
+        )
         along_x, along_y = -rate * radius * sin, rate * radius * cos
         bent_x, bent_y = -rate * rate * radius * cos, -rate * rate * radius * sin
         still = (STILL * rate * radius) ** 2

@@ -26,10 +26,10 @@ __all__ = ["is_held", "move_truly"]
 @inner
 def is_held(held_from: Index, held_until: Index, i: int, step: int) -> bool:
     """Return whether vehicle i is held at a step."""
+    held = False
     for k in range(held_from.shape[1]):
-        if held_from[i, k] <= step < held_until[i, k]:
-            return True
-    return False
+        held |= held_from[i, k] <= step < held_until[i, k]
+    return held
 
 
 @inner

@@ -18,7 +18,7 @@ from syncplan.estimation.augmented_setup import AugmentedSetup
 from syncplan.estimation.filter_setup import BEARING_KIND, COMPASS_KIND, DISTANCE_KIND
 from syncplan.estimation.lane_filter import Lanes, compiled, inner
 from syncplan.flight.flight_setup import Eyes, FlightSetup, Flown
-from syncplan.flight.keyed_noise import normal_pair, uniform, words_at
+from syncplan.flight.keyed_noise import Word, normal_pair, uniform, words_at
 from syncplan.orbits.contacts import BOUNDARY_SLACK
 
 __all__ = ["sight_truly"]
@@ -36,7 +36,7 @@ def sight_truly(
     sightings: Array,
     lanes: Lanes,
 ) -> None:
-    """Record all sightings of a step: what they are of in `setup`, what they read in `sightings`."""
+    """Record the sightings of a step: of what, in `setup`, and what they read, in `sightings`."""
     eyes, mishaps, poses = flight.eyes, flight.mishaps, setup.poses
     pose, n = flown.path[step], len(eyes.ranges)
     away = np.empty((3, len(lanes)))
@@ -148,9 +148,7 @@ def _read_compass(
 
 
 @inner
-def _new_row(
-    flown: Flown, setup: AugmentedSetup, kind: int, o: int, t: int, sigma: float
-) -> int:
+def _new_row(flown: Flown, setup: AugmentedSetup, kind: int, o: int, t: int, sigma: float) -> int:
     """Begin a row of sightings; return its number."""
     poses, s = setup.poses, flown.places[1]
     poses.observers[s], poses.targets[s], poses.kinds[s] = o, t, kind
@@ -202,7 +200,7 @@ def _read(
 def _misread(
     flight: FlightSetup,
     pose: Array,
-    word: int,
+    word: Word,
     pair: tuple[int, int],
     away: Array,
     lane: int,

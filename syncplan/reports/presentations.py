@@ -7,12 +7,15 @@ from typing import Any
 
 from syncplan.errors import InputError
 from syncplan.estimation.replays import Replay
+from syncplan.flight.flying import Flight
 from syncplan.landmarks.site_choice import SiteChoice
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.loss_study import WhatIf
 from syncplan.planning.sweeps import Sweep
 from syncplan.planning.validation import Validation
 from syncplan.reports.document_base import Document
+from syncplan.reports.flight_report import flight_document
+from syncplan.reports.flight_schemas import FlightDocument, PhaseError
 from syncplan.reports.loss_report import what_if_document
 from syncplan.reports.loss_schemas import WhatIfDocument
 from syncplan.reports.plan_report import plan_document
@@ -139,6 +142,21 @@ def _plan_rows(document: PlanDocument) -> list[Row]:
     ]
 
 
+def _flown_rows(document: FlightDocument) -> list[Row]:
+    return [
+        {
+            **_flat(one.model_dump(exclude={"errors", "phase_error_s"})),
+            **({} if one.phase_error_s is None else _named("phase", one.phase_error_s)),
+            **({} if one.errors is None else _flat(one.errors.model_dump())),
+        }
+        for one in document.vehicles
+    ]
+
+
+def _named(stem: str, figures: PhaseError) -> Row:
+    return {f"{stem}_{key}_s": value for key, value in figures.model_dump().items()}
+
+
 def _loss_rows(document: WhatIfDocument) -> list[Row]:
     return [
         {
@@ -183,6 +201,7 @@ PRESENTATIONS: Mapping[type, Presentation] = {
     Validation: Presentation(
         validation_document, lambda document: [_flat(one.model_dump()) for one in document.vehicles]
     ),
+    Flight: Presentation(flight_document, _flown_rows),
     Replay: Presentation(
         replay_document, lambda document: [_flat(_known(one)) for one in document.robots]
     ),

@@ -20,12 +20,16 @@ __all__ = [
     "FilterKind",
     "InitialSigma",
     "Motion",
+    "ReadingsKind",
     "Wind",
     "check_estimated",
 ]
 
 Sigma = Annotated[float, Field(ge=0, le=1e3)]
 Positive = Annotated[float, Field(gt=0, le=1e3)]
+
+ReadingsKind = Literal["commanded", "measured"]
+"""What motion readings are in flight."""
 
 EstimableName = Literal["wind", "speed_scale", "turn_rate_bias", "bearing_bias", "gusts"]
 """An error that the filter can have as states."""
@@ -99,6 +103,20 @@ class Motion(Section):
         description="Standard deviation of the bias of a vehicle's turn-rate readings, constant "
         "in a run, each vehicle its own; no such error if not given",
         examples=[0.005],
+    )
+
+    lag_s: Annotated[float, Field(ge=0, le=1e3)] | None = Field(
+        default=None,
+        description="In flight, time constant with which speed and turn rate follow commands; none "
+        "if not given",
+        examples=[0.5],
+    )
+    readings: ReadingsKind | None = Field(
+        default=None,
+        description="In flight, what motion readings are: commanded, the response to commands, "
+        "and what is done strays from it by the noise; or measured, with the noise on the "
+        "reading. commanded if not given",
+        examples=["measured"],
     )
 
     @model_validator(mode="before")

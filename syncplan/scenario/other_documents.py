@@ -33,6 +33,9 @@ OTHER_DOCUMENTS: Mapping[str, OtherDocument] = MappingProxyType(
         "validation": OtherDocument(
             "a validation report", frozenset({"anees", "trials"}), _PLAN_IT_CAME_FROM
         ),
+        "flight": OtherDocument(
+            "a report of a flight", frozenset({"anees", "guidance", "trials"}), _PLAN_IT_CAME_FROM
+        ),
         "replay": OtherDocument(
             "a report of a replay", frozenset({"anees", "readings"}), "recordings have no plan"
         ),

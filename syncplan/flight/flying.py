@@ -1,0 +1,241 @@
+"""Flying a plan: many trials in closed loop, and what they found."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Unpack
+
+import numpy as np
+
+from syncplan.arrays import Array, Flags
+from syncplan.errors import InputError, NoSolutionError
+from syncplan.estimation.consistency import Consistency, anees, coverage, nis
+from syncplan.estimation.filter_options import steps_in_run
+from syncplan.estimation.filter_setup import judged_from
+from syncplan.estimation.trials import Accuracy, accuracy
+from syncplan.flight.flight_events import FlightEvents, events_of
+from syncplan.flight.flight_limits import FlightLimits
+from syncplan.flight.flight_measures import Meetings, meetings_of
+from syncplan.flight.flight_options import FlightChanges, FlightOptions, flight_options_with
+from syncplan.flight.flight_results import FlightResult, joined_flights
+from syncplan.flight.flights import fly_trials
+from syncplan.flight.flown_team import FlownTeam, flown_team
+from syncplan.planning.filter_choice import FilterChoice, asked_filter
+from syncplan.planning.judged_plan import Plan
+from syncplan.planning.subjects import PlanSubject, planned
+from syncplan.results import Result
+from syncplan.runtime.blas import single_threaded_blas
+
+__all__ = ["LOST_FACTOR", "Flight", "FlightRun", "conclude_flight", "flight_run", "fly", "fly_part"]
+
+LOST_FACTOR = 5.0
+"""A filter is lost in a trial where some vehicle's error is over so many times its bound."""
+
+OUT_OF_CONTACT_PERIODS = 2.0
+"""A vehicle is out of contact that is without a sighting for longer."""
+
+ROBUST_IN_FLIGHT = FilterChoice(
+    "robust", "vehicles that steer by a lost filter are lost too; robust looks for its start"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class FlightRun:
+    """A flight that is set up; its trials can be flown in parts.
+
+    Attributes
+    ----------
+    plan : the plan that is flown
+    duration : s
+    options : as fly takes them, the filter chosen
+    chosen_because : why this filter
+    limits : of the vehicles
+    team : all that trials share
+    """
+
+    plan: Plan
+    duration: float
+    options: FlightOptions
+    chosen_because: str
+    limits: FlightLimits
+    team: FlownTeam
+
+    @property
+    def trials(self) -> int:
+        """Number of trials."""
+        return self.options.trials
+
+    @property
+    def events(self) -> FlightEvents:
+        """What happens on the way."""
+        return self.team.events
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Flight(Result):
+    """Many flights of a plan, in closed loop.
+
+    Attributes
+    ----------
+    run : what was flown, and how
+    result : figures of each trial
+    accuracy : RMS errors of the estimates by vehicle, against the truth as flown
+    bound : (n,) m, of the bound along the paths flown, over the second half; NaN for a vehicle that
+        is gone by then
+    coverage : (n,) share of coordinates within three sigma
+    anees, nis : consistency figures, with intervals from the spread over trials
+    """
+
+    run: FlightRun
+    result: FlightResult
+    accuracy: Accuracy
+    bound: Array
+    coverage: Array
+    anees: Consistency
+    nis: Consistency
+
+    def __repr__(self) -> str:
+        """Return one line: what was flown, how often, and how well."""
+        tracking = float(np.sqrt(np.nanmean(self.result.figures.tracking_squares)))
+        return (
+            f"<{type(self).__name__} of {self.plan!r}: {self.result.trials} trials over "
+            f"{self.run.duration:.4g} s, {tracking:.3g} m off the plan, "
+            f"{100.0 * float(self.filter_lost.mean()):.3g} % lost>"
+        )
+
+    @property
+    def plan(self) -> Plan:
+        """The plan that was flown."""
+        return self.run.plan
+
+    @property
+    def judged_from(self) -> float:
+        """Time in s from which on ANEES, NIS and coverage count."""
+        run, time = self.run, self.plan.sensors.sample_time
+        return judged_from(run.team.steps, time, self.plan.orbits.period, run.options) * time
+
+    @property
+    def predicted(self) -> Array | None:
+        """(n,) m, the plan's own prediction; None for another duration than the plan's."""
+        same = self.run.duration == self.plan.scenario.duration_s
+        return self.plan.prediction.rms if same else None
+
+    @property
+    def there(self) -> Flags:
+        """(n,) whether a vehicle is there to the end."""
+        gone = self.run.team.setup.mishaps.gone_from[: self.plan.team.count]
+        return np.asarray(gone > self.run.team.steps)
+
+    @property
+    def meetings(self) -> Meetings:
+        """The meetings of the plan."""
+        plan, steps = self.plan, self.run.team.steps
+        return meetings_of(plan.windows, plan.sensors.sample_time, plan.orbits.period, steps)
+
+    @property
+    def filter_lost(self) -> Flags:
+        """(trials,) whether some vehicle's error, second half, is over LOST_FACTOR times its bound.
+
+        The bound is that along the path it truly took.
+        """
+        late = self.result.estimates.late_mean_squares
+        bound = self.result.figures.bound_squares
+        return np.asarray((late[..., 0] + late[..., 1] > LOST_FACTOR**2 * bound).any(axis=1))
+
+    @property
+    def out_of_contact(self) -> Flags:
+        """(trials,) whether some vehicle was in no sighting for over OUT_OF_CONTACT_PERIODS."""
+        longest = self.result.figures.longest_unseen
+        limit = OUT_OF_CONTACT_PERIODS * self.plan.orbits.period
+        return np.asarray((longest > limit).any(axis=1))
+
+
+def fly(
+    subject: PlanSubject,
+    options: FlightOptions | None = None,
+    *,
+    threads: int | None = None,
+    progress: Callable[[int], None] | None = None,
+    **changes: Unpack[FlightChanges],
+) -> Flight:
+    """Return many flights of a plan by vehicles that steer by their own estimates.
+
+    `options`, or changes of it by name, say how: trials=100, seed=0, duration=None (s, the
+    scenario's), guidance="track" (or "mpc", or "none" for open loop), filter="auto" (the
+    scenario's, or robust), gate_probability=None, with_series=False; what goes wrong:
+    lose=("v3@60",), hold=("v2@100:20",), dropout=0, outliers=0, mistaken=0, late=0; and wind=None
+    (m/s; drawn by the scenario's sigma). The same seed gives the same bytes on any number of
+    threads. `progress` is called with the number of trials done. Raises InputError naming the
+    argument at fault.
+    """
+    run = flight_run(subject, options, **changes)
+    return conclude_flight(run, [fly_part(run, 0, run.trials, threads=threads, progress=progress)])
+
+
+def flight_run(
+    subject: PlanSubject,
+    options: FlightOptions | None = None,
+    **changes: Unpack[FlightChanges],
+) -> FlightRun:
+    """Return the set-up of a flight, whose parts fly_part flies and conclude_flight joins."""
+    chosen = flight_options_with(options, changes)
+    plan = planned(subject, pilot=False)
+    scenario = plan.scenario
+    duration = scenario.duration_s if chosen.duration is None else chosen.duration
+    steps = steps_in_run(duration, plan.sensors.sample_time, plan.orbits.period, plan.team.count)
+    choice = asked_filter(scenario, chosen) or ROBUST_IN_FLIGHT
+    chosen = replace(chosen, filter=choice.name)
+    limits = FlightLimits.of(scenario, plan.orbits)
+    motion = scenario.motion
+    team = flown_team(
+        plan.team,
+        plan.windows,
+        limits,
+        (motion.lag_s or 0.0, motion.readings == "measured"),
+        steps,
+        chosen,
+        events_of(chosen.lose, chosen.hold, scenario, duration),
+    )
+    return FlightRun(plan, duration, chosen, choice.reason, limits, team)
+
+
+@single_threaded_blas
+def fly_part(
+    run: FlightRun,
+    first_trial: int,
+    trials: int,
+    *,
+    threads: int | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> FlightResult:
+    """Return `trials` trials of a flight from `first_trial` on, a multiple of CHUNK_TRIALS."""
+    return fly_trials(run.team, first_trial, trials, threads=threads, progress=progress)
+
+
+@single_threaded_blas
+def conclude_flight(run: FlightRun, parts: Sequence[FlightResult]) -> Flight:
+    """Return the flight from all parts of a run, in order.
+
+    The bytes do not depend on how the run was cut. Raises InputError where parts are missing, and
+    NoSolutionError where the filter diverged.
+    """
+    result = joined_flights(parts)
+    found, gate = result.estimates, run.options.gate_probability
+    if (found.first_trial, found.trials) != (0, run.trials):
+        problem = f"{found.trials} from {found.first_trial} on given, of {run.trials}"
+        raise InputError(problem, key="parts")
+    stayed = run.team.setup.mishaps.gone_from[: run.plan.team.count] > run.team.steps
+    broken = int(np.sum(~np.isfinite(found.mean_squares[:, stayed]).all(axis=(1, 2))))
+    if broken:
+        raise NoSolutionError(
+            f"the filter diverged in {broken} of {run.trials} trials: its errors are no longer "
+            "finite; smaller sigmas or a shorter sample time may help"
+        )
+    return Flight(
+        run=run,
+        result=result,
+        accuracy=accuracy(found),
+        bound=np.sqrt(result.figures.bound_squares.mean(axis=0)),
+        coverage=coverage(found.covered.mean(axis=0), found.coverage_samples),
+        anees=anees(found.nees, 3 * run.plan.team.count),
+        nis=nis(found.nis_sums, found.accepted, gate),
+    )

@@ -1,0 +1,243 @@
+"""Flights as documents, with what their figures mean in words."""
+
+from typing import Any
+
+import numpy as np
+
+from syncplan import __version__
+from syncplan.arrays import Array
+from syncplan.flight.flying import Flight
+from syncplan.reports.document_base import finite_or_none
+from syncplan.reports.flight_notes import flight_notes
+from syncplan.reports.flight_schemas import (
+    FlightDocument,
+    FlightErrors,
+    FlightEvent,
+    FlownLink,
+    FlownVehicle,
+    PhaseError,
+    Separation,
+    VehicleModel,
+)
+from syncplan.reports.run_schemas import FilterRecord
+from syncplan.reports.state_error_schemas import StateErrorFigures
+from syncplan.reports.validation_report import spread_of
+from syncplan.reports.verdict_schemas import plan_verdict
+
+__all__ = ["flight_document"]
+
+
+def flight_document(flight: Flight) -> FlightDocument:
+    """Return the report of a flight."""
+    run, plan, result = flight.run, flight.plan, flight.result
+    found, figures = result.estimates, result.figures
+    options = run.options
+    document = FlightDocument(
+        version=__version__,
+        name=plan.scenario.name,
+        verdict=plan_verdict(plan.verdict),
+        trials=result.trials,
+        seed=found.seed,
+        duration_s=run.duration,
+        guidance=options.guidance,
+        vehicle_model=_model(flight),
+        filter=FilterRecord(
+            model=options.filter_model.motion,
+            kind=options.filter,
+            chosen_because=run.chosen_because,
+            judged_from_s=flight.judged_from,
+            substeps=options.motion_substeps,
+            gate_probability=options.gate_probability,
+            gated=int(found.gated.sum()),
+            used=int(found.accepted.sum()),
+        ),
+        observable=plan.observable,
+        filter_lost_share=float(flight.filter_lost.mean()),
+        out_of_contact_share=float(flight.out_of_contact.mean()),
+        least_separation_m=_separation(flight),
+        saturated_share=float(figures.saturated.mean()),
+        wind_error_mps=_wind_error(flight),
+        events=_events(flight),
+        vehicles=[_vehicle(flight, k) for k in range(plan.team.count)],
+        overall=_overall(flight),
+        errors=_state_errors(flight),
+        links=_links(flight),
+        anees=spread_of(flight.anees),
+        nis=spread_of(flight.nis),
+        notes=[],
+    )
+    return document.model_copy(update={"notes": flight_notes(flight, document)})
+
+
+def _model(flight: Flight) -> VehicleModel:
+    limits, motion = flight.run.limits, flight.plan.scenario.motion
+    given = flight.plan.scenario.limits
+    return VehicleModel(
+        speed_mps=(float(limits.least_speeds.min()), float(limits.most_speeds.max())),
+        turn_rate_rad_s=float(limits.most_turn_rates.max()),
+        limits_from="default" if given is None or given.speed_mps is None else "scenario",
+        lag_s=motion.lag_s or 0.0,
+        readings=motion.readings or "commanded",
+    )
+
+
+def _vehicle(flight: Flight, k: int) -> FlownVehicle:
+    figures, names = flight.result.figures, flight.plan.scenario.vehicle_names
+    bodies = [*names, *flight.plan.scenario.landmark_names]
+    anchor = int(flight.run.team.setup.steering.anchors[k])
+    there = bool(flight.there[k])
+    pairs = flight.meetings.pairs
+    own = np.flatnonzero((pairs == k).any(axis=1))
+    planned = int(figures.planned_meetings[own].sum()) * flight.result.trials
+    kept = float(figures.kept_meetings[:, own].sum())
+    bound = float(flight.bound[k])
+    return FlownVehicle(
+        name=names[k],
+        errors=_errors(flight, k, bound, figures.tracking_squares[:, k]) if there else None,
+        phase_error_s=PhaseError(
+            rms=float(np.sqrt(figures.phase_squares[:, k].mean())),
+            worst=float(figures.worst_phases[:, k].max()),
+        )
+        if there
+        else None,
+        meetings_kept=kept / planned if planned else None,
+        longest_without_sighting_s=float(figures.longest_unseen[:, k].max()),
+        saturated_share=float(figures.saturated[:, k].mean()),
+        anchor=bodies[anchor] if anchor >= 0 else None,
+        sought_share=float(figures.sought[:, k].mean()),
+    )
+
+
+def _errors(flight: Flight, k: int, bound: float, tracking: Array) -> FlightErrors:
+    accuracy, predicted = flight.accuracy, flight.predicted
+    return FlightErrors(
+        **_figures(accuracy, k, float(flight.coverage[k])),
+        predicted_rms_m=None if predicted is None else float(predicted[k]),
+        bound_rms_m=bound,
+        rms_over_bound=_share(float(accuracy.late_position[k]), bound),
+        tracking_rms_m=float(np.sqrt(tracking.mean())),
+    )
+
+
+def _overall(flight: Flight) -> FlightErrors:
+    """Over all vehicles that are there in the second half."""
+    there, predicted = flight.there, flight.predicted
+    accuracy = flight.accuracy
+    bound = float(np.sqrt(np.mean(flight.bound[there] ** 2)))
+
+    def overall(name: str) -> float:
+        return float(np.sqrt(np.mean(getattr(accuracy, name)[there] ** 2)))
+
+    late = overall("late_position")
+    return FlightErrors(
+        rms_m=overall("position"),
+        rms_second_half_m=late,
+        rms_x_m=overall("x"),
+        rms_y_m=overall("y"),
+        rms_heading_rad=overall("heading"),
+        final_error_m=overall("final_position"),
+        coverage_3sigma=float(np.mean(flight.coverage[there])),
+        predicted_rms_m=None
+        if predicted is None
+        else float(np.sqrt(np.mean(predicted[there] ** 2))),
+        bound_rms_m=bound,
+        rms_over_bound=_share(late, bound),
+        tracking_rms_m=float(np.sqrt(flight.result.figures.tracking_squares[:, there].mean())),
+    )
+
+
+def _figures(accuracy: Any, k: int, covered: float) -> dict[str, float]:
+    return {
+        "rms_m": float(accuracy.position[k]),
+        "rms_second_half_m": float(accuracy.late_position[k]),
+        "rms_x_m": float(accuracy.x[k]),
+        "rms_y_m": float(accuracy.y[k]),
+        "rms_heading_rad": float(accuracy.heading[k]),
+        "final_error_m": float(accuracy.final_position[k]),
+        "coverage_3sigma": covered,
+    }
+
+
+def _separation(flight: Flight) -> Separation | None:
+    plan, figures = flight.plan, flight.result.figures
+    if plan.approach is None or not np.isfinite(figures.separations).all():
+        return None
+    worst, names = int(np.argmin(figures.separations)), plan.scenario.vehicle_names
+    a, b = figures.nearest[worst].tolist()
+    asked = flight.run.limits.separation
+    return Separation(
+        median=float(np.median(figures.separations)),
+        worst=float(figures.separations[worst]),
+        between=(names[a], names[b]),
+        time_s=float(figures.nearest_times[worst]),
+        planned=plan.approach.distance,
+        below_asked_share=float(np.mean(figures.separations < asked)) if asked > 0.0 else None,
+    )
+
+
+def _events(flight: Flight) -> list[FlightEvent]:
+    events, settled = flight.run.events, flight.result.figures.settled
+    found = [
+        (one.time, FlightEvent(event=f"{one.name}@{one.time:g}", what=one.sentence))
+        for one in events.losses
+    ]
+    for k, hold in enumerate(events.holds):
+        # a trial that never settles counts as one that takes for ever
+        median = float(np.median(np.nan_to_num(settled[:, k], nan=np.inf)))
+        text = f"{hold.name}@{hold.time:g}:{hold.length:g}"
+        event = FlightEvent(event=text, what=hold.sentence, settled_s=finite_or_none(median))
+        found.append((hold.time, event))
+    return [event for _, event in sorted(found, key=lambda one: one[0])]
+
+
+def _wind_error(flight: Flight) -> float | None:
+    columns = flight.run.team.layout.columns.get("wind")
+    if columns is None:
+        return None
+    own = columns[0] - 3 * flight.plan.team.count
+    squares = flight.result.estimates.late_state_squares[:, own]
+    return float(np.sqrt(squares.sum(axis=1).mean()))
+
+
+def _state_errors(flight: Flight) -> list[StateErrorFigures] | None:
+    layout, found = flight.run.team.layout, flight.result.estimates
+    labels = layout.labels(flight.plan.scenario.vehicle_names)
+    if not labels:
+        return None
+    rms, late = (
+        np.sqrt(one.mean(axis=0)) for one in (found.state_squares, found.late_state_squares)
+    )
+    bound = np.sqrt(flight.result.figures.state_bound_squares.mean(axis=0))
+    covered = found.states_covered.mean(axis=0)
+    return [
+        StateErrorFigures(
+            state=label,
+            unit=unit,
+            rms=float(rms[k]),
+            rms_second_half=float(late[k]),
+            predicted_rms=float(bound[k]),
+            ratio=_share(float(late[k]), float(bound[k])),
+            coverage=float(covered[k]),
+        )
+        for k, (label, unit) in enumerate(zip(labels, layout.units, strict=True))
+    ]
+
+
+def _links(flight: Flight) -> list[FlownLink]:
+    scenario, figures = flight.plan.scenario, flight.result.figures
+    names = [*scenario.vehicle_names, *scenario.landmark_names]
+    return [
+        FlownLink(
+            between=(names[a], names[b]),
+            meetings=int(planned),
+            kept_share=float(figures.kept_meetings[:, k].mean() / planned),
+        )
+        for k, ((a, b), planned) in enumerate(
+            zip(flight.meetings.pairs.tolist(), figures.planned_meetings.tolist(), strict=True)
+        )
+        if planned
+    ]
+
+
+def _share(value: float, whole: float) -> float | None:
+    return finite_or_none(value / whole) if whole > 0.0 else None
