@@ -13,6 +13,8 @@ required_verdicts   --require-go, --require-observable
 plan_commands       plan, refine, place, landmarks
 loss_tables         tables of losses
 run_commands        validate, sweep
+flight_commands     the command that flies plans
+flight_tables       flights as tables
 loss_commands       what-if
 start_option        where robots of a recording start, as an option
 replay_commands     replay

@@ -50,6 +50,7 @@ outlying_trials    the median trial, and trials far off
 drawn_errors       lasting errors of trials
 air_motion         headings and airspeeds of circles in wind
 trial_readings     what is read in trials
+trial_chunks       chunks of trials over threads
 montecarlo         many trials along a plan
 trial_archive      trials as bytes
 replay_settings    what the filter assumes of a recording

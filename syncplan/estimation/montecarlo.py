@@ -6,9 +6,7 @@ see syncplan.estimation.trials.
 """
 
 import threading
-from collections import deque
-from collections.abc import Callable, Generator
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
@@ -24,6 +22,7 @@ from syncplan.estimation.augmented_setup import (
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filter_setup import FilterSetup, build_setup
 from syncplan.estimation.filter_statistics import empty_series
+from syncplan.estimation.trial_chunks import StoppedError, chunks_in_order
 from syncplan.estimation.trial_readings import TrialReadings, needs_augmented
 from syncplan.estimation.trials import (
     CHUNK_TRIALS,
@@ -54,17 +53,12 @@ class _Run:
     augmented: AugmentedSetup | None
     options: FilterOptions
     end: int
-    stop: threading.Event
 
     @property
     def lane_filter(self) -> "LaneFilter":
         """The compiled filter: that of poses alone where it will do."""
         model = self.options.filter_model
         return model.lane_filter if self.augmented is None else model.augmented_lane_filter
-
-
-class _StoppedError(Exception):
-    """The run was interrupted; this chunk will not be read."""
 
 
 def run_trials(
@@ -99,12 +93,17 @@ def run_trials(
         augmented=augmented_setup_of(setup, layout, known.errors) if wide else None,
         options=options,
         end=first_trial + options.trials,
-        stop=threading.Event(),
     )
     run.lane_filter.compile(team.count)
     parts: list[MonteCarloResult] = []
     branches: tuple[Branch, ...] = ()
-    with closing(_in_order(run, first_trial, threads or usable_cores())) as chunks:
+    computed = chunks_in_order(
+        lambda chunk, stop: _chunk(run, chunk, stop),
+        first_trial,
+        run.end,
+        threads or usable_cores(),
+    )
+    with closing(computed) as chunks:
         for part in chunks:
             parts.append(replace(part, branches=()))
             branches = joined([*branches, *part.branches])
@@ -173,37 +172,19 @@ def _setup(team: Team, sightings: Sightings, steps: int, options: FilterOptions)
     )
 
 
-def _in_order(run: _Run, first_trial: int, threads: int) -> Generator[MonteCarloResult]:
-    """Results of all chunks, in order, a few computed ahead.
-
-    Whatever interrupts the caller also stops the threads, each after its present trials.
-    """
-    pending: deque[Future[MonteCarloResult]] = deque()
-    with ThreadPoolExecutor(threads) as pool:
-        try:
-            for start in range(first_trial, run.end, CHUNK_TRIALS):
-                pending.append(pool.submit(_chunk, run, start))
-                if len(pending) > 2 * threads:
-                    yield pending.popleft().result()
-            while pending:
-                yield pending.popleft().result()
-        finally:
-            run.stop.set()
-
-
-def _chunk(run: _Run, start: int) -> MonteCarloResult:
-    """The result of the trials from `start` to the chunk's or the run's end."""
+def _chunk(run: _Run, chunk: range, stopped: threading.Event) -> MonteCarloResult:
+    """The result of the trials of a chunk."""
     readings, lane_filter = run.readings, run.lane_filter
     n, steps = readings.team.count, len(readings.setup.truth) - 1
-    stop, lanes = min(start + CHUNK_TRIALS, run.end), lane_filter.lanes_for(n)
+    lanes = lane_filter.lanes_for(n)
     wanted = run.options.with_series
     e = len(readings.layout.sigmas)
     sums = empty_series(n, steps, wanted=wanted), np.zeros((steps + 1 if wanted else 0, e, 3))
     found = []
-    for first in range(start, stop, lanes):
-        if run.stop.is_set():
-            raise _StoppedError
-        trials = range(first, min(first + lanes, stop))
+    for first in range(chunk.start, chunk.stop, lanes):
+        if stopped.is_set():
+            raise StoppedError
+        trials = range(first, min(first + lanes, chunk.stop))
         counted = empty_augmented_statistics(n, e, len(trials), sums)
         streams = [readings.stream(trial) for trial in trials]
         found.append(counted)
@@ -216,6 +197,6 @@ def _chunk(run: _Run, start: int) -> MonteCarloResult:
         [one.errors for one in found],
         steps=steps,
         seed=run.options.seed,
-        first_trial=start,
+        first_trial=chunk.start,
         judged_from=readings.setup.judged_from,
     )

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from syncplan.arrays import Array, Index
+from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.contacts import Windows
 from syncplan.orbits.paths import relative_motion
 from syncplan.orbits.separation import least_distances
@@ -22,9 +22,9 @@ from syncplan.orbits.team import Team
 
 __all__ = ["Anchors", "anchors_of"]
 
-NEARER = 0.5
-"""Share of the least distance from its anchor that a vehicle may come nearer by; of a landmark, a
-circle may come to lie around it."""
+NEARER, NEAREST = 0.5, 0.15
+"""Share of the least distance from its anchor that is kept, always and where the anchor has not
+been met for a period; of a landmark, a circle may come to lie around it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,23 +34,37 @@ class Anchors:
     Attributes
     ----------
     order : (n,) vehicles, each after its anchor
-    bodies : (n,) anchor of each; from n on a landmark, -1 for none
+    anchors : (n,) anchor of each; from n on a landmark, -1 for none
     toward : (n, 2) unit vector from the centre of the vehicle's circle to its anchor's
     slacks : (n,) m, by which the vehicle may be off its place and still meet its anchor
-    most : (n,) m, by which its circle may be moved to its anchor
+    most, furthest : (n,) m, by which its circle may be moved to its anchor: so that it is surely
+        met, and where it has not been for a period
     """
 
     order: Index
-    bodies: Index
+    anchors: Index
     toward: Array
     slacks: Array
     most: Array
+    furthest: Array
 
 
-def anchors_of(team: Team, windows: Windows, separation: float) -> Anchors:
-    """Return the anchors of a team; no two vehicles are to come nearer than `separation` m."""
+def anchors_of(
+    team: Team,
+    windows: Windows,
+    separation: float,
+    left: Flags | None = None,
+    there: Flags | None = None,
+) -> Anchors:
+    """Return the anchors of a team; no two vehicles are to come nearer than `separation` m.
+
+    `left` (p,) says which pairs of the windows still meet, `there` (n + m,) which bodies take part;
+    all where they are None.
+    """
     n, orbits = team.count, team.orbits
-    observers, targets = windows.observers, windows.targets
+    left = np.ones(len(windows.observers), dtype=bool) if left is None else left
+    there = np.ones(n + len(team.landmarks), dtype=bool) if there is None else there
+    observers, targets = windows.observers[left], windows.targets[left]
     least = least_distances(relative_motion(orbits, observers, targets, team.landmarks))[0]
     slack = team.sensors.ranges[observers] - least
     bodies = n + len(team.landmarks)
@@ -58,27 +72,31 @@ def anchors_of(team: Team, windows: Windows, separation: float) -> Anchors:
     np.maximum.at(slacks, (observers, targets), slack)
     slacks = np.maximum(slacks, slacks.T)
     gaps[observers, targets] = gaps[targets, observers] = least
-    order, chosen = _tree(slacks, n)
+    order, chosen = _tree(slacks, n, there)
     centers = np.concatenate([orbits.centers, np.reshape(team.landmarks, (-1, 2))])
     own = np.arange(n)
     anchored = np.maximum(chosen, 0)
     away = centers[anchored] - centers[:n]
     distance = np.hypot(away[:, 0], away[:, 1])
     gap = gaps[own, anchored]
-    most = np.where(chosen >= n, distance, gap - np.maximum(separation, NEARER * gap))
+    most, furthest = (
+        np.where(chosen >= n, distance, gap - np.maximum(separation, share * gap))
+        for share in (NEARER, NEAREST)
+    )
     return Anchors(
         order=order,
-        bodies=chosen,
+        anchors=chosen,
         toward=away / np.where(distance > 0.0, distance, 1.0)[:, None],
         slacks=np.where(chosen < 0, np.inf, slacks[own, anchored]),
         most=np.where(chosen < 0, 0.0, np.maximum(most, 0.0)),
+        furthest=np.where(chosen < 0, 0.0, np.maximum(furthest, 0.0)),
     )
 
 
-def _tree(slacks: Array, n: int) -> tuple[Index, Index]:
+def _tree(slacks: Array, n: int, there: Flags) -> tuple[Index, Index]:
     """Vehicles in the order in which the tree reaches them, and the body each is reached from."""
     reached = np.zeros(len(slacks), dtype=bool)
-    reached[n:] = True
+    reached[n:] = there[n:]
     order: list[int] = []
     chosen = np.full(n, -1, dtype=np.int64)
     while len(order) < n:

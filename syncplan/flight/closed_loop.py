@@ -80,9 +80,9 @@ def _fly_to(
     while flown.places[0] < target:
         step = flown.places[0]
         now, further = _carry_on(x, errors, at, step, setup, readings, slopes, lanes)
-        if flight.steering.mode == TRACKING:
+        if flight.law.mode == TRACKING:
             track(flight, flown, step, now, further, setup, lanes)
-        elif flight.steering.mode == OPEN_LOOP:
+        elif flight.law.mode == OPEN_LOOP:
             command_plan(flight, flown, lanes)
         speeds, turn_rates = readings.speeds[step], readings.turn_rates[step]
         move_truly(flight, flown, step, speeds, turn_rates, lanes)
@@ -159,10 +159,10 @@ def fly_lanes(
         correct_augmented(
             x, errors, P, step, setup, readings, about, frame, seen, row, halves, statistics, lanes
         )
-        looks = step % flight.steering.look_every == 0
+        looks = step % flight.contact.look_every == 0
         if step == end or looks or is_wanted_now(poses, step, statistics):
             bring_to_now(P, setup, frame, before, lanes)
         if looks:
-            move_circles(flight, flown, setup, P, flight.steering.look_every, lanes)
+            move_circles(flight, flown, setup, P, step, lanes)
         compare_truly(x, errors, flight, flown, readings, step, offs, error_offs, lanes)
         record_augmented(P, poses, step, compared, statistics, lanes)

@@ -13,12 +13,13 @@ from syncplan.arrays import Array, Index
 
 __all__ = [
     "Circles",
+    "Contact",
     "Eyes",
     "FlightSetup",
     "Flown",
+    "Law",
     "Mishaps",
     "Response",
-    "Steering",
 ]
 
 
@@ -114,32 +115,51 @@ class Mishaps(NamedTuple):
     late: int
 
 
-class Steering(NamedTuple):
-    """How commands are found.
+class Law(NamedTuple):
+    """How commands are found; see `tracking_law`.
 
     Fields
     ------
     mode : OPEN_LOOP, TRACKING or AS_COMMANDED
-    place_gain : 1/s, of the tracking law
-    heading_gain : 1/s
+    place_gain, heading_gain : 1/s
     closing_speeds : (n,) m/s, at most so fast a vehicle closes in on its place
-    order : (n,) vehicles, each after its anchor; none if circles stay where they are
-    anchors, toward, slacks, most : (n, ...) as in Anchors
-    look_every : steps after which circles are moved
-    lead : s, how far ahead it is looked whether places will be known
     """
 
     mode: int
     place_gain: float
     heading_gain: float
     closing_speeds: Array
+
+
+class Contact(NamedTuple):
+    """How vehicles keep in contact; see `seeking`.
+
+    Fields
+    ------
+    order : (n,) vehicles, each after its anchor; none if circles stay where they are
+    anchors : (n,) body that each keeps in contact with; from n on a landmark, -1 for none
+    toward : (n, 2) unit vector from the centre of the vehicle's circle to its anchor's
+    slacks : (n,) m, by which the vehicle may be off its place and still meet its anchor
+    most, furthest : (n,) m, by which its circle may be moved to its anchor: so that it is surely
+        met, and where it has not been for a period
+    patience : steps without a sighting after which a vehicle looks for its anchor
+    look_every : steps after which circles are moved
+    sigmas : standard deviations within which a place is taken to be
+    lead : s, how far ahead it is looked whether places will be known
+    gust_lead : s, in which a gust that did not decay would blow as far as one does in `lead`
+    """
+
     order: Index
     anchors: Index
     toward: Array
     slacks: Array
     most: Array
+    furthest: Array
+    patience: int
     look_every: int
+    sigmas: float
     lead: float
+    gust_lead: float
 
 
 class FlightSetup(NamedTuple):
@@ -149,7 +169,8 @@ class FlightSetup(NamedTuple):
     response: Response
     eyes: Eyes
     mishaps: Mishaps
-    steering: Steering
+    law: Law
+    contact: Contact
     time: float
     steps: int
 

@@ -4,16 +4,15 @@ Trials are flown in chunks of CHUNK_TRIALS, as those of a validation are.
 """
 
 import threading
-from collections import deque
-from collections.abc import Callable, Generator
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable
 from contextlib import closing
 
 import numpy as np
 
 from syncplan.estimation.augmented_setup import AugmentedStatistics, empty_augmented_statistics
 from syncplan.estimation.filter_statistics import empty_series
-from syncplan.estimation.trials import CHUNK_TRIALS, result_of
+from syncplan.estimation.trial_chunks import StoppedError, chunks_in_order
+from syncplan.estimation.trials import result_of
 from syncplan.flight.flight_results import (
     FlightFigures,
     FlightResult,
@@ -26,10 +25,6 @@ from syncplan.flight.flown_team import FlownTeam
 from syncplan.runtime.cores import usable_cores
 
 __all__ = ["fly_trials"]
-
-
-class _StoppedError(Exception):
-    """The run was interrupted; this chunk will not be read."""
 
 
 def fly_trials(
@@ -46,30 +41,18 @@ def fly_trials(
     """
     parts: list[FlightResult] = []
     end = first_trial + trials
-    with closing(_in_order(team, first_trial, end, threads or usable_cores())) as chunks:
-        for part in chunks:
+
+    def chunk(trials: range, stop: threading.Event) -> FlightResult:
+        return _chunk(team, trials, stop)
+
+    found = chunks_in_order(chunk, first_trial, end, threads or usable_cores())
+    with closing(found) as results:
+        for part in results:
             parts.append(part)
             if progress is not None:
                 done = part.estimates
                 progress(done.first_trial + done.trials - first_trial)
     return joined_flights(parts)
-
-
-def _in_order(team: FlownTeam, begin: int, end: int, threads: int) -> Generator[FlightResult]:
-    """Results of all chunks, in order, a few computed ahead."""
-    pending: deque[Future[FlightResult]] = deque()
-    stop = threading.Event()
-    with ThreadPoolExecutor(threads) as pool:
-        try:
-            for start in range(begin, end, CHUNK_TRIALS):
-                chunk = range(start, min(start + CHUNK_TRIALS, end))
-                pending.append(pool.submit(_chunk, team, chunk, stop))
-                if len(pending) > 2 * threads:
-                    yield pending.popleft().result()
-            while pending:
-                yield pending.popleft().result()
-        finally:
-            stop.set()
 
 
 def _chunk(team: FlownTeam, trials: range, stop: threading.Event) -> FlightResult:
@@ -84,7 +67,7 @@ def _chunk(team: FlownTeam, trials: range, stop: threading.Event) -> FlightResul
     lanes, judged_from = ClosedLoop.lanes_for(n), 0
     for first in range(trials.start, trials.stop, lanes):
         if stop.is_set():
-            raise _StoppedError
+            raise StoppedError
         part = range(first, min(first + lanes, trials.stop))
         flown = FlownLanes.begun(team, part, empty_augmented_statistics(n, e, len(part), sums))
         flown.advance(team.steps)

@@ -123,23 +123,17 @@ class FlownLanes:
 
     def advance(self, end: int) -> None:
         """Fly until the filter is at step `end`."""
-        rows = _rows_in_step(self.team)
+        rows, n = _rows_in_step(self.team), self.team.team.count
         leg = max(1, min(LEG_STEPS, MOST_ROWS // rows))
-        stops = [step for step in self._departures() if step < end]
+        stops = self.team.loss_steps
         while self.run.at < end:
             until = min([end, self.run.at + leg, *(s for s in stops if s > self.run.at)])
             self._make_room(rows * (until - self.run.at + self.team.setup.mishaps.late))
             self.run.advance(until)
-            for vehicle in self._departures().get(until, []):
-                _part(self.run.state[-1], vehicle)
-
-    def _departures(self) -> dict[int, list[int]]:
-        """Vehicles that are gone from a step on, by step."""
-        gone = self.team.setup.mishaps.gone_from[: self.team.team.count]
-        found: dict[int, list[int]] = {}
-        for vehicle, step in enumerate(gone.tolist()):
-            found.setdefault(step, []).append(vehicle)
-        return found
+            if until in stops:
+                for vehicle in np.flatnonzero(self.team.setup.mishaps.gone_from[:n] == until):
+                    _part(self.run.state[-1], int(vehicle))
+                self.run.base = ClosedLoop(self.team.setup_from(until), self.flown)
 
     @property
     def setup(self) -> AugmentedSetup:

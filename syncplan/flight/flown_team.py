@@ -13,27 +13,28 @@ from syncplan.estimation.augmented_setup import (
 )
 from syncplan.estimation.drawn_errors import DrawnErrors, error_draws
 from syncplan.estimation.filter_setup import build_setup
-from syncplan.flight.anchors import anchors_of
+from syncplan.flight.anchors import Anchors, anchors_of
 from syncplan.flight.flight_events import FlightEvents
 from syncplan.flight.flight_limits import FlightLimits
 from syncplan.flight.flight_options import GUIDANCES, FlightOptions
 from syncplan.flight.flight_setup import (
     Circles,
+    Contact,
     Eyes,
     FlightSetup,
     Flown,
+    Law,
     Mishaps,
     Response,
-    Steering,
 )
 from syncplan.flight.keyed_noise import key_of
 from syncplan.orbits.circles import heading, position
 from syncplan.orbits.contacts import Windows
 from syncplan.orbits.error_states import StateLayout, layout_of
-from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, samples_between
+from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, of_targets, samples_between
 from syncplan.orbits.team import Team
 
-__all__ = ["FILTERS_OWN", "FlownTeam", "flown_team", "step_of"]
+__all__ = ["FILTERS_OWN", "FlownTeam", "step_of", "team_in_flight"]
 
 FILTERS_OWN = 1
 """Key below a trial's of the numbers that its filter draws."""
@@ -49,7 +50,10 @@ STEPS_OF_GAIN = 2.0
 LOOKS_IN_PERIOD = 32
 """So often in a period circles are moved to their anchors, or back."""
 
-LEAD_PERIODS = 0.25
+SURE_SIGMAS = 4.0
+"""A place is taken to be within so many standard deviations."""
+
+LEAD_PERIODS = 0.5
 """Periods before a vehicle would be off by too much in which its circle begins to move."""
 
 LEAST_CLOSING = 0.25
@@ -63,6 +67,7 @@ class FlownTeam:
     Attributes
     ----------
     team, windows : that fly, and the plan's contact windows
+    limits : of the vehicles
     layout : of the filter's states
     setup : of the closed loop
     options, events : of the flight
@@ -70,6 +75,7 @@ class FlownTeam:
 
     team: Team
     windows: Windows
+    limits: FlightLimits
     layout: StateLayout
     setup: FlightSetup
     options: FlightOptions
@@ -79,6 +85,22 @@ class FlownTeam:
     def steps(self) -> int:
         """Number of samples."""
         return self.setup.steps
+
+    @property
+    def loss_steps(self) -> list[int]:
+        """Steps from which on something is lost, in order."""
+        time = self.setup.time
+        return sorted({step_of(one.time, time) for one in self.events.losses})
+
+    def setup_from(self, step: int) -> FlightSetup:
+        """Return the set-up of the closed loop from a step on: anchors are of what is left."""
+        mishaps, windows = self.setup.mishaps, self.windows
+        targeted = of_targets(np.arange(len(mishaps.blind_from)))
+        sees = np.any(mishaps.blind_from[targeted] > step, axis=0)[windows.observers]
+        there = mishaps.gone_from > step
+        left = sees & there[windows.observers] & there[windows.targets]
+        anchors = anchors_of(self.team, windows, self.limits.separation, left, there)
+        return self.setup._replace(contact=_contact(self.team, anchors, self.options))
 
     def filter_setup(self) -> AugmentedSetup:
         """Return the filter's set-up for some trials, as yet without sightings."""
@@ -171,7 +193,7 @@ class FlownTeam:
 _OWN = ("speed_scale", "turn_rate_bias", "bearing_bias")
 
 
-def flown_team(
+def team_in_flight(
     team: Team,
     windows: Windows,
     limits: FlightLimits,
@@ -183,6 +205,7 @@ def flown_team(
     """Return the set-up of a flight; `response` is lag in s, and whether readings are measured."""
     orbits, time = team.orbits, team.sensors.sample_time
     lag, measured = response
+    anchors = anchors_of(team, windows, limits.separation)
     setup = FlightSetup(
         circles=Circles(
             np.array(orbits.centers, dtype=float),
@@ -203,11 +226,12 @@ def flown_team(
         ),
         eyes=_eyes(team),
         mishaps=_mishaps(team, options, events),
-        steering=_steering(team, windows, limits, lag, options),
+        law=_law(team, limits, lag, options),
+        contact=_contact(team, anchors, options),
         time=float(time),
         steps=steps,
     )
-    return FlownTeam(team, windows, layout_of(team), setup, options, events)
+    return FlownTeam(team, windows, limits, layout_of(team), setup, options, events)
 
 
 def step_of(time: float, sample_time: float) -> int:
@@ -264,24 +288,32 @@ def _mishaps(team: Team, options: FlightOptions, events: FlightEvents) -> Mishap
     )
 
 
-def _steering(
-    team: Team, windows: Windows, limits: FlightLimits, lag: float, options: FlightOptions
-) -> Steering:
+def _law(team: Team, limits: FlightLimits, lag: float, options: FlightOptions) -> Law:
     orbits = team.orbits
     quickest = 1.0 / (STEPS_OF_GAIN * (team.sensors.sample_time + lag))
     heading_gain = min(4.0 * TRACKING_RATE * orbits.rate, quickest)
-    anchors = anchors_of(team, windows, limits.separation)
     closing = np.maximum(limits.most_speeds - orbits.speeds, LEAST_CLOSING * orbits.speeds)
-    return Steering(
+    return Law(
         mode=GUIDANCES[options.guidance].mode,
         place_gain=0.25 * heading_gain,
         heading_gain=heading_gain,
         closing_speeds=np.minimum(closing, orbits.speeds),
+    )
+
+
+def _contact(team: Team, anchors: Anchors, options: FlightOptions) -> Contact:
+    period, time = team.orbits.period, team.sensors.sample_time
+    lead, gust_time = LEAD_PERIODS * period, team.errors.gust_time
+    return Contact(
         order=anchors.order if options.guidance != "none" else anchors.order[:0],
-        anchors=anchors.bodies,
+        anchors=anchors.anchors,
         toward=np.ascontiguousarray(anchors.toward),
         slacks=anchors.slacks,
         most=anchors.most,
-        look_every=max(1, round(orbits.period / team.sensors.sample_time / LOOKS_IN_PERIOD)),
-        lead=LEAD_PERIODS * orbits.period,
+        furthest=anchors.furthest,
+        patience=step_of(period, time),
+        look_every=max(1, round(period / time / LOOKS_IN_PERIOD)),
+        sigmas=SURE_SIGMAS,
+        lead=lead,
+        gust_lead=-gust_time * math.expm1(-lead / gust_time),
     )

@@ -18,7 +18,7 @@ from syncplan.flight.flight_measures import Meetings, meetings_of
 from syncplan.flight.flight_options import FlightChanges, FlightOptions, flight_options_with
 from syncplan.flight.flight_results import FlightResult, joined_flights
 from syncplan.flight.flights import fly_trials
-from syncplan.flight.flown_team import FlownTeam, flown_team
+from syncplan.flight.flown_team import FlownTeam, team_in_flight
 from syncplan.planning.filter_choice import FilterChoice, asked_filter
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.subjects import PlanSubject, planned
@@ -186,7 +186,7 @@ def flight_run(
     chosen = replace(chosen, filter=choice.name)
     limits = FlightLimits.of(scenario, plan.orbits)
     motion = scenario.motion
-    team = flown_team(
+    team = team_in_flight(
         plan.team,
         plan.windows,
         limits,

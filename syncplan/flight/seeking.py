@@ -1,7 +1,7 @@
 """How vehicles keep in contact: circles move to their anchors where places are uncertain.
 
 A vehicle is sure to meet its anchor while its place relative to it, in the direction of the anchor,
-stays known to SIGMAS standard deviations within the slack of their meeting. Where it is not, its
+stays known to some standard deviations within the slack of their meeting. Where it is not, its
 circle is moved towards the anchor by what is missing, and so is every circle that is anchored in
 it: a part of the team that has lost its landmarks moves as one and stays together. As soon as a
 sighting has told where vehicles are, their circles are back in their places.
@@ -22,32 +22,34 @@ from syncplan.flight.flight_setup import FlightSetup, Flown
 
 __all__ = ["move_circles"]
 
-SIGMAS = 4.0
-"""A place is taken to be within so many standard deviations."""
-
 MOST_ENTRIES = 10
 """Of a row: places of both, the wind, gusts of both."""
 
 
 @inner
 def _fill_row(
-    setup: AugmentedSetup, i: int, anchor: int, lead: float, toward: Array, row: tuple[Index, Array]
+    setup: AugmentedSetup,
+    i: int,
+    anchor: int,
+    leads: tuple[float, float],
+    toward: Array,
+    row: tuple[Index, Array],
 ) -> int:
     """Fill in how the distance ahead of vehicle i from its anchor hangs on states; how many do."""
-    columns, entries = row
+    (columns, entries), (lead, gust_lead) = row, leads
     n, count = len(setup.columns), 0
     for axis in range(2):
         columns[count], entries[count] = 3 * i + axis, toward[axis]
         count += 1
         if setup.columns[i, GUST + axis] >= 0:
-            columns[count], entries[count] = setup.columns[i, GUST + axis], lead * toward[axis]
+            columns[count], entries[count] = setup.columns[i, GUST + axis], gust_lead * toward[axis]
             count += 1
         if anchor < n:
             columns[count], entries[count] = 3 * anchor + axis, -toward[axis]
             count += 1
             if setup.columns[anchor, GUST + axis] >= 0:
                 columns[count] = setup.columns[anchor, GUST + axis]
-                entries[count] = -lead * toward[axis]
+                entries[count] = -gust_lead * toward[axis]
                 count += 1
         elif setup.columns[i, WIND + axis] >= 0:
             columns[count], entries[count] = setup.columns[i, WIND + axis], lead * toward[axis]
@@ -57,16 +59,17 @@ def _fill_row(
 
 @compiled
 def move_circles(
-    flight: FlightSetup, flown: Flown, setup: AugmentedSetup, P: Array, steps: int, lanes: Lanes
+    flight: FlightSetup, flown: Flown, setup: AugmentedSetup, P: Array, step: int, lanes: Lanes
 ) -> None:
-    """Move circles by what the covariance now, a lower triangle, says; for so many steps."""
-    steering, n = flight.steering, len(flight.circles.radii)
+    """Move circles by what the covariance now, a lower triangle, says, at a step."""
+    contact, n = flight.contact, len(flight.circles.radii)
+    leads = contact.lead, contact.gust_lead
     row = np.zeros(MOST_ENTRIES, dtype=np.int64), np.zeros(MOST_ENTRIES)
-    for i in steering.order:
-        anchor, toward = steering.anchors[i], steering.toward[i]
+    for i in contact.order:
+        anchor, toward = contact.anchors[i], contact.toward[i]
         if anchor < 0:
             continue
-        count = _fill_row(setup, i, anchor, steering.lead, toward, row)
+        count = _fill_row(setup, i, anchor, leads, toward, row)
         columns, entries = row
         for lane in range(len(lanes)):
             spread = 0.0
@@ -74,10 +77,12 @@ def move_circles(
                 for b in range(count):
                     r, q = max(columns[a], columns[b]), min(columns[a], columns[b])
                     spread += entries[a] * entries[b] * P[r, q, lane]
-            missing = SIGMAS * math.sqrt(max(spread, 0.0)) - steering.slacks[i]
-            if missing > 0.0:
-                flown.sought[i, lane] += steps
-            by = min(max(missing, 0.0), steering.most[i])
+            missing = contact.sigmas * math.sqrt(max(spread, 0.0)) - contact.slacks[i]
+            by = min(max(missing, 0.0), contact.most[i])
+            if step - flown.seen[i, lane] > contact.patience:
+                by = contact.furthest[i]
+            if by > 0.0:
+                flown.sought[i, lane] += contact.look_every
             for axis in range(2):
                 with_anchor = flown.moved[anchor, axis, lane] if anchor < n else 0.0
                 flown.moved[i, axis, lane] = with_anchor + by * toward[axis]

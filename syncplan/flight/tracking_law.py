@@ -52,7 +52,7 @@ def track(
     lanes: Lanes,
 ) -> None:
     """Fill in the commands of the sample that begins at `step`, from the estimates then."""
-    circles, steering, n = flight.circles, flight.steering, len(x)
+    circles, law, n = flight.circles, flight.law, len(x)
     for i in range(n):
         rate, radius = circles.senses[i] * circles.rate, circles.radii[i]
         phase, own = circles.phases[i] + rate * step * flight.time, setup.columns[i]
@@ -68,10 +68,10 @@ def track(
             air_x = error_of(errors, n, own[WIND], lane) + error_of(errors, n, own[GUST], lane)
             air_y = error_of(errors, n, own[WIND + 1], lane)
             air_y += error_of(errors, n, own[GUST + 1], lane)
-            near_x = steering.place_gain * (place_x + flown.moved[i, 0, lane] - x[i, 0, lane])
-            near_y = steering.place_gain * (place_y + flown.moved[i, 1, lane] - x[i, 1, lane])
+            near_x = law.place_gain * (place_x + flown.moved[i, 0, lane] - x[i, 0, lane])
+            near_y = law.place_gain * (place_y + flown.moved[i, 1, lane] - x[i, 1, lane])
             size = math.sqrt(near_x * near_x + near_y * near_y)
-            share = min(1.0, steering.closing_speeds[i] / max(size, 1e-12))
+            share = min(1.0, law.closing_speeds[i] / max(size, 1e-12))
             free_x, free_y = along_x - air_x, along_y - air_y
             want_x, want_y = free_x + share * near_x, free_y + share * near_y
             turn = math.atan2(want_y, want_x) - x[i, 2, lane]
@@ -80,4 +80,4 @@ def track(
             ahead = (free_x * bent_y - free_y * bent_x) / square if square > still else rate
             speed = math.sqrt(want_x * want_x + want_y * want_y)
             flown.commands[i, 0, lane] = speed * max(math.cos(turn), 0.0)
-            flown.commands[i, 1, lane] = ahead + steering.heading_gain * turn
+            flown.commands[i, 1, lane] = ahead + law.heading_gain * turn

@@ -4,12 +4,15 @@ from collections.abc import Sequence
 
 from syncplan.errors import InputError
 from syncplan.estimation.replays import Replay
+from syncplan.flight.flying import Flight
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.loss_study import WhatIf
 from syncplan.planning.validation import Validation
 from syncplan.plotting.canvas import Spec
 from syncplan.plotting.figure_style import PLAIN, FigureStyle
 from syncplan.plotting.figure_table import FIGURES, FigureInput, SubjectKind
+from syncplan.reports.flight_report import flight_document
+from syncplan.reports.flight_schemas import FlightDocument
 from syncplan.reports.loss_report import what_if_document
 from syncplan.reports.loss_schemas import WhatIfDocument
 from syncplan.reports.refinement_report import refinement_result
@@ -22,7 +25,7 @@ from syncplan.reports.validation_report import validation_document
 __all__ = ["Run", "Subject", "first_figure", "report_of", "specs_of"]
 
 Run = Validation | ValidationDocument | Replay | ReplayDocument
-Subject = Plan | SweepReport | WhatIf | WhatIfDocument | Run
+Subject = Plan | SweepReport | WhatIf | WhatIfDocument | Flight | FlightDocument | Run
 
 
 def specs_of(
@@ -76,6 +79,9 @@ def _given(
     if isinstance(subject, WhatIf | WhatIfDocument):
         report = what_if_document(subject) if isinstance(subject, WhatIf) else subject
         return "losses", FigureInput(report, style)
+    if isinstance(subject, Flight | FlightDocument):
+        flown = flight_document(subject) if isinstance(subject, Flight) else subject
+        return "flight", FigureInput(flown, style)
     return "run", FigureInput(report_of(subject), style)
 
 

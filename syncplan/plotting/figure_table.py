@@ -28,10 +28,16 @@ __all__ = [
 IMAGE_FORMATS = ("png", "svg", "pdf")
 """What a figure may be drawn as, beside a page."""
 
-SubjectKind = Literal["plan", "run", "sweep", "losses"]
+SubjectKind = Literal["plan", "run", "flight", "sweep", "losses"]
 
 SUBJECTS: Mapping[SubjectKind, str] = MappingProxyType(
-    {"plan": "a plan", "run": "a validation or replay", "sweep": "a sweep", "losses": "a what-if"}
+    {
+        "plan": "a plan",
+        "run": "a validation or replay",
+        "flight": "a flight",
+        "sweep": "a sweep",
+        "losses": "a what-if",
+    }
 )
 """What figures are drawn of, in words."""
 

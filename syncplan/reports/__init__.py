@@ -6,6 +6,9 @@ verdict_schemas     verdicts and their JSON contract
 refinement_schemas  the JSON contract of refinements
 plan_schemas        of plans
 site_schemas        of choices of landmark sites
+flight_schemas      the contract of flights
+flight_notes        what their figures mean
+flight_report       flights as documents
 loss_schemas        of what losses do to a plan
 state_error_schemas  of errors of states that are no poses
 run_schemas         of validations and sweeps

@@ -14,9 +14,9 @@ from syncplan.reports.flight_schemas import (
     FlightErrors,
     FlightEvent,
     FlownLink,
+    FlownSeparation,
     FlownVehicle,
     PhaseError,
-    Separation,
     VehicleModel,
 )
 from syncplan.reports.run_schemas import FilterRecord
@@ -84,7 +84,7 @@ def _model(flight: Flight) -> VehicleModel:
 def _vehicle(flight: Flight, k: int) -> FlownVehicle:
     figures, names = flight.result.figures, flight.plan.scenario.vehicle_names
     bodies = [*names, *flight.plan.scenario.landmark_names]
-    anchor = int(flight.run.team.setup.steering.anchors[k])
+    anchor = int(flight.run.team.setup.contact.anchors[k])
     there = bool(flight.there[k])
     pairs = flight.meetings.pairs
     own = np.flatnonzero((pairs == k).any(axis=1))
@@ -158,14 +158,14 @@ def _figures(accuracy: Any, k: int, covered: float) -> dict[str, float]:
     }
 
 
-def _separation(flight: Flight) -> Separation | None:
+def _separation(flight: Flight) -> FlownSeparation | None:
     plan, figures = flight.plan, flight.result.figures
     if plan.approach is None or not np.isfinite(figures.separations).all():
         return None
     worst, names = int(np.argmin(figures.separations)), plan.scenario.vehicle_names
     a, b = figures.nearest[worst].tolist()
     asked = flight.run.limits.separation
-    return Separation(
+    return FlownSeparation(
         median=float(np.median(figures.separations)),
         worst=float(figures.separations[worst]),
         between=(names[a], names[b]),

@@ -15,9 +15,9 @@ __all__ = [
     "FlightErrors",
     "FlightEvent",
     "FlownLink",
+    "FlownSeparation",
     "FlownVehicle",
     "PhaseError",
-    "Separation",
     "VehicleModel",
 ]
 
@@ -69,7 +69,7 @@ class FlownLink(DocumentPart):
     kept_share: float = Field(description="In which a sighting was made")
 
 
-class Separation(DocumentPart):
+class FlownSeparation(DocumentPart):
     """The closest that any two vehicles came, over trials."""
 
     median: float
@@ -127,7 +127,7 @@ class FlightDocument(RunReport):
         description="Share of trials in which some vehicle made no sighting, and was in none, for "
         "more than two periods"
     )
-    least_separation_m: Separation | None = Field(description="Null for a single vehicle")
+    least_separation_m: FlownSeparation | None = Field(description="Null for a single vehicle")
     saturated_share: float
     wind_error_mps: float | None = Field(
         description="RMS error of the estimated wind, second half; null where it is no state"

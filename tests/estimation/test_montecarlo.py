@@ -1,5 +1,6 @@
 """Monte Carlo runs: reproducible to the byte, true to their definitions, honest about sigma."""
 
+import threading
 from collections.abc import Callable
 from dataclasses import fields, replace
 from itertools import pairwise
@@ -16,6 +17,7 @@ from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filter_setup import MotionModel
 from syncplan.estimation.montecarlo import run_trials
 from syncplan.estimation.reference_filter import predict, update
+from syncplan.estimation.trial_chunks import StoppedError
 from syncplan.estimation.trials import MonteCarloResult, accuracy, merge, series
 from syncplan.orbits.circles import Orbits, heading, position, wrap
 from syncplan.orbits.contacts import find_windows
@@ -237,9 +239,9 @@ def test_an_interrupt_propagates_and_leaves_the_queued_chunks_undone(
     started: list[Any] = []
     chunk = montecarlo._chunk
 
-    def counted(run: Any, start: int) -> MonteCarloResult:
-        started.append(run)
-        return chunk(run, start)
+    def counted(run: Any, trials: range, stop: threading.Event) -> MonteCarloResult:
+        started.append((run, trials, stop))
+        return chunk(run, trials, stop)
 
     def interrupt(done: int) -> None:
         raise KeyboardInterrupt
@@ -248,8 +250,8 @@ def test_an_interrupt_propagates_and_leaves_the_queued_chunks_undone(
     with pytest.raises(KeyboardInterrupt):
         flown(paper_grid(20), 16_000, 1, threads=2, progress=interrupt)
     assert len(started) < 10
-    with pytest.raises(montecarlo._StoppedError):
-        chunk(started[0], 0)
+    with pytest.raises(StoppedError):
+        chunk(*started[0])
 
 
 def test_progress_counts_up_to_the_number_of_trials() -> None:
