@@ -6,10 +6,10 @@ from syncplan.flight.flying import Flight
 from syncplan.phrases import listed
 from syncplan.reports.flight_schemas import FlightDocument
 
-__all__ = ["flight_notes"]
+__all__ = ["notes_of"]
 
 
-def flight_notes(flight: Flight, report: FlightDocument) -> list[str]:
+def notes_of(flight: Flight, report: FlightDocument) -> list[str]:
     """Return what the reader of a flight's report must know, in plain words."""
     notes = [
         f"guidance {report.guidance}: {GUIDANCES[report.guidance].sentence} Vehicles start where "

@@ -8,7 +8,7 @@ from syncplan import __version__
 from syncplan.arrays import Array
 from syncplan.flight.flying import Flight
 from syncplan.reports.document_base import finite_or_none
-from syncplan.reports.flight_notes import flight_notes
+from syncplan.reports.flight_notes import notes_of
 from syncplan.reports.flight_schemas import (
     FlightDocument,
     FlightErrors,
@@ -66,7 +66,7 @@ def flight_document(flight: Flight) -> FlightDocument:
         nis=spread_of(flight.nis),
         notes=[],
     )
-    return document.model_copy(update={"notes": flight_notes(flight, document)})
+    return document.model_copy(update={"notes": notes_of(flight, document)})
 
 
 def _model(flight: Flight) -> VehicleModel:
