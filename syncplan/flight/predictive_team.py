@@ -1,0 +1,149 @@
+"""A team's programs: first guesses of all flights and the programs about them; then what comes out.
+
+Each vehicle looks at where the others would fly by what they decided last, so programs do not
+depend on each other within a step, nor on the order of vehicles.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from syncplan.arrays import Array, Flags
+from syncplan.estimation.lane_filter import compiled, inner
+from syncplan.flight.predictive_model import (
+    Bounds,
+    Course,
+    Foreseen,
+    Laws,
+    foresee,
+    keep_within,
+    roll,
+    shift,
+)
+from syncplan.flight.predictive_program import Program, Weights, cost_of, write_program
+
+__all__ = ["TeamState", "guess_flights", "improve_flight"]
+
+SHARES = (1.0, 0.5, 0.25, 0.125)
+"""Of the step that the program asks for, the best is taken."""
+
+
+class TeamState(NamedTuple):
+    """What the team knows at a step.
+
+    Fields
+    ------
+    poses : (n, 3) m, m, rad estimated
+    before : (n, 2) commands of the step before, within limits
+    held : (n,) which vehicles do not steer
+    decided : (n, N, 2) commands as decided last
+    known : (n,) whether they were
+    later : steps since then
+    """
+
+    poses: Array
+    before: Array
+    held: Flags
+    decided: Array
+    known: Flags
+    later: float
+
+
+@inner
+def _foresee_decided(
+    i: int, state: TeamState, course: Course, laws: Laws, bounds: Bounds, seen: Foreseen
+) -> None:
+    """Fill in where vehicle i flies by what it decided last; one that is held drifts."""
+    commands, poses = seen.commands[i], seen.poses[i]
+    poses[0] = state.poses[i]
+    given = shift(state.decided[i], state.later, commands) if state.known[i] else 0
+    foresee(i, given, False, state.before[i], course, laws, bounds, commands, poses)
+    if state.held[i]:
+        for k in range(len(commands)):
+            commands[k, 0], commands[k, 1] = 0.0, 0.0
+            roll(poses[k], poses[k + 1], 0.0, 0.0, laws.step, course.winds[i])
+
+
+@compiled
+def guess_flights(
+    state: TeamState,
+    course: Course,
+    laws: Laws,
+    bounds: Bounds,
+    weights: Weights,
+    seen: Foreseen,
+    guesses: Foreseen,
+    programs: Program,
+) -> None:
+    """Fill in the flights foreseen, the best first guess of each, and the program about it."""
+    n = len(state.poses)
+    for i in range(n):
+        _foresee_decided(i, state, course, laws, bounds, seen)
+    commands, poses = np.empty_like(seen.commands[0]), np.empty_like(seen.poses[0])
+    for i in range(n):
+        guesses.commands[i], guesses.poses[i] = seen.commands[i], seen.poses[i]
+        if state.held[i]:
+            continue
+        least, _ = cost_of(i, seen.commands[i], seen.poses[i], seen.poses, course, weights)
+        for law in range(2):
+            poses[0] = state.poses[i]
+            foresee(i, 0, law == 1, state.before[i], course, laws, bounds, commands, poses)
+            cost, _ = cost_of(i, commands, poses, seen.poses, course, weights)
+            if cost < least:
+                least = cost
+                guesses.commands[i], guesses.poses[i] = commands, poses
+        own = Program(
+            programs.hessian[i],
+            programs.gradient[i],
+            programs.rows[i],
+            programs.lower[i],
+            programs.upper[i],
+            programs.scale[i],
+        )
+        write_program(
+            i,
+            guesses.commands[i],
+            guesses.poses[i],
+            state.before[i],
+            course,
+            weights,
+            bounds,
+            own,
+        )
+
+
+@compiled
+def improve_flight(
+    i: int,
+    change: Array,
+    before: Array,
+    course: Course,
+    laws: Laws,
+    bounds: Bounds,
+    weights: Weights,
+    seen: Foreseen,
+    guesses: Foreseen,
+    found: Foreseen,
+) -> float:
+    """Fill in the best flight of vehicle i from its guess along `change` (2N, ...).
+
+    Returns its shortfall of separation in m. The flight is exact and within limits; it is the
+    guess where no share of the change makes that better.
+    """
+    guess, steps = guesses.commands[i], guesses.commands.shape[1]
+    least, short = cost_of(i, guess, guesses.poses[i], seen.poses, course, weights)
+    found.commands[i], found.poses[i] = guess, guesses.poses[i]
+    commands, poses = np.empty_like(guess), guesses.poses[i].copy()
+    for share in SHARES:
+        for k in range(steps):
+            v = guess[k, 0] + share * weights.speeds[i] * change[k]
+            w = guess[k, 1] + share * weights.rate * change[steps + k]
+            v, w = keep_within(v, w, before if k == 0 else commands[k - 1], i, bounds)
+            commands[k, 0], commands[k, 1] = v, w
+            roll(poses[k], poses[k + 1], v, w, laws.step, course.winds[i])
+        cost, lack = cost_of(i, commands, poses, seen.poses, course, weights)
+        if cost < least:
+            least, short = cost, lack
+            found.commands[i], found.poses[i] = commands, poses
+            break
+    return short
