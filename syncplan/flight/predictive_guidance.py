@@ -38,12 +38,12 @@ STEP_ANGLE = 0.1
 
 SETTINGS = {
     "adaptive_rho": 0,
-    "rho": 0.1,
+    "rho": 0.3,
     "alpha": 1.6,
     "scaling": 0,
     "check_termination": 10,
     "max_iter": 500,
-    "eps_abs": 1e-4,
+    "eps_abs": 1e-3,
     "eps_rel": 1e-3,
     "polishing": False,
     "verbose": False,
@@ -86,9 +86,9 @@ class PredictiveOptions:
     margin: float = 0.0
     neighbours: int = 2
     change_share: float = 0.5
-    near_share: float = 0.1
+    near_share: float = 0.2
     heading: float = 1.0
-    effort: float = 0.02
+    effort: float = 0.1
     shortfall: float = 100.0
 
 
@@ -257,7 +257,7 @@ class _Solver:
         separating = rows.indices >= self.rows - steps * neighbours if neighbours else np.zeros(0)
         self.starts = np.zeros(size, dtype=np.int64)
         if neighbours:
-            counts = np.add.reduceat(separating, rows.indptr[:-1])
+            counts = np.add.reduceat(separating.astype(np.int64), rows.indptr[:-1])
             self.starts = rows.indptr[1:].astype(np.int64) - counts
         self.fixed = np.arange(len(rows.data))
         if neighbours:

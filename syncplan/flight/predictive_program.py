@@ -119,7 +119,7 @@ def cost_of(
     total, steps = 0.0, len(commands)
     for m in range(1, steps + 1):
         x, y = own[m, 0] - places[m, 0], own[m, 1] - places[m, 1]
-        total += math.sqrt(1.0 + (x * x + y * y) / near**2) - 1.0
+        total += 0.5 * math.log(1.0 + (x * x + y * y) / near**2)
     off = own[steps, 2] - course.headings[i, steps]
     total += weights.heading * (1.0 - math.cos(off))
     for k in range(steps):
@@ -207,7 +207,7 @@ def write_program(
     hessian, gradient = program.hessian, program.gradient
     for k in range(steps - 1, -1, -1):
         x, y = own[k + 1, 0] - places[k + 1, 0], own[k + 1, 1] - places[k + 1, 1]
-        q = 1.0 / (near**2 * math.sqrt(1.0 + (x * x + y * y) / near**2))
+        q = 1.0 / (near**2 + x * x + y * y)
         jx, jy = -gone[k + 1, 1], gone[k + 1, 0]
         q0, qx, qy, qq = q0 + q, qx + q * jx, qy + q * jy, qq + q * (jx * jx + jy * jy)
         rx, ry, rg = rx + q * x, ry + q * y, rg + q * (jx * x + jy * y)
