@@ -19,4 +19,11 @@ flight_results     figures of each trial
 flown_figures      the figures of trials that were flown
 flights            many trials over threads
 flying             flights of a plan
+reference_tracking   guidance `track` in plain NumPy: a pose-tracking law with saturation
+predictive_model     predicted flights over a horizon, and laws for a first guess of them
+predictive_program   the quadratic program of one vehicle about a guess
+predictive_team      guesses and programs of a team; flights that come out of them
+predictive_solver    OSQP for these programs
+predictive_guidance  guidance `mpc`: decisions of a team from estimates
+predictive_check     what a decision breaks, in NumPy
 """

@@ -1,4 +1,4 @@
-"""Predicted flights: what commands over a horizon lead to, and laws that make a first guess of them.
+"""Predicted flights: what commands over a horizon lead to, and laws for a first guess of them.
 
 Time goes in steps of h. With commands (v, w), held over a step, and steady air,
 
@@ -17,13 +17,43 @@ from typing import NamedTuple
 from syncplan.arrays import Array
 from syncplan.estimation.lane_filter import compiled, inner
 
-__all__ = ["Bounds", "Course", "Foreseen", "Laws", "foresee", "keep_within", "lay_course", "roll", "shift", "shortened", "wrapped"]
+__all__ = [
+    "SEARCHED",
+    "Bounds",
+    "Course",
+    "Foreseen",
+    "Laws",
+    "Orbiting",
+    "foresee",
+    "keep_within",
+    "lay_course",
+    "roll",
+    "shift",
+    "shortened",
+]
 
 SEARCHED = 2
 """Horizons that are searched for a place to intercept the plan at."""
 
 NEAR = 2.0
 """Steps below which the plan is not intercepted any more, but tracked."""
+
+
+class Orbiting(NamedTuple):
+    """Circles as they are flown.
+
+    Fields
+    ------
+    centers : (n, 2) m
+    radii : (n,) m
+    turns : (n,) rad/s, positive counter-clockwise
+    phases : (n,) rad at time 0
+    """
+
+    centers: Array
+    radii: Array
+    turns: Array
+    phases: Array
 
 
 class Bounds(NamedTuple):
@@ -95,7 +125,7 @@ def shortened(a: float) -> float:
 
 
 @inner
-def wrapped(angle: float) -> float:
+def _wrapped(angle: float) -> float:
     """Return the angle in [-pi, pi)."""
     return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
 
@@ -123,16 +153,9 @@ def roll(pose: Array, after: Array, v: float, w: float, step: float, wind: Array
 
 
 @compiled
-def lay_course(
-    centers: Array,
-    radii: Array,
-    turns: Array,
-    phases: Array,
-    time: float,
-    step: float,
-    course: Course,
-) -> None:
-    """Fill in the course from `time` s on; `turns` (n,) rad/s, `phases` (n,) rad at time 0."""
+def lay_course(circles: Orbiting, time: float, step: float, course: Course) -> None:
+    """Fill in the course from `time` s on, in steps of `step` s; its winds are given."""
+    centers, radii, turns, phases = circles
     places, headings, feed, winds = course
     for i in range(len(radii)):
         for k in range(places.shape[1]):
@@ -141,11 +164,11 @@ def lay_course(
             places[i, k, 1] = centers[i, 1] + radii[i] * math.sin(angle)
         for k in range(headings.shape[1]):
             angle = phases[i] + turns[i] * (time + k * step)
-            speed = turns[i] * radii[i]
-            east, north = -speed * math.sin(angle) - winds[i, 0], speed * math.cos(angle) - winds[i, 1]
+            east = -turns[i] * radii[i] * math.sin(angle) - winds[i, 0]
+            north = turns[i] * radii[i] * math.cos(angle) - winds[i, 1]
             headings[i, k] = math.atan2(north, east)
         for k in range(feed.shape[1]):
-            w = wrapped(headings[i, k + 1] - headings[i, k]) / step
+            w = _wrapped(headings[i, k + 1] - headings[i, k]) / step
             x = places[i, k + 1, 0] - places[i, k, 0] - step * winds[i, 0]
             y = places[i, k + 1, 1] - places[i, k, 1] - step * winds[i, 1]
             feed[i, k, 0] = math.sqrt(x * x + y * y) / (step * shortened(0.5 * step * w))
@@ -153,7 +176,7 @@ def lay_course(
 
 
 @inner
-def tracking(i: int, k: int, pose: Array, course: Course, laws: Laws) -> tuple[float, float]:
+def _tracking(i: int, k: int, pose: Array, course: Course, laws: Laws) -> tuple[float, float]:
     """Return the command of the tracking law for a step: (m/s, rad/s), without limits."""
     here, there, wind = course.places[i, k], course.places[i, k + 1], course.winds[i]
     near_x, near_y = laws.place * (here[0] - pose[0]), laws.place * (here[1] - pose[1])
@@ -163,13 +186,13 @@ def tracking(i: int, k: int, pose: Array, course: Course, laws: Laws) -> tuple[f
     y = (there[1] - here[1]) / laws.step - wind[1] + share * near_y
     w = course.feed[i, k, 1]
     a = 0.5 * laws.step * w
-    turn = wrapped(math.atan2(y, x) - a - pose[2])
+    turn = _wrapped(math.atan2(y, x) - a - pose[2])
     speed = math.sqrt(x * x + y * y) / shortened(a)
     return speed * max(math.cos(turn), 0.0), w + laws.heading * turn
 
 
 @inner
-def intercepting(
+def _intercepting(
     i: int, k: int, pose: Array, course: Course, laws: Laws, fastest: float
 ) -> tuple[float, float]:
     """Return the command that flies at `fastest` m/s to where the plan can be met first."""
@@ -182,9 +205,9 @@ def intercepting(
         if way <= time * fastest:
             if ahead <= NEAR:
                 break
-            turn = wrapped(math.atan2(y, x) - pose[2])
+            turn = _wrapped(math.atan2(y, x) - pose[2])
             return way / time * max(math.cos(turn), 0.0), laws.turning * turn
-    return tracking(i, k, pose, course, laws)
+    return _tracking(i, k, pose, course, laws)
 
 
 @compiled
@@ -206,9 +229,9 @@ def foresee(
     for k in range(len(commands)):
         v, w = commands[k, 0], commands[k, 1]
         if k >= given and intercept:
-            v, w = intercepting(i, k, poses[k], course, laws, bounds.most[i, 0])
+            v, w = _intercepting(i, k, poses[k], course, laws, bounds.most[i, 0])
         elif k >= given:
-            v, w = tracking(i, k, poses[k], course, laws)
+            v, w = _tracking(i, k, poses[k], course, laws)
         v, w = keep_within(v, w, before if k == 0 else commands[k - 1], i, bounds)
         commands[k, 0], commands[k, 1] = v, w
         roll(poses[k], poses[k + 1], v, w, laws.step, course.winds[i])
@@ -217,12 +240,11 @@ def foresee(
 @inner
 def shift(values: Array, steps: float, shifted: Array) -> int:
     """Fill in values (N, d), held over steps, later by `steps`; return how many are known."""
-    whole = int(math.floor(steps + 1e-9))
+    whole = math.floor(steps + 1e-9)
     part = max(steps - whole, 0.0)
     last = len(values) - 1
     for k in range(len(values)):
         a, b = min(k + whole, last), min(k + whole + 1, last)
         for d in range(values.shape[1]):
             shifted[k, d] = (1.0 - part) * values[a, d] + part * values[b, d]
-    return max(len(values) - whole, 0)
-
+    return max(last + 1 - whole, 0)

@@ -1,17 +1,19 @@
 """The quadratic program of one vehicle: how to change a predicted flight for the better.
 
 Variables: changes of the guessed commands, x = (dv_0 .. dv_N-1, dw_0 .. dw_N-1) in units of the
-plan's own speed V and rate; with separation also N shortfalls s in units of `near`.
+plan's own speed V and rate; with separation also s >= 0, N shortfalls.
 
 Objective, of the exact flight as of the program that is its model:
 
-    sum_m f(|e_m|)  +  heading (1 - cos(psi_N - plan's))  +  effort / 2 sum_k (dev v_k^2 + dev w_k^2)
-                    +  shortfalls,        f(e) = sqrt(1 + (e / near)^2) - 1
+    sum_m f(|e_m|) + heading (1 - cos(psi_N - plan's)) + effort / 2 sum_k (dev v_k^2 + dev w_k^2)
+                   + shortfall sum of what separation lacks / near,
+    f(e) = log(1 + (e / near)^2) / 2
 
 e_m is the error of place after m steps, along and across the circle alike; dev is off what the
-plan needs in this air, in units of V and rate. f counts near errors by their square, far ones by
-their size, so the sum is about the time that is spent away from the circle. In the program it is
-its quadratic majorant at the guess, with weight q_m = 1 / (near^2 sqrt(1 + (e_m / near)^2)).
+plan needs in this air, in units of V and rate. f counts near errors by their square and hardly
+tells far ones apart, so the sum is about the time that is spent away from the plan's place, and
+its least a return in little more than the least time. In the program it is f's quadratic majorant
+at the guess, |e_m|^2 / 2 with the weight 1 / (near^2 + |guessed e_m|^2).
 
 Displacements in closed form. With d_k the way through the air in step k, g_m = d_0 + .. + d_m-1
 and J a quarter turn,
@@ -21,7 +23,11 @@ and J a quarter turn,
 so the Hessian needs sums over m > max(k, l) of q_m, q_m g_m and q_m |g_m|^2 alone.
 
 Separation: of each step m the neighbours that come nearest, u the direction away from one,
-u dp_m >= asked - distance - near s_m.
+u dp_m / near >= (asked - distance) / near - s_m / sqrt(shortfall),
+which keeps s of the same size as x.
+
+Sources: real-time iteration, Diehl, Bock, Schloeder (2005), SIAM J. Control Optim. 43(5);
+quadratic majorants (iteratively reweighted least squares), Holland and Welsch (1977).
 """
 
 import math
@@ -31,9 +37,9 @@ import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.estimation.lane_filter import compiled, inner
-from syncplan.flight.predictive_model import Bounds, Course, shortened, wrapped
+from syncplan.flight.predictive_model import Bounds, Course, shortened
 
-__all__ = ["Program", "Weights", "asked_distance", "cost_of", "write_program", "write_separation"]
+__all__ = ["Program", "Weights", "cost_of", "write_program", "write_separation"]
 
 
 class Weights(NamedTuple):
@@ -41,12 +47,12 @@ class Weights(NamedTuple):
 
     Fields
     ------
-    near : (n,) m, size of errors from which on their size counts
+    near : (n,) m, size of errors up to which their square counts
     heading, effort : plain numbers
-    shortfall : a unit of shortfall, in units of the objective
+    shortfall : what a lack of `near` of separation costs
     speeds : (n,) m/s, V
     rate : rad/s
-    separation : m, asked between vehicles
+    separations : (n,) m, what each vehicle asks of its distance from others; 0 for nothing
     step : s
     """
 
@@ -56,7 +62,7 @@ class Weights(NamedTuple):
     shortfall: float
     speeds: Array
     rate: float
-    separation: float
+    separations: Array
     step: float
 
 
@@ -81,37 +87,38 @@ class Program(NamedTuple):
 
 
 @inner
-def asked_distance(i: int, j: int, m: int, poses: Array, weights: Weights) -> float:
+def _asked_distance(i: int, j: int, m: int, poses: Array, weights: Weights) -> float:
     """Return the distance in m asked of vehicles i and j after m steps.
 
     Half a step away they are then no nearer than the separation, if they fly straight.
     """
     x = (poses[i, m, 0] - poses[i, m - 1, 0]) - (poses[j, m, 0] - poses[j, m - 1, 0])
     y = (poses[i, m, 1] - poses[i, m - 1, 1]) - (poses[j, m, 1] - poses[j, m - 1, 1])
-    return math.sqrt(weights.separation**2 + 0.25 * (x * x + y * y))
+    return math.sqrt(weights.separations[i] ** 2 + 0.25 * (x * x + y * y))
 
 
 @compiled
-def shortfall_of(i: int, own: Array, poses: Array, weights: Weights) -> float:
-    """Return the sum over steps and others of the m by which flight `own` (N + 1, 3) is too near."""
-    total = 0.0
-    if weights.separation <= 0.0:
-        return total
+def _shortfall_of(i: int, own: Array, poses: Array, weights: Weights) -> tuple[float, float]:
+    """Return by how many m flight `own` (N + 1, 3) is too near others: in sum, and at most."""
+    total, most = 0.0, 0.0
+    if weights.separations[i] <= 0.0:
+        return total, most
     for j in range(len(poses)):
         if j != i:
             for m in range(1, len(own)):
                 x, y = own[m, 0] - poses[j, m, 0], own[m, 1] - poses[j, m, 1]
-                asked = asked_distance(i, j, m, poses, weights)
+                asked = _asked_distance(i, j, m, poses, weights)
                 if x * x + y * y < asked * asked:
-                    total += asked - math.sqrt(x * x + y * y)
-    return total
+                    lack = asked - math.sqrt(x * x + y * y)
+                    total, most = total + lack, max(most, lack)
+    return total, most
 
 
 @compiled
 def cost_of(
     i: int, commands: Array, own: Array, poses: Array, course: Course, weights: Weights
 ) -> tuple[float, float]:
-    """Return the objective of a flight of vehicle i, and its shortfalls of separation in m.
+    """Return the objective of a flight of vehicle i, and by how many m it is too near others.
 
     `commands` (N, 2), `own` (N + 1, 3) are its flight; `poses` (n, N + 1, 3) the others'.
     """
@@ -120,18 +127,17 @@ def cost_of(
     for m in range(1, steps + 1):
         x, y = own[m, 0] - places[m, 0], own[m, 1] - places[m, 1]
         total += 0.5 * math.log(1.0 + (x * x + y * y) / near**2)
-    off = own[steps, 2] - course.headings[i, steps]
-    total += weights.heading * (1.0 - math.cos(off))
+    total += weights.heading * (1.0 - math.cos(own[steps, 2] - course.headings[i, steps]))
     for k in range(steps):
         v = (commands[k, 0] - feed[k, 0]) / weights.speeds[i]
         w = (commands[k, 1] - feed[k, 1]) / weights.rate
         total += 0.5 * weights.effort * (v * v + w * w)
-    short = shortfall_of(i, own, poses, weights)
-    return total + weights.shortfall * short / near, short
+    lack, most = _shortfall_of(i, own, poses, weights)
+    return total + weights.shortfall * lack / near, most
 
 
 @inner
-def slopes_of(commands: Array, poses: Array, step: float, wind: Array) -> tuple[Array, Array, Array]:
+def _slopes_of(commands: Array, poses: Array, step: float) -> tuple[Array, Array, Array]:
     """Return g (N + 1, 2) m, a (N, 2) s and b - h J g_k+1 (N, 2) m s of a flight."""
     steps = len(commands)
     gone, by_v, by_w = np.zeros((steps + 1, 2)), np.empty((steps, 2)), np.empty((steps, 2))
@@ -197,7 +203,7 @@ def write_program(
     """Fill in P, q and the bounds of the program about a flight of vehicle i."""
     _write_limits(i, commands, before, weights, bounds, program)
     steps, step = len(commands), weights.step
-    gone, by_v, by_w = slopes_of(commands, own, step, course.winds[i])
+    gone, by_v, by_w = _slopes_of(commands, own, step)
     units = weights.speeds[i], weights.rate
     near, places, feed = weights.near[i], course.places[i], course.feed[i]
     off = own[steps, 2] - course.headings[i, steps]
@@ -242,7 +248,7 @@ def _nearest(i: int, m: int, own: Array, poses: Array, weights: Weights, chosen:
         if j == i:
             continue
         x, y = own[m, 0] - poses[j, m, 0], own[m, 1] - poses[j, m, 1]
-        margin = math.sqrt(x * x + y * y) - asked_distance(i, j, m, poses, weights)
+        margin = math.sqrt(x * x + y * y) - _asked_distance(i, j, m, poses, weights)
         place = len(chosen)
         while place > 0 and margin < margins[place - 1]:
             place -= 1
@@ -258,7 +264,6 @@ def write_separation(
     commands: Array,
     own: Array,
     poses: Array,
-    course: Course,
     weights: Weights,
     starts: Index,
     neighbours: int,
@@ -269,12 +274,13 @@ def write_separation(
     `starts` (3N,) says where in A's data the rows of separation begin in each column; `poses`
     (n, N + 1, 3) are the others' predicted flights.
     """
-    steps, near, penalty = len(commands), weights.near[i], weights.shortfall * program.scale[0]
-    gone, by_v, by_w = slopes_of(commands, own, weights.step, course.winds[i])
+    steps, near = len(commands), weights.near[i]
+    penalty = math.sqrt(weights.shortfall) * program.scale[0]
+    gone, by_v, by_w = _slopes_of(commands, own, weights.step)
     own_v, own_w = weights.speeds[i] / near, weights.rate / near
     chosen = np.empty(neighbours, dtype=np.int64)
     for m in range(1, steps + 1):
-        program.hessian[steps * (2 * steps + 1) + m - 1] = penalty
+        program.hessian[steps * (2 * steps + 1) + m - 1] = program.scale[0]
         program.gradient[2 * steps + m - 1] = penalty
         _nearest(i, m, own, poses, weights, chosen)
         for r in range(neighbours):
@@ -283,7 +289,7 @@ def write_separation(
                 ux, uy = own[m, 0] - poses[j, m, 0], own[m, 1] - poses[j, m, 1]
                 size = math.sqrt(ux * ux + uy * uy)
                 ux, uy = ux / max(size, 1e-9), uy / max(size, 1e-9)
-                lower = (asked_distance(i, j, m, poses, weights) - size) / near
+                lower = (_asked_distance(i, j, m, poses, weights) - size) / near
             program.lower[5 * steps + (m - 1) * neighbours + r] = lower
             side = weights.step * (uy * gone[m, 0] - ux * gone[m, 1])
             for k in range(m):

@@ -38,7 +38,7 @@ class TeamState(NamedTuple):
     held : (n,) which vehicles do not steer
     decided : (n, N, 2) commands as decided last
     known : (n,) whether they were
-    later : steps since then
+    later : steps of the horizon since then
     """
 
     poses: Array
@@ -53,15 +53,20 @@ class TeamState(NamedTuple):
 def _foresee_decided(
     i: int, state: TeamState, course: Course, laws: Laws, bounds: Bounds, seen: Foreseen
 ) -> None:
-    """Fill in where vehicle i flies by what it decided last; one that is held drifts."""
+    """Fill in where vehicle i flies by what it decided last; one that is held stays where it is.
+
+    It stays as `true_motion` has it: at its least speed, and if that is not zero in a circle.
+    """
     commands, poses = seen.commands[i], seen.poses[i]
     poses[0] = state.poses[i]
     given = shift(state.decided[i], state.later, commands) if state.known[i] else 0
     foresee(i, given, False, state.before[i], course, laws, bounds, commands, poses)
     if state.held[i]:
+        v = bounds.least[i, 0]
+        w = bounds.most[i, 1] if v > 0.0 else 0.0
         for k in range(len(commands)):
-            commands[k, 0], commands[k, 1] = 0.0, 0.0
-            roll(poses[k], poses[k + 1], 0.0, 0.0, laws.step, course.winds[i])
+            commands[k, 0], commands[k, 1] = v, w
+            roll(poses[k], poses[k + 1], v, w, laws.step, course.winds[i])
 
 
 @compiled
@@ -125,10 +130,10 @@ def improve_flight(
     guesses: Foreseen,
     found: Foreseen,
 ) -> float:
-    """Fill in the best flight of vehicle i from its guess along `change` (2N, ...).
+    """Fill in a flight of vehicle i that is better than its guess, changed by a share of `change`.
 
-    Returns its shortfall of separation in m. The flight is exact and within limits; it is the
-    guess where no share of the change makes that better.
+    `change` (2N,) is in units of the plan's speed and rate. Returns by how many m the flight is too
+    near others. It is exact and within limits; it is the guess where no share makes that better.
     """
     guess, steps = guesses.commands[i], guesses.commands.shape[1]
     least, short = cost_of(i, guess, guesses.poses[i], seen.poses, course, weights)
