@@ -28,9 +28,9 @@ from syncplan.flight.predictive_model import (
     SEARCHED,
     Bounds,
     Course,
-    Foreseen,
     Laws,
     Orbiting,
+    Predicted,
     lay_course,
 )
 from syncplan.flight.predictive_program import Program, Weights, write_separation
@@ -281,8 +281,8 @@ def _weights(
     )
 
 
-def _foreseen(count: int, steps: int) -> Foreseen:
-    return Foreseen(np.zeros((count, steps, 2)), np.zeros((count, steps + 1, 3)))
+def _foreseen(count: int, steps: int) -> Predicted:
+    return Predicted(np.zeros((count, steps, 2)), np.zeros((count, steps + 1, 3)))
 
 
 def _programs(count: int, steps: int, neighbours: int) -> Program:

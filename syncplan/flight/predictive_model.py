@@ -21,9 +21,9 @@ __all__ = [
     "SEARCHED",
     "Bounds",
     "Course",
-    "Foreseen",
     "Laws",
     "Orbiting",
+    "Predicted",
     "foresee",
     "keep_within",
     "lay_course",
@@ -105,7 +105,7 @@ class Course(NamedTuple):
     winds: Array
 
 
-class Foreseen(NamedTuple):
+class Predicted(NamedTuple):
     """Predicted flights.
 
     Fields

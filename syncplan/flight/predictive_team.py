@@ -13,8 +13,8 @@ from syncplan.estimation.lane_filter import compiled, inner
 from syncplan.flight.predictive_model import (
     Bounds,
     Course,
-    Foreseen,
     Laws,
+    Predicted,
     foresee,
     keep_within,
     roll,
@@ -51,7 +51,7 @@ class TeamState(NamedTuple):
 
 @inner
 def _foresee_decided(
-    i: int, state: TeamState, course: Course, laws: Laws, bounds: Bounds, seen: Foreseen
+    i: int, state: TeamState, course: Course, laws: Laws, bounds: Bounds, seen: Predicted
 ) -> None:
     """Fill in where vehicle i flies by what it decided last; one that is held stays where it is.
 
@@ -76,8 +76,8 @@ def guess_flights(
     laws: Laws,
     bounds: Bounds,
     weights: Weights,
-    seen: Foreseen,
-    guesses: Foreseen,
+    seen: Predicted,
+    guesses: Predicted,
     programs: Program,
 ) -> None:
     """Fill in the flights foreseen, the best first guess of each, and the program about it."""
@@ -126,9 +126,9 @@ def improve_flight(
     laws: Laws,
     bounds: Bounds,
     weights: Weights,
-    seen: Foreseen,
-    guesses: Foreseen,
-    found: Foreseen,
+    seen: Predicted,
+    guesses: Predicted,
+    found: Predicted,
 ) -> float:
     """Fill in a flight of vehicle i that is better than its guess, changed by a share of `change`.
 
