@@ -165,6 +165,20 @@ def test_a_program_that_is_not_solved_is_refused_and_the_guess_flown(
     assert _broken([check_decision(found, STEP, poses, still, before, limits, OPTIONS)]) < 1e-9
 
 
+@pytest.mark.parametrize("wind", [(0.0, 0.0), (0.6, -0.8)])
+def test_guesses_alone_bring_a_vehicle_back_sooner_than_tracking(
+    wind: tuple[float, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where no program is solved, interceptions still are: they meet the plan in the wind."""
+    monkeypatch.setitem(predictive_solver.SETTINGS, "max_iter", 1)
+    orbits, limits = paper_grid()
+    blow = np.array(wind)
+    flight, checks, _ = _checked(orbits, limits, HOLD, blow)
+    tracked = fly(orbits, limits, tracking(orbits, limits, blow), 1, 95.0, 145.0, HOLD, blow)
+    assert flight.back_after(HOLD) < 0.8 * tracked.back_after(HOLD)
+    assert _broken(checks) < 1e-9
+
+
 def test_the_check_notices_what_a_decision_breaks() -> None:
     orbits, limits = paper_grid()
     poses, before, still = _strayed(orbits), np.tile([4.0, 0.2], (6, 1)), np.zeros((6, 2))
