@@ -1,24 +1,14 @@
 """Flying: vehicles that steer by their own estimates, in wind, with losses.
 
-flight_limits      what vehicles can do in flight
-flight_events      losses and holds at their times
-flight_options     how a flight is flown, and what goes wrong
-flight_setup       what the closed loop is given, and keeps
-keyed_noise        random numbers of a sighting
-anchors            by whom each vehicle keeps in contact
-true_motion        how vehicles obey commands
-true_sightings     who truly sees whom
-tracking_law       commands towards the plan
-seeking            circles that move to their anchors
-closed_loop        the filter with the flight in it
-bound_along        the bound along the paths flown
-flown_team         a team's set-ups, and what its trials are drawn
-flown_lanes        some trials on their way
-flight_measures    phase, separation, meetings
-flight_results     figures of each trial
-flown_figures      the figures of trials that were flown
-flights            many trials over threads
-flying             flights of a plan
+flight_limits        what vehicles can do in flight
+flight_events        losses and holds at their times
+flight_options       how a flight is flown, and what goes wrong
+flight_setup         what the closed loop is given, and keeps
+keyed_noise          random numbers of a sighting
+anchors              by whom each vehicle keeps in contact
+true_motion          how vehicles obey commands
+true_sightings       who truly sees whom
+tracking_law         commands towards the plan
 reference_tracking   guidance `track` in plain NumPy: a pose-tracking law with saturation
 predictive_model     predicted flights over a horizon, and laws for a first guess of them
 predictive_program   the quadratic program of one vehicle about a guess
@@ -26,4 +16,15 @@ predictive_team      guesses and programs of a team; flights that come out of th
 predictive_solver    OSQP for these programs
 predictive_guidance  guidance `mpc`: decisions of a team from estimates
 predictive_check     what a decision breaks, in NumPy
+seeking              circles that move to their anchors
+closed_loop          the filter with the flight in it
+bound_along          the bound along the paths flown
+flown_team           a team's set-ups, and what its trials are drawn
+lane_guidance        guidance mpc for trials side by side
+flown_lanes          some trials on their way
+flight_measures      phase, separation, meetings
+flight_results       figures of each trial
+flown_figures        the figures of trials that were flown
+flights              many trials over threads
+flying               flights of a plan
 """

@@ -37,11 +37,11 @@ from syncplan.flight.tracking_law import command_plan, track
 from syncplan.flight.true_motion import move_truly
 from syncplan.flight.true_sightings import sight_truly
 
-__all__ = ["compare_truly", "fly_lanes"]
+__all__ = ["carry_on", "compare_truly", "fly_lanes"]
 
 
 @compiled
-def _carry_on(
+def carry_on(
     x: Array,
     errors: Array,
     begin: int,
@@ -51,7 +51,7 @@ def _carry_on(
     slopes: Array,
     lanes: Lanes,
 ) -> tuple[Array, Array]:
-    """The estimate (poses, further states) at step `end`, from that at `begin` and the readings."""
+    """Return the estimate (poses, further states) at step `end` from that at step `begin`."""
     if begin == end:
         return x, errors
     x, errors = x.copy(), errors.copy()
@@ -79,7 +79,7 @@ def _fly_to(
     """Fly until step `target` by the filter's estimate, which is that of step `at`."""
     while flown.places[0] < target:
         step = flown.places[0]
-        now, further = _carry_on(x, errors, at, step, setup, readings, slopes, lanes)
+        now, further = carry_on(x, errors, at, step, setup, readings, slopes, lanes)
         if flight.law.mode == TRACKING:
             track(flight, flown, step, now, further, setup, lanes)
         elif flight.law.mode == OPEN_LOOP:

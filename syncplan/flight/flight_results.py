@@ -29,6 +29,7 @@ class FlightFigures:
     kept_meetings : (trials, p)
     longest_unseen : (trials, n) s, without a sighting of or by a vehicle
     saturated, sought : (trials, n) share of samples
+    refused : (trials, n) share of decisions whose program was not solved
     sightings : (trials,) made
     settled : (trials, h) s, from the end of each hold until the vehicle has its phase again; NaN
         where it never has
@@ -47,6 +48,7 @@ class FlightFigures:
     longest_unseen: Array
     saturated: Array
     sought: Array
+    refused: Array
     sightings: Index
     settled: Array
 

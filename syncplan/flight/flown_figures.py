@@ -47,6 +47,7 @@ def figures_of(team: FlownTeam, lanes: FlownLanes) -> FlightFigures:
         longest_unseen=np.asarray(flown.longest.T * time),
         saturated=(flown.saturated / present).T,
         sought=(flown.sought / present).T,
+        refused=_refused(lanes),
         sightings=np.isfinite(sightings).sum(axis=0),
         settled=_settled(team, ahead),
     )
@@ -80,6 +81,15 @@ def without_gone(team: FlownTeam, lanes: FlownLanes) -> AugmentedStatistics:
             ),
             counted.errors,
         )
+
+
+def _refused(lanes: FlownLanes) -> Array:
+    """(lanes, n) share of decisions that were refused; zero where none are made."""
+    guidance = lanes.guidance
+    if guidance is None:
+        n, _, width = lanes.readings.initial.shape
+        return np.zeros((width, n))
+    return np.asarray(guidance.refused.T / max(guidance.decisions, 1))
 
 
 def _there(team: FlownTeam) -> Flags:

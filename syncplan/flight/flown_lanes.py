@@ -21,8 +21,10 @@ from syncplan.estimation.filter_statistics import FilterStatistics
 from syncplan.estimation.lane_filter import LaneFilter, is_in_cache, lanes_of, start_of
 from syncplan.estimation.robust_filter import RobustRun
 from syncplan.flight.closed_loop import fly_lanes
+from syncplan.flight.flight_options import AS_COMMANDED
 from syncplan.flight.flight_setup import FlightSetup, Flown
 from syncplan.flight.flown_team import FILTERS_OWN, FlownTeam
+from syncplan.flight.lane_guidance import LaneGuidance
 
 __all__ = ["ClosedLoop", "FlownLanes"]
 
@@ -99,11 +101,13 @@ class FlownLanes:
     team : that flies
     flown : the truth
     run : the filter, which flies as it goes
+    guidance : that decides at the begin of each leg; None where the closed loop has its own law
     """
 
     team: FlownTeam
     flown: Flown
     run: PlainRun | RobustRun
+    guidance: LaneGuidance | None = None
 
     @classmethod
     def begun(cls, team: FlownTeam, trials: range, statistics: AugmentedStatistics) -> "FlownLanes":
@@ -111,29 +115,44 @@ class FlownLanes:
         flown, readings = team.begun(trials)
         setup = team.filter_setup()
         loop = ClosedLoop(team.setup, flown)
+        decides = team.setup.law.mode == AS_COMMANDED
+        guidance = LaneGuidance(team, len(trials)) if decides else None
         if team.options.filter_model.finds_start:
             streams = [
                 np.random.SeedSequence(team.options.seed, spawn_key=(trial, FILTERS_OWN))
                 for trial in trials
             ]
-            run = RobustRun.begun(loop, setup, readings, statistics, streams)
-            return cls(team, flown, run)
-        state = start_of(setup, readings)
-        return cls(team, flown, PlainRun(loop, setup, readings, statistics, state))
+            robust = RobustRun.begun(loop, setup, readings, statistics, streams)
+            return cls(team, flown, robust, guidance)
+        plain = PlainRun(loop, setup, readings, statistics, start_of(setup, readings))
+        return cls(team, flown, plain, guidance)
 
     def advance(self, end: int) -> None:
         """Fly until the filter is at step `end`."""
         rows, n = _rows_in_step(self.team), self.team.team.count
         leg = max(1, min(LEG_STEPS, MOST_ROWS // rows))
         stops = self.team.loss_steps
+        if self.guidance is not None:
+            leg = self.guidance.every
         while self.run.at < end:
             until = min([end, self.run.at + leg, *(s for s in stops if s > self.run.at)])
             self._make_room(rows * (until - self.run.at + self.team.setup.mishaps.late))
+            self._decide()
             self.run.advance(until)
             if until in stops:
                 for vehicle in np.flatnonzero(self.team.setup.mishaps.gone_from[:n] == until):
                     _part(self.run.state[-1], int(vehicle))
                 self.run.base = ClosedLoop(self.team.setup_from(until), self.flown)
+
+    def _decide(self) -> None:
+        if self.guidance is not None:
+            n, width = self.team.team.count, self.readings.initial.shape[-1]
+            filtered = self.setup, self.readings
+            loop = self.run.base
+            assert isinstance(loop, ClosedLoop)
+            self.guidance.command(
+                loop.flight, self.flown, self.run.state, self.run.at, filtered, lanes_of(n, width)
+            )
 
     @property
     def setup(self) -> AugmentedSetup:
