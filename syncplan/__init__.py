@@ -67,6 +67,7 @@ __all__ = [
     "Client",
     "Flight",
     "InputError",
+    "Navigator",
     "NoGoError",
     "NoSolutionError",
     "Plan",
@@ -99,6 +100,7 @@ _HOME = {
     "Client": "client.service_client",
     "Flight": "flight.flying",
     "InputError": "errors",
+    "Navigator": "flight.navigator",
     "NoGoError": "errors",
     "NoSolutionError": "errors",
     "Plan": "planning.judged_plan",
@@ -127,6 +129,7 @@ if TYPE_CHECKING:
     from syncplan.estimation.replays import Replay, replay
     from syncplan.exporting.formats import export
     from syncplan.flight.flying import Flight, fly
+    from syncplan.flight.navigator import Navigator
     from syncplan.landmarks.site_choice import choose_landmarks
     from syncplan.placement.centers import place
     from syncplan.planning.judged_plan import Plan

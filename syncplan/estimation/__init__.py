@@ -45,6 +45,7 @@ batch_linearisation  a linear filter along trajectories
 batch_smoother     the smoother's way back: a Gauss-Newton step
 batch_solution     the most likely trajectory over a window
 robust_filter      the filter that finds its start, and itself where it is lost
+online_filter      a filter one step at a time
 trials             results of trials, whole and in parts
 outlying_trials    the median trial, and trials far off
 drawn_errors       lasting errors of trials

@@ -118,7 +118,23 @@ def _compiled(function: Function, options: dict[str, Any]) -> Function:
         file = kernel._cache._cache_file
         folder = Path(function.__code__.co_filename).parent
         file._source_stamp = (file._source_stamp, _shared_stamp(), _stamp_of(folder))
+        file._load_index = _none_if_renamed(file._load_index)
     return cast(Function, kernel)
+
+
+def _none_if_renamed(load: Callable[[], Any]) -> Callable[[], Any]:
+    """`load` an index of cached kernels; none where it names a record that is called otherwise now.
+
+    Numba unpickles the types of kernels before it looks whether they are still up to date.
+    """
+
+    def loaded() -> Any:
+        try:
+            return load()
+        except (AttributeError, ImportError):
+            return {}
+
+    return loaded
 
 
 @cache

@@ -27,4 +27,7 @@ flight_results       figures of each trial
 flown_figures        the figures of trials that were flown
 flights              many trials over threads
 flying               flights of a plan
+onboard_data         what a navigator is given and gives
+onboard_kernels      its kernels
+navigator            filter and guidance one step at a time
 """

@@ -81,9 +81,20 @@ def _fly_to(
         step = flown.places[0]
         now, further = carry_on(x, errors, at, step, setup, readings, slopes, lanes)
         if flight.law.mode == TRACKING:
-            track(flight, flown, step, now, further, setup, lanes)
+            moved, commands, time = flown.moved, flown.commands, step * flight.time
+            track(
+                flight.circles,
+                flight.law,
+                time,
+                now,
+                further,
+                setup.columns,
+                moved,
+                commands,
+                lanes,
+            )
         elif flight.law.mode == OPEN_LOOP:
-            command_plan(flight, flown, lanes)
+            command_plan(flight.circles, flown.commands, lanes)
         speeds, turn_rates = readings.speeds[step], readings.turn_rates[step]
         move_truly(flight, flown, step, speeds, turn_rates, lanes)
         sight_truly(flight, flown, step + 1, setup, readings.sightings, lanes)
@@ -163,6 +174,8 @@ def fly_lanes(
         if step == end or looks or is_wanted_now(poses, step, statistics):
             bring_to_now(P, setup, frame, before, lanes)
         if looks:
-            move_circles(flight, flown, setup, P, step, lanes)
+            move_circles(
+                flight.contact, setup.columns, P, step, flown.seen, flown.moved, flown.sought, lanes
+            )
         compare_truly(x, errors, flight, flown, readings, step, offs, error_offs, lanes)
         record_augmented(P, poses, step, compared, statistics, lanes)

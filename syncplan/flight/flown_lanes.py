@@ -6,11 +6,11 @@ the others, whose estimates go on as those of a filter that never had it.
 """
 
 from dataclasses import dataclass
-from typing import Any, TypeVar, cast
+from typing import Any
 
 import numpy as np
 
-from syncplan.arrays import Array, Index
+from syncplan.arrays import Array
 from syncplan.estimation.augmented_setup import (
     AugmentedReadings,
     AugmentedSetup,
@@ -19,6 +19,7 @@ from syncplan.estimation.augmented_setup import (
 from syncplan.estimation.filter_setup import FilterSetup, Readings
 from syncplan.estimation.filter_statistics import FilterStatistics
 from syncplan.estimation.lane_filter import LaneFilter, is_in_cache, lanes_of, start_of
+from syncplan.estimation.online_filter import grown
 from syncplan.estimation.robust_filter import RobustRun
 from syncplan.flight.closed_loop import fly_lanes
 from syncplan.flight.flight_options import AS_COMMANDED
@@ -27,8 +28,6 @@ from syncplan.flight.flown_team import FILTERS_OWN, FlownTeam
 from syncplan.flight.lane_guidance import LaneGuidance
 
 __all__ = ["ClosedLoop", "FlownLanes"]
-
-Kept = TypeVar("Kept", Array, Index)
 
 LEG_STEPS = 64
 """Samples that are flown at once."""
@@ -179,13 +178,13 @@ class FlownLanes:
             return
         size, poses = max(used + further, 2 * have), self.setup.poses
         poses = poses._replace(
-            observers=_grown(poses.observers, used, size),
-            targets=_grown(poses.targets, used, size),
-            kinds=_grown(poses.kinds, used, size),
-            variances=_grown(poses.variances, used, size),
+            observers=grown(poses.observers, used, size),
+            targets=grown(poses.targets, used, size),
+            kinds=grown(poses.kinds, used, size),
+            variances=grown(poses.variances, used, size),
         )
         self.run.setup = self.setup._replace(poses=poses)
-        sightings = _grown(self.readings.sightings, used, size)
+        sightings = grown(self.readings.sightings, used, size)
         self.run.readings = self.readings._replace(sightings=sightings)
 
 
@@ -194,12 +193,6 @@ def _rows_in_step(team: FlownTeam) -> int:
     n = team.team.count
     kinds = np.isfinite(team.setup.eyes.sigmas)
     return int(kinds.sum()) * (n + len(team.team.landmarks)) or 1
-
-
-def _grown(array: Kept, used: int, size: int) -> Kept:
-    larger: Any = np.empty((size, *array.shape[1:]), dtype=array.dtype)
-    larger[:used] = array[:used]
-    return cast(Kept, larger)
 
 
 def _part(P: Array, vehicle: int) -> None:

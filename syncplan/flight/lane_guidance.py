@@ -15,7 +15,7 @@ from syncplan.flight.flight_setup import FlightSetup, Flown
 from syncplan.flight.flown_team import FlownTeam
 from syncplan.flight.predictive_guidance import PredictiveGuidance, PredictiveOptions, Status
 
-__all__ = ["LaneGuidance"]
+__all__ = ["LaneGuidance", "winds_of"]
 
 FAR = 1e7
 """m, where vehicles are taken to be that are gone: nobody has to keep away from them."""
@@ -63,7 +63,7 @@ class LaneGuidance:
             decision = guidance.decide(
                 step * flight.time,
                 np.ascontiguousarray(places[..., lane]),
-                _winds(errors[:, lane], columns),
+                winds_of(errors[:, lane], columns),
                 np.ascontiguousarray(flown.commands[..., lane]),
                 held,
                 np.ascontiguousarray(flown.moved[..., lane]),
@@ -73,13 +73,13 @@ class LaneGuidance:
         self.decisions += 1
 
 
-def _winds(errors: Array, columns: Index) -> Array:
-    """(n, 2) m/s, of the air about each vehicle: the wind and its own gust, where they are states.
+def winds_of(errors: Array, columns: Index) -> Array:
+    """Return (n, 2) m/s, of the air about each vehicle: wind and own gust, where they are states.
 
     `columns` are those of the set-up, counted among the further states `errors` (e,).
     """
     found = np.zeros((len(columns), 2))
     for begin in (WIND, GUST):
         own = columns[:, begin : begin + 2]
-        found += np.where(own >= 0, errors[own] if len(errors) else 0.0, 0.0)
+        found += np.where(own >= 0, errors[np.maximum(own, 0)] if len(errors) else 0.0, 0.0)
     return found

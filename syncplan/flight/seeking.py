@@ -16,9 +16,8 @@ import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.estimation.augmented_frame import GUST, WIND
-from syncplan.estimation.augmented_setup import AugmentedSetup
 from syncplan.estimation.lane_filter import Lanes, compiled, inner
-from syncplan.flight.flight_setup import FlightSetup, Flown
+from syncplan.flight.flight_setup import Contact
 
 __all__ = ["move_circles"]
 
@@ -28,7 +27,7 @@ MOST_ENTRIES = 10
 
 @inner
 def _fill_row(
-    setup: AugmentedSetup,
+    states: Index,
     i: int,
     anchor: int,
     leads: tuple[float, float],
@@ -37,39 +36,50 @@ def _fill_row(
 ) -> int:
     """Fill in how the distance ahead of vehicle i from its anchor hangs on states; how many do."""
     (columns, entries), (lead, gust_lead) = row, leads
-    n, count = len(setup.columns), 0
+    n, count = len(states), 0
     for axis in range(2):
         columns[count], entries[count] = 3 * i + axis, toward[axis]
         count += 1
-        if setup.columns[i, GUST + axis] >= 0:
-            columns[count], entries[count] = setup.columns[i, GUST + axis], gust_lead * toward[axis]
+        if states[i, GUST + axis] >= 0:
+            columns[count], entries[count] = states[i, GUST + axis], gust_lead * toward[axis]
             count += 1
         if anchor < n:
             columns[count], entries[count] = 3 * anchor + axis, -toward[axis]
             count += 1
-            if setup.columns[anchor, GUST + axis] >= 0:
-                columns[count] = setup.columns[anchor, GUST + axis]
+            if states[anchor, GUST + axis] >= 0:
+                columns[count] = states[anchor, GUST + axis]
                 entries[count] = -gust_lead * toward[axis]
                 count += 1
-        elif setup.columns[i, WIND + axis] >= 0:
-            columns[count], entries[count] = setup.columns[i, WIND + axis], lead * toward[axis]
+        elif states[i, WIND + axis] >= 0:
+            columns[count], entries[count] = states[i, WIND + axis], lead * toward[axis]
             count += 1
     return count
 
 
 @compiled
 def move_circles(
-    flight: FlightSetup, flown: Flown, setup: AugmentedSetup, P: Array, step: int, lanes: Lanes
+    contact: Contact,
+    states: Index,
+    P: Array,
+    step: int,
+    seen: Index,
+    moved: Array,
+    sought: Index,
+    lanes: Lanes,
 ) -> None:
-    """Move circles by what the covariance now, a lower triangle, says, at a step."""
-    contact, n = flight.contact, len(flight.circles.radii)
+    """Move circles, `moved` (n, 2, lanes) m, by what the covariance P now says, a lower triangle.
+
+    `states` are the columns of AugmentedSetup, `seen` (n, lanes) the steps of the last sighting of
+    each vehicle; `sought` (n, lanes) counts steps.
+    """
+    n = len(states)
     leads = contact.lead, contact.gust_lead
     row = np.zeros(MOST_ENTRIES, dtype=np.int64), np.zeros(MOST_ENTRIES)
     for i in contact.order:
         anchor, toward = contact.anchors[i], contact.toward[i]
         if anchor < 0:
             continue
-        count = _fill_row(setup, i, anchor, leads, toward, row)
+        count = _fill_row(states, i, anchor, leads, toward, row)
         columns, entries = row
         for lane in range(len(lanes)):
             spread = 0.0
@@ -79,10 +89,10 @@ def move_circles(
                     spread += entries[a] * entries[b] * P[r, q, lane]
             missing = contact.sigmas * math.sqrt(max(spread, 0.0)) - contact.slacks[i]
             by = min(max(missing, 0.0), contact.most[i])
-            if step - flown.seen[i, lane] > contact.patience:
+            if step - seen[i, lane] > contact.patience:
                 by = contact.furthest[i]
             if by > 0.0:
-                flown.sought[i, lane] += contact.look_every
+                sought[i, lane] += contact.look_every
             for axis in range(2):
-                with_anchor = flown.moved[anchor, axis, lane] if anchor < n else 0.0
-                flown.moved[i, axis, lane] = with_anchor + by * toward[axis]
+                with_anchor = moved[anchor, axis, lane] if anchor < n else 0.0
+                moved[i, axis, lane] = with_anchor + by * toward[axis]

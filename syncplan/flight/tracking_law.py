@@ -18,12 +18,11 @@ autonomous mobile robot, equation 8.
 
 import math
 
-from syncplan.arrays import Array
+from syncplan.arrays import Array, Index
 from syncplan.estimation.augmented_frame import GUST, WIND
 from syncplan.estimation.augmented_prediction import error_of
-from syncplan.estimation.augmented_setup import AugmentedSetup
 from syncplan.estimation.lane_filter import Lanes, inner
-from syncplan.flight.flight_setup import FlightSetup, Flown
+from syncplan.flight.flight_setup import Circles, Law
 
 __all__ = ["command_plan", "track"]
 
@@ -32,30 +31,34 @@ STILL = 0.05
 
 
 @inner
-def command_plan(flight: FlightSetup, flown: Flown, lanes: Lanes) -> None:
+def command_plan(circles: Circles, commands: Array, lanes: Lanes) -> None:
     """Command the plan's own speeds and turn rates."""
-    circles = flight.circles
     for i in range(len(circles.radii)):
         for lane in range(len(lanes)):
-            flown.commands[i, 0, lane] = circles.rate * circles.radii[i]
-            flown.commands[i, 1, lane] = circles.rate * circles.senses[i]
+            commands[i, 0, lane] = circles.rate * circles.radii[i]
+            commands[i, 1, lane] = circles.rate * circles.senses[i]
 
 
 @inner
 def track(
-    flight: FlightSetup,
-    flown: Flown,
-    step: int,
+    circles: Circles,
+    law: Law,
+    time: float,
     x: Array,
     errors: Array,
-    setup: AugmentedSetup,
+    columns: Index,
+    moved: Array,
+    commands: Array,
     lanes: Lanes,
 ) -> None:
-    """Fill in the commands of the sample that begins at `step`, from the estimates then."""
-    circles, law, n = flight.circles, flight.law, len(x)
+    """Fill in commands (n, 2, lanes) from the estimates at `time` s.
+
+    `columns` are those of AugmentedSetup; circles are `moved` (n, 2, lanes) m from their places.
+    """
+    n = len(x)
     for i in range(n):
         rate, radius = circles.senses[i] * circles.rate, circles.radii[i]
-        phase, own = circles.phases[i] + rate * step * flight.time, setup.columns[i]
+        phase, own = circles.phases[i] + rate * time, columns[i]
         cos, sin = math.cos(phase), math.sin(phase)
         place_x, place_y = (
             circles.centers[i, 0] + radius * cos,
@@ -68,8 +71,8 @@ def track(
             air_x = error_of(errors, n, own[WIND], lane) + error_of(errors, n, own[GUST], lane)
             air_y = error_of(errors, n, own[WIND + 1], lane)
             air_y += error_of(errors, n, own[GUST + 1], lane)
-            near_x = law.place_gain * (place_x + flown.moved[i, 0, lane] - x[i, 0, lane])
-            near_y = law.place_gain * (place_y + flown.moved[i, 1, lane] - x[i, 1, lane])
+            near_x = law.place_gain * (place_x + moved[i, 0, lane] - x[i, 0, lane])
+            near_y = law.place_gain * (place_y + moved[i, 1, lane] - x[i, 1, lane])
             size = math.sqrt(near_x * near_x + near_y * near_y)
             share = min(1.0, law.closing_speeds[i] / max(size, 1e-12))
             free_x, free_y = along_x - air_x, along_y - air_y
@@ -79,5 +82,5 @@ def track(
             square = free_x * free_x + free_y * free_y
             ahead = (free_x * bent_y - free_y * bent_x) / square if square > still else rate
             speed = math.sqrt(want_x * want_x + want_y * want_y)
-            flown.commands[i, 0, lane] = speed * max(math.cos(turn), 0.0)
-            flown.commands[i, 1, lane] = ahead + law.heading_gain * turn
+            commands[i, 0, lane] = speed * max(math.cos(turn), 0.0)
+            commands[i, 1, lane] = ahead + law.heading_gain * turn

@@ -5,13 +5,14 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
 import syncplan
 from syncplan.arrays import Array
+from syncplan.estimation import lane_filter
 from syncplan.estimation.extended_filter import EXTENDED
 from syncplan.estimation.filter_setup import FilterSetup, MotionModel, Readings
 from syncplan.estimation.filter_statistics import (
@@ -515,6 +516,17 @@ def test_the_cache_of_kernels_notices_changes_of_every_file_they_are_built_on(
         file.write_text(file.read_text() + "\n# changed\n")
         seen.add(stamps())
     assert len(seen) == 1 + len(KERNEL_FILES)
+
+
+def test_a_cache_that_names_a_record_of_another_version_is_none() -> None:
+    def gone() -> Any:
+        raise AttributeError("module has no attribute 'Former'")
+
+    def known() -> Any:
+        return {"key": "file"}
+
+    assert lane_filter._none_if_renamed(known)() == {"key": "file"}
+    assert lane_filter._none_if_renamed(gone)() == {}
 
 
 STAMPS = """

@@ -1,0 +1,313 @@
+"""The filter one step at a time, as a vehicle's computer runs it, by the kernels of trials.
+
+A step is what was read since the last one: motion readings over its span, then sightings at its
+end. There is no truth to compare with. What `robust` looks back at is kept, about 100 bytes a
+vehicle and step; other filters keep nothing but their state.
+
+Source: as of `augmented_filter` and `robust_filter`.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple, TypeVar, cast
+
+import numpy as np
+
+from syncplan.arrays import Array, Index
+from syncplan.estimation.augmented_setup import (
+    AugmentedReadings,
+    AugmentedSetup,
+    AugmentedStatistics,
+    empty_augmented_statistics,
+)
+from syncplan.estimation.filter_statistics import FilterStatistics, empty_series
+from syncplan.estimation.filters import FilterModel
+from syncplan.estimation.lane_filter import LaneFilter, lanes_of, start_of
+from syncplan.estimation.robust_filter import RobustFilter, RobustRun
+
+__all__ = ["Arrived", "OnlineFilter", "grown"]
+
+Kept = TypeVar("Kept", Array, Index)
+
+_COUNTED = ("nis", "accepted", "gated")
+_LOOKED_BACK = ("counted", "limit", "doubtful", "ends")
+_ROWS = ("observers", "targets", "kinds", "variances")
+
+FIRST_ROOM = 64
+"""Steps, and sightings, that there is room for at first."""
+
+
+class Arrived(NamedTuple):
+    """Sightings of one step.
+
+    Fields
+    ------
+    observers, targets, kinds : (s,) as in FilterSetup
+    variances : (s,) each sighting's, in its kind's unit squared
+    values : (s,)
+    """
+
+    observers: Index
+    targets: Index
+    kinds: Index
+    variances: Array
+    values: Array
+
+
+@dataclass(slots=True)
+class _Steps:
+    """A filter without memory: each step is the second of a run of two."""
+
+    base: LaneFilter
+    setup: AugmentedSetup
+    readings: AugmentedReadings
+    statistics: AugmentedStatistics
+    state: tuple[Array, ...]
+    ends: Index
+
+
+class OnlineFilter:
+    """A team's filter on its way.
+
+    Attributes
+    ----------
+    steps : taken in
+    time : s, since the start
+    """
+
+    def __init__(
+        self,
+        setup: AugmentedSetup,
+        initial: Array,
+        model: FilterModel,
+        stream: np.random.SeedSequence,
+    ) -> None:
+        """Begin at time 0, at poses `initial` (n, 3); runs and truth of `setup` do not matter.
+
+        A filter that draws numbers draws them from the `stream`.
+        """
+        self.steps, self.time = 0, 0.0
+        n, e = len(initial), len(setup.variances)
+        self._sample = setup.poses.motion.time
+        poses = setup.poses._replace(truth=np.zeros((1, n, 3)), judged_from=0)
+        nothing = empty_series(n, 0, wanted=False), np.zeros((0, e, 3))
+        gusts = e - (setup.first_gust - 3 * n)
+        readings = AugmentedReadings(
+            initial=np.array(initial, dtype=float)[..., None],
+            speeds=np.zeros((2, n, 1)),
+            turn_rates=np.zeros((2, n, 1)),
+            sightings=np.zeros((FIRST_ROOM, 1)),
+            headings=np.zeros((1, n, 1)),
+            constants=np.zeros((e - gusts, 1)),
+            gusts=np.zeros((1, gusts, 1)),
+        )
+        given = setup._replace(poses=_without_steps(poses))
+        statistics = empty_augmented_statistics(n, e, 1, nothing)
+        found: Any = model.augmented_lane_filter
+        self._lanes = lanes_of(n, 1)
+        self._run: RobustRun | _Steps
+        if isinstance(found, RobustFilter):
+            self._run = RobustRun.begun(found.base, given, readings, statistics, [stream])
+        else:
+            state = start_of(given, readings)
+            self._run = _Steps(found, given, readings, statistics, state, np.zeros(0, np.int64))
+        self._kernel: Any = (found.base if isinstance(found, RobustFilter) else found).kernel
+
+    @property
+    def poses(self) -> Array:
+        """(n, 3) m, m, rad: the estimate; a view."""
+        return self._run.state[0][..., 0]
+
+    @property
+    def errors(self) -> Array:
+        """(e,) the further states; a view."""
+        return self._run.state[1][..., 0]
+
+    @property
+    def covariance(self) -> Array:
+        """(3n + e, 3n + e) of the estimate."""
+        lower = np.tril(self._run.state[-1][..., 0])
+        return lower + np.tril(lower, -1).T
+
+    @property
+    def lower_covariance(self) -> Array:
+        """(3n + e, 3n + e, 1) of which the lower triangle counts; a view."""
+        return self._run.state[-1]
+
+    @property
+    def setup(self) -> AugmentedSetup:
+        """The set-up, whose steps are the filter's own."""
+        assert isinstance(self._run.setup, AugmentedSetup)
+        return self._run.setup
+
+    @property
+    def counts(self) -> Mapping[str, float]:
+        """Sum of innovation^2 / variance of sightings, and how many were accepted and gated."""
+        counted = self._counted
+        return {name: float(getattr(counted, name)[0]) for name in _COUNTED}
+
+    @property
+    def memory(self) -> dict[str, Array | Index]:
+        """All that it goes on from, by name; what a filter of the same set-up takes back."""
+        run, counted = self._run, self._counted
+        found: dict[str, Array | Index] = {
+            "steps": np.array(self.steps),
+            "time": np.array(self.time),
+            **{f"state_{k}": one for k, one in enumerate(run.state)},
+            **{name: getattr(counted, name) for name in _COUNTED},
+        }
+        if isinstance(run, RobustRun):
+            poses, readings, k = self.setup.poses, run.readings, self.steps
+            used = int(poses.first[k + 1])
+            found |= {f"began_{number}": one for number, one in enumerate(run.began)}
+            found |= {name: getattr(run, name) for name in _LOOKED_BACK}
+            found |= {name: getattr(poses, name)[:used] for name in _ROWS}
+            found |= {
+                "sightings": readings.sightings[:used],
+                "speeds": readings.speeds[:k],
+                "turn_rates": readings.turn_rates[:k],
+                "spans": poses.spans[:k],
+                "first": poses.first[: k + 2],
+            }
+        return found
+
+    @memory.setter
+    def memory(self, kept: Mapping[str, Array | Index]) -> None:
+        run, counted = self._run, self._counted
+        self.steps, self.time = int(kept["steps"]), float(kept["time"])
+        for k, one in enumerate(run.state):
+            one[:] = kept[f"state_{k}"]
+        for name in _COUNTED:
+            getattr(counted, name)[:] = kept[name]
+        if isinstance(run, RobustRun):
+            used, k = len(kept["sightings"]), self.steps
+            self._make_room(0, max(used, FIRST_ROOM))
+            self.steps, run.at = 0, k
+            self._lengthen(max(k, 2))
+            self.steps = k
+            poses, readings = self.setup.poses, self._run.readings
+            for name in _ROWS:
+                getattr(poses, name)[:used] = kept[name]
+            poses.spans[:k], poses.first[: k + 2] = kept["spans"], kept["first"]
+            poses.first[k + 2 :] = used
+            readings.sightings[:used] = kept["sightings"]
+            readings.speeds[:k], readings.turn_rates[:k] = kept["speeds"], kept["turn_rates"]
+            for number, one in enumerate(run.began):
+                one[:] = kept[f"began_{number}"]
+            for name in _LOOKED_BACK:
+                setattr(run, name, np.array(kept[name]))
+
+    @property
+    def _counted(self) -> FilterStatistics:
+        assert isinstance(self._run.statistics, AugmentedStatistics)
+        return self._run.statistics.poses
+
+    def step(
+        self, speeds: Array, turn_rates: Array, arrived: Arrived, span: float | None = None
+    ) -> None:
+        """Take in readings (n,) in m/s and rad/s over `span` s, a sample's if None, and sightings.
+
+        Sightings that are NaN are missed. All are taken for what they say: who calls has checked
+        that indices are those of the team.
+        """
+        span = self._sample if span is None else span
+        if isinstance(self._run, RobustRun):
+            self._look_back(speeds, turn_rates, arrived, span)
+        else:
+            self._forget(speeds, turn_rates, arrived, span)
+        self.steps += 1
+        self.time += span
+
+    def _forget(self, speeds: Array, turn_rates: Array, arrived: Arrived, span: float) -> None:
+        """Take in a step in the place of the last one."""
+        run = self._run
+        count = len(arrived.values)
+        if count > len(run.readings.sightings):
+            self._make_room(0, 2 * count)
+        setup, readings = run.setup, run.readings
+        poses = setup.poses  # type: ignore[union-attr]
+        readings.speeds[1, :, 0], readings.turn_rates[1, :, 0] = speeds, turn_rates
+        poses.spans[1] = span
+        poses.first[3] = count
+        self._write(0, arrived)
+        self._kernel(setup, readings, run.statistics, self._lanes, *run.state, 1, 2)
+
+    def _look_back(self, speeds: Array, turn_rates: Array, arrived: Arrived, span: float) -> None:
+        """Take in a step after all others."""
+        run, k = self._run, self.steps
+        assert isinstance(run, RobustRun)
+        used, count = int(self.setup.poses.first[k + 1]), len(arrived.values)
+        if used + count > len(run.readings.sightings):
+            self._make_room(used, 2 * (used + count))
+        if k + 1 > len(run.readings.speeds):
+            self._lengthen(2 * (k + 1))
+        poses, readings = self.setup.poses, run.readings
+        readings.speeds[k, :, 0], readings.turn_rates[k, :, 0] = speeds, turn_rates
+        poses.spans[k] = span
+        poses.first[k + 2 :] = used + count
+        self._write(used, arrived)
+        before, after = (
+            np.floor(time / poses.period + 1e-9) for time in (self.time, self.time + span)
+        )
+        if after > before:
+            run.ends = np.append(run.ends, k + 1)
+        run.advance(k + 1)
+
+    def _write(self, begin: int, arrived: Arrived) -> None:
+        poses, end = self.setup.poses, begin + len(arrived.values)
+        poses.observers[begin:end], poses.targets[begin:end] = arrived.observers, arrived.targets
+        poses.kinds[begin:end], poses.variances[begin:end] = arrived.kinds, arrived.variances
+        self._run.readings.sightings[begin:end, 0] = arrived.values
+
+    def _make_room(self, used: int, rows: int) -> None:
+        """Let set-up and readings hold so many sightings."""
+        setup, readings = self.setup, self._run.readings
+        poses = setup.poses
+        self._run.setup = setup._replace(
+            poses=poses._replace(
+                observers=grown(poses.observers, used, rows),
+                targets=grown(poses.targets, used, rows),
+                kinds=grown(poses.kinds, used, rows),
+                variances=grown(poses.variances, used, rows),
+            )
+        )
+        self._run.readings = readings._replace(sightings=grown(readings.sightings, used, rows))
+
+    def _lengthen(self, steps: int) -> None:
+        """Let set-up and readings hold so many steps."""
+        setup, readings, k = self.setup, self._run.readings, self.steps
+        poses = setup.poses
+        first = grown(poses.first, k + 2, steps + 2)
+        first[k + 2 :] = first[k + 1]
+        self._run.setup = setup._replace(
+            poses=poses._replace(
+                spans=grown(poses.spans, k, steps),
+                compared=np.full(steps + 1, -1),
+                first=first,
+            )
+        )
+        self._run.readings = readings._replace(
+            speeds=grown(readings.speeds, k, steps),
+            turn_rates=grown(readings.turn_rates, k, steps),
+        )
+
+
+def grown(array: Kept, used: int, size: int) -> Kept:
+    """Return an array of `size` entries along its first axis, the first `used` those given."""
+    larger: Any = np.zeros((size, *array.shape[1:]), dtype=array.dtype)
+    larger[:used] = array[:used]
+    return cast(Kept, larger)
+
+
+def _without_steps(poses: Any) -> Any:
+    """The set-up of poses with room for the first steps and sightings, none of which there are."""
+    index = np.zeros(FIRST_ROOM, dtype=np.int64)
+    return poses._replace(
+        spans=np.full(2, poses.motion.time),
+        compared=np.full(3, -1),
+        first=np.zeros(4, dtype=np.int64),
+        observers=index.copy(),
+        targets=index.copy(),
+        kinds=index.copy(),
+        variances=np.ones(FIRST_ROOM),
+    )

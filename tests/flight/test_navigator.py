@@ -1,0 +1,162 @@
+"""The navigator: filter and guidance of flights one step at a time, to the same results."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import syncplan
+from syncplan.errors import InputError
+from syncplan.estimation.augmented_setup import empty_augmented_statistics
+from syncplan.estimation.filter_statistics import empty_series
+from syncplan.flight.flight_options import FlightOptions
+from syncplan.flight.flown_lanes import FlownLanes
+from syncplan.flight.flying import FlightRun, flight_run
+from syncplan.flight.navigator import Navigator
+from syncplan.flight.onboard_data import Sensed, TimedSighting
+from syncplan.planning.judged_plan import Plan
+
+WINDY = "examples/scenarios/windy-grid.yaml"
+SECONDS = 40.0
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    return syncplan.plan(syncplan.load_scenario(WINDY), pilot=False)
+
+
+def flown(run: FlightRun) -> FlownLanes:
+    """The first trial of a flight, flown."""
+    n, e, steps = run.plan.team.count, len(run.team.layout.sigmas), run.team.steps
+    nothing = empty_series(n, steps, wanted=False), np.zeros((0, e, 3))
+    lanes = FlownLanes.begun(run.team, range(1), empty_augmented_statistics(n, e, 1, nothing))
+    lanes.advance(steps)
+    return lanes
+
+
+def sensed(lanes: FlownLanes, late: int = 0) -> Iterator[Sensed]:
+    """What the team of a flight has read, sample by sample; sightings so many samples late."""
+    poses, readings = lanes.setup.poses, lanes.readings
+    for k in range(len(readings.speeds)):
+        rows = range(0)
+        if k >= late:
+            rows = range(poses.first[k - late + 1], poses.first[k - late + 2])
+        sightings = [
+            TimedSighting(
+                int(poses.observers[s]),
+                int(poses.targets[s]),
+                int(poses.kinds[s]),
+                float(readings.sightings[s, 0]),
+                late,
+            )
+            for s in rows
+        ]
+        yield Sensed(readings.speeds[k, :, 0], readings.turn_rates[k, :, 0], sightings)
+
+
+@pytest.mark.parametrize(
+    ("guidance", "filter_", "late"),
+    [("track", "ekf", 0), ("track", "robust", 0), ("track", "ekf", 3), ("mpc", "ekf", 0)],
+)
+def test_it_commands_and_estimates_as_a_flight_does(
+    plan: Plan, guidance: str, filter_: str, late: int
+) -> None:
+    run = flight_run(
+        plan, guidance=guidance, filter=filter_, late=late, duration=SECONDS, seed=4, trials=1
+    )
+    lanes = flown(run)
+    navigator = Navigator(plan, guidance=guidance, filter=filter_, late=late, seed=4)
+    off = 0.0
+    for k, read in enumerate(sensed(lanes, late)):
+        # readings of this scenario are the commands
+        off = max(
+            off, float(np.abs(navigator.command.speeds - lanes.readings.speeds[k, :, 0]).max())
+        )
+        estimate, _ = navigator.step(read)
+    assert off < 1e-9
+    assert navigator.too_late == 0
+    if not late:
+        found = lanes.run.state[0][..., 0]
+        np.testing.assert_allclose(estimate.poses, found, rtol=0.0, atol=1e-9)
+        np.testing.assert_allclose(estimate.errors, lanes.run.state[1][:, 0], atol=1e-9)
+
+
+@pytest.mark.parametrize(("guidance", "filter_"), [("track", "robust"), ("mpc", "ekf")])
+def test_one_that_is_restored_goes_on_to_the_same_bytes(
+    plan: Plan, guidance: str, filter_: str
+) -> None:
+    run = flight_run(plan, filter=filter_, duration=SECONDS, late=2, trials=1)
+    readings = list(sensed(flown(run), late=2))
+    first = Navigator(plan, guidance=guidance, filter=filter_, late=2)
+    for read in readings[:200]:
+        first.step(read)
+    second = Navigator(plan, guidance=guidance, filter=filter_, late=2)
+    second.restore(first.save())
+    np.testing.assert_array_equal(second.command.speeds, first.command.speeds)
+    for read in readings[200:]:
+        a, b = first.step(read), second.step(read)
+    np.testing.assert_array_equal(b[0].poses, a[0].poses)
+    np.testing.assert_array_equal(b[1].turn_rates, a[1].turn_rates)
+    assert second.save() == first.save()
+
+
+def test_readings_that_are_missing_are_taken_to_be_the_commands(plan: Plan) -> None:
+    given, without, some = (Navigator(plan, filter="ekf") for _ in range(3))
+    for _ in range(20):
+        command = given.command
+        given.step(Sensed(command.speeds, command.turn_rates))
+        without.step(Sensed())
+        speeds = command.speeds.copy()
+        speeds[2] = np.nan
+        some.step(Sensed(speeds, command.turn_rates))
+    np.testing.assert_array_equal(without.command.speeds, given.command.speeds)
+    np.testing.assert_array_equal(some.command.speeds, given.command.speeds)
+
+
+def test_the_order_in_which_sightings_arrive_does_not_matter(plan: Plan) -> None:
+    readings = list(sensed(flown(flight_run(plan, filter="ekf", duration=10.0, trials=1))))
+    one, other = Navigator(plan, filter="ekf"), Navigator(plan, filter="ekf")
+    for read in readings:
+        one.step(read)
+        other.step(replace(read, sightings=list(reversed(read.sightings))))
+    assert any(len(read.sightings) > 1 for read in readings)
+    np.testing.assert_array_equal(one.command.speeds, other.command.speeds)
+
+
+def test_a_sighting_that_is_later_than_it_may_be_is_counted_and_not_used(plan: Plan) -> None:
+    late, without = Navigator(plan, filter="ekf", late=1), Navigator(plan, filter="ekf", late=1)
+    for k in range(5):
+        sightings = [TimedSighting(0, 1, 0, 0.3, age=2)] if k == 4 else []
+        late.step(Sensed(sightings=sightings))
+        without.step(Sensed())
+    assert late.too_late == 1
+    np.testing.assert_array_equal(late.command.speeds, without.command.speeds)
+
+
+def test_sightings_are_named_as_the_scenario_names_them(plan: Plan) -> None:
+    navigator = Navigator(plan)
+    n = plan.team.count
+    found = navigator.named([("v1", "v2", "bearing", 0.3), ("v3", "L1", "bearing", -1.0, 2)])
+    assert found == [TimedSighting(0, 1, 0, 0.3), TimedSighting(2, n, 0, -1.0, 2)]
+    with pytest.raises(InputError, match="'v9' is unknown; known are v1"):
+        navigator.named([("v9", "v2", "bearing", 0.3)])
+
+
+def test_what_is_no_reading_of_the_team_is_refused(plan: Plan) -> None:
+    navigator = Navigator(plan)
+    with pytest.raises(InputError, match="must be 6 numbers"):
+        navigator.step(Sensed(np.zeros(5)))
+    with pytest.raises(InputError, match="no such observer"):
+        navigator.step(Sensed(sightings=[TimedSighting(6, 0, 0, 0.1)]))
+    with pytest.raises(InputError, match="v1 has no sigma for a distance"):
+        navigator.step(Sensed(sightings=[TimedSighting(0, 1, 1, 30.0)]))
+    with pytest.raises(InputError, match="is no state of a navigator"):
+        navigator.restore(b"nothing")
+    with pytest.raises(InputError, match="must be 6 poses"):
+        Navigator(plan, start=np.zeros((2, 3)))
+
+
+def test_its_options_are_those_of_flights() -> None:
+    with pytest.raises(InputError, match="is unknown; choose track"):
+        FlightOptions(guidance="autopilot")
