@@ -1,0 +1,15 @@
+"""Cross-checks: somebody else's vehicles flown by our commands from our filter.
+
+The packages that simulate them are no dependencies of syncplan: tests/crosschecks/requirements.txt.
+
+plants            what every plant offers
+unicycle_team     the simple model of flight, an independent loop in plain NumPy
+multirotor_lanes  RotorPy's multirotor for many vehicles at once
+velocity_loop     from air speed and turn rate to thrust and attitude
+rotorpy_team      multirotors of RotorPy
+jsbsim_planes     an aeroplane of JSBSim
+responses         systematic errors and lags of a plant
+tracking          commands from estimates
+closed_loop       vehicles that steer by what a filter estimates
+check_plants      the script: two plants under the same noise
+"""

@@ -1,0 +1,115 @@
+"""How a plant answers commands: systematic errors on circles, and the lag of a first-order model.
+
+A plant flies a straight or a circle until it is steady, then the command of speed or turn rate
+takes a step. The lag is that with which `unicycle_team.Response` comes nearest, by least squares of
+the means over samples.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from syncplan.arrays import Array
+from tests.crosschecks.plants import MakePlant
+from tests.crosschecks.unicycle_team import Lag, Response
+
+__all__ = ["Steady", "Step", "StepResponse", "answer_to", "flown", "steady_errors"]
+
+SPEED, TURN_RATE = 0, 1
+"""Columns of commands."""
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A step of commands: (speed m/s, turn rate rad/s) before and after, and how long each is held.
+
+    `settle` and `watched` are in s.
+    """
+
+    before: tuple[float, float]
+    after: tuple[float, float]
+    settle: float
+    watched: float
+
+    @property
+    def column(self) -> int:
+        """Which command takes the step."""
+        return SPEED if self.before[SPEED] != self.after[SPEED] else TURN_RATE
+
+
+@dataclass(frozen=True, slots=True)
+class StepResponse:
+    """What a plant made of a step.
+
+    Attributes
+    ----------
+    lag : s, of the nearest first-order response
+    misfit : rms of what differs from it, as a share of the step
+    overshoot : as a share of the step
+    """
+
+    lag: float
+    misfit: float
+    overshoot: float
+
+
+@dataclass(frozen=True, slots=True)
+class Steady:
+    """Mean errors of a steady flight: m/s, rad/s, and m/s across the heading."""
+
+    speed: float
+    turn_rate: float
+    slip: float
+
+
+def flown(make: MakePlant, commands: Array, wind: Array, time: float) -> tuple[Array, Array]:
+    """Return speeds and turn rates (steps, 2) that one vehicle flies, and its poses (steps, 3).
+
+    `commands` is (steps, 2), `wind` (2,) m/s; samples last `time` s.
+    """
+    plant = make(np.zeros((1, 3)), commands[:1, SPEED], wind[None], time)
+    done, poses, none = [], [], np.zeros((1, 2))
+    for speed, turn_rate in commands:
+        one = plant.fly(np.array([speed]), np.array([turn_rate]), wind[None], none)
+        done.append([one.speeds[0], one.turn_rates[0]])
+        poses.append(one.poses[0])
+    return np.array(done), np.array(poses)
+
+
+def answer_to(make: MakePlant, step: Step, time: float) -> StepResponse:
+    """Return what a plant makes of a step in still air."""
+    settle, watched = round(step.settle / time), round(step.watched / time)
+    commands = np.repeat([step.before, step.after], [settle, watched], axis=0)
+    found = flown(make, commands, np.zeros(2), time)[0][settle:, step.column]
+    low, high = step.before[step.column], step.after[step.column]
+    share = (found - low) / (high - low)
+
+    def misfit(lag: float) -> float:
+        modelled = Response(np.zeros(1), Lag(lag, lag), time)
+        shares = [modelled.follow(np.ones((1, 2)))[0, SPEED] for _ in range(watched)]
+        return float(np.sqrt(np.mean(np.square(share - shares))))
+
+    best = minimize_scalar(misfit, bounds=(1e-3, step.watched), method="bounded")
+    return StepResponse(float(best.x), float(best.fun), float(share.max() - 1.0))
+
+
+def steady_errors(
+    make: MakePlant,
+    command: tuple[float, float],
+    wind: Array,
+    time: float,
+    durations: tuple[float, float],
+) -> Steady:
+    """Return the mean errors of a steady circle, after the first of the durations in s.
+
+    The second one is how long it is looked at. The slip is the rms difference of where the vehicle
+    moves through the air from where it heads, times its speed.
+    """
+    settle, watched = (round(one / time) for one in durations)
+    done, poses = flown(make, np.tile(command, (settle + watched, 1)), wind, time)
+    error = (done - command)[settle:].mean(axis=0)
+    way = np.diff(poses[settle - 1 :], axis=0)[:, :2] / time - wind
+    middle = 0.5 * (poses[settle - 1 : -1, 2] + poses[settle:, 2])
+    across = np.cos(middle) * way[:, 1] - np.sin(middle) * way[:, 0]
+    return Steady(float(error[0]), float(error[1]), float(np.sqrt(np.mean(across**2))))
