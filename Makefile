@@ -2,7 +2,9 @@
 # make serve   set up and start the service at http://127.0.0.1:8000
 # make check   set up and run formatter check, linter, layers, strict types and tests
 # make check-all    make check, then what takes long: searches with fresh draws, every block of the
-#              documentation, all of the survival tests, the steps of the Dockerfile
+#              documentation, all of the survival tests, the steps of the Dockerfile, somebody else's
+#              vehicles beside the model of flight
+# make crosschecks    fly the model beside RotorPy's multirotors and JSBSim's aeroplanes
 # make docs    set up and build the documentation into build/site, which opens without a server
 # make container-steps    follow the steps of the Dockerfile without a container
 # make benchmarks    measure against peers, side by side
@@ -37,7 +39,7 @@ install = sed -n '/^uv==/,/[^\]$$/p' requirements.lock > $(VENV)/uv.lock && \
 	{ $(BIN)/pip install --quiet --require-hashes --requirement requirements.lock && \
 	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable $(1); }
 
-.PHONY: demo serve check check-all docs postgresql chromium container-steps benchmarks lock clean
+.PHONY: demo serve check check-all crosschecks docs postgresql chromium container-steps benchmarks lock clean
 
 demo: $(VENV)/.run
 	$(BIN)/syncplan plan $(DEMO) --format table
@@ -53,13 +55,13 @@ check: chromium $(VENV)/.dev
 	@# on small matrices, a second thread of BLAS costs more than it brings
 	OPENBLAS_NUM_THREADS=1 $(TESTS) --no-loadscope-reorder -m "not long"
 
-check-all: postgresql check
+check-all: postgresql $(VENV)/.crosschecks check
 	@# test by test: the survival tests, kept together, would go on long after all others have ended
 	$(PYTEST) $(shell expr 2 \* $(CORES) + 1) --dist worksteal -m long
 	$(TESTS) -m hypothesis --hypothesis-profile=fresh-cases
 	@# as many at once as there are cores, what each prints together; some start services and wait
 	OPENBLAS_NUM_THREADS=1 $(MAKE) --no-print-directory --output-sync --jobs $(CORES) \
-		$(SEARCHES:%=search-%)
+		crosschecks $(SEARCHES:%=search-%)
 	@# alone: a process's share of memory grows as others that use the same libraries end; the service
 	@# of the steps has real limits of time
 	$(BIN)/python -m tests.searches.search_requests 400 $(SEED)
@@ -90,6 +92,10 @@ search-counterexamples: ARGUMENTS = 10000 $(SEED)
 .PHONY: $(SEARCHES:%=search-%)
 $(SEARCHES:%=search-%): search-%:
 	$(BIN)/python -m tests.searches.search_$(subst -,_,$*) $(ARGUMENTS)
+
+# the simple model of flight beside somebody else's vehicles
+crosschecks: $(VENV)/.crosschecks
+	$(BIN)/python -m tests.crosschecks.check_plants 2 $(SEED) --readings measured
 
 # only the long tests start a PostgreSQL of their own
 postgresql:
@@ -128,6 +134,12 @@ $(VENV)/.dev: $(BIN)/python pyproject.toml requirements.lock
 	$(call install,'.[dev]')
 	touch $@ $(VENV)/.api $(VENV)/.run
 
+# no dependencies of the project; what they ask for beside NumPy and SciPy is not used
+$(VENV)/.crosschecks: $(VENV)/.dev tests/crosschecks/requirements.txt
+	$(BIN)/pip install --quiet --no-deps --require-hashes \
+		--requirement tests/crosschecks/requirements.txt
+	touch $@
+
 $(VENV)/.docs: $(BIN)/python pyproject.toml requirements.lock
 	$(call install,'.[api,client,docs]')
 	touch $@ $(VENV)/.api $(VENV)/.run
@@ -142,6 +154,9 @@ lock: $(BIN)/python
 	printf '%s\n' $(BUILD) $(UV) | $(call compile,requirements.lock,--all-extras)
 	cp requirements.lock docker/service.lock
 	printf '%s\n' $(BUILD) | $(call compile,docker/service.lock,--extra telemetry)
+	printf '%s\n' 'rotorpy>=3.0,<3.1' 'jsbsim>=1.3,<1.4' | $(BIN)/uv pip compile --quiet --no-deps \
+		--no-header --no-annotate --no-emit-index-url --no-emit-find-links --generate-hashes \
+		--python-version 3.11 --output-file tests/crosschecks/requirements.txt -
 
 clean:
 	rm -rf $(VENV) .import_linter_cache .mypy_cache .pytest_cache .ruff_cache .hypothesis .schemathesis build dist

@@ -3,27 +3,26 @@
 JSBSim (pypi.org/project/jsbsim; Berndt, "JSBSim: An open source flight dynamics model in C++",
 AIAA 2004-4923) has the aircraft in its wheel. A turn is banked for, v tan(bank) = g w, with what
 the heading has fallen behind the integral of the commanded turn rates; throttle holds air speed,
-elevator height. A plane starts trimmed and flies SETTLE straight on, so that wind finds it in the
-air. The earth is taken for flat: places are integrated from velocities over ground.
+elevator height. A plane starts trimmed and flies its first command for SETTLE, so that the flight
+finds it in its circle. The earth is taken for flat: places are integrals of ground velocities.
 """
 
 import math
 import os
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from syncplan.arrays import Array
-from tests.crosschecks.plants import Done, Plant, needed
+from tests.crosschecks.plants import Done, MakePlant, needed
 
 __all__ = ["STEP", "JsbsimPlanes", "planes"]
 
 STEP = 1.0 / 120.0
 """s, of JSBSim and of the autopilot."""
 
-SETTLE = 40.0
-"""s of straight flight before the first sample."""
+SETTLE = 60.0
+"""s of flight before the first sample."""
 
 AIRCRAFT, HEIGHT, FOOT, G = "c172p", 1000.0, 0.3048, 9.80665
 
@@ -47,25 +46,27 @@ THROTTLE_GAIN, THROTTLE_INTEGRAL = 0.20, 0.03
 class _Plane:
     """One aeroplane and its autopilot."""
 
-    def __init__(self, pose: Array, speed: float, wind: Array) -> None:
-        self._model = model = _trimmed(0.5 * math.pi - float(pose[2]), speed)
+    def __init__(self, pose: Array, command: Array, wind: Array) -> None:
+        speed, turn_rate = map(float, command)
+        begun = float(pose[2]) - SETTLE * turn_rate
+        self._model = model = _trimmed(0.5 * math.pi - begun, speed)
         self._throttle, self._pitch = model["fcs/throttle-cmd-norm"], model["attitude/theta-rad"]
         self._aileron = model["fcs/aileron-cmd-norm"]
         self._climb = 0.0
-        self._turned = self._yaw = self._reference = float(pose[2])
+        self.yaw = self._reference = begun
         self._place = np.zeros(2)
         self._speed = 0.0
         for _ in range(round(SETTLE / STEP)):
-            self._step(speed, 0.0, wind)
+            self._step(speed, turn_rate, wind)
         self._place = np.array(pose[:2])
 
-    def fly(self, speed: float, turn_rate: float, wind: Array, steps: int) -> tuple[float, ...]:
+    def fly(self, command: Array, wind: Array, steps: int) -> tuple[float, ...]:
         """Return x, y m and yaw rad after as many steps, and the mean air speed m/s."""
-        total = 0.0
+        (speed, turn_rate), total = map(float, command), 0.0
         for _ in range(steps):
             self._step(speed, turn_rate, wind)
             total += self._speed
-        return float(self._place[0]), float(self._place[1]), self._yaw, total / steps
+        return float(self._place[0]), float(self._place[1]), self.yaw, total / steps
 
     def _step(self, speed: float, turn_rate: float, wind: Array) -> None:
         model = self._model
@@ -78,16 +79,16 @@ class _Plane:
         after = np.array([model["velocities/v-east-fps"], model["velocities/v-north-fps"]])
         self._place += 0.5 * STEP * FOOT * (before + after)
         yaw = 0.5 * math.pi - model["attitude/psi-rad"]
-        self._yaw += math.remainder(yaw - self._yaw, 2.0 * math.pi)
+        self.yaw += math.remainder(yaw - self.yaw, 2.0 * math.pi)
         air = FOOT * after - wind
-        self._speed = float(air[0] * math.cos(self._yaw) + air[1] * math.sin(self._yaw))
+        self._speed = float(air[0] * math.cos(self.yaw) + air[1] * math.sin(self.yaw))
 
     def _turn(self, speed: float, turn_rate: float) -> None:
         """Bank for the turn, and for what the heading is behind."""
         model = self._model
         reference = self._reference + STEP * turn_rate
-        self._reference = min(max(reference, self._yaw - MOST_BEHIND), self._yaw + MOST_BEHIND)
-        rate = turn_rate + BEHIND * (self._reference - self._yaw)
+        self._reference = min(max(reference, self.yaw - MOST_BEHIND), self.yaw + MOST_BEHIND)
+        rate = turn_rate + BEHIND * (self._reference - self.yaw)
         # to the left, as turn rates are counted; JSBSim's bank and ailerons are to the right
         bank = -min(max(math.atan(speed * rate / G), -MOST_BANK), MOST_BANK)
         gain, damping = BANK_GAINS
@@ -117,37 +118,26 @@ class _Plane:
 class JsbsimPlanes:
     """k aeroplanes; see `tests.crosschecks.plants`."""
 
-    def __init__(self, poses: Array, speeds: Array, wind: Array, time: float) -> None:
+    def __init__(self, poses: Array, commands: Array, wind: Array, time: float) -> None:
         self._steps = round(time / STEP)
         if abs(self._steps * STEP - time) > 1e-9:
             raise ValueError(f"a sample of {time} s is not a whole number of steps of 1/120 s")
-        self._planes = [_Plane(*one) for one in zip(poses, speeds, wind, strict=True)]
-        self._yaw = np.array([plane._yaw for plane in self._planes])
+        self._planes = [_Plane(*one) for one in zip(poses, commands, wind, strict=True)]
+        self._yaw = np.array([plane.yaw for plane in self._planes])
 
-    def fly(self, speeds: Array, turn_rates: Array, wind: Array, disturbance: Array) -> Done:
+    def fly(self, commands: Array, wind: Array, disturbance: Array) -> Done:
         """Return what they do in the next sample, as Plant has it."""
-        given = zip(
-            self._planes,
-            speeds + disturbance[:, 0],
-            turn_rates + disturbance[:, 1],
-            wind,
-            strict=True,
-        )
-        rows = np.array([one.fly(v, w, air, self._steps) for one, v, w, air in given])
+        asked = zip(self._planes, commands + disturbance, wind, strict=True)
+        rows = np.array([one.fly(command, air, self._steps) for one, command, air in asked])
         turned, self._yaw = rows[:, 2] - self._yaw, rows[:, 2]
-        return Done(rows[:, :3], rows[:, 3], turned / (self._steps * STEP))
+        means = np.column_stack([rows[:, 3], turned / (self._steps * STEP)])
+        return Done(rows[:, :3], means)
 
 
-@dataclass(frozen=True, slots=True)
-class _Planes:
-    def __call__(self, poses: Array, speeds: Array, wind: Array, time: float) -> Plant:
-        return JsbsimPlanes(poses, speeds, wind, time)
-
-
-def planes() -> _Planes:
+def planes() -> MakePlant:
     """Return what makes aeroplanes; raises MissingPlantError where JSBSim is missing."""
     _jsbsim()
-    return _Planes()
+    return JsbsimPlanes
 
 
 def _jsbsim() -> Any:

@@ -58,7 +58,7 @@ class Multirotors:
         moments = turning @ self.inertia.T + np.cross(rates, rates @ self.inertia.T)
         squares = np.column_stack([thrusts, moments]) @ self.TM_to_f.T / self.k_eta
         speeds = np.sign(squares) * np.sqrt(np.abs(squares))
-        return np.clip(speeds, self.rotor_speed_min, self.rotor_speed_max)
+        return np.asarray(np.clip(speeds, self.rotor_speed_min, self.rotor_speed_max))
 
     def slope(self, state: Array, rotors: Array) -> Array:
         """Return the derivative (k, 20) of states by time at rotor speeds (k, 4) rad/s.

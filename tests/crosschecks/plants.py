@@ -22,32 +22,32 @@ class Done:
     Attributes
     ----------
     poses : (k, 3) m, m, rad at the sample's end
-    speeds, turn_rates : (k,) m/s through the air and rad/s, means over the sample
+    means : (k, 2) m/s through the air and rad/s, over the sample
     """
 
     poses: Array
-    speeds: Array
-    turn_rates: Array
+    means: Array
 
 
 class Plant(Protocol):
     """k vehicles."""
 
-    def fly(self, speeds: Array, turn_rates: Array, wind: Array, disturbance: Array) -> Done:
+    def fly(self, commands: Array, wind: Array, disturbance: Array) -> Done:
         """Return what they do in the next sample.
 
-        `speeds` (k,) m/s and `turn_rates` (k,) rad/s are commands, `wind` (k, 2) the air's velocity
-        in m/s. They fly `disturbance` (k, 2) m/s, rad/s more than they are commanded to, the same
-        through the sample.
+        `commands` (k, 2) are m/s, rad/s, `wind` (k, 2) is the air's velocity in m/s. They fly
+        `disturbance` (k, 2) more than they are commanded to, the same through the sample.
         """
 
 
 class MakePlant(Protocol):
     """What makes a plant."""
 
-    def __call__(self, poses: Array, speeds: Array, wind: Array, time: float) -> Plant:
-        """Return k vehicles at `poses` (k, 3), through the air at `speeds` (k,), for samples of
-        `time` s."""
+    def __call__(self, poses: Array, commands: Array, wind: Array, time: float) -> Plant:
+        """Return k vehicles at `poses` (k, 3), which have flown `commands` (k, 2) in `wind` (k, 2).
+
+        Their samples last `time` s.
+        """
 
 
 class MissingPlantError(Exception):

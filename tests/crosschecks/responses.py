@@ -12,7 +12,7 @@ from scipy.optimize import minimize_scalar
 
 from syncplan.arrays import Array
 from tests.crosschecks.plants import MakePlant
-from tests.crosschecks.unicycle_team import Lag, Response
+from tests.crosschecks.unicycle_team import Response
 
 __all__ = ["Steady", "Step", "StepResponse", "answer_to", "flown", "steady_errors"]
 
@@ -56,7 +56,7 @@ class StepResponse:
 
 @dataclass(frozen=True, slots=True)
 class Steady:
-    """Mean errors of a steady flight: m/s, rad/s, and m/s across the heading."""
+    """Mean errors of a steady flight: m/s, rad/s; and the rms velocity across the heading, m/s."""
 
     speed: float
     turn_rate: float
@@ -68,11 +68,11 @@ def flown(make: MakePlant, commands: Array, wind: Array, time: float) -> tuple[A
 
     `commands` is (steps, 2), `wind` (2,) m/s; samples last `time` s.
     """
-    plant = make(np.zeros((1, 3)), commands[:1, SPEED], wind[None], time)
+    plant = make(np.zeros((1, 3)), commands[:1], wind[None], time)
     done, poses, none = [], [], np.zeros((1, 2))
-    for speed, turn_rate in commands:
-        one = plant.fly(np.array([speed]), np.array([turn_rate]), wind[None], none)
-        done.append([one.speeds[0], one.turn_rates[0]])
+    for command in commands:
+        one = plant.fly(command[None], wind[None], none)
+        done.append(one.means[0])
         poses.append(one.poses[0])
     return np.array(done), np.array(poses)
 
@@ -86,8 +86,8 @@ def answer_to(make: MakePlant, step: Step, time: float) -> StepResponse:
     share = (found - low) / (high - low)
 
     def misfit(lag: float) -> float:
-        modelled = Response(np.zeros(1), Lag(lag, lag), time)
-        shares = [modelled.follow(np.ones((1, 2)))[0, SPEED] for _ in range(watched)]
+        modelled = Response(np.zeros((1, 2)), lag, time)
+        shares = [modelled.follow(np.ones((1, 2)))[0, 0] for _ in range(watched)]
         return float(np.sqrt(np.mean(np.square(share - shares))))
 
     best = minimize_scalar(misfit, bounds=(1e-3, step.watched), method="bounded")
@@ -95,18 +95,13 @@ def answer_to(make: MakePlant, step: Step, time: float) -> StepResponse:
 
 
 def steady_errors(
-    make: MakePlant,
-    command: tuple[float, float],
-    wind: Array,
-    time: float,
-    durations: tuple[float, float],
+    make: MakePlant, command: tuple[float, float], wind: Array, time: float, settled: float
 ) -> Steady:
-    """Return the mean errors of a steady circle, after the first of the durations in s.
+    """Return the mean errors of a circle in `wind` (2,) m/s, of which `settled` s are left out.
 
-    The second one is how long it is looked at. The slip is the rms difference of where the vehicle
-    moves through the air from where it heads, times its speed.
+    It is looked at for as long again.
     """
-    settle, watched = (round(one / time) for one in durations)
+    settle = watched = round(settled / time)
     done, poses = flown(make, np.tile(command, (settle + watched, 1)), wind, time)
     error = (done - command)[settle:].mean(axis=0)
     way = np.diff(poses[settle - 1 :], axis=0)[:, :2] / time - wind

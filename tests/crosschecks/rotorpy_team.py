@@ -7,7 +7,6 @@ simulator with aerodynamics for education and research", 2023). They are command
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,7 @@ from tests.crosschecks.multirotor_lanes import (
     attitude_of,
     multirotors_of,
 )
-from tests.crosschecks.plants import Done, Plant, needed
+from tests.crosschecks.plants import Done, MakePlant, Plant, needed
 from tests.crosschecks.velocity_loop import ALIGNED, LoopGains, VelocityLoop, yaw_of
 
 __all__ = ["STEP", "Mover", "RotorPyTeam", "hummingbird", "hummingbirds", "own_steps"]
@@ -75,7 +74,7 @@ class RotorPyTeam:
         self,
         vehicles: Multirotors,
         poses: Array,
-        speeds: Array,
+        commands: Array,
         wind: Array,
         time: float,
         *,
@@ -85,7 +84,7 @@ class RotorPyTeam:
         k = len(poses)
         self.state = np.zeros((k, 20))
         self.state[:, :2], self.state[:, 2] = poses[:, :2], HEIGHT
-        self.state[:, 3:5] = speeds[:, None] * unit(poses[:, 2]) + wind
+        self.state[:, 3:5] = commands[:, :1] * unit(poses[:, 2]) + wind
         self.state[:, 8], self.state[:, 9] = np.sin(0.5 * poses[:, 2]), np.cos(0.5 * poses[:, 2])
         self.state[:, ROTORS] = np.sqrt(vehicles.mass * vehicles.g / (4.0 * vehicles.k_eta))
         self._loop = VelocityLoop(vehicles, gains, np.full(k, HEIGHT), poses[:, 2])
@@ -100,14 +99,14 @@ class RotorPyTeam:
         self.slipped = np.zeros(k)
         """m/s, mean velocity through the air across the heading in the last sample."""
 
-    def fly(self, speeds: Array, turn_rates: Array, wind: Array, disturbance: Array) -> Done:
+    def fly(self, commands: Array, wind: Array, disturbance: Array) -> Done:
         """Return what they do in the next sample, as Plant has it."""
-        asked = np.column_stack([speeds, turn_rates]) + disturbance
+        asked = commands + disturbance
         self.state[:, WIND][:, :2] = wind
-        begun, flown = self._yaw, np.zeros((len(speeds), 2))
+        begun, flown = self._yaw, np.zeros((len(commands), 2))
         before = self._through_air()
         for _ in range(self._steps):
-            demanded = self._loop.demand(self.state, self._yaw, asked[:, 0], asked[:, 1], STEP)
+            demanded = self._loop.demand(self.state, self._yaw, asked, STEP)
             self.state = self._mover(self.state, *demanded)
             self._yaw = yaw_of(attitude_of(self.state[:, ATTITUDE]), self._yaw)
             after = self._through_air()
@@ -115,7 +114,8 @@ class RotorPyTeam:
             before = after
         self.slipped = flown[:, 1]
         poses = np.column_stack([self.state[:, PLACE][:, :2], self._yaw])
-        return Done(poses, flown[:, 0], (self._yaw - begun) / (self._steps * STEP))
+        turned = (self._yaw - begun) / (self._steps * STEP)
+        return Done(poses, np.column_stack([flown[:, 0], turned]))
 
     def _through_air(self) -> Array:
         """(k, 2) m/s, velocity through the air along the heading and to its left."""
@@ -124,15 +124,11 @@ class RotorPyTeam:
         return np.column_stack([c * air[:, 0] + s * air[:, 1], c * air[:, 1] - s * air[:, 0]])
 
 
-@dataclass(frozen=True, slots=True)
-class _Hummingbirds:
-    gains: LoopGains = ALIGNED
-    vehicles: Multirotors = field(default_factory=lambda: multirotors_of(hummingbird()))
-
-    def __call__(self, poses: Array, speeds: Array, wind: Array, time: float) -> Plant:
-        return RotorPyTeam(self.vehicles, poses, speeds, wind, time, gains=self.gains)
-
-
-def hummingbirds(gains: LoopGains = ALIGNED) -> _Hummingbirds:
+def hummingbirds(gains: LoopGains = ALIGNED) -> MakePlant:
     """Return what makes Hummingbirds; raises MissingPlantError where RotorPy is missing."""
-    return replace(_Hummingbirds(), gains=gains)
+    vehicles = multirotors_of(hummingbird())
+
+    def made(poses: Array, commands: Array, wind: Array, time: float) -> Plant:
+        return RotorPyTeam(vehicles, poses, commands, wind, time, gains=gains)
+
+    return made

@@ -7,39 +7,26 @@ arc at the response's mean, over ground moved by T times the wind:
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.estimation.reference_filter import displacement
-from tests.crosschecks.plants import Done, Plant
+from tests.crosschecks.plants import Done, MakePlant, Plant
 
-__all__ = ["STILL", "Lag", "Response", "UnicycleTeam", "unicycles"]
-
-
-@dataclass(frozen=True, slots=True)
-class Lag:
-    """Time constants in s of a vehicle's response in speed and in turn rate; 0 is at once."""
-
-    speed: float = 0.0
-    turn_rate: float = 0.0
-
-
-STILL = Lag()
+__all__ = ["Response", "UnicycleTeam", "unicycles"]
 
 
 class Response:
-    """What k vehicles without noise make of their commands."""
+    """What vehicles without noise make of commands (..., 2) m/s, rad/s; the first are obeyed."""
 
-    def __init__(self, speeds: Array, lag: Lag, time: float) -> None:
-        self._now = np.column_stack([speeds, np.zeros_like(speeds)])
-        lags = np.array([lag.speed, lag.turn_rate])
-        self._left = np.array([math.exp(-time / one) if one > 0.0 else 0.0 for one in lags])
-        self._mean = (1.0 - self._left) * lags / time
+    def __init__(self, commands: Array, lag: float, time: float) -> None:
+        self._now = commands.copy()
+        self._left = math.exp(-time / lag) if lag > 0.0 else 0.0
+        self._mean = (1.0 - self._left) * lag / time
 
     def follow(self, commands: Array) -> Array:
-        """Return the mean response (k, 2) m/s, rad/s over a sample of commands (k, 2)."""
+        """Return the mean response (..., 2) over a sample."""
         off = self._now - commands
         self._now = commands + self._left * off
         return np.asarray(commands + self._mean * off)
@@ -48,29 +35,24 @@ class Response:
 class UnicycleTeam:
     """k unicycles; see `tests.crosschecks.plants`."""
 
-    def __init__(self, poses: Array, speeds: Array, lag: Lag, time: float) -> None:
+    def __init__(self, poses: Array, commands: Array, lag: float, time: float) -> None:
         self._poses = poses.copy()
-        self._response = Response(speeds, lag, time)
+        self._response = Response(commands, lag, time)
         self._time = time
 
-    def fly(self, speeds: Array, turn_rates: Array, wind: Array, disturbance: Array) -> Done:
+    def fly(self, commands: Array, wind: Array, disturbance: Array) -> Done:
         """Return what they do in the next sample, as Plant has it."""
-        mean = self._response.follow(np.column_stack([speeds, turn_rates])) + disturbance
-        done, turned = mean[:, 0], mean[:, 1]
-        way = displacement(self._poses[:, 2], done, turned, self._time)
+        mean = self._response.follow(commands) + disturbance
+        way = displacement(self._poses[:, 2], mean[:, 0], mean[:, 1], self._time)
         self._poses[:, :2] += way + self._time * wind
-        self._poses[:, 2] += self._time * turned
-        return Done(self._poses.copy(), done, turned)
+        self._poses[:, 2] += self._time * mean[:, 1]
+        return Done(self._poses.copy(), mean)
 
 
-def unicycles(lag: Lag = STILL) -> "_Unicycles":
-    """Return what makes unicycles of a lag."""
-    return _Unicycles(lag)
+def unicycles(lag: float = 0.0) -> MakePlant:
+    """Return what makes unicycles that lag so many s."""
 
+    def made(poses: Array, commands: Array, wind: Array, time: float) -> Plant:
+        return UnicycleTeam(poses, commands, lag, time)
 
-@dataclass(frozen=True, slots=True)
-class _Unicycles:
-    lag: Lag
-
-    def __call__(self, poses: Array, speeds: Array, wind: Array, time: float) -> Plant:
-        return UnicycleTeam(poses, speeds, self.lag, time)
+    return made

@@ -69,13 +69,12 @@ class VelocityLoop:
         self._rotor_drag = 4.0 * hover * float(vehicles.rotor_drag_matrix[0, 0])
         self._body_drag = float(vehicles.drag_matrix[0, 0])
 
-    def demand(
-        self, state: Array, yaw: Array, speeds: Array, turn_rates: Array, time: float
-    ) -> tuple[Array, Array]:
+    def demand(self, state: Array, yaw: Array, commands: Array, time: float) -> tuple[Array, Array]:
         """Return thrusts (k,) N and attitudes (k, 3, 3) to be held for `time` s.
 
-        `yaw` (k,) rad is that of `state`, `speeds` (k,) m/s and `turn_rates` (k,) rad/s commands.
+        `yaw` (k,) rad is that of `state`; `commands` (k, 2) are m/s, rad/s.
         """
+        speeds, turn_rates = commands.T
         gains, mass = self._gains, self._vehicles.mass
         ahead, air = unit(yaw), (state[:, VELOCITY] - state[:, WIND])[:, :2]
         off = speeds[:, None] * ahead - air

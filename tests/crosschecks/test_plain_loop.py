@@ -1,0 +1,65 @@
+"""The plain loop against what `fly` flies, and unicycles against what they are commanded to do."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from syncplan.estimation.augmented_setup import empty_augmented_statistics
+from syncplan.estimation.filter_statistics import empty_series
+from syncplan.flight.flown_lanes import FlownLanes
+from syncplan.flight.flown_team import FlownTeam
+from syncplan.flight.keyed_noise import key_of, normal_pair, words_at
+from tests.crosschecks.closed_loop import fly, normal_of
+from tests.crosschecks.courses import AIRS, COURSES, READINGS, Flying, flown_of
+from tests.crosschecks.responses import Step, answer_to, steady_errors
+from tests.crosschecks.unicycle_team import Response, unicycles
+
+TRIALS = 2
+LAG = 0.17
+
+
+def flown_by_kernels(flown: FlownTeam) -> FlownLanes:
+    n, e = flown.team.count, len(flown.layout.sigmas)
+    series = empty_series(n, flown.steps, wanted=False), np.zeros((0, e, 3))
+    lanes = FlownLanes.begun(flown, range(TRIALS), empty_augmented_statistics(n, e, TRIALS, series))
+    lanes.advance(flown.steps)
+    return lanes
+
+
+@pytest.mark.parametrize("readings", READINGS)
+@pytest.mark.parametrize("air", AIRS)
+def test_what_is_flown_is_what_the_plain_loop_flies(air: str, readings: str) -> None:
+    course = replace(COURSES["grid"], duration=25.0)
+    how = Flying(air, readings, LAG, course.duration, TRIALS, seed=3)
+    flown = flown_of(course, course.plan(), how)
+    kernels, plain = flown_by_kernels(flown), fly(flown, TRIALS, LAG, unicycles(LAG))
+    path = np.moveaxis(kernels.flown.path, -1, 1)
+    np.testing.assert_allclose(path, plain.path, rtol=0.0, atol=1e-9)
+    used = kernels.run.readings.sightings[: kernels.flown.places[1]]
+    np.testing.assert_array_equal(np.isfinite(used).sum(axis=0), plain.sightings)
+
+
+def test_the_noise_of_a_bearing_is_that_of_the_kernels() -> None:
+    key = key_of(5, 2)
+    for sighted in [(1, 0, 1), (2, 3, 0), (4000, 5, 7)]:
+        words = words_at(key, *sighted)
+        assert normal_of(key, *sighted) == pytest.approx(
+            normal_pair(words[0], words[1])[0], abs=1e-14
+        )
+
+
+def test_the_mean_response_is_that_of_small_steps() -> None:
+    commands, time, small = np.array([[1.0, -2.0]]), 0.1, 10_000
+    whole, parts = Response(np.zeros((1, 2)), 0.3, time), Response(np.zeros((1, 2)), 0.3, 1e-5)
+    mean = np.mean([parts.follow(commands) for _ in range(small)], axis=0)
+    np.testing.assert_allclose(whole.follow(commands), mean, rtol=1e-9)
+
+
+def test_unicycles_have_no_errors_on_circles_and_the_lag_that_they_are_given() -> None:
+    steady = steady_errors(unicycles(LAG), (4.0, 0.2), np.array([1.0, -2.0]), 0.1, 10.0)
+    assert max(abs(steady.speed), abs(steady.turn_rate), steady.slip) < 1e-9
+    for after in ((4.5, 0.2), (4.0, 0.0)):
+        answer = answer_to(unicycles(LAG), Step((4.0, 0.2), after, 5.0, 5.0), 0.1)
+        assert answer.lag == pytest.approx(LAG, abs=1e-4)
+        assert answer.misfit < 1e-5
