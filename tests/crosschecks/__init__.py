@@ -7,9 +7,13 @@ unicycle_team     the simple model of flight, an independent loop in plain NumPy
 multirotor_lanes  RotorPy's multirotor for many vehicles at once
 velocity_loop     from air speed and turn rate to thrust and attitude
 rotorpy_team      multirotors of RotorPy
-jsbsim_planes     an aeroplane of JSBSim
+jsbsim_planes     aeroplanes of JSBSim
 responses         systematic errors and lags of a plant
+known_plants      the plants that can be flown
+courses           what is flown
 tracking          commands from estimates
 closed_loop       vehicles that steer by what a filter estimates
-check_plants      the script: two plants under the same noise
+kernel_flights    what syncplan.flight itself flies
+comparisons       two flights under the same noise, side by side
+check_plants      the script
 """

@@ -4,9 +4,9 @@
         [--readings NAME ...] [--duration S]
 
 Part of `make check-all`. A plan is flown in closed loop twice under the same noise: by the simple
-model, and by a plant. Fails where errors differ by more than 10 %, the least separation by more
-than a tenth of the radius, sightings by more than 3 %, or not as many trials are lost. Commanded
-readings show what a lag costs that is not quite the model's, and a plant that is not aligned with
+model of syncplan.flight, and by a plant. Fails where errors differ by more than 10 %, the least
+separation by more than a tenth of the radius, sightings by more than 3 %, or not as many trials are
+lost. Commanded readings show what a lag costs that is not quite the model's, and a plant that is not aligned with
 its commands what that costs: of both, nothing fails.
 """
 
@@ -21,10 +21,10 @@ import numpy as np
 from tests.crosschecks.closed_loop import fly
 from tests.crosschecks.comparisons import HEAD, compared, summary_of
 from tests.crosschecks.courses import AIRS, COURSES, READINGS, Flying, flown_of
+from tests.crosschecks.kernel_flights import summary_of_kernels
 from tests.crosschecks.known_plants import PLANTS, Known
 from tests.crosschecks.plants import MakePlant
 from tests.crosschecks.responses import answer_to, steady_errors
-from tests.crosschecks.unicycle_team import unicycles
 
 __all__ = ["Wanted", "check", "main", "show_responses"]
 
@@ -74,10 +74,9 @@ def check(name: str, wanted: Wanted) -> bool:
             duration = wanted.duration or COURSES[course].duration
             how = Flying(air, readings, known.lag, duration, wanted.trials, wanted.seed)
             flown, begun = flown_of(COURSES[course], made, how), time.monotonic()
-            model, plant = (
-                summary_of(fly(flown, wanted.trials, known.lag, one), made.orbits, known.sample)
-                for one in (unicycles(known.lag), make)
-            )
+            model = summary_of_kernels(flown, wanted.trials)
+            flight = fly(flown, wanted.trials, known.lag, make)
+            plant = summary_of(flight, made.orbits, known.sample)
             found = compared(model, plant, float(made.orbits.radii.mean()))
             agree &= found.agrees or readings != HELD_TO
             took = time.monotonic() - begun

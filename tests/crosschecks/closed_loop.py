@@ -8,8 +8,10 @@ where both see the same.
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from syncplan.arrays import Array, Flags
 from syncplan.errors import InputError
@@ -28,7 +30,7 @@ from syncplan.orbits.error_states import layout_of
 from syncplan.orbits.sightings import Sightings
 from syncplan.orbits.team import Team
 from tests.crosschecks.plants import MakePlant
-from tests.crosschecks.tracking import TrackingLaw
+from tests.crosschecks.tracking import TrackingLaw, moved_circles
 from tests.crosschecks.unicycle_team import Response
 
 __all__ = ["Flight", "fly", "normal_of"]
@@ -50,7 +52,7 @@ class Flight:
     sightings: Array
 
 
-def normal_of(key: Array, step: int, observer: int, target: int) -> float:
+def normal_of(key: NDArray[Any], step: int, observer: int, target: int) -> float:
     """Return the standard normal number of a bearing in the trial of a key (2,), at a step >= 1."""
     counter = [step - 1, observer, target, 0]
     words = np.random.Philox(key=key.astype(np.uint64), counter=counter).random_raw(2)
@@ -98,6 +100,7 @@ class _Pilots:
         further = np.zeros(len(self._setup.variances))
         self._states = np.array([np.concatenate([one.ravel(), further]) for one in poses])
         self._covariances = [covariance_at_start(self._setup) for _ in poses]
+        self._moved = np.zeros_like(poses[..., :2])
         orbits = flown.team.orbits
         plan = np.tile(np.column_stack([orbits.speeds, orbits.turn_rates]), (len(poses), 1, 1))
         self._response, self.expected = Response(plan, lag, flown.setup.time), plan
@@ -113,13 +116,15 @@ class _Pilots:
         columns = self._setup.columns
         errors = np.where(columns >= 0, self._states[:, columns], 0.0)
         time = step * self._flown.setup.time
-        commands = self._law.commands(time, self.poses, errors[..., :2] + errors[..., 5:])
+        wind = errors[..., :2] + errors[..., 5:]
+        commands = self._law.commands(time, self.poses, wind, self._moved)
         self.expected = self._response.follow(commands)
         return commands.reshape(-1, 2)
 
     def estimate(self, step: int, motion: Array, true: Array) -> Array:
         """Return the number of sightings (trials,) by which the estimates were corrected."""
-        sensors, counts = self._flown.team.sensors, np.zeros(len(motion))
+        sensors, steering = self._flown.team.sensors, self._flown.setup.steering
+        counts = np.zeros(len(motion))
         for trial, poses in enumerate(true):
             state, P = self._states[trial], self._covariances[trial]
             speeds, turn_rates = motion[trial].T
@@ -133,6 +138,8 @@ class _Pilots:
                 )
             self._states[trial], self._covariances[trial] = state, 0.5 * (P + P.T)
             counts[trial] = seen.sum()
+            if step % steering.look_every == 0:
+                self._moved[trial] = moved_circles(steering, self._setup, P)
         return counts
 
 

@@ -8,7 +8,7 @@ from syncplan.arrays import Array
 from syncplan.orbits.circles import Orbits, position
 from tests.crosschecks.closed_loop import Flight
 
-__all__ = ["HEAD", "Comparison", "Summary", "compared", "summary_of"]
+__all__ = ["HEAD", "Comparison", "Summary", "compared", "kept_of", "summary_of"]
 
 MOST_ERROR = 0.10
 MOST_SEPARATION = 0.1
@@ -88,19 +88,23 @@ HEAD = (
 """Of a table of comparisons."""
 
 
-def summary_of(flight: Flight, orbits: Orbits, time: float) -> Summary:
-    """Return the figures of a flight whose samples last `time` s."""
-    places = flight.path[..., :2]
+def kept_of(path: Array, orbits: Orbits, time: float) -> tuple[Array, Array]:
+    """Return tracking rms and least separation (trials,) m of a path (steps + 1, trials, n, 3).
+
+    Samples last `time` s.
+    """
+    places = path[..., :2]
     plan = position(orbits, time * np.arange(len(places)))[:, None]
     a, b = np.triu_indices(orbits.count, 1)
     apart = np.linalg.norm(places[:, :, a] - places[:, :, b], axis=-1)
-    late = (len(places) - 1) // 2 + 1
-    return Summary(
-        estimation=_rms((flight.estimates[..., :2] - places)[late:]),
-        tracking=_rms((places - plan)[late:]),
-        separation=apart.min(axis=(0, 2)),
-        sightings=flight.sightings,
-    )
+    return _late_rms(places - plan), apart.min(axis=(0, 2))
+
+
+def summary_of(flight: Flight, orbits: Orbits, time: float) -> Summary:
+    """Return the figures of a flight whose samples last `time` s."""
+    tracking, separation = kept_of(flight.path, orbits, time)
+    estimation = _late_rms((flight.estimates - flight.path)[..., :2])
+    return Summary(estimation, tracking, separation, flight.sightings)
 
 
 def compared(model: Summary, plant: Summary, radius: float) -> Comparison:
@@ -127,6 +131,7 @@ def compared(model: Summary, plant: Summary, radius: float) -> Comparison:
     )
 
 
-def _rms(errors: Array) -> Array:
-    """(trials,) of errors (steps, trials, n, 2)."""
-    return np.asarray(np.sqrt(np.mean(np.sum(errors**2, axis=-1), axis=(0, 2))))
+def _late_rms(errors: Array) -> Array:
+    """(trials,) over vehicles and the second half, of errors (steps + 1, trials, n, 2)."""
+    late = (len(errors) - 1) // 2 + 1
+    return np.asarray(np.sqrt(np.mean(np.sum(errors[late:] ** 2, axis=-1), axis=(0, 2))))

@@ -5,26 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from syncplan.estimation.augmented_setup import empty_augmented_statistics
-from syncplan.estimation.filter_statistics import empty_series
-from syncplan.flight.flown_lanes import FlownLanes
-from syncplan.flight.flown_team import FlownTeam
 from syncplan.flight.keyed_noise import key_of, normal_pair, words_at
 from tests.crosschecks.closed_loop import fly, normal_of
+from tests.crosschecks.comparisons import summary_of
 from tests.crosschecks.courses import AIRS, COURSES, READINGS, Flying, flown_of
+from tests.crosschecks.kernel_flights import flown_by_kernels, summary_of_kernels
 from tests.crosschecks.responses import Step, answer_to, steady_errors
 from tests.crosschecks.unicycle_team import Response, unicycles
 
 TRIALS = 2
 LAG = 0.17
-
-
-def flown_by_kernels(flown: FlownTeam) -> FlownLanes:
-    n, e = flown.team.count, len(flown.layout.sigmas)
-    series = empty_series(n, flown.steps, wanted=False), np.zeros((0, e, 3))
-    lanes = FlownLanes.begun(flown, range(TRIALS), empty_augmented_statistics(n, e, TRIALS, series))
-    lanes.advance(flown.steps)
-    return lanes
 
 
 @pytest.mark.parametrize("readings", READINGS)
@@ -33,11 +23,14 @@ def test_what_is_flown_is_what_the_plain_loop_flies(air: str, readings: str) -> 
     course = replace(COURSES["grid"], duration=25.0)
     how = Flying(air, readings, LAG, course.duration, TRIALS, seed=3)
     flown = flown_of(course, course.plan(), how)
-    kernels, plain = flown_by_kernels(flown), fly(flown, TRIALS, LAG, unicycles(LAG))
+    kernels, _ = flown_by_kernels(flown, TRIALS)
+    plain = fly(flown, TRIALS, LAG, unicycles(LAG))
     path = np.moveaxis(kernels.flown.path, -1, 1)
     np.testing.assert_allclose(path, plain.path, rtol=0.0, atol=1e-9)
-    used = kernels.run.readings.sightings[: kernels.flown.places[1]]
-    np.testing.assert_array_equal(np.isfinite(used).sum(axis=0), plain.sightings)
+    theirs = summary_of_kernels(flown, TRIALS)
+    ours = summary_of(plain, flown.team.orbits, flown.setup.time)
+    for name in ("estimation", "tracking", "separation", "sightings"):
+        np.testing.assert_allclose(getattr(theirs, name), getattr(ours, name), rtol=1e-9)
 
 
 def test_the_noise_of_a_bearing_is_that_of_the_kernels() -> None:

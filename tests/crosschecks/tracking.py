@@ -6,17 +6,23 @@ With p and V the plan's place and velocity, p^ and psi^ the estimates, w^ that o
     v = |u| cos(psi_u - psi^)                             air speed
     w = rate of turn of (V - w^) + k_psi (psi_u - psi^)   turn rate
 
-within the vehicles' limits. Circles stay where the plan has them.
+within the vehicles' limits. A circle moves to its anchor by what four standard deviations of the
+distance between them, `lead` s from now, are over the slack of their meeting.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from syncplan.arrays import Array
+from syncplan.estimation.augmented_setup import AugmentedSetup
+from syncplan.flight.flight_setup import Steering
 from syncplan.orbits.circles import Orbits, cross, dot, perpendicular, phase, position, unit, wrap
 
-__all__ = ["TrackingLaw"]
+__all__ = ["TrackingLaw", "moved_circles"]
+
+SIGMAS = 4.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,12 +44,15 @@ class TrackingLaw:
     least: Array
     most: Array
 
-    def commands(self, time: float, poses: Array, wind: Array) -> Array:
-        """Return (trials, n, 2) m/s, rad/s from estimates (trials, n, 3) and (trials, n, 2)."""
+    def commands(self, time: float, poses: Array, wind: Array, moved: Array) -> Array:
+        """Return (trials, n, 2) m/s, rad/s from estimates (trials, n, 3) and (trials, n, 2).
+
+        `moved` (trials, n, 2) m is by how much circles are moved.
+        """
         orbits = self.orbits
         ahead = perpendicular(unit(phase(orbits, time)))
         velocity = (orbits.senses * orbits.speeds)[:, None] * ahead
-        back = self.place_gain * (position(orbits, time) - poses[..., :2])
+        back = self.place_gain * (position(orbits, time) + moved - poses[..., :2])
         size = np.maximum(np.linalg.norm(back, axis=-1), 1e-12)
         back *= np.minimum(1.0, self.closing / size)[..., None]
         free = velocity - wind
@@ -54,3 +63,26 @@ class TrackingLaw:
         turn_rates = turning + self.heading_gain * turn
         commands = np.stack([speeds, turn_rates], axis=-1)
         return np.asarray(np.clip(commands, self.least, self.most))
+
+
+def moved_circles(steering: Steering, setup: AugmentedSetup, P: Array) -> Array:
+    """Return (n, 2) m, by how much circles are moved at a covariance P of the state."""
+    columns, lead = setup.columns, steering.lead
+    moved = np.zeros((len(columns), 2))
+    for i in steering.order.tolist():
+        anchor, toward = int(steering.anchors[i]), steering.toward[i]
+        if anchor < 0:
+            continue
+        h = np.zeros(len(P))
+        for k, sign in ((i, 1.0), (anchor, -1.0)):
+            if k < len(columns):
+                h[3 * k : 3 * k + 2] = sign * toward
+                if columns[k, 5] >= 0:
+                    h[columns[k, 5:]] = sign * lead * toward
+        # two vehicles drift alike with the wind, a landmark does not
+        if anchor >= len(columns) and columns[i, 0] >= 0:
+            h[columns[i, :2]] = lead * toward
+        missing = SIGMAS * math.sqrt(max(float(h @ P @ h), 0.0)) - steering.slacks[i]
+        along = moved[anchor] if anchor < len(columns) else np.zeros(2)
+        moved[i] = along + min(max(missing, 0.0), steering.most[i]) * toward
+    return moved
