@@ -6,8 +6,8 @@
 Part of `make check-all`. A plan is flown in closed loop twice under the same noise: by the simple
 model of syncplan.flight, and by a plant. Fails where errors differ by more than 10 %, the least
 separation by more than a tenth of the radius, sightings by more than 3 %, or not as many trials are
-lost. Commanded readings show what a lag costs that is not quite the model's, and a plant that is not aligned with
-its commands what that costs: of both, nothing fails.
+lost. Commanded readings show what it costs that a lag is not quite the model's, and the plant that
+droops what it costs that speeds are not those commanded: of both, nothing fails.
 """
 
 import argparse
