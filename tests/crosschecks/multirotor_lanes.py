@@ -1,10 +1,11 @@
-"""RotorPy's multirotor for many vehicles at once in NumPy: the same equations, 50 times as fast.
+"""RotorPy's multirotor for many vehicles at once in NumPy: the same equations, much faster.
 
 `rotorpy.vehicles.multirotor.Multirotor` steps one vehicle by SciPy's adaptive RK45, 26 evaluations
 and 2 ms for a step of 0.01 s. Here its control of attitude and its derivative are written for lanes
-of vehicles, and a step is one of RK4 in which the rotors, a linear lag of their own, are exact.
-What a vehicle weighs and how it drags are read from a Multirotor. tests.crosschecks.check_plants
-compares both: derivatives to rounding, steps as RotorPy takes them with tight tolerances.
+of vehicles, and a step is one of RK4 in which the rotors, a linear lag of their own, are exact: 60
+vehicles take 0.7 ms. What a vehicle weighs and how it drags are read from a Multirotor.
+tests.crosschecks.test_others holds both to each other: derivatives to rounding, flights of seconds
+to 0.1 mm.
 
 A state is a row of RotorPy's own order: place 0:3, velocity 3:6, attitude 6:10 as a quaternion
 x, y, z, w, body rates 10:13, wind 13:16, rotor speeds 16:20; z is up.
