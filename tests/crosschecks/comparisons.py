@@ -26,12 +26,13 @@ class Summary:
     Attributes
     ----------
     estimation, tracking : (trials,) m, rms over vehicles and the second half
-    separation : (trials,) m, least
+    starting, separation : (trials,) m, least in the first period, and from then on
     sightings : (trials,)
     """
 
     estimation: Array
     tracking: Array
+    starting: Array
     separation: Array
     sightings: Array
 
@@ -41,12 +42,14 @@ class Comparison:
     """A plant beside the model, each pair the model's figure and the plant's.
 
     Errors and separations are of the trials that neither lost: one is lost where the error of its
-    estimates is over LOST times the median of the model's.
+    estimates is over LOST times the median of the model's. Plants are held to separations after the
+    first period. In it vehicles turn round at their limits, slowly, to reach places that they were
+    drawn far from, in wind that they do not know: a moment's difference decides which way.
 
     Attributes
     ----------
     estimation, tracking : m, rms
-    separation : m, least
+    starting, separation : m, least in the first period, and from then on
     sightings : of all trials
     lost : trials
     widest : m, m, largest difference of a trial's estimation rms, and of its separation
@@ -55,6 +58,7 @@ class Comparison:
 
     estimation: tuple[float, float]
     tracking: tuple[float, float]
+    starting: tuple[float, float]
     separation: tuple[float, float]
     sightings: tuple[float, float]
     lost: tuple[int, int]
@@ -73,38 +77,41 @@ class Comparison:
     def line(self) -> str:
         """Return the figures as a line of a table below HEAD."""
         pairs = [f"{a:8.3f}{b:8.3f}{b / a:7.3f}" for a, b in (self.estimation, self.tracking)]
-        a, b = self.separation
+        apart = "".join(f"{a:8.2f}{b:7.2f}" for a, b in (self.starting, self.separation))
         seen, more = self.sightings
         return (
-            f"{''.join(pairs)}{a:8.2f}{b:7.2f}{seen:9.0f}{more / seen:7.3f}"
+            f"{''.join(pairs)}{apart}{seen:9.0f}{more / seen:7.3f}"
             f"{self.lost[0]:5}{self.lost[1]:3}{self.widest[0]:9.3f}{self.widest[1]:7.2f}"
             f"  {'agrees' if self.agrees else 'DIFFERS'}"
         )
 
 
 HEAD = (
-    "  estimation m    ratio   tracking m    ratio  separation m  sightings    lost   widest m    m"
+    "  estimation m    ratio   tracking m    ratio   first period m     after it m"
+    "  sightings  ratio   lost   widest m    m"
 )
 """Of a table of comparisons."""
 
 
-def kept_of(path: Array, orbits: Orbits, time: float) -> tuple[Array, Array]:
-    """Return tracking rms and least separation (trials,) m of a path (steps + 1, trials, n, 3).
+def kept_of(path: Array, orbits: Orbits, time: float) -> tuple[Array, Array, Array]:
+    """Return tracking, starting and separation, as Summary has them, of a path.
 
-    Samples last `time` s.
+    `path` is (steps + 1, trials, n, 3), samples last `time` s.
     """
     places = path[..., :2]
     plan = position(orbits, time * np.arange(len(places)))[:, None]
     a, b = np.triu_indices(orbits.count, 1)
     apart = np.linalg.norm(places[:, :, a] - places[:, :, b], axis=-1)
-    return _late_rms(places - plan), apart.min(axis=(0, 2))
+    nearest, settled = apart.min(axis=2), round(orbits.period / time)
+    later = nearest[settled:].min(axis=0, initial=np.inf)
+    return _late_rms(places - plan), nearest[:settled].min(axis=0), later
 
 
 def summary_of(flight: Flight, orbits: Orbits, time: float) -> Summary:
     """Return the figures of a flight whose samples last `time` s."""
-    tracking, separation = kept_of(flight.path, orbits, time)
+    kept = kept_of(flight.path, orbits, time)
     estimation = _late_rms((flight.estimates - flight.path)[..., :2])
-    return Summary(estimation, tracking, separation, flight.sightings)
+    return Summary(estimation, *kept, flight.sightings)
 
 
 def compared(model: Summary, plant: Summary, radius: float) -> Comparison:
@@ -120,6 +127,7 @@ def compared(model: Summary, plant: Summary, radius: float) -> Comparison:
     return Comparison(
         estimation=(rms(model.estimation), rms(plant.estimation)),
         tracking=(rms(model.tracking), rms(plant.tracking)),
+        starting=(float(model.starting[kept].min()), float(plant.starting[kept].min())),
         separation=(float(model.separation[kept].min()), float(plant.separation[kept].min())),
         sightings=(float(model.sightings.sum()), float(plant.sightings.sum())),
         lost=(int(lost[0].sum()), int(lost[1].sum())),

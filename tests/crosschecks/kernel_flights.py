@@ -25,8 +25,8 @@ def summary_of_kernels(flown: FlownTeam, trials: int) -> Summary:
     """Return the figures of the first trials of a team."""
     lanes, statistics = flown_by_kernels(flown, trials)
     path = np.moveaxis(lanes.flown.path, -1, 1)
-    tracking, separation = kept_of(path, flown.team.orbits, flown.setup.time)
+    kept = kept_of(path, flown.team.orbits, flown.setup.time)
     late = flown.steps - flown.steps // 2
     squares = statistics.poses.late_squares[:, :2].sum(axis=1).mean(axis=0) / late
     sighted = np.isfinite(lanes.run.readings.sightings[: lanes.flown.places[1]])
-    return Summary(np.sqrt(squares), tracking, separation, sighted.sum(axis=0).astype(float))
+    return Summary(np.sqrt(squares), *kept, sighted.sum(axis=0).astype(float))

@@ -29,7 +29,7 @@ def test_what_is_flown_is_what_the_plain_loop_flies(air: str, readings: str) -> 
     np.testing.assert_allclose(path, plain.path, rtol=0.0, atol=1e-9)
     theirs = summary_of_kernels(flown, TRIALS)
     ours = summary_of(plain, flown.team.orbits, flown.setup.time)
-    for name in ("estimation", "tracking", "separation", "sightings"):
+    for name in ("estimation", "tracking", "starting", "sightings"):
         np.testing.assert_allclose(getattr(theirs, name), getattr(ours, name), rtol=1e-9)
 
 
