@@ -41,7 +41,7 @@ class Summary:
 class Comparison:
     """A plant beside the model, each pair the model's figure and the plant's.
 
-    Errors and separations are of the trials that neither lost: one is lost where the error of its
+    Errors and separations are of the trials that neither lost, of all if there are none: one is lost where the error of its
     estimates is over LOST times the median of the model's. Plants are held to separations after the
     first period. In it vehicles turn round at their limits, slowly, to reach places that they were
     drawn far from, in wind that they do not know: a moment's difference decides which way.
@@ -120,6 +120,8 @@ def compared(model: Summary, plant: Summary, radius: float) -> Comparison:
     most = LOST * float(np.median(model.estimation))
     lost = [one.estimation > most for one in both]
     kept = ~(lost[0] | lost[1])
+    if not kept.any():
+        kept[:] = True
 
     def rms(errors: Array) -> float:
         return float(np.sqrt(np.mean(errors[kept] ** 2)))
