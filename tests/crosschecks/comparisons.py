@@ -41,10 +41,11 @@ class Summary:
 class Comparison:
     """A plant beside the model, each pair the model's figure and the plant's.
 
-    Errors and separations are of the trials that neither lost, of all if there are none: one is lost where the error of its
-    estimates is over LOST times the median of the model's. Plants are held to separations after the
-    first period. In it vehicles turn round at their limits, slowly, to reach places that they were
-    drawn far from, in wind that they do not know: a moment's difference decides which way.
+    Errors and separations are of the trials that neither lost, of all if there are none: one is
+    lost where the error of its estimates is over LOST times the median of the model's. Plants are
+    held to separations after the first period. In it vehicles turn round at their limits, slowly,
+    to reach places that they were drawn far from, in wind that they do not know: a moment's
+    difference decides which way.
 
     Attributes
     ----------
