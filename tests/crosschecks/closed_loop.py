@@ -101,6 +101,7 @@ class _Pilots:
         self._states = np.array([np.concatenate([one.ravel(), further]) for one in poses])
         self._covariances = [covariance_at_start(self._setup) for _ in poses]
         self._moved = np.zeros_like(poses[..., :2])
+        self._last = np.zeros(poses.shape[:2], dtype=np.int64)
         orbits = flown.team.orbits
         plan = np.tile(np.column_stack([orbits.speeds, orbits.turn_rates]), (len(poses), 1, 1))
         self._response, self.expected = Response(plan, lag, flown.setup.time), plan
@@ -123,7 +124,7 @@ class _Pilots:
 
     def estimate(self, step: int, motion: Array, true: Array) -> Array:
         """Return the number of sightings (trials,) by which the estimates were corrected."""
-        sensors, steering = self._flown.team.sensors, self._flown.setup.steering
+        sensors, contact = self._flown.team.sensors, self._flown.setup.contact
         counts = np.zeros(len(motion))
         for trial, poses in enumerate(true):
             state, P = self._states[trial], self._covariances[trial]
@@ -138,19 +139,22 @@ class _Pilots:
                 )
             self._states[trial], self._covariances[trial] = state, 0.5 * (P + P.T)
             counts[trial] = seen.sum()
-            if step % steering.look_every == 0:
-                self._moved[trial] = moved_circles(steering, self._setup, P)
+            together = seen.any(axis=1) | seen[:, : len(seen)].any(axis=0)
+            self._last[trial][together] = step
+            if step % contact.look_every == 0:
+                unseen = step - self._last[trial]
+                self._moved[trial] = moved_circles(contact, self._setup, P, unseen)
         return counts
 
 
 def _law_of(flown: FlownTeam) -> TrackingLaw:
-    steering, vehicles = flown.setup.steering, flown.setup.response
+    law, vehicles = flown.setup.law, flown.setup.response
     turns = vehicles.most_turn_rates
     return TrackingLaw(
         orbits=flown.team.orbits,
-        place_gain=steering.place_gain,
-        heading_gain=steering.heading_gain,
-        closing=steering.closing_speeds,
+        place_gain=law.place_gain,
+        heading_gain=law.heading_gain,
+        closing=law.closing_speeds,
         least=np.column_stack([vehicles.least_speeds, -turns]),
         most=np.column_stack([vehicles.most_speeds, turns]),
     )

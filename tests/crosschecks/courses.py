@@ -8,7 +8,7 @@ from types import MappingProxyType
 from syncplan.flight.flight_events import FlightEvents
 from syncplan.flight.flight_limits import FlightLimits
 from syncplan.flight.flight_options import FlightOptions
-from syncplan.flight.flown_team import FlownTeam, flown_team
+from syncplan.flight.flown_team import FlownTeam, team_in_flight
 from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.error_states import ErrorSigmas
 from syncplan.planning.judged_plan import Plan
@@ -79,7 +79,7 @@ class Flying:
 def flown_of(course: Course, made: Plan, how: Flying) -> FlownTeam:
     """Return the set-up of flights of a course's plan."""
     team = replace(made.team, errors=course.errors(how.air))
-    return flown_team(
+    return team_in_flight(
         team,
         find_windows(team),
         FlightLimits.of(made.scenario, made.orbits),

@@ -6,8 +6,9 @@ With p and V the plan's place and velocity, p^ and psi^ the estimates, w^ that o
     v = |u| cos(psi_u - psi^)                             air speed
     w = rate of turn of (V - w^) + k_psi (psi_u - psi^)   turn rate
 
-within the vehicles' limits. A circle moves to its anchor by what four standard deviations of the
-distance between them, `lead` s from now, are over the slack of their meeting.
+within the vehicles' limits. A circle moves to its anchor by what some standard deviations of the
+distance between them, `lead` s from now, are over the slack of their meeting; and further where the
+vehicle has been in no sighting for a period.
 """
 
 import math
@@ -15,14 +16,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from syncplan.arrays import Array
+from syncplan.arrays import Array, Index
 from syncplan.estimation.augmented_setup import AugmentedSetup
-from syncplan.flight.flight_setup import Steering
+from syncplan.flight.flight_setup import Contact
 from syncplan.orbits.circles import Orbits, cross, dot, perpendicular, phase, position, unit, wrap
 
 __all__ = ["TrackingLaw", "moved_circles"]
-
-SIGMAS = 4.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,12 +64,14 @@ class TrackingLaw:
         return np.asarray(np.clip(commands, self.least, self.most))
 
 
-def moved_circles(steering: Steering, setup: AugmentedSetup, P: Array) -> Array:
-    """Return (n, 2) m, by how much circles are moved at a covariance P of the state."""
-    columns, lead = setup.columns, steering.lead
-    moved = np.zeros((len(columns), 2))
-    for i in steering.order.tolist():
-        anchor, toward = int(steering.anchors[i]), steering.toward[i]
+def moved_circles(contact: Contact, setup: AugmentedSetup, P: Array, unseen: Index) -> Array:
+    """Return (n, 2) m, by how much circles are moved at a covariance P of the state.
+
+    `unseen` (n,) is the number of steps since each vehicle's last sighting, of it or by it.
+    """
+    columns, moved = setup.columns, np.zeros((len(setup.columns), 2))
+    for i in contact.order.tolist():
+        anchor, toward = int(contact.anchors[i]), contact.toward[i]
         if anchor < 0:
             continue
         h = np.zeros(len(P))
@@ -78,11 +79,13 @@ def moved_circles(steering: Steering, setup: AugmentedSetup, P: Array) -> Array:
             if k < len(columns):
                 h[3 * k : 3 * k + 2] = sign * toward
                 if columns[k, 5] >= 0:
-                    h[columns[k, 5:]] = sign * lead * toward
+                    h[columns[k, 5:]] = sign * contact.gust_lead * toward
         # two vehicles drift alike with the wind, a landmark does not
         if anchor >= len(columns) and columns[i, 0] >= 0:
-            h[columns[i, :2]] = lead * toward
-        missing = SIGMAS * math.sqrt(max(float(h @ P @ h), 0.0)) - steering.slacks[i]
-        along = moved[anchor] if anchor < len(columns) else np.zeros(2)
-        moved[i] = along + min(max(missing, 0.0), steering.most[i]) * toward
+            h[columns[i, :2]] = contact.lead * toward
+        missing = contact.sigmas * math.sqrt(max(float(h @ P @ h), 0.0)) - contact.slacks[i]
+        by = min(max(missing, 0.0), contact.most[i])
+        if unseen[i] > contact.patience:
+            by = contact.furthest[i]
+        moved[i] = by * toward + (moved[anchor] if anchor < len(columns) else 0.0)
     return moved
