@@ -28,6 +28,7 @@ from syncplan.flight.flight_setup import (
     Response,
 )
 from syncplan.flight.keyed_noise import key_of
+from syncplan.flight.reference_tracking import tracking_gains
 from syncplan.orbits.circles import heading, position
 from syncplan.orbits.contacts import Windows
 from syncplan.orbits.error_states import StateLayout, layout_of
@@ -41,12 +42,6 @@ FILTERS_OWN = 1
 
 NEVER = np.iinfo(np.int64).max
 
-TRACKING_RATE = 2.0
-"""The tracking law's gain in times the plan's rate."""
-
-STEPS_OF_GAIN = 2.0
-"""The law turns towards its heading over at least so many samples, or lags of the response."""
-
 LOOKS_IN_PERIOD = 32
 """So often in a period circles are moved to their anchors, or back."""
 
@@ -55,9 +50,6 @@ SURE_SIGMAS = 4.0
 
 LEAD_PERIODS = 0.5
 """Periods before a vehicle would be off by too much in which its circle begins to move."""
-
-LEAST_CLOSING = 0.25
-"""A vehicle closes in on its place at this share of its speed even where limits leave no more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -289,15 +281,12 @@ def _mishaps(team: Team, options: FlightOptions, events: FlightEvents) -> Mishap
 
 
 def _law(team: Team, limits: FlightLimits, lag: float, options: FlightOptions) -> Law:
-    orbits = team.orbits
-    quickest = 1.0 / (STEPS_OF_GAIN * (team.sensors.sample_time + lag))
-    heading_gain = min(4.0 * TRACKING_RATE * orbits.rate, quickest)
-    closing = np.maximum(limits.most_speeds - orbits.speeds, LEAST_CLOSING * orbits.speeds)
+    gains = tracking_gains(team.orbits, limits, team.sensors.sample_time + lag)
     return Law(
         mode=GUIDANCES[options.guidance].mode,
-        place_gain=0.25 * heading_gain,
-        heading_gain=heading_gain,
-        closing_speeds=np.minimum(closing, orbits.speeds),
+        place_gain=gains.place,
+        heading_gain=gains.heading,
+        closing_speeds=gains.closing_speeds,
     )
 
 

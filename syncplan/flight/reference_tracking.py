@@ -11,8 +11,10 @@ c across follow a' = -kp a and c'' + k_psi c' + k_psi kp c = 0, critically dampe
 Linearised, it is the law of Kanayama with K_x = kp, K_theta = k_psi / v, K_y = k_psi kp / v^2.
 
 Gains are rates, so they scale with the plan's rate alone: kp = 2 rate forgets an error along the
-track in a twelfth of a period. What scales with the radius is the speed, and with it the limit to
-closing: what the largest speed leaves beside the plan's own, at most the plan's own.
+track in a twelfth of a period. Commands that act late, by a sample and the lag of the response,
+lower both: turning towards a heading then takes twice that at least. What scales with the radius is
+the speed, and with it the limit to closing: what the largest speed leaves beside the plan's own, at
+most the plan's own.
 
 Source: Kanayama, Kimura, Miyazaki, Noguchi (1990), A stable tracking control method for an
 autonomous mobile robot, equation 8.
@@ -29,7 +31,10 @@ from syncplan.orbits.circles import Orbits, cross, dot, perpendicular, phase, un
 __all__ = ["TrackingGains", "tracking_commands", "tracking_gains"]
 
 TRACKING_RATE = 2.0
-"""Gain kp in times the plan's rate."""
+"""Gain kp in times the plan's rate, where commands act at once."""
+
+DELAYS_OF_GAIN = 2.0
+"""The law turns towards its heading over at least so many times what commands are late."""
 
 LEAST_CLOSING = 0.25
 """A vehicle closes in on its place at this share of its speed even where limits leave no more."""
@@ -56,11 +61,13 @@ class TrackingGains:
     __repr__ = short_repr
 
 
-def tracking_gains(orbits: Orbits, limits: FlightLimits) -> TrackingGains:
-    """Return the gains that follow from the plan's rate and speeds."""
-    place = TRACKING_RATE * orbits.rate
+def tracking_gains(orbits: Orbits, limits: FlightLimits, delay: float = 0.0) -> TrackingGains:
+    """Return the gains that follow from the plan's rate and speeds; commands act `delay` s late."""
+    heading = 4.0 * TRACKING_RATE * orbits.rate
+    if delay > 0.0:
+        heading = min(heading, 1.0 / (DELAYS_OF_GAIN * delay))
     left = np.maximum(limits.most_speeds - orbits.speeds, LEAST_CLOSING * orbits.speeds)
-    return TrackingGains(place, 4.0 * place, np.minimum(left, orbits.speeds))
+    return TrackingGains(0.25 * heading, heading, np.minimum(left, orbits.speeds))
 
 
 def tracking_commands(
