@@ -87,20 +87,24 @@ def _look(eyes: Eyes, pose: Array, o: int, t: int, away: Array, lanes: Lanes) ->
         found |= square <= reach
     if not found:
         return False
-    half, found = eyes.half_views[o], False
+    found = False
     for lane in range(len(lanes)):
-        if away[2, lane] == 0.0:
-            continue
-        dx, dy = away[0, lane], away[1, lane]
-        if half < math.pi:
-            axis = pose[o, 2, lane] + eyes.boresights[o]
-            ahead = dx * math.cos(axis) + dy * math.sin(axis)
-            if ahead < (math.cos(half) - BOUNDARY_SLACK) * math.sqrt(dx * dx + dy * dy):
-                away[2, lane] = 0.0
-        if away[2, lane] and _is_hidden(eyes, pose[o, 0, lane], pose[o, 1, lane], dx, dy):
+        if away[2, lane] > 0.0 and not _in_view(eyes, o, pose, away[0, lane], away[1, lane], lane):
             away[2, lane] = 0.0
         found |= away[2, lane] > 0.0
     return found
+
+
+@inner
+def _in_view(eyes: Eyes, o: int, pose: Array, dx: float, dy: float, lane: int) -> bool:
+    """Whether what is (dx, dy) from vehicle o, and within range, is in view and not hidden."""
+    half = eyes.half_views[o]
+    if half < math.pi:
+        axis = pose[o, 2, lane] + eyes.boresights[o]
+        ahead = dx * math.cos(axis) + dy * math.sin(axis)
+        if ahead < (math.cos(half) - BOUNDARY_SLACK) * math.sqrt(dx * dx + dy * dy):
+            return False
+    return not _is_hidden(eyes, pose[o, 0, lane], pose[o, 1, lane], dx, dy)
 
 
 @inner
@@ -181,7 +185,7 @@ def _read(
             words = words_at(flown.keys[lane], step, o, t)
             if uniform(words[2]) < made:
                 noise = normal_pair(words[0], words[1])
-                dx, dy, thrown = _misread(flight, flown.path[step], words[3], pair, away, lane)
+                dx, dy, thrown = _misread(flight, flown.path, step, words[3], pair, away, lane)
                 bearing_read = math.atan2(dy, dx) - flown.path[step, o, 2, lane]
                 if thrown < 2.0 * math.pi:
                     bearing_read = eyes.boresights[o] + thrown
@@ -199,14 +203,18 @@ def _read(
 @inner
 def _misread(
     flight: FlightSetup,
-    pose: Array,
+    path: Array,
+    step: int,
     word: Word,
     pair: tuple[int, int],
     away: Array,
     lane: int,
 ) -> tuple[float, float, float]:
-    """The way to what is truly sighted, and the direction in view of a false bearing, or 7."""
-    eyes, mishaps, (o, t) = flight.eyes, flight.mishaps, pair
+    """The way to what is truly sighted, and the direction in view of a false bearing, or 7.
+
+    What is taken for the target is the next vehicle, by number, that is in sight as well.
+    """
+    eyes, mishaps, pose, (o, t) = flight.eyes, flight.mishaps, path[step], pair
     chance = float(word >> HALF_WORD) / 4294967296.0
     where = (float(word & LOW_HALF) + 0.5) / 4294967296.0
     dx, dy = away[0, lane], away[1, lane]
@@ -216,9 +224,10 @@ def _misread(
         n = len(eyes.ranges)
         for ahead in range(1, n):
             other = (t + ahead) % n
-            if other in (o, t) or mishaps.gone_from[other] <= 0:
+            if other in (o, t) or mishaps.gone_from[other] <= step:
                 continue
             x, y = pose[other, 0, lane] - pose[o, 0, lane], pose[other, 1, lane] - pose[o, 1, lane]
-            if x * x + y * y <= eyes.ranges[o] ** 2:
+            within = x * x + y * y <= eyes.ranges[o] ** 2
+            if within and _in_view(eyes, o, pose, x, y, lane):
                 return x, y, 7.0
     return dx, dy, 7.0
