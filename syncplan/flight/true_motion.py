@@ -42,12 +42,13 @@ def _obey(flight: FlightSetup, flown: Flown, i: int, step: int, lanes: Lanes) ->
         vehicles.most_turn_rates[i],
     )
     held = is_held(mishaps.held_from, mishaps.held_until, i, step)
+    there = mishaps.gone_from[i] > step
     for lane in range(len(lanes)):
         v, w = flown.commands[i, 0, lane], flown.commands[i, 1, lane]
         if held:
             v, w = least, (turn if least > 0.0 else 0.0)
         within_v, within_w = min(max(v, least), most), min(max(w, -turn), turn)
-        if within_v != v or within_w != w:
+        if there and (within_v != v or within_w != w):
             flown.saturated[i, lane] += 1
         flown.commands[i, 0, lane], flown.commands[i, 1, lane] = within_v, within_w
 
