@@ -102,6 +102,19 @@ def _fly_to(
 
 
 @inner
+def _part_gone(P: Array, flight: FlightSetup, step: int) -> None:
+    """Make the poses of vehicles that are gone independent of all else; P is a lower triangle.
+
+    They would share the wind with the others. The others' estimates do not depend on it.
+    """
+    for i in range(len(flight.circles.radii)):
+        if flight.mishaps.gone_from[i] <= step:
+            r = 3 * i
+            P[r : r + 3, :r] = 0.0
+            P[r + 3 :, r : r + 3] = 0.0
+
+
+@inner
 def compare_truly(
     x: Array,
     errors: Array,
@@ -173,6 +186,7 @@ def fly_lanes(
         looks = step % flight.contact.look_every == 0
         if step == end or looks or is_wanted_now(poses, step, statistics):
             bring_to_now(P, setup, frame, before, lanes)
+            _part_gone(P, flight, step)
         if looks:
             move_circles(
                 flight.contact, setup.columns, P, step, flown.seen, flown.moved, flown.sought, lanes

@@ -1,8 +1,7 @@
 """Some trials of a flight, side by side, on their way: the filter's run with the closed loop in it.
 
 A flight is flown in legs. Between them room is made for further sightings, whose number nobody
-knows beforehand, and what is lost leaves the filter: a vehicle that is gone is made independent of
-the others, whose estimates go on as those of a filter that never had it.
+knows beforehand, and where something was lost anchors are chosen anew, of what is left.
 """
 
 from dataclasses import dataclass
@@ -113,7 +112,7 @@ class FlownLanes:
         """Return trials at time 0."""
         flown, readings = team.begun(trials)
         setup = team.filter_setup()
-        loop = ClosedLoop(team.setup, flown)
+        loop = ClosedLoop(team.setup_from(0), flown)
         decides = team.setup.law.mode == AS_COMMANDED
         guidance = LaneGuidance(team, len(trials)) if decides else None
         if team.options.filter_model.finds_start:
@@ -128,20 +127,19 @@ class FlownLanes:
 
     def advance(self, end: int) -> None:
         """Fly until the filter is at step `end`."""
-        rows, n = _rows_in_step(self.team), self.team.team.count
+        rows, late = _rows_in_step(self.team), self.team.setup.mishaps.late
         leg = max(1, min(LEG_STEPS, MOST_ROWS // rows))
-        stops = self.team.loss_steps
         if self.guidance is not None:
             leg = self.guidance.every
+        # the last step before something is lost
+        stops = [step - 1 for step in self.team.loss_steps]
         while self.run.at < end:
+            if self.run.at in stops:
+                self.run.base = ClosedLoop(self.team.setup_from(self.run.at + 1), self.flown)
             until = min([end, self.run.at + leg, *(s for s in stops if s > self.run.at)])
-            self._make_room(rows * (until - self.run.at + self.team.setup.mishaps.late))
+            self._make_room(rows * (until - self.run.at + late))
             self._decide()
             self.run.advance(until)
-            if until in stops:
-                for vehicle in np.flatnonzero(self.team.setup.mishaps.gone_from[:n] == until):
-                    _part(self.run.state[-1], int(vehicle))
-                self.run.base = ClosedLoop(self.team.setup_from(until), self.flown)
 
     def _decide(self) -> None:
         if self.guidance is not None:
@@ -193,12 +191,3 @@ def _rows_in_step(team: FlownTeam) -> int:
     n = team.team.count
     kinds = np.isfinite(team.setup.eyes.sigmas)
     return int(kinds.sum()) * (n + len(team.team.landmarks)) or 1
-
-
-def _part(P: Array, vehicle: int) -> None:
-    """Make a vehicle's pose independent of all else; P is a lower triangle."""
-    own = slice(3 * vehicle, 3 * vehicle + 3)
-    kept = P[own, own].copy()
-    P[own] = 0.0
-    P[:, own] = 0.0
-    P[own, own] = kept

@@ -78,7 +78,7 @@ def move_circles(
     for i in contact.order:
         anchor, toward = contact.anchors[i], contact.toward[i]
         if anchor < 0:
-            flown.moved[i] = 0.0
+            moved[i] = 0.0
             continue
         count = _fill_row(states, i, anchor, leads, toward, row)
         columns, entries = row
