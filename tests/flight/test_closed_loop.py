@@ -1,0 +1,181 @@
+"""The compiled closed loop against the same loop in plain NumPy, with the same draws."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pytest
+
+from syncplan.planning.planner import plan
+from syncplan.scenario.specification import Scenario
+from tests.tools.flown_trials import FlownTrials, flown
+from tests.tools.plain_flights import PlainFlight, fly_plainly
+from tests.tools.scenarios import changed
+
+TRIALS = 2
+TOLERANCE = 1e-6
+"""m, rad, m/s: rounding, grown over some hundred steps."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scenario, and how it is flown."""
+
+    scenario: str
+    options: dict[str, Any] = field(default_factory=dict)
+    keys: dict[str, Any] = field(default_factory=dict)
+
+    def made(self) -> Scenario:
+        """The scenario, with its keys changed."""
+        return changed(self.scenario, **self.keys)
+
+
+DISTURBED = {
+    "wind": {"sigma_mps": 0.5, "gust_sigma_mps": 0.2, "gust_time_s": 7.0},
+    "motion": {"speed_scale_sigma": 0.02, "turn_rate_bias_sigma_rad_s": 0.005, "lag_s": 0.4},
+    "sensor": {"bearing_bias_sigma_rad": 0.02},
+    "limits": {"speed_mps": [2.5, 5.0], "turn_rate_rad_s": 0.4},
+}
+
+CASES = {
+    "paper": Case("paper-grid-same", {"duration": 40.0}),
+    "open loop": Case("paper-grid-same", {"duration": 20.0, "guidance": "none"}),
+    "wind": Case("windy-grid", {"duration": 40.0}),
+    "given wind, second-order": Case(
+        "windy-grid", {"duration": 20.0, "wind": (1.5, 0.0), "filter": "second-order"}
+    ),
+    "gusts": Case("windy-grid", {"duration": 40.0}, {"wind": {"gust_sigma_mps": 0.2}}),
+    "all errors": Case("paper-grid-same", {"duration": 40.0}, DISTURBED),
+    "measured": Case(
+        "paper-grid-same",
+        {"duration": 20.0},
+        {"motion": {"readings": "measured", "lag_s": 0.3}},
+    ),
+    "cameras": Case("camera-pair", {"duration": 60.0}),
+    "obstacles": Case("shelves", {"duration": 40.0}),
+    "distances, compasses": Case("boats", {"duration": 60.0, "filter": "second-order"}),
+    "a vehicle is lost": Case("windy-grid", {"duration": 45.0, "lose": ("v4@16.3", "v6@30")}),
+    "sensors and a landmark are lost": Case(
+        "windy-grid", {"duration": 45.0, "lose": ("sensor:v3@5", "L1@20")}
+    ),
+    "all landmarks are lost": Case("windy-grid", {"duration": 45.0, "lose": ("L1@10", "L2@10")}),
+    "lost, with all errors": Case(
+        "paper-grid-same", {"duration": 30.0, "lose": ("v2@4", "sensor:v5@12")}, DISTURBED
+    ),
+    "sensors of one kind are lost": Case(
+        "boats",
+        {"duration": 40.0, "filter": "second-order", "lose": ("compass:v3@10", "distance:v4@20")},
+    ),
+    "lost at the start": Case("windy-grid", {"duration": 40.0, "lose": ("v3@0",)}),
+    "held": Case("windy-grid", {"duration": 30.0, "hold": ("v2@5:8", "v3@2:3")}, DISTURBED),
+    "held on the spot": Case("paper-grid-same", {"duration": 30.0, "hold": ("v2@5:8",)}),
+    "dropout": Case("paper-grid-same", {"duration": 40.0, "dropout": 0.3}),
+    "outliers": Case("paper-grid-same", {"duration": 40.0, "outliers": 0.1}),
+    "outliers in view": Case("camera-pair", {"duration": 60.0, "outliers": 0.3}),
+    "mistaken": Case(
+        "triangle-lattice",
+        {"duration": 40.0, "mistaken": 0.2, "lose": ("v2@15",)},
+        {"sensor": {"range_m": 70.0, "fov_deg": 200.0}},
+    ),
+    "late": Case("windy-grid", {"duration": 40.0, "late": 7, "lose": ("v4@16.3",)}),
+}
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Both, of the same trials."""
+
+    compiled: FlownTrials
+    plain: list[PlainFlight]
+
+
+@pytest.fixture(scope="module", params=CASES.values(), ids=list(CASES))
+def pair(request: pytest.FixtureRequest) -> Pair:
+    case: Case = request.param
+    made = plan(case.made(), bound="never", pilot=False)
+    options = {"filter": "ekf", "seed": 3, **case.options}
+    compiled = flown(made, range(TRIALS), **options)
+    return Pair(compiled, [fly_plainly(compiled.run, trial) for trial in range(TRIALS)])
+
+
+def _apart(a: Any, b: Any) -> float:
+    """Largest difference of two arrays; NaN where either has one the other has not."""
+    a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
+    assert a.shape == b.shape
+    assert np.array_equal(np.isnan(a), np.isnan(b))
+    return float(np.nanmax(np.abs(a - b), initial=0.0))
+
+
+def test_vehicles_fly_the_same_paths(pair: Pair) -> None:
+    for lane, plain in enumerate(pair.plain):
+        there = plain.there[..., None]
+        assert _apart(there * pair.compiled.path[..., lane], there * plain.truth.path) < TOLERANCE
+
+
+def test_the_same_is_sighted_and_read(pair: Pair) -> None:
+    for lane, plain in enumerate(pair.plain):
+        compiled = pair.compiled.sightings(lane)
+        of = [[(s.observer, s.target, s.kind) for s in step] for step in compiled]
+        theirs = [[(s.observer, s.target, s.kind) for s in step] for step in plain.truth.sightings]
+        assert of == theirs
+        read = [s.reading for step in compiled for s in step]
+        assert _apart(read, [s.reading for step in plain.truth.sightings for s in step]) < TOLERANCE
+
+
+def test_estimates_and_their_covariance_are_the_same(pair: Pair) -> None:
+    n = pair.compiled.run.plan.team.count
+    for lane, plain in enumerate(pair.plain):
+        there = np.concatenate(
+            [np.repeat(plain.there[-1], 3), np.ones(plain.states.shape[1] - 3 * n)]
+        )
+        apart = there * (pair.compiled.state(lane) - plain.states[-1])
+        assert np.abs(apart).max() < TOLERANCE
+        variances = pair.compiled.covariance(lane).diagonal()
+        assert _apart(there * variances, there * plain.variances[-1]) < TOLERANCE
+
+
+def test_errors_are_summed_up_alike(pair: Pair) -> None:
+    found = pair.compiled.lanes.statistics.poses
+    steps = pair.compiled.run.team.steps
+    for lane, plain in enumerate(pair.plain):
+        squares = plain.offs**2
+        assert _apart(found.squares[..., lane], squares[1:].sum(axis=0)) < 1e-3 * TOLERANCE * steps
+        late = 2 * np.arange(steps + 1) > steps
+        assert _apart(found.late_squares[..., lane], squares[late].sum(axis=0)) < TOLERANCE * steps
+        assert _apart(found.final[..., lane], plain.offs[-1]) < TOLERANCE
+
+
+def test_normalised_errors_are_of_the_vehicles_that_are_there(pair: Pair) -> None:
+    found, steps = pair.compiled.lanes.statistics.poses, pair.compiled.run.team.steps
+    sampled = [k for k in range(1, steps + 1) if k % 10 == 0 or k == steps]
+    for lane, plain in enumerate(pair.plain):
+        assert found.nees[lane] == pytest.approx(plain.nees[sampled].sum(), rel=1e-5)
+
+
+def test_circles_are_moved_alike(pair: Pair) -> None:
+    for lane, plain in enumerate(pair.plain):
+        there = plain.there[-1][:, None]
+        moved = pair.compiled.lanes.flown.moved[..., lane]
+        assert _apart(there * moved, there * plain.moved[-1]) < TOLERANCE
+
+
+def test_figures_are_those_of_the_path(pair: Pair) -> None:
+    figures, run = pair.compiled.figures, pair.compiled.run
+    time, steps = run.plan.sensors.sample_time, run.team.steps
+    times, orbits = time * np.arange(steps + 1), run.plan.orbits
+    turned = orbits.phases + np.outer(times, orbits.senses * orbits.rate)
+    circle = np.stack([np.cos(turned), np.sin(turned)], axis=-1) * orbits.radii[:, None]
+    for lane, plain in enumerate(pair.plain):
+        off = plain.truth.path[..., :2] - orbits.centers - circle
+        squares = np.sum(off**2, axis=-1)
+        with np.errstate(invalid="ignore"):
+            tracking, bounds = plain.second_half(squares), plain.second_half(plain.bounds)
+            share = plain.there[:-1].sum(axis=0)
+        assert _apart(figures.tracking_squares[lane], tracking) < 1e-4 * TOLERANCE + 1e-5
+        assert _apart(figures.bound_squares[lane], bounds) < 1e-5
+        assert figures.separations[lane] == pytest.approx(plain.least_separation(), abs=TOLERANCE)
+        assert _apart(figures.longest_unseen[lane], time * plain.longest_unseen()) < 1e-9
+        saturated = (plain.truth.saturated * plain.there[:-1]).sum(axis=0) / np.maximum(share, 1)
+        assert _apart(figures.saturated[lane], saturated) < 1e-9
+        made = sum(len(step) for step in plain.truth.sightings)
+        assert figures.sightings[lane] == made

@@ -1,0 +1,71 @@
+"""Trials of a flight as the package flies them, looked at from inside."""
+
+from dataclasses import dataclass
+from typing import Any, Unpack
+
+import numpy as np
+
+from syncplan.arrays import Array
+from syncplan.estimation.augmented_setup import empty_augmented_statistics
+from syncplan.estimation.filter_statistics import empty_series
+from syncplan.flight.flight_options import FlightChanges
+from syncplan.flight.flight_results import FlightFigures
+from syncplan.flight.flown_figures import figures_of
+from syncplan.flight.flown_lanes import FlownLanes
+from syncplan.flight.flying import FlightRun, flight_run
+from tests.tools.plain_truth import Sighting
+
+__all__ = ["FlownTrials", "flown"]
+
+
+@dataclass(frozen=True, slots=True)
+class FlownTrials:
+    """Trials side by side that were flown to their end."""
+
+    run: FlightRun
+    lanes: FlownLanes
+    figures: FlightFigures
+
+    @property
+    def path(self) -> Array:
+        """(steps + 1, n, 3, lanes) m, m, rad."""
+        return self.lanes.flown.path
+
+    def state(self, lane: int) -> Array:
+        """(3n + e,) the estimate at the end."""
+        x, errors, _ = self.lanes.run.state
+        return np.concatenate([x[..., lane].ravel(), errors[:, lane]])
+
+    def covariance(self, lane: int) -> Array:
+        """(3n + e, 3n + e) at the end."""
+        P = self.lanes.run.state[-1][..., lane]
+        return np.asarray(np.tril(P) + np.tril(P, -1).T)
+
+    def sightings(self, lane: int) -> list[list[Sighting]]:
+        """Of each step."""
+        poses, read = self.lanes.setup.poses, self.lanes.readings.sightings
+        found: list[list[Sighting]] = []
+        for begin, end in zip(poses.first[:-1], poses.first[1:], strict=True):
+            found.append(
+                [
+                    Sighting(
+                        int(poses.observers[s]),
+                        int(poses.targets[s]),
+                        int(poses.kinds[s]),
+                        float(read[s, lane]),
+                    )
+                    for s in range(begin, end)
+                    if np.isfinite(read[s, lane])
+                ]
+            )
+        return found
+
+
+def flown(subject: Any, chosen: range, **changes: Unpack[FlightChanges]) -> FlownTrials:
+    """Return some trials of a flight, flown side by side."""
+    run = flight_run(subject, None, **changes)
+    n, e, steps = run.plan.team.count, len(run.team.layout.sigmas), run.team.steps
+    none = empty_series(n, steps, wanted=False), np.zeros((0, e, 3))
+    lanes = FlownLanes.begun(run.team, chosen, empty_augmented_statistics(n, e, len(chosen), none))
+    lanes.advance(steps)
+    return FlownTrials(run, lanes, figures_of(run.team, lanes))

@@ -1,0 +1,316 @@
+"""The closed loop of a flight in plain NumPy, one trial at a time: to read, and to compare with.
+
+Of the package it takes what is tested by itself: the filter to read of `reference_states`, the
+tracking law to read of `reference_tracking` and the tree of anchors. All else is written again from
+its description: `plain_truth`, late sightings, losses, circles that move to their anchors, the
+bound along the path.
+
+The filter runs without batch solutions: `ekf` or `second-order`.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from syncplan.arrays import Array
+from syncplan.estimation.augmented_setup import AugmentedSetup
+from syncplan.estimation.reference_states import (
+    covariance_at_start,
+    moved_state,
+    predict_state,
+    sighted,
+    update_state,
+)
+from syncplan.flight.anchors import Anchors, anchors_of
+from syncplan.flight.flight_limits import FlightLimits
+from syncplan.flight.flying import FlightRun
+from syncplan.flight.reference_tracking import tracking_commands, tracking_gains
+from syncplan.orbits.circles import wrap
+from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
+from tests.tools.plain_truth import COMPASS, DISTANCE, PlainTruth, Sighting, planned, steps_until
+
+__all__ = ["PlainFlight", "fly_plainly"]
+
+SURE_SIGMAS, LEAD_PERIODS, LOOKS_IN_PERIOD = 4.0, 0.5, 32
+
+
+@dataclass(frozen=True, slots=True)
+class PlainFlight:
+    """A trial that was flown; the first axis of arrays is the step.
+
+    Attributes
+    ----------
+    truth : what happened
+    states : (steps + 1, 3n + e) estimates after the sightings of that step
+    true_states : (steps + 1, 3n + e)
+    variances : (steps + 1, 3n + e) of the estimates
+    nees : (steps + 1,) e' P^-1 e of the poses of vehicles that are there
+    bounds : (steps + 1, n) m^2, the bound's variance of the place
+    moved : (steps + 1, n, 2) m, of circles
+    there : (steps + 1, n) whether a vehicle takes part
+    """
+
+    truth: PlainTruth
+    states: Array
+    true_states: Array
+    variances: Array
+    nees: Array
+    bounds: Array
+    moved: Array
+    there: Array
+
+    @property
+    def offs(self) -> Array:
+        """(steps + 1, n, 3) errors of the poses, headings wrapped; zero for who is gone."""
+        n = self.there.shape[1]
+        found = (self.states - self.true_states)[:, : 3 * n].reshape(-1, n, 3)
+        found[..., 2] = wrap(found[..., 2])
+        return np.asarray(found * self.there[..., None])
+
+    def second_half(self, values: Array) -> Array:
+        """(n,) mean of (steps + 1, n) over the second half, while a vehicle is there."""
+        late = 2 * np.arange(len(values)) > len(values) - 1
+        counted = late[:, None] & (self.there > 0)
+        return np.asarray(np.sum(values * counted, axis=0) / counted.sum(axis=0))
+
+    def longest_unseen(self) -> Array:
+        """(n,) most steps without a sighting, while a vehicle is there."""
+        waited = longest = np.zeros(self.there.shape[1])
+        for seen, there in zip(self.truth.seen[1:], self.there[1:], strict=True):
+            waited = np.where(seen, 0.0, waited + 1.0) * there
+            longest = np.maximum(longest, waited)
+        return longest
+
+    def least_separation(self) -> float:
+        """M between the two vehicles that come nearest at a sample."""
+        path, n = self.truth.path, self.there.shape[1]
+        found = np.inf
+        for i in range(n):
+            for j in range(i):
+                both = (self.there[:, i] * self.there[:, j]) > 0
+                apart = np.hypot(*(path[both, i, :2] - path[both, j, :2]).T)
+                found = min(found, float(apart.min(initial=np.inf)))
+        return found
+
+
+def fly_plainly(run: FlightRun, trial: int, *, bound: bool = True) -> PlainFlight:
+    """Return a trial of a flight; `bound` says whether its bound is found too."""
+    truth, loop, steps = PlainTruth(run, trial), _Filter(run), run.team.steps
+    n, late, period = run.team.team.count, run.options.late, run.team.team.orbits.period
+    time = run.team.team.sensors.sample_time
+    look_every = max(1, round(period / time / LOOKS_IN_PERIOD))
+    states, variances, moved = [loop.state], [np.diag(loop.P)], [loop.moved.copy()]
+    there = np.array([[not truth.gone(i, k) for i in range(n)] for k in range(steps + 1)])
+    trues = np.array([_true_state(loop.setup, truth, k) for k in range(steps + 1)])
+    nees = [0.0]
+    losses = {steps_until(one.time, time) for one in run.events.losses}
+    if 0 in losses:
+        loop.lose(0, truth)
+    for step in range(1, steps + 1):
+        while truth.flown < min(step + late, steps):
+            truth.fly(loop.commands(truth))
+        loop.predict(truth)
+        loop.correct(truth.sightings[step])
+        if step in losses:
+            loop.lose(step, truth)
+        if step % look_every == 0:
+            loop.move_circles(truth)
+        trues[step] = _true_state(loop.setup, truth, step)
+        states.append(loop.state)
+        variances.append(np.diag(loop.P))
+        moved.append(loop.moved.copy())
+        nees.append(_nees(loop, trues[step], there[step]))
+    bounds = _bounds(run, truth, trues) if bound else np.zeros((steps + 1, n))
+    return PlainFlight(
+        truth,
+        np.array(states),
+        trues,
+        np.array(variances),
+        np.array(nees),
+        bounds,
+        np.array(moved),
+        there.astype(float),
+    )
+
+
+class _Filter:
+    """The filter and its steering; `state` and `P` are after the sightings of step `at`."""
+
+    def __init__(self, run: FlightRun) -> None:
+        self.run, self.team = run, run.team.team
+        self.setup = run.team.filter_setup()
+        none = np.zeros(len(self.setup.variances))
+        self.state = np.concatenate([planned(self.team).ravel(), none])
+        self.P = covariance_at_start(self.setup)
+        self.moved = np.zeros((self.team.count, 2))
+        self.anchors: Anchors = anchors_of(self.team, run.team.windows, run.limits.separation)
+        self.at = 0
+
+    def predict(self, truth: PlainTruth) -> None:
+        """Take in the motion readings of a sample."""
+        speeds, turn_rates = truth.speeds[self.at], truth.turn_rates[self.at]
+        self.state, self.P = predict_state(self.state, self.P, speeds, turn_rates, self.setup)
+        self.at += 1
+
+    def correct(self, sightings: list[Sighting]) -> None:
+        """Take in sightings."""
+        for one in sightings:
+            variance = _variance(one, self.team) + self._curvature(one)
+            setup = _with(self.setup, one, variance)
+            self.state, self.P, *_ = update_state(self.state, self.P, 0, one.reading, setup)
+
+    def _curvature(self, one: Sighting) -> float:
+        """Variance of the second-order term of normal errors a along and b across the line."""
+        if one.kind == COMPASS or not self.setup.poses.second_order:
+            return 0.0
+        n, o, t = self.team.count, 3 * one.observer, 3 * one.target
+        relative, place = np.zeros((2, len(self.state))), self.state[t : t + 2]
+        relative[:, o : o + 2] = -np.eye(2)
+        if one.target < n:
+            relative[:, t : t + 2] = np.eye(2)
+        else:
+            place = self.team.landmarks[one.target - n]
+        q = place - self.state[o : o + 2]
+        rho = np.hypot(*q)
+        axes = np.array([[q[0], q[1]], [-q[1], q[0]]]) / rho
+        (aa, ab), (_, bb) = axes @ relative @ self.P @ relative.T @ axes.T
+        if one.kind == DISTANCE:
+            return float(bb**2 / (2.0 * rho**2))
+        return float((aa * bb + ab**2) / rho**4)
+
+    def lose(self, step: int, truth: PlainTruth) -> None:
+        """Go on without what is lost at a step."""
+        n, windows = self.team.count, self.run.team.windows
+        time = self.team.sensors.sample_time
+        for one in self.run.events.losses:
+            if steps_until(one.time, time) == step:
+                for vehicle in one.loss.vehicles:
+                    own = slice(3 * vehicle, 3 * vehicle + 3)
+                    kept = self.P[own, own].copy()
+                    self.P[own], self.P[:, own] = 0.0, 0.0
+                    self.P[own, own] = kept
+        there = np.array([not truth.gone(b, step) for b in range(n + len(self.team.landmarks))])
+        blind = {o for one in truth.lost(step) for o in one.loss.sensors}
+        left = np.array(
+            [
+                there[o] and there[t] and o not in blind
+                for o, t in zip(windows.observers, windows.targets, strict=True)
+            ],
+            dtype=bool,
+        )
+        self.anchors = anchors_of(self.team, windows, self.run.limits.separation, left, there)
+
+    def commands(self, truth: PlainTruth) -> Array:
+        """Return commands (n, 2) of the sample that truth is about to fly."""
+        run, orbits, step = self.run, self.team.orbits, truth.flown
+        if run.options.guidance == "none":
+            return np.column_stack([orbits.speeds, orbits.turn_rates])
+        state, n, time = self.state, self.team.count, self.team.sensors.sample_time
+        for k in range(self.at, step):
+            state = moved_state(state, truth.speeds[k], truth.turn_rates[k], self.setup)
+        poses, columns = state[: 3 * n].reshape(n, 3).copy(), self.setup.columns
+        errors = np.append(state, 0.0)  # -1 stands for none
+        winds = errors[columns[:, :2]] + errors[columns[:, 5:7]]
+        # a circle that is moved is as a vehicle that is moved the other way
+        poses[:, :2] -= self.moved
+        gains = tracking_gains(orbits, run.limits, time + (run.plan.scenario.motion.lag_s or 0.0))
+        endless = np.full(n, np.inf)
+        free = FlightLimits(-endless, endless, endless, 0.0)
+        return tracking_commands(orbits, free, gains, step * time, poses, winds)
+
+    def move_circles(self, truth: PlainTruth) -> None:
+        """Move circles to their anchors by what is not known for sure."""
+        if self.run.options.guidance == "none":
+            return
+        found, n, time = self.anchors, self.team.count, self.team.sensors.sample_time
+        patience = steps_until(self.team.orbits.period, time)
+        for i in found.order.tolist():
+            anchor = int(found.anchors[i])
+            self.moved[i] = self.moved[anchor] if 0 <= anchor < n else 0.0
+            if anchor < 0:
+                continue
+            h = found.toward[i] @ (self._ahead(i) - (self._ahead(anchor) if anchor < n else 0.0))
+            missing = SURE_SIGMAS * math.sqrt(max(float(h @ self.P @ h), 0.0)) - found.slacks[i]
+            by = min(max(missing, 0.0), found.most[i])
+            if self.at - truth.last_seen(i) > patience:
+                by = found.furthest[i]
+            self.moved[i] += by * found.toward[i]
+
+    def _ahead(self, i: int) -> Array:
+        """(2, 3n + e): how a place half a period ahead hangs on the states now."""
+        lead, gust_time = LEAD_PERIODS * self.team.orbits.period, self.team.errors.gust_time
+        rows = np.zeros((2, len(self.state)))
+        for axis in range(2):
+            rows[axis, 3 * i + axis] = 1.0
+            wind, gust = self.setup.columns[i, axis], self.setup.columns[i, 5 + axis]
+            if wind >= 0:
+                rows[axis, wind] = lead
+            if gust >= 0:
+                rows[axis, gust] = gust_time * (1.0 - math.exp(-lead / gust_time))
+        return rows
+
+
+def _variance(one: Sighting, team: object) -> float:
+    """Of a sighting, in its unit squared."""
+    kind = list(SIGHTING_KINDS.values())[one.kind]
+    return float(kind.sigmas(team.sensors)[one.observer] ** 2)  # type: ignore[attr-defined]
+
+
+def _with(setup: AugmentedSetup, one: Sighting, variance: float) -> AugmentedSetup:
+    """The set-up with this sighting as its only one."""
+    poses = setup.poses._replace(
+        kinds=np.array([one.kind]),
+        observers=np.array([one.observer]),
+        targets=np.array([one.target]),
+        variances=np.array([variance]),
+    )
+    return setup._replace(poses=poses)
+
+
+def _true_state(setup: AugmentedSetup, truth: PlainTruth, step: int) -> Array:
+    """(3n + e,) poses and the errors that are states."""
+    n = truth.team.count
+    found = np.zeros(3 * n + len(setup.variances))
+    found[: 3 * n] = truth.path[step].ravel()
+    for i, own in enumerate(setup.columns.tolist()):
+        errors = truth.errors
+        values = [
+            *errors["wind"][0],
+            errors["speed_scale"][i],
+            errors["turn_rate_bias"][i],
+            errors["bearing_bias"][i],
+            *errors["gusts"][step, i],
+        ]
+        for column, value in zip(own, values, strict=True):
+            if column >= 0:
+                found[column] = value
+    return found
+
+
+def _nees(loop: _Filter, true: Array, there: Array) -> float:
+    n = loop.team.count
+    off = (loop.state - true)[: 3 * n]
+    off[2::3] = wrap(off[2::3])
+    kept = np.repeat(there, 3)
+    off, P = off[kept], loop.P[: 3 * n, : 3 * n][np.ix_(kept, kept)]
+    return float(off @ np.linalg.solve(P, off))
+
+
+def _bounds(run: FlightRun, truth: PlainTruth, trues: Array) -> Array:
+    """(steps + 1, n) m^2, of the covariance that is linearised at the truth."""
+    setup, n = run.team.filter_setup(), run.team.team.count
+    P = covariance_at_start(setup)
+    found = [
+        P[0 : 3 * n : 3, 0 : 3 * n : 3].diagonal() + P[1 : 3 * n : 3, 1 : 3 * n : 3].diagonal()
+    ]
+    for step in range(1, run.team.steps + 1):
+        speeds, turn_rates = truth.speeds[step - 1], truth.turn_rates[step - 1]
+        _, P = predict_state(trues[step - 1], P, speeds, turn_rates, setup)
+        for one in truth.sightings[step]:
+            _, h = sighted(trues[step], one.kind, one.observer, one.target, setup)
+            u = P @ h
+            P = P - np.outer(u, u) / (h @ u + _variance(one, run.team.team))
+        diagonal = P.diagonal()[: 3 * n]
+        found.append(diagonal[0::3] + diagonal[1::3])
+    return np.array(found)
