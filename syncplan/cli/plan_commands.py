@@ -18,15 +18,17 @@ from syncplan.cli.arguments import (
 )
 from syncplan.cli.console import (
     Format,
+    announce_flight,
     deliver,
     deliver_document,
+    progress_bar,
     refuse_overwriting,
     say,
     say_notes,
     search_progress,
 )
 from syncplan.cli.required_verdicts import RequireGo, RequireObservable, verdict_status
-from syncplan.errors import NoSolutionError
+from syncplan.errors import InputError, NoSolutionError
 from syncplan.scenario.objectives import OBJECTIVES, listed
 
 if TYPE_CHECKING:
@@ -70,6 +72,16 @@ def _plan(
     steady: Annotated[
         bool, typer.Option("--steady", help="Add the error once it has become periodic")
     ] = False,
+    fly_: Annotated[
+        int | None,
+        typer.Option(
+            "--fly",
+            min=1,
+            help="Fly the plan so many times in closed loop, for its verdict; syncplan fly has all "
+            "options",
+            show_default=False,
+        ),
+    ] = None,
     require_observable: RequireObservable = False,
     require_go: RequireGo = False,
     max_vehicles: MaxVehicles = None,
@@ -90,9 +102,22 @@ def _plan(
         say(f"judging the rank of {3 * loaded.scenario.size} states takes some time ...")
     made = plan_of(loaded, bound=bound.value, steady=steady)
     if refine_:
+        if fly_ is not None:
+            raise InputError("can't be combined with --refine; fly the refined plan", key="--fly")
         return _refined(made, {}, None, output, format_, (require_observable, require_go), bound)
+    if fly_ is not None:
+        made = _flown(made, fly_)
     deliver_document("plan", plan_document(made), output, format_)
     return verdict_status(made, observable=require_observable, go=require_go)
+
+
+def _flown(made: "Plan", trials: int) -> "Plan":
+    """The plan with what flying it has found."""
+    from syncplan.flight.flying import fly
+
+    announce_flight()
+    with progress_bar("flights", trials) as progress:
+        return fly(made, trials=trials, progress=progress).plan
 
 
 # --- refine ---------------------------------------------------------------------------------------

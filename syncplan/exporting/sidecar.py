@@ -81,7 +81,7 @@ def _vehicles(flown: ScheduledPlan, written: Written) -> list[SyncedVehicle]:
     where, ahead = position(orbits, 0.0), heading(orbits, 0.0) % (2.0 * np.pi)
     entries = _degrees(flown, where)
     centers = _degrees(flown, orbits.centers)
-    separations = _separation_tolerances(flown)
+    separations, found = _separation_tolerances(flown), _found_in_flight(flown)
     return [
         SyncedVehicle(
             name=name,
@@ -109,9 +109,20 @@ def _vehicles(flown: ScheduledPlan, written: Written) -> list[SyncedVehicle]:
             autopilot_parameters=dict(written.parameters[k]) if written.parameters else {},
             tolerance_s=_tolerance(flown, _meetings_of(flown, k)),
             separation_tolerance_s=separations[k],
+            phase_error_s=None if name not in found else found[name][0],
+            speed_needed_mps=None if name not in found else found[name][1],
         )
         for k, name in enumerate(flown.names)
     ]
+
+
+def _found_in_flight(
+    flown: ScheduledPlan,
+) -> dict[str, tuple[tuple[float, float], tuple[float, float]]]:
+    """Of each vehicle that was flown: phase errors in s, RMS and worst; speeds in m/s it needed."""
+    flight = flown.plan.flight
+    vehicles = () if flight is None else flight.vehicles
+    return {one.name: ((one.phase_rms, one.phase_worst), one.speeds) for one in vehicles}
 
 
 def _meetings_of(flown: ScheduledPlan, k: int) -> list[LinkVerdict]:

@@ -57,6 +57,16 @@ class SyncedVehicle(DocumentPart):
         "min_separation_m to another in the plane (0: before it would hit it); null if it never "
         "does"
     )
+    phase_error_s: tuple[float, float] | None = Field(
+        default=None,
+        description="RMS and worst error of its phase that flying the plan has found, to compare "
+        "with the tolerances; null where the plan was not flown (syncplan plan --fly)",
+    )
+    speed_needed_mps: tuple[float, float] | None = Field(
+        default=None,
+        description="Least and largest airspeed that it commanded in these flights: the margin "
+        "about speed_mps that wind and errors take; null where the plan was not flown",
+    )
 
 
 class VehicleMeeting(DocumentPart):

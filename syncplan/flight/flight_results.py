@@ -28,6 +28,7 @@ class FlightFigures:
     nearest_times : (trials,) s
     kept_meetings : (trials, p)
     longest_unseen : (trials, n) s, without a sighting of or by a vehicle
+    slowest, fastest : (trials, n) m/s, of the speeds commanded in the second half
     saturated, sought : (trials, n) share of samples
     refused : (trials, n) share of decisions whose program was not solved
     sightings : (trials,) made
@@ -46,6 +47,8 @@ class FlightFigures:
     nearest_times: Array
     kept_meetings: Array
     longest_unseen: Array
+    slowest: Array
+    fastest: Array
     saturated: Array
     sought: Array
     refused: Array

@@ -189,6 +189,7 @@ class Flown(NamedTuple):
     moved : (n, 2, lanes) m, by how much each circle is moved at present to be seen again
     seen : (n, lanes) step of the last sighting of, or by, each vehicle
     longest : (n, lanes) most steps between two of them so far
+    slowest, fastest : (n, lanes) m/s, of the speeds commanded in the second half
     saturated : (n, lanes) steps at which a command was at its limit
     sought : (n, lanes) steps at which a vehicle was not sure to meet its anchor
     places : (2,) steps flown, and sightings recorded so far
@@ -207,6 +208,8 @@ class Flown(NamedTuple):
     moved: Array
     seen: Index
     longest: Index
+    slowest: Array
+    fastest: Array
     saturated: Index
     sought: Index
     places: Index

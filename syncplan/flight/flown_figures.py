@@ -45,6 +45,8 @@ def figures_of(team: FlownTeam, lanes: FlownLanes) -> FlightFigures:
         nearest_times=np.asarray(close.step * time),
         kept_meetings=kept.T,
         longest_unseen=np.asarray(flown.longest.T * time),
+        slowest=flown.slowest.T,
+        fastest=flown.fastest.T,
         saturated=(flown.saturated / present).T,
         sought=(flown.sought / present).T,
         refused=_refused(lanes),

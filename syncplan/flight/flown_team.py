@@ -148,6 +148,8 @@ class FlownTeam:
             moved=np.zeros((n, 2, lanes)),
             seen=np.zeros((n, lanes), dtype=np.int64),
             longest=np.zeros((n, lanes), dtype=np.int64),
+            slowest=np.full((n, lanes), np.inf),
+            fastest=np.zeros((n, lanes)),
             saturated=np.zeros((n, lanes), dtype=np.int64),
             sought=np.zeros((n, lanes), dtype=np.int64),
             places=np.zeros(2, dtype=np.int64),

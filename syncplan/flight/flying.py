@@ -20,6 +20,7 @@ from syncplan.flight.flight_results import FlightResult, joined_flights
 from syncplan.flight.flights import fly_trials
 from syncplan.flight.flown_team import FlownTeam, team_in_flight
 from syncplan.planning.filter_choice import FilterChoice, asked_filter
+from syncplan.planning.flight_record import FlightRecord, FlownVehicleRecord
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.subjects import PlanSubject, planned
 from syncplan.results import Result
@@ -65,6 +66,22 @@ class FlightRun:
         return self.options.trials
 
     @property
+    def happenings(self) -> list[str]:
+        """What happens on the way, in words: events, and what sightings suffer."""
+        options, found = self.options, self.events.sentences
+        shares = {
+            "of the sightings are lost on their way": options.dropout,
+            "of the bearings are false": options.outliers,
+            "of the sightings are of another body": options.mistaken,
+        }
+        found += [f"{100.0 * share:g} % {what}" for what, share in shares.items() if share]
+        if options.late:
+            found.append(f"sightings arrive {options.late} samples late")
+        if options.wind is not None:
+            found.append("the wind is {:g}, {:g} m/s".format(*options.wind))
+        return found
+
+    @property
     def events(self) -> FlightEvents:
         """What happens on the way."""
         return self.team.events
@@ -97,38 +114,68 @@ class Flight(Result):
         """Return one line: what was flown, how often, and how well."""
         tracking = float(np.sqrt(np.nanmean(self.result.figures.tracking_squares)))
         return (
-            f"<{type(self).__name__} of {self.plan!r}: {self.result.trials} trials over "
+            f"<{type(self).__name__} of {self.run.plan!r}: {self.result.trials} trials over "
             f"{self.run.duration:.4g} s, {tracking:.3g} m off the plan, "
             f"{100.0 * float(self.filter_lost.mean()):.3g} % lost>"
         )
 
     @property
     def plan(self) -> Plan:
-        """The plan that was flown."""
-        return self.run.plan
+        """The plan that was flown, with what was found."""
+        return replace(self.run.plan, flight=self.record)
+
+    @property
+    def record(self) -> FlightRecord:
+        """What a plan's verdict takes into account."""
+        figures, asked = self.result.figures, self.run.limits.separation
+        apart, options = figures.separations, self.run.options
+        known = bool(np.isfinite(apart).all())
+        return FlightRecord(
+            trials=self.result.trials,
+            seed=self.result.estimates.seed,
+            duration=self.run.duration,
+            guidance=options.guidance,
+            filter=options.filter,
+            events=tuple(self.run.happenings),
+            lost_share=float(self.filter_lost.mean()),
+            out_of_contact_share=float(self.out_of_contact.mean()),
+            separations=(float(np.median(apart)), float(apart.min())) if known else None,
+            too_close_share=float(np.mean(apart < asked)) if known and asked > 0.0 else None,
+            vehicles=tuple(self._flown(k) for k in np.flatnonzero(self.there).tolist()),
+        )
+
+    def _flown(self, k: int) -> FlownVehicleRecord:
+        figures = self.result.figures
+        return FlownVehicleRecord(
+            name=self.run.plan.scenario.vehicle_names[k],
+            phase_rms=float(np.sqrt(figures.phase_squares[:, k].mean())),
+            phase_worst=float(figures.worst_phases[:, k].max()),
+            tracking_rms=float(np.sqrt(figures.tracking_squares[:, k].mean())),
+            speeds=(float(figures.slowest[:, k].min()), float(figures.fastest[:, k].max())),
+        )
 
     @property
     def judged_from(self) -> float:
         """Time in s from which on ANEES, NIS and coverage count."""
-        run, time = self.run, self.plan.sensors.sample_time
-        return judged_from(run.team.steps, time, self.plan.orbits.period, run.options) * time
+        run, time = self.run, self.run.plan.sensors.sample_time
+        return judged_from(run.team.steps, time, self.run.plan.orbits.period, run.options) * time
 
     @property
     def predicted(self) -> Array | None:
         """(n,) m, the plan's own prediction; None for another duration than the plan's."""
-        same = self.run.duration == self.plan.scenario.duration_s
-        return self.plan.prediction.rms if same else None
+        same = self.run.duration == self.run.plan.scenario.duration_s
+        return self.run.plan.prediction.rms if same else None
 
     @property
     def there(self) -> Flags:
         """(n,) whether a vehicle is there to the end."""
-        gone = self.run.team.setup.mishaps.gone_from[: self.plan.team.count]
+        gone = self.run.team.setup.mishaps.gone_from[: self.run.plan.team.count]
         return np.asarray(gone > self.run.team.steps)
 
     @property
     def meetings(self) -> Meetings:
         """The meetings of the plan."""
-        plan, steps = self.plan, self.run.team.steps
+        plan, steps = self.run.plan, self.run.team.steps
         return meetings_of(plan.windows, plan.sensors.sample_time, plan.orbits.period, steps)
 
     @property
@@ -145,7 +192,7 @@ class Flight(Result):
     def out_of_contact(self) -> Flags:
         """(trials,) whether some vehicle was in no sighting for over OUT_OF_CONTACT_PERIODS."""
         longest = self.result.figures.longest_unseen
-        limit = OUT_OF_CONTACT_PERIODS * self.plan.orbits.period
+        limit = OUT_OF_CONTACT_PERIODS * self.run.plan.orbits.period
         return np.asarray((longest > limit).any(axis=1))
 
 

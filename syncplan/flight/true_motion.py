@@ -41,6 +41,7 @@ def _obey(flight: FlightSetup, flown: Flown, i: int, step: int, lanes: Lanes) ->
         vehicles.most_speeds[i],
         vehicles.most_turn_rates[i],
     )
+    late = 2 * step > flight.steps
     held = is_held(mishaps.held_from, mishaps.held_until, i, step)
     there = mishaps.gone_from[i] > step
     for lane in range(len(lanes)):
@@ -51,6 +52,9 @@ def _obey(flight: FlightSetup, flown: Flown, i: int, step: int, lanes: Lanes) ->
         if there and (within_v != v or within_w != w):
             flown.saturated[i, lane] += 1
         flown.commands[i, 0, lane], flown.commands[i, 1, lane] = within_v, within_w
+        if late:
+            flown.slowest[i, lane] = min(flown.slowest[i, lane], within_v)
+            flown.fastest[i, lane] = max(flown.fastest[i, lane], within_v)
 
 
 @inner

@@ -4,6 +4,7 @@ figures_of_merit    by what plans are compared
 start_up            whether the filter reaches the bound: index and pilot
 refinement_record   how a plan was refined
 predicted_errors    what bounds predict of positions and further states, what neglect costs
+flight_record       what flying a plan has found
 judged_team         a team with all that was found of it
 distance_limits     how near vehicles may come to each other and to landmarks
 findings            what speaks against flying a plan, and the verdict
@@ -15,6 +16,7 @@ loss_checks         findings on single points of failure
 search_checks       findings on how the plan was found
 neglect_checks      findings on errors that the filter does not estimate
 start_up_checks     findings on the start
+flight_checks       findings of a flight
 verdict_checks      the table of checks
 judged_plan         the plan: a judged team and the verdict
 judgement           orbits to plan

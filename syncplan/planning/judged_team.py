@@ -12,6 +12,7 @@ from syncplan.orbits.losses import Loss
 from syncplan.orbits.separation import Approach
 from syncplan.orbits.team import Team, WithTeam
 from syncplan.placement.centers import Placement
+from syncplan.planning.flight_record import FlightRecord
 from syncplan.planning.predicted_errors import Prediction
 from syncplan.planning.refinement_record import RefinementRecord
 from syncplan.planning.start_up import StartUp
@@ -58,6 +59,7 @@ class JudgedTeam(WithTeam):
     centres_placed : whether the plan's file says that placement found the centres
     start_up : whether the filter can be expected to reach the bound; None where no bound was
         computed, or the team is not observable
+    flight : what flying the plan has found; None where it was not flown
     """
 
     scenario: Scenario
@@ -82,3 +84,4 @@ class JudgedTeam(WithTeam):
     placement: Placement | None = None
     centres_placed: bool = False
     start_up: StartUp | None = None
+    flight: FlightRecord | None = None

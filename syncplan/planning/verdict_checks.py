@@ -3,6 +3,11 @@
 from collections.abc import Callable, Iterable
 
 from syncplan.planning.findings import Finding, Verdict
+from syncplan.planning.flight_checks import (
+    lost_in_flight,
+    phase_not_kept,
+    too_close_in_flight,
+)
 from syncplan.planning.judged_team import JudgedTeam
 from syncplan.planning.link_checks import (
     fragile_links,
@@ -52,6 +57,9 @@ CHECKS: dict[str, Callable[[JudgedTeam], Iterable[Finding]]] = {
     "link-fragile": fragile_links,
     "start-up": start_up,
     "start-up-worse": start_up_worse,
+    "lost-in-flight": lost_in_flight,
+    "too-close-in-flight": too_close_in_flight,
+    "phase-not-kept": phase_not_kept,
     "not-estimated": not_estimated,
     "expected-worse": expected_worse,
     "error-undetermined": error_undetermined,

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from syncplan.arrays import as_pairs
 from syncplan.orbits.team import Team
 from syncplan.planning.figures_of_merit import FIGURES, Figures
+from syncplan.planning.flight_record import FlightRecord, FlownVehicleRecord
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.refinement_record import RefinementRecord, StartRecord
 from syncplan.planning.search_checks import CENTRES_PLACED, CLEARED, PLACED
@@ -83,6 +84,28 @@ class _WrittenRefinement(_Read):
     expected_rms_before_m: float | None = None
 
 
+class _WrittenPhasesFlown(_Read):
+    name: str
+    phase_rms_s: float
+    phase_worst_s: float
+    tracking_rms_m: float
+    speed_mps: Annotated[list[float], Field(min_length=2, max_length=2)]
+
+
+class _WrittenFlight(_Read):
+    trials: int
+    seed: int
+    duration_s: float
+    guidance: str
+    filter: str
+    events: list[Words]
+    filter_lost_share: float
+    out_of_contact_share: float
+    least_separation_m: Annotated[list[float], Field(min_length=2, max_length=2)] | None
+    too_close_share: float | None
+    vehicles: Many[_WrittenPhasesFlown]
+
+
 class _WrittenFinding(_Read):
     code: str
 
@@ -99,6 +122,7 @@ class WrittenRecord(_Read):
     synchronisation: _WrittenPhases
     refinement: _WrittenRefinement | None = None
     verdict: _WrittenVerdict | None = None
+    flight: _WrittenFlight | None = None
     notes: Many[Words] = Field(default_factory=list)
 
 
@@ -130,6 +154,7 @@ def with_record(judged: Plan, record: WrittenRecord | None) -> Plan:
         ),
         refinement=_refinement(record.refinement, cleared=CLEARED in codes),
         centres_placed=CENTRES_PLACED in codes or PLACED in record.notes,
+        flight=None if record.flight is None else _flight(record.flight),
     )
 
 
@@ -195,6 +220,36 @@ def _refinement(given: _WrittenRefinement | None, *, cleared: bool) -> Refinemen
         expected_before=given.expected_rms_before_m,
         cleared=cleared,
     )
+
+
+def _flight(given: _WrittenFlight) -> FlightRecord:
+    return FlightRecord(
+        trials=given.trials,
+        seed=given.seed,
+        duration=given.duration_s,
+        guidance=given.guidance,
+        filter=given.filter,
+        events=tuple(given.events),
+        lost_share=given.filter_lost_share,
+        out_of_contact_share=given.out_of_contact_share,
+        separations=None if given.least_separation_m is None else _two(given.least_separation_m),
+        too_close_share=given.too_close_share,
+        vehicles=tuple(
+            FlownVehicleRecord(
+                one.name,
+                one.phase_rms_s,
+                one.phase_worst_s,
+                one.tracking_rms_m,
+                _two(one.speed_mps),
+            )
+            for one in given.vehicles
+        ),
+    )
+
+
+def _two(values: list[float]) -> tuple[float, float]:
+    first, second = values
+    return first, second
 
 
 def _start_before(given: _WrittenInputStart | None) -> StartBefore | None:

@@ -4,6 +4,7 @@ document_base       what all documents share
 start_up_schemas    the start of a plan and its JSON contract
 verdict_schemas     verdicts and their JSON contract
 refinement_schemas  the JSON contract of refinements
+flown_plan_schemas  of what flying has found of a plan
 plan_schemas        of plans
 site_schemas        of choices of landmark sites
 flight_schemas      the contract of flights

@@ -70,8 +70,8 @@ def flight_document(flight: Flight) -> FlightDocument:
 
 
 def _model(flight: Flight) -> VehicleModel:
-    limits, motion = flight.run.limits, flight.plan.scenario.motion
-    given = flight.plan.scenario.limits
+    limits, motion = flight.run.limits, flight.run.plan.scenario.motion
+    given = flight.run.plan.scenario.limits
     return VehicleModel(
         speed_mps=(float(limits.least_speeds.min()), float(limits.most_speeds.max())),
         turn_rate_rad_s=float(limits.most_turn_rates.max()),
@@ -82,8 +82,8 @@ def _model(flight: Flight) -> VehicleModel:
 
 
 def _vehicle(flight: Flight, k: int) -> FlownVehicle:
-    figures, names = flight.result.figures, flight.plan.scenario.vehicle_names
-    bodies = [*names, *flight.plan.scenario.landmark_names]
+    figures, names = flight.result.figures, flight.run.plan.scenario.vehicle_names
+    bodies = [*names, *flight.run.plan.scenario.landmark_names]
     anchor = int(flight.run.team.setup.contact.anchors[k])
     there = bool(flight.there[k])
     pairs = flight.meetings.pairs
@@ -159,7 +159,7 @@ def _figures(accuracy: Any, k: int, covered: float) -> dict[str, float]:
 
 
 def _separation(flight: Flight) -> FlownSeparation | None:
-    plan, figures = flight.plan, flight.result.figures
+    plan, figures = flight.run.plan, flight.result.figures
     if plan.approach is None or not np.isfinite(figures.separations).all():
         return None
     worst, names = int(np.argmin(figures.separations)), plan.scenario.vehicle_names
@@ -194,14 +194,14 @@ def _wind_error(flight: Flight) -> float | None:
     columns = flight.run.team.layout.columns.get("wind")
     if columns is None:
         return None
-    own = columns[0] - 3 * flight.plan.team.count
+    own = columns[0] - 3 * flight.run.plan.team.count
     squares = flight.result.estimates.late_state_squares[:, own]
     return float(np.sqrt(squares.sum(axis=1).mean()))
 
 
 def _state_errors(flight: Flight) -> list[StateErrorFigures] | None:
     layout, found = flight.run.team.layout, flight.result.estimates
-    labels = layout.labels(flight.plan.scenario.vehicle_names)
+    labels = layout.labels(flight.run.plan.scenario.vehicle_names)
     if not labels:
         return None
     rms, late = (
@@ -224,7 +224,7 @@ def _state_errors(flight: Flight) -> list[StateErrorFigures] | None:
 
 
 def _links(flight: Flight) -> list[FlownLink]:
-    scenario, figures = flight.plan.scenario, flight.result.figures
+    scenario, figures = flight.run.plan.scenario, flight.result.figures
     names = [*scenario.vehicle_names, *scenario.landmark_names]
     return [
         FlownLink(

@@ -13,6 +13,7 @@ from syncplan.orbits.circles import heading, position
 from syncplan.planning.judged_plan import Plan
 from syncplan.reports.document_base import Window, finite_or_none
 from syncplan.reports.error_report import extended_rank_record, state_verdicts
+from syncplan.reports.flown_plan_schemas import flown_plan
 from syncplan.reports.plan_schemas import (
     CertificateVerdict,
     CloseApproach,
@@ -86,6 +87,7 @@ def plan_document(plan: Plan) -> PlanDocument:
             None if plan.start_up is None else start_up_record(plan.start_up, names, landmarks)
         ),
         refinement=None if plan.refinement is None else refinement_result(plan.refinement),
+        flight=None if plan.flight is None else flown_plan(plan.flight),
         notes=[one.message for one in verdict.findings],
     )
 

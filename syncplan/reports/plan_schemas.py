@@ -5,6 +5,7 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from syncplan.reports.document_base import Document, DocumentPart, Point, VersionedDocument, Window
+from syncplan.reports.flown_plan_schemas import FlownPlan
 from syncplan.reports.refinement_schemas import RefinementResult
 from syncplan.reports.start_up_schemas import StartUpRecord
 from syncplan.reports.verdict_schemas import PlanVerdict
@@ -233,7 +234,7 @@ class PlanDocument(VersionedDocument):
     """A plan: orbits, meetings and the verdict on observability."""
 
     left_out_if_none: ClassVar[frozenset[str]] = frozenset(
-        {"expected_rms_m", "predicted_errors", "refinement", "start_up", "verdict"}
+        {"expected_rms_m", "flight", "predicted_errors", "refinement", "start_up", "verdict"}
     )
 
     verdict: PlanVerdict | None = Field(
@@ -270,5 +271,8 @@ class PlanDocument(VersionedDocument):
     )
     refinement: RefinementResult | None = Field(
         default=None, description="How the plan was refined, where it was"
+    )
+    flight: FlownPlan | None = Field(
+        default=None, description="What flying the plan has found; absent where it was not flown"
     )
     notes: list[str] = Field(description="The messages of the verdict's findings")

@@ -1,0 +1,66 @@
+"""The JSON contract of what flying has found of a plan, as the plan's own file has it."""
+
+from pydantic import Field
+
+from syncplan.planning.flight_record import FlightRecord
+from syncplan.reports.document_base import DocumentPart
+
+__all__ = ["FlownPlan", "PhasesFlown", "flown_plan"]
+
+
+class PhasesFlown(DocumentPart):
+    """How one vehicle flew, over the second half of all trials."""
+
+    name: str
+    phase_rms_s: float = Field(description="Ahead of the plan, or behind it")
+    phase_worst_s: float = Field(description="In any trial")
+    tracking_rms_m: float = Field(description="From the plan's place")
+    speed_mps: tuple[float, float] = Field(
+        description="Least and largest airspeed that was commanded: what it needs in the wind"
+    )
+
+
+class FlownPlan(DocumentPart):
+    """What flying the plan has found; the circumstances are those of the scenario."""
+
+    trials: int
+    seed: int
+    duration_s: float
+    guidance: str
+    filter: str
+    events: list[str] = Field(description="What happened on the way, in every trial")
+    filter_lost_share: float
+    out_of_contact_share: float
+    least_separation_m: tuple[float, float] | None = Field(
+        description="Of the median and of the worst trial; null for a single vehicle"
+    )
+    too_close_share: float | None = Field(
+        description="Share of trials below min_separation_m; null where none is asked for"
+    )
+    vehicles: list[PhasesFlown] = Field(description="Those that are there to the end")
+
+
+def flown_plan(record: FlightRecord) -> FlownPlan:
+    """Return the document of a record."""
+    return FlownPlan(
+        trials=record.trials,
+        seed=record.seed,
+        duration_s=record.duration,
+        guidance=record.guidance,
+        filter=record.filter,
+        events=list(record.events),
+        filter_lost_share=record.lost_share,
+        out_of_contact_share=record.out_of_contact_share,
+        least_separation_m=record.separations,
+        too_close_share=record.too_close_share,
+        vehicles=[
+            PhasesFlown(
+                name=one.name,
+                phase_rms_s=one.phase_rms,
+                phase_worst_s=one.phase_worst,
+                tracking_rms_m=one.tracking_rms,
+                speed_mps=one.speeds,
+            )
+            for one in record.vehicles
+        ],
+    )
