@@ -62,7 +62,10 @@ def too_close_in_flight(judged: JudgedTeam) -> Iterator[Finding]:
 
 
 def phase_not_kept(judged: JudgedTeam) -> Iterator[Finding]:
-    """Yield the finding that vehicles stray from their phases by more than their meetings bear."""
+    """Yield the finding that vehicles stray from their phases by more than their meetings bear.
+
+    It stops the flight where an RMS error is over the tolerance itself.
+    """
     flight = judged.flight
     if flight is None:
         return
@@ -84,10 +87,12 @@ def phase_not_kept(judged: JudgedTeam) -> Iterator[Finding]:
         each = [
             f"{one.name} {one.phase_rms:.3g} s, {tolerances[one.name]:.3g} s allowed" for one in off
         ]
+        gone = any(one.phase_rms > tolerances[one.name] for one in off)
         yield Finding(
             "phase-not-kept",
-            "warning",
-            f"phases stray by more than half of their tolerance (RMS of {_flown(flight)}): "
+            "stop" if gone else "warning",
+            f"phases stray by more than {'' if gone else 'half of '}their tolerance (RMS of "
+            f"{_flown(flight)}): "
             f"{listed(each, MOST_NAMED)}",
             tuple(one.name for one in off),
             Cure("meetings that are further within range, or a smaller error of the estimates"),

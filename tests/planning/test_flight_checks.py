@@ -64,7 +64,9 @@ def test_a_phase_is_kept_within_half_of_the_tolerance_of_its_meetings(plan: Plan
     least = min(one.tolerance for one in plan.links if one.a == 0 or one.b == 0)
     tolerance = least / plan.orbits.rate
     first, *others = WELL.vehicles
-    for share, expected in ((0.49, {}), (0.51, {"phase-not-kept": "warning"})):
+    kept = {0.49: None, 0.51: "warning", 0.99: "warning", 1.01: "stop"}
+    for share, level in kept.items():
+        expected = {} if level is None else {"phase-not-kept": level}
         vehicles = (replace(first, phase_rms=share * tolerance), *others)
         assert levels(plan, replace(WELL, vehicles=vehicles)) == expected
     # those of vehicles that are gone are not asked for
