@@ -93,6 +93,41 @@ class PlainFlight:
                 found = min(found, float(apart.min(initial=np.inf)))
         return found
 
+    def meetings(self) -> tuple[dict[tuple[int, int], int], dict[tuple[int, int], int]]:
+        """How many meetings each pair kept, and how many were planned.
+
+        One a period, about the middle of the longest window of either direction; those count whose
+        period is wholly in the run, and over before one of the two is gone.
+        """
+        team, windows = self.truth.team, self.truth.run.team.windows
+        period, time = team.orbits.period, team.sensors.sample_time
+        longest: dict[tuple[int, int], tuple[float, float]] = {}
+        for k, (o, t) in enumerate(zip(windows.observers, windows.targets, strict=True)):
+            pair = (int(min(o, t)), int(max(o, t)))
+            for begin, end in windows.of(k):
+                found = (float(end - begin), float(begin + end) / 2.0 % period)
+                if found[0] > longest.get(pair, (0.0, 0.0))[0]:
+                    longest[pair] = found
+        times: dict[tuple[int, int], list[float]] = {pair: [] for pair in longest}
+        for step, sightings in enumerate(self.truth.sightings):
+            for one in sightings:
+                pair = (min(one.observer, one.target), max(one.observer, one.target))
+                if pair in times:
+                    times[pair].append(step * time)
+        kept, planned = dict.fromkeys(longest, 0), dict.fromkeys(longest, 0)
+        for pair, (_, middle) in longest.items():
+            last = next(
+                (k for k in range(len(self.there)) if any(self.truth.gone(b, k) for b in pair)),
+                len(self.there) - 1,
+            )
+            begin = middle - 0.5 * period
+            while begin + period <= last * time + 1e-9:
+                if begin >= 0.0:
+                    planned[pair] += 1
+                    kept[pair] += any(begin <= at < begin + period for at in times[pair])
+                begin += period
+        return kept, planned
+
 
 def fly_plainly(run: FlightRun, trial: int, *, bound: bool = True) -> PlainFlight:
     """Return a trial of a flight; `bound` says whether its bound is found too."""

@@ -61,8 +61,8 @@ def words(key: NDArray[np.uint64], step: int, observer: int, target: int) -> lis
 
 
 def uniform(word: int) -> float:
-    """Return a number in (0, 1): the middle of one of 2^53 equal parts."""
-    return ((word >> 11) + 0.5) / 2.0**53
+    """Return a number in (0, 1): the middle of one of 2^52 equal parts."""
+    return ((word >> 12) + 0.5) / 2.0**52
 
 
 def draws_of(run: FlightRun, trial: int) -> tuple[dict[str, Array], dict[str, Array]]:
