@@ -1,0 +1,302 @@
+"""Anchors: a tree of largest least slack; circles that move to them."""
+
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pytest
+
+from syncplan.arrays import Array, Index
+from syncplan.flight.anchors import Anchors, anchors_of
+from syncplan.flight.flight_setup import Contact
+from syncplan.flight.flying import FlightRun, flight_run
+from syncplan.flight.seeking import move_circles
+from syncplan.orbits.circles import Orbits
+from syncplan.orbits.contacts import find_windows
+from syncplan.orbits.paths import relative_motion
+from syncplan.orbits.sensors import Sensors
+from syncplan.orbits.separation import least_distances
+from syncplan.orbits.team import Team
+from syncplan.planning.planner import plan
+from tests.tools.draws import NOISE
+from tests.tools.scenarios import example
+
+LANES = np.zeros(1, dtype=np.int8)
+
+
+def _team(seed: int, count: int = 4) -> Team:
+    """Vehicles and two landmarks anywhere."""
+    generator = np.random.default_rng([17, seed])
+    orbits = Orbits(
+        generator.uniform(0.0, 120.0, (count, 2)),
+        generator.uniform(10.0, 25.0, count),
+        np.where(generator.random(count) < 0.5, 1.0, -1.0),
+        generator.uniform(0.0, 6.28, count),
+        0.2,
+    )
+    sensors = Sensors(
+        generator.uniform(20.0, 60.0, count),
+        np.full(count, 7.0),
+        np.zeros(count),
+        np.full(count, 0.1),
+        0.1,
+    )
+    return Team(orbits, generator.uniform(0.0, 120.0, (2, 2)), sensors, NOISE)
+
+
+def _slacks(team: Team) -> Array:
+    """(n + m, n + m) largest slack of the meetings of two bodies, from sampled paths."""
+    windows, n = find_windows(team), team.count
+    found = np.full((n + len(team.landmarks),) * 2, -np.inf)
+    for o, t in zip(windows.observers, windows.targets, strict=True):
+        motion = relative_motion(team.orbits, np.array([o]), np.array([t]), team.landmarks)
+        slack = team.sensors.ranges[o] - least_distances(motion)[0][0]
+        found[o, t] = found[t, o] = max(found[o, t], slack)
+    return found
+
+
+def _widest(slacks: Array, n: int) -> Array:
+    """(n,) the least slack of the best way to any landmark; -inf without one."""
+    best = np.array([slacks[i, n:].max() for i in range(n)])
+    for _ in range(n):
+        for i, k in product(range(n), repeat=2):
+            best[i] = max(best[i], min(slacks[i, k], best[k]))
+    return best
+
+
+def _least_on_the_way(anchors: Index, slacks: Array, i: int) -> float:
+    least, n = np.inf, len(anchors)
+    while i < n:
+        if anchors[i] < 0:
+            return -np.inf
+        least, i = min(least, slacks[i, anchors[i]]), int(anchors[i])
+    return float(least)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_the_least_slack_on_the_way_to_a_landmark_is_as_large_as_can_be(seed: int) -> None:
+    team = _team(seed)
+    slacks = _slacks(team)
+    found = anchors_of(team, find_windows(team), 0.0)
+    least = [_least_on_the_way(found.anchors, slacks, i) for i in range(team.count)]
+    np.testing.assert_allclose(least, _widest(slacks, team.count))
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_no_spanning_tree_has_larger_slacks(seed: int) -> None:
+    """Every choice of anchors of four vehicles without a cycle, those with a way to a landmark."""
+    team = _team(seed)
+    slacks, n = _slacks(team), team.count
+    found = anchors_of(team, find_windows(team), 0.0)
+    reached = [i for i in range(n) if _widest(slacks, n)[i] > -np.inf]
+    best = -np.inf
+    for chosen in product(range(n + 2), repeat=len(reached)):
+        anchors = np.full(n, -1)
+        anchors[reached] = chosen
+        values = [slacks[i, anchors[i]] for i in reached]
+        if min(values, default=0.0) > -np.inf and _ends(anchors, reached):
+            best = max(best, float(np.sum(values)))
+    assert found.slacks[reached].sum() == pytest.approx(best if reached else 0.0)
+
+
+def _ends(anchors: Index, reached: list[int]) -> bool:
+    for i in reached:
+        at, steps = i, 0
+        while 0 <= at < len(anchors) and steps <= len(anchors):
+            at, steps = int(anchors[at]), steps + 1
+        if at < len(anchors):
+            return False
+    return True
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_each_vehicle_follows_its_anchor_and_none_is_left_out(seed: int) -> None:
+    team = _team(seed, 6)
+    found = anchors_of(team, find_windows(team), 0.0)
+    assert sorted(found.order.tolist()) == list(range(6))
+    place = {int(vehicle): k for k, vehicle in enumerate(found.order)}
+    for i, anchor in enumerate(found.anchors.tolist()):
+        assert anchor >= 6 or anchor < 0 or place[anchor] < place[i]
+
+
+def _grid() -> tuple[FlightRun, Anchors]:
+    run = flight_run(plan(example("windy-grid"), bound="never", pilot=False), duration=60.0)
+    team = run.team
+    return run, anchors_of(team.team, team.windows, run.limits.separation)
+
+
+def test_without_landmarks_a_part_is_anchored_in_its_best_met_vehicle() -> None:
+    run, _ = _grid()
+    team, windows = run.team.team, run.team.windows
+    there = np.array([True] * 6 + [False] * 2)
+    left = there[windows.targets]
+    found = anchors_of(team, windows, 0.0, left, there)
+    assert (found.anchors < 0).sum() == 1
+    root = int(np.flatnonzero(found.anchors < 0)[0])
+    assert root == found.order[0]
+    assert found.most[root] == found.furthest[root] == 0.0
+    assert found.slacks[root] == np.inf
+
+
+def test_nobody_meets_anybody_and_all_stay_where_they_are() -> None:
+    run, _ = _grid()
+    windows = run.team.windows
+    none = np.zeros(len(windows.observers), dtype=bool)
+    found = anchors_of(run.team.team, windows, 0.0, none)
+    assert found.anchors.tolist() == [-1] * 6
+
+
+def test_circles_come_no_nearer_than_the_asked_separation() -> None:
+    run, wide = _grid()
+    team, windows = run.team.team, run.team.windows
+    close = anchors_of(team, windows, 25.0)
+    vehicles = (wide.anchors >= 0) & (wide.anchors < 6)
+    assert np.all(close.furthest[vehicles] <= wide.furthest[vehicles])
+    gap = 30.0  # of neighbours in this plan
+    np.testing.assert_allclose(close.furthest[vehicles], gap - 25.0)
+    np.testing.assert_allclose(wide.most[vehicles], 0.5 * gap)
+    np.testing.assert_allclose(wide.furthest[vehicles], 0.85 * gap)
+
+
+class Seeking:
+    """A team whose circles move; `P` is the covariance, `step` the time."""
+
+    def __init__(self) -> None:
+        self.run, self.anchors = _grid()
+        self.contact: Contact = self.run.team.setup.contact
+        self.columns = self.run.team.filter_setup().columns
+        self.P = np.zeros((20, 20, 1))
+        self.moved, self.seen = np.zeros((6, 2, 1)), np.zeros((6, 1), dtype=np.int64)
+        self.sought = np.zeros((6, 1), dtype=np.int64)
+
+    def know(self, vehicle: int, sigma: float) -> None:
+        """Let a vehicle's place be known to so many m."""
+        self.P[3 * vehicle, 3 * vehicle] = self.P[3 * vehicle + 1, 3 * vehicle + 1] = sigma**2
+
+    def look(self, step: int = 10) -> Array:
+        """(n, 2) m, by how much circles are moved."""
+        move_circles(
+            self.contact, self.columns, self.P, step, self.seen, self.moved, self.sought, LANES
+        )
+        return self.moved[..., 0].copy()
+
+    def leaf(self) -> int:
+        """A vehicle that is anchored in a vehicle, and anchors none."""
+        anchors = self.contact.anchors.tolist()
+        return next(i for i in range(6) if i not in anchors and 0 <= anchors[i] < 6)
+
+
+def test_circles_stay_where_places_are_known() -> None:
+    found = Seeking()
+    assert np.all(found.look() == 0.0)
+    assert found.sought.sum() == 0
+
+
+def test_a_circle_moves_to_its_anchor_by_what_is_not_sure() -> None:
+    """Four standard deviations, less the slack; back when a sighting has told where it is."""
+    found = Seeking()
+    leaf = found.leaf()
+    slack = found.contact.slacks[leaf]
+    found.know(leaf, (slack + 3.0) / 4.0)
+    moved = found.look()
+    np.testing.assert_allclose(moved[leaf], 3.0 * found.contact.toward[leaf])
+    assert np.all(np.delete(moved, leaf, axis=0) == 0.0)
+    away = found.run.plan.orbits.centers
+    anchor = int(found.contact.anchors[leaf])
+    nearer = np.hypot(*(away[anchor] - away[leaf] - moved[leaf]))
+    assert nearer == pytest.approx(np.hypot(*(away[anchor] - away[leaf])) - 3.0)
+    assert found.sought[leaf, 0] == found.contact.look_every
+    found.know(leaf, slack / 4.0)
+    np.testing.assert_allclose(found.look(), 0.0, atol=1e-9)
+
+
+def test_it_moves_no_further_than_so_that_it_is_surely_met() -> None:
+    found = Seeking()
+    leaf = found.leaf()
+    found.know(leaf, 100.0)
+    assert np.hypot(*found.look()[leaf]) == pytest.approx(found.contact.most[leaf])
+
+
+def test_a_vehicle_that_was_not_seen_for_a_period_goes_furthest() -> None:
+    found = Seeking()
+    leaf = found.leaf()
+    patience = found.contact.patience
+    assert patience == 315
+    assert np.all(found.look(patience) == 0.0)
+    moved = found.look(patience + 1)
+    assert np.hypot(*(moved[leaf] - moved[int(found.contact.anchors[leaf])])) == pytest.approx(
+        found.contact.furthest[leaf]
+    )
+    found.seen[:] = patience
+    assert np.all(found.look(patience + 1) == 0.0)
+
+
+def test_a_part_moves_as_one() -> None:
+    """What is anchored in a vehicle goes with it, however well it is known itself."""
+    found = Seeking()
+    anchors = found.contact.anchors.tolist()
+    nearest = next(i for i in range(6) if anchors[i] >= 6 and i in anchors)
+    found.know(nearest, 100.0)
+    moved = found.look()
+    part = [i for i in range(6) if _way(anchors, i, nearest)]
+    assert len(part) > 1
+    for i in part:
+        relative = anchors[i] if i != nearest else -1
+        if relative >= 0 and relative != nearest:
+            np.testing.assert_allclose(moved[i], moved[relative], atol=1e-9)
+    assert np.hypot(*moved[nearest]) == pytest.approx(found.contact.most[nearest])
+
+
+def _way(anchors: list[int], i: int, to: int) -> bool:
+    while 0 <= i < len(anchors):
+        if i == to:
+            return True
+        i = anchors[i]
+    return False
+
+
+def test_a_wind_that_both_share_says_nothing_of_where_they_are_to_each_other() -> None:
+    found = Seeking()
+    leaf = found.leaf()
+    found.P[18, 18] = found.P[19, 19] = 100.0
+    moved = found.look()
+    anchor = int(found.contact.anchors[leaf])
+    np.testing.assert_allclose(moved[leaf], moved[anchor], atol=1e-9)
+    ashore = next(i for i in range(6) if found.contact.anchors[i] >= 6)
+    assert np.hypot(*moved[ashore]) > 1.0
+
+
+def test_after_a_loss_anchors_are_of_what_is_left() -> None:
+    run = flight_run(
+        plan(example("windy-grid"), bound="never", pilot=False),
+        duration=60.0,
+        lose=("v3@20", "L2@30"),
+    )
+    before, first, both = (run.team.setup_from(step).contact for step in (199, 200, 300))
+    assert before.anchors.tolist() == run.team.setup.contact.anchors.tolist()
+    assert 2 in before.anchors
+    assert 2 not in first.anchors
+    assert first.anchors[2] == -1
+    assert 6 not in first.anchors
+    assert 7 in first.anchors
+    assert both.anchors.max() < 6
+
+
+def test_in_open_loop_no_circle_moves() -> None:
+    made = plan(example("windy-grid"), bound="never", pilot=False)
+    run = flight_run(made, duration=60.0, guidance="none")
+    assert len(run.team.setup.contact.order) == 0
+
+
+def test_a_vehicle_without_an_anchor_is_on_its_own_circle() -> None:
+    found = Seeking()
+    found.moved[:] = 5.0
+    found.contact = _without_anchor(found.contact, found.leaf())
+    assert np.all(found.look() == 0.0)
+
+
+def _without_anchor(contact: Contact, vehicle: int) -> Contact:
+    """Take a vehicle's anchor away."""
+    anchors: Any = contact.anchors.copy()
+    anchors[vehicle] = -1
+    return contact._replace(anchors=anchors)

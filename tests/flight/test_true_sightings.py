@@ -1,0 +1,156 @@
+"""Who truly sees whom: vehicles that follow the plan see what the plan says."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from syncplan.flight.flight_setup import Eyes
+from syncplan.flight.true_sightings import _is_hidden
+from syncplan.orbits.circles import position
+from syncplan.orbits.sight_lines import crosses_interior
+from syncplan.orbits.sightings import sample_sightings
+from syncplan.planning.planner import plan
+from tests.flight.test_true_motion import QUIET
+from tests.tools.flown_trials import FlownTrials, flown
+from tests.tools.scenarios import changed
+
+HORSESHOE = np.array(
+    [[0.0, 0.0], [6.0, 0.0], [6.0, 6.0], [4.0, 6.0], [4.0, 2.0], [2.0, 2.0], [2.0, 6.0], [0.0, 6.0]]
+)
+SQUARE = np.array([[8.0, 0.0], [12.0, 0.0], [12.0, 4.0], [8.0, 4.0]])
+
+ON_PLAN = {
+    "paper-grid-same": 70.0,
+    "paper-grid-alternate": 40.0,
+    "camera-pair": 70.0,
+    "shelves": 40.0,
+    "boats": 130.0,
+    "five-ring": 40.0,
+    "triangle-lattice": 40.0,
+}
+"""Scenarios, and s that are flown."""
+
+
+def _of(found: FlownTrials) -> list[tuple[int, int, int, int]]:
+    return [
+        (k, one.observer, one.target, one.kind)
+        for k, step in enumerate(found.sightings(0))
+        for one in step
+    ]
+
+
+@pytest.mark.parametrize(("name", "duration"), ON_PLAN.items())
+def test_without_noise_and_wind_the_plan_is_kept_to_a_millimetre_and_seen_exactly(
+    name: str, duration: float
+) -> None:
+    made = plan(changed(name, **_quiet(name)), bound="never", pilot=False)
+    found = flown(made, range(1), duration=duration, filter="ekf")
+    time, steps = made.sensors.sample_time, found.run.team.steps
+    places = position(made.orbits, time * np.arange(steps + 1))
+    assert np.abs(found.path[:, :, :2, 0] - places).max() < 1e-3
+    planned = sample_sightings(made.windows, made.orbits.period, made.sensors, 1, steps)
+    columns = (planned.steps, planned.observers, planned.targets, planned.kinds)
+    assert _of(found) == list(zip(*(one.tolist() for one in columns), strict=True))
+
+
+def _quiet(name: str) -> dict[str, Any]:
+    keys: dict[str, Any] = {**QUIET, "sensor": {"detection_probability": 1.0}}
+    if name in ("shelves", "boats"):
+        walks = {"position_random_walk_m_sqrt_s": 0.0, "angle_random_walk_rad_sqrt_s": 0.0}
+        keys["motion"] = walks
+    return keys
+
+
+def test_what_hides_is_what_hides_on_the_plan() -> None:
+    """Of segments in general position; `sight_lines` has its own tests."""
+    eyes = _behind(HORSESHOE, SQUARE)
+    generator = np.random.default_rng(4)
+    starts, ends = generator.uniform(-3.0, 14.0, (2, 3000, 2))
+    hidden = [
+        _is_hidden(eyes, *start, *(end - start)) for start, end in zip(starts, ends, strict=True)
+    ]
+    blocked = crosses_interior(HORSESHOE, starts, ends) | crosses_interior(SQUARE, starts, ends)
+    assert 500 < blocked.sum() < 2500
+    np.testing.assert_array_equal(hidden, blocked)
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "hidden"),
+    [
+        ((7.0, -1.0), (13.0, 5.0), True),  # along a diagonal, through two corners
+        ((9.0, 1.0), (11.0, 3.0), True),  # wholly inside
+        ((7.0, 5.0), (7.0, -5.0), False),
+        ((6.0, 2.0), (10.0, 6.0), False),  # grazes the corner (8, 4)
+        ((5.0, 1.0), (8.0, 2.0), False),  # to the wall, from outside
+        ((13.0, 1.0), (8.0, 2.0), True),  # to the same place, from behind
+    ],
+)
+def test_a_wall_hides_what_is_behind_it_and_not_what_is_beside(
+    start: tuple[float, float], end: tuple[float, float], hidden: bool
+) -> None:
+    way = np.subtract(end, start)
+    assert _is_hidden(_behind(SQUARE), *start, *way) == hidden
+
+
+def _behind(*obstacles: np.ndarray[Any, np.dtype[np.float64]]) -> Eyes:
+    none, corners = np.zeros(0), np.concatenate(obstacles)
+    return Eyes(
+        ranges=none,
+        half_views=none,
+        boresights=none,
+        every=np.zeros((3, 0), dtype=np.int64),
+        sigmas=np.zeros((3, 0)),
+        detection=none,
+        landmarks=np.zeros((0, 2)),
+        corners=corners,
+        first_corner=np.cumsum([0, *(len(one) for one in obstacles)]),
+    )
+
+
+def test_what_is_lost_is_seen_by_nobody_from_then_on() -> None:
+    made = plan(changed("boats"), bound="never", pilot=False)
+    lose = ("v2@30", "sensor:v4@30", "lighthouse@30", "compass:v6@30", "distance:v7@30")
+    found = flown(made, range(1), duration=130.0, filter="second-order", lose=lose)
+    before, after = (
+        [one for one in _of(found) if (one[0] < 60) == early] for early in (True, False)
+    )
+
+    def some(among: list[tuple[int, int, int, int]], **wanted: int) -> bool:
+        names = ("step", "observer", "target", "kind")
+        return any(
+            all(one[names.index(name)] == value for name, value in wanted.items()) for one in among
+        )
+
+    lost: list[dict[str, int]] = [
+        {"observer": 1},
+        {"target": 1},
+        {"target": 20},
+        {"observer": 3, "kind": 0},
+        {"observer": 3, "kind": 1},
+        {"observer": 5, "kind": 2},
+        {"observer": 6, "kind": 1},
+    ]
+    assert [some(before, **one) for one in lost] == [True] * len(lost)
+    assert [some(after, **one) for one in lost] == [False] * len(lost)
+    kept: list[dict[str, int]] = [
+        {"observer": 3, "kind": 2},
+        {"target": 3, "kind": 0},
+        {"observer": 5, "kind": 0},
+        {"observer": 6, "kind": 0},
+    ]
+    assert [some(after, **one) for one in kept] == [True] * len(kept)
+
+
+def test_sightings_are_missed_as_often_as_asked_for() -> None:
+    """Those of detection and dropout together; bearing and distance are missed together."""
+    keys: dict[str, Any] = {**QUIET, "sensor": {"detection_probability": 0.9, "range_sigma_m": 1.0}}
+    made = plan(changed("paper-grid-same", **keys), bound="never", pilot=False)
+    found = flown(made, range(16), duration=70.0, filter="ekf", dropout=0.2)
+    planned = sample_sightings(made.windows, made.orbits.period, made.sensors, 1, 700)
+    share = found.figures.sightings.mean() / len(planned.steps)
+    total = 16 * len(planned.steps) / 2.0
+    assert abs(share - 0.72) < 4.0 * np.sqrt(0.72 * 0.28 / total)
+    for step in found.sightings(3):
+        of = [{(s.observer, s.target) for s in step if s.kind == kind} for kind in (0, 1)]
+        assert of[0] == of[1]
