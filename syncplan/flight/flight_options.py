@@ -93,8 +93,13 @@ class FlightOptions(FilterOptions):
             raise InputError("together with mistaken this is 1 or more", key="outliers")
         if not 0 <= self.late <= MOST_LATE:
             raise InputError(f"{self.late} given; allowed are 0 to {MOST_LATE} samples", key="late")
-        if self.wind is not None and not all(map(math.isfinite, self.wind)):
+        wind = (0.0, 0.0) if self.wind is None else tuple(self.wind)
+        if len(wind) != 2 or not all(map(math.isfinite, wind)):
             raise InputError(f"{self.wind} is no velocity; give x,y in m/s", key="wind")
+        for name, example in (("lose", "v3@60"), ("hold", "v2@100:20")):
+            if isinstance(getattr(self, name), str):
+                problem = f"{getattr(self, name)!r}: must be a list of texts, such as [{example!r}]"
+                raise InputError(problem, key=name)
         if self.gate_probability is None and self.outliers + self.mistaken > 0.0:
             object.__setattr__(self, "gate_probability", DEFAULT_GATE)
 
