@@ -1,6 +1,8 @@
 """Many flights of a team: trials side by side and over threads, the same bytes on any number.
 
-Trials are flown in chunks of CHUNK_TRIALS, as those of a validation are.
+Trials are flown in chunks of CHUNK_TRIALS, as those of a validation are. Of a chunk that is cut
+short, figures are those of the whole chunk to rounding; with batch solutions, to how far these
+converge: they begin from one sighting in several, of those that any trial beside has made.
 """
 
 import threading

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from syncplan.flight.flown_figures import without_gone
 from syncplan.planning.planner import plan
 from syncplan.scenario.specification import Scenario
 from tests.tools.flown_trials import FlownTrials, flown
@@ -150,6 +151,27 @@ def test_normalised_errors_are_of_the_vehicles_that_are_there(pair: Pair) -> Non
     sampled = [k for k in range(1, steps + 1) if k % 10 == 0 or k == steps]
     for lane, plain in enumerate(pair.plain):
         assert found.nees[lane] == pytest.approx(plain.nees[sampled].sum(), rel=1e-5)
+
+
+def test_statistics_of_a_vehicle_that_leaves_are_of_its_time(pair: Pair) -> None:
+    run = pair.compiled.run
+    found, steps = without_gone(run.team, pair.compiled.lanes).poses, run.team.steps
+    sampled = np.array([k > 0 and (k % 10 == 0 or k == steps) for k in range(steps + 1)])
+    for lane, plain in enumerate(pair.plain):
+        squares, there = plain.offs**2, plain.there > 0
+        n = there.shape[1]
+        within = squares <= 9.0 * plain.variances[:, : 3 * n].reshape(-1, n, 3)
+        for i in range(n):
+            counted = there[1:, i]
+            if not counted.any():
+                continue
+            wanted = squares[1:, i][counted].mean(axis=0)
+            assert _apart(found.squares[i, :, lane] / steps, wanted) < TOLERANCE
+            taken = sampled & there[:, i]
+            share = within[taken, i].mean() if taken.any() else np.nan
+            assert _apart(found.covered[i, lane] / (3 * sampled.sum()), share) < 1e-9
+            if not there[-1, i]:
+                assert np.isnan(found.final[i, :, lane]).all()
 
 
 def test_circles_are_moved_alike(pair: Pair) -> None:

@@ -225,6 +225,8 @@ class _Filter:
                     kept = self.P[own, own].copy()
                     self.P[own], self.P[:, own] = 0.0, 0.0
                     self.P[own, own] = kept
+                    # whatever is thought of it: nobody's estimate depends on it
+                    self.state[own] += 1000.0
         there = np.array([not truth.gone(b, step) for b in range(n + len(self.team.landmarks))])
         blind = {o for one in truth.lost(step) for o in one.loss.sensors}
         left = np.array(

@@ -1,0 +1,164 @@
+"""Events by their texts, and the texts that are refused in one line each."""
+
+import re
+from typing import Any
+
+import pytest
+
+from syncplan.errors import InputError
+from syncplan.flight.flight_events import FlightEvents, events_of
+from syncplan.flight.flight_options import DEFAULT_GATE, FlightOptions
+from syncplan.flight.flying import flight_run
+from tests.tools.scenarios import changed, example
+
+DURATION = 400.0
+
+
+def _events(lose: Any = (), hold: Any = ()) -> FlightEvents:
+    return events_of(lose, hold, example("boats"), DURATION)
+
+
+def test_events_are_what_their_texts_say_in_order_of_time() -> None:
+    found = _events(("v3@60", "sensor:v4@10", "lighthouse@0"), ("v2@100:20.5", "v1@5:1"))
+    assert [(one.name, one.time) for one in found.losses] == [
+        ("lighthouse", 0.0),
+        ("sensor:v4", 10.0),
+        ("v3", 60.0),
+    ]
+    assert found.losses[0].loss.landmarks == (0,)
+    assert found.losses[1].loss.sensors == (3,)
+    assert found.losses[2].loss.vehicles == (2,)
+    assert [(one.name, one.vehicle, one.time, one.length) for one in found.holds] == [
+        ("v1", 0, 5.0, 1.0),
+        ("v2", 1, 100.0, 20.5),
+    ]
+    assert found.sentences == [
+        "lighthouse is lost at 0 s",
+        "v1 is held from 5 s for 1 s",
+        "the sensor of v4 is lost at 10 s",
+        "v3 is lost at 60 s",
+        "v2 is held from 100 s for 20.5 s",
+    ]
+
+
+def test_a_vehicle_may_be_held_again_and_lost_after() -> None:
+    found = _events(("v2@40",), ("v2@10:5", "v2@15:5", "v2@30:10"))
+    assert len(found.holds) == 3
+
+
+@pytest.mark.parametrize(
+    ("lose", "message"),
+    [
+        ("v3", "lose: 'v3' has no time; give it as v3@60, in s"),
+        ("v33@60", "lose: 'v33': is neither a vehicle (v1, v2, v3, v4, v5, v6, ... v20) nor a"),
+        ("@60", "lose: '': is neither a vehicle"),
+        ("v3@-1", "lose: v3@-1: -1 s is no time of the flight, which is from 0 to 400 s; give one"),
+        ("v3@400", "lose: v3@400: 400 s is no time of the flight"),
+        ("v3@1e9", "lose: v3@1e9: 1e+09 s is no time of the flight"),
+        ("v3@nan", "lose: 'v3@nan': 'nan' is no number of seconds; give it as v3@60"),
+        ("v3@inf", "lose: 'v3@inf': 'inf' is no number of seconds"),
+        ("v3@", "lose: 'v3@': '' is no number of seconds"),
+        ("v3@soon", "lose: 'v3@soon': 'soon' is no number of seconds; give it as v3@60"),
+        ("sensor:L1@5", "lose: 'sensor:L1': is neither a vehicle"),
+    ],
+)
+def test_a_loss_that_is_none_is_refused_in_one_line(lose: str, message: str) -> None:
+    with pytest.raises(InputError, match=f"^{re.escape(message)}") as error:
+        _events((lose,))
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("lose", "message"),
+    [
+        (("v3@10", "v3@20"), "lose: v3: stands twice; name it once"),
+        (("v3@10", "sensor:v3@20"), "lose: sensor:v3: is lost with v3; name one of them"),
+        (("sensor:v3@5", "distance:v3@9"), "lose: distance:v3: is lost with sensor:v3; name one"),
+        (tuple(f"v{k}@{k}" for k in range(1, 21)), "lose: v1, v2, v3"),
+    ],
+)
+def test_nothing_is_lost_twice_and_some_vehicle_is_left(
+    lose: tuple[str, ...], message: str
+) -> None:
+    with pytest.raises(InputError, match=f"^{re.escape(message)}"):
+        _events(lose)
+
+
+@pytest.mark.parametrize(
+    ("hold", "message"),
+    [
+        ("v2@100", "hold: 'v2@100' is no hold; give it as v2@100:20, from 100 s for 20 s"),
+        ("v2:20", "hold: 'v2:20' is no hold"),
+        ("v22@100:20", "hold: v22@100:20: no vehicle is named v22; vehicles are v1 to v20"),
+        ("lighthouse@1:20", "hold: lighthouse@1:20: no vehicle is named lighthouse"),
+        ("v2@-3:20", "hold: v2@-3:20: -3 s is no time of the flight, which is from 0 to 400 s"),
+        ("v2@400:20", "hold: v2@400:20: 400 s is no time of the flight"),
+        ("v2@100:0", "hold: v2@100:0: 0 s is no length; give more than 0 s"),
+        ("v2@100:-5", "hold: v2@100:-5: -5 s is no length"),
+        ("v2@100:nan", "hold: 'v2@100:nan': 'nan' is no number of seconds; give it as v2@100:20"),
+        ("v2@x:5", "hold: 'v2@x:5': 'x' is no number of seconds; give it as v2@100:20"),
+    ],
+)
+def test_a_hold_that_is_none_is_refused_in_one_line(hold: str, message: str) -> None:
+    with pytest.raises(InputError, match=f"^{re.escape(message)}") as error:
+        _events((), (hold,))
+    assert "\n" not in str(error.value)
+
+
+def test_nobody_is_held_twice_at_a_time_or_when_lost() -> None:
+    with pytest.raises(InputError, match=r"^hold: v2 is held twice at 29 s; give one hold$"):
+        _events((), ("v2@29:5", "v2@10:20"))
+    with pytest.raises(InputError, match=r"^hold: v2 is lost at 15 s; end its hold before$"):
+        _events(("v2@15",), ("v2@10:5.5",))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"guidance": "luck"}, "guidance: 'luck' is unknown; choose track or mpc or none"),
+        ({"filter": "ideal"}, "filter: ideal takes the truth; nobody can fly by it"),
+        ({"filter": "kalman"}, "filter: 'kalman' is unknown"),
+        ({"dropout": 1.0}, "dropout: 1 given; a share is from 0 to below 1"),
+        ({"outliers": -0.1}, "outliers: -0.1 given; a share is from 0 to below 1"),
+        ({"mistaken": float("nan")}, "mistaken: nan given; a share is from 0 to below 1"),
+        ({"outliers": 0.5, "mistaken": 0.5}, "outliers: together with mistaken this is 1 or more"),
+        ({"late": -1}, "late: -1 given; allowed are 0 to 1000 samples"),
+        ({"late": 1001}, "late: 1001 given; allowed are 0 to 1000 samples"),
+        ({"wind": (1.0, float("inf"))}, "wind: (1.0, inf) is no velocity; give x,y in m/s"),
+        ({"wind": (1.0, 2.0, 3.0)}, "wind: (1.0, 2.0, 3.0) is no velocity; give x,y in m/s"),
+        ({"lose": "v3@60"}, "lose: 'v3@60': must be a list of texts, such as ['v3@60']"),
+        ({"hold": "v3@60:5"}, "hold: 'v3@60:5': must be a list of texts, such as ['v2@100:20']"),
+        ({"trials": 0}, "trials: 0 given"),
+        ({"seed": -1}, "seed: -1 given"),
+    ],
+)
+def test_options_out_of_range_are_refused(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=f"^{re.escape(message)}"):
+        FlightOptions(**options)
+
+
+def test_a_scenario_that_asks_for_the_ideal_filter_is_not_flown_by_it() -> None:
+    scenario = changed("paper-grid-same", filter={"kind": "ideal"})
+    with pytest.raises(InputError, match=r"^filter: ideal takes the truth; nobody can fly by it"):
+        flight_run(scenario)
+
+
+def test_false_sightings_bring_a_gate_unless_one_is_given() -> None:
+    assert FlightOptions().gate_probability is None
+    assert FlightOptions(dropout=0.5).gate_probability is None
+    assert FlightOptions(outliers=0.1).gate_probability == DEFAULT_GATE
+    assert FlightOptions(mistaken=0.1).gate_probability == DEFAULT_GATE
+    assert FlightOptions(mistaken=0.1, gate_probability=0.99).gate_probability == 0.99
+
+
+def test_a_plan_is_flown_by_the_filter_of_its_scenario_or_else_robust() -> None:
+    quick: dict[str, Any] = {"duration": 10.0}
+    assert flight_run(example("paper-grid-same"), **quick).options.filter == "robust"
+    asked = changed("paper-grid-same", filter={"kind": "second-order"})
+    assert flight_run(asked, **quick).options.filter == "second-order"
+    assert flight_run(asked, filter="ekf", **quick).options.filter == "ekf"
+
+
+def test_a_flight_is_at_least_a_sample_long() -> None:
+    with pytest.raises(InputError, match=r"^duration: 0.01 s given; at least one sample time"):
+        flight_run(example("paper-grid-same"), duration=0.01)
