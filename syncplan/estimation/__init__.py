@@ -58,6 +58,7 @@ replay_settings    what the filter assumes of a recording
 recorded_starts    where it starts
 recorded_readings  a recording's readings at their own times
 recorded_run       a recording as a run of the filter
+online_replay      a recording through the filter step by step
 recorded_observability  when a recording's sightings determined all poses
 replay_tuning      sigmas and delay from a recording's innovations
 replay_results     what a replay found

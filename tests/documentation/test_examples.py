@@ -69,6 +69,16 @@ PINS: dict[str, Callable[[Any], bool]] = {
         and len(plan.links) == 6
         and plan.prediction.rms.max() < 0.8
     ),
+    # the wind is found, and the team is where it is meant to be
+    "team_in_processes": lambda found: (
+        found.estimation_m < 1.5
+        and found.tracking_m < 1.5
+        and abs(found.wind_mps[0] - 0.7) < 0.05
+        and abs(found.wind_mps[1] + 0.4) < 0.05
+    ),
+    "recording_step_by_step": lambda found: (
+        abs(found.online_m - found.replay_m) < 1e-4 and 0.05 < found.online_m < 0.2
+    ),
     "service_client": lambda cure: (
         _observable_and_certified(cure.after.plan)
         and abs(cure.before.predicted.max() - 4.03) < 0.01
