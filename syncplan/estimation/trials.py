@@ -47,7 +47,7 @@ class Branch:
     Attributes
     ----------
     level, index : place in the binary tree over the chunks
-    sums : (steps + 1, n, 11) as filter_statistics.SERIES
+    sums : (steps + 1, n, 11) as filter_statistics.SERIES; of a flight as FlightResult has them
     error_sums : (steps + 1, e, 3) as augmented_setup.ERROR_SERIES
     """
 

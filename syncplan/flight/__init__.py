@@ -22,9 +22,11 @@ bound_along          the bound along the paths flown
 flown_team           a team's set-ups, and what its trials are drawn
 lane_guidance        guidance mpc for trials side by side
 flown_lanes          some trials on their way
+flight_records     what is recorded on the way
 flight_measures      phase, separation, meetings
 flight_results       figures of each trial
 flown_figures        the figures of trials that were flown
+flight_series        figures over time
 flights              many trials over threads
 flying               flights of a plan
 onboard_data         what a navigator is given and gives

@@ -48,6 +48,8 @@ def bound_lanes(
     squares: Array,
     state_squares: Array,
     counted: Flags,
+    along: Array,
+    every: int,
     lanes: Lanes,
     x: Array,
     errors: Array,
@@ -55,7 +57,8 @@ def bound_lanes(
 ) -> None:
     """Add each place's variance, m^2, to `squares` (n, lanes), at steps `counted` (steps + 1, n).
 
-    Those of further states go to `state_squares` (e, lanes), over the second half of the run.
+    Those of further states go to `state_squares` (e, lanes), over the second half of the run. Every
+    few steps, from step 0 on, each place's variance goes to `along` (k, n, lanes), if k > 0.
 
     x, errors and P are the state at the start, and scratch; `statistics` is scratch.
     """
@@ -67,6 +70,10 @@ def bound_lanes(
     frame = (np.zeros((n, 6, width)), np.array([0.0, 0.0, 1.0]))
     true, true_errors = np.empty_like(x), np.empty_like(errors)
     about, constants = (true, true_errors, True), len(readings.constants)
+    here = np.empty(width)
+    for i in range(n if len(along) else 0):
+        for lane in range(width):
+            along[0, i, lane] = P[3 * i, 3 * i, lane] + P[3 * i + 1, 3 * i + 1, lane]
     for step in range(1, steps + 1):
         true_errors[:constants] = readings.constants
         true_errors[constants:] = readings.gusts[step - 1]
@@ -81,13 +88,19 @@ def bound_lanes(
         correct_augmented(
             x, errors, P, step, setup, readings, about, frame, seen, row, halves, statistics, lanes
         )
+        kept = len(along) > 0 and step % every == 0
         for i in range(n):
-            if counted[step, i]:
+            if counted[step, i] or kept:
+                here[:] = 0.0
                 for axis in range(2):
                     slopes[:3] = 0.0
                     slopes[axis] = 1.0
                     entries = refer(slopes, i, i, -1, setup, frame, row, lanes)
-                    _variance(P, row, entries, squares[i], lanes)
+                    _variance(P, row, entries, here, lanes)
+                if counted[step, i]:
+                    squares[i] += here
+                if kept:
+                    along[step // every, i] = here
         if 2 * step > steps:
             for k in range(3 * n, size):
                 # a constant is the same in any frame, a gust has decayed since

@@ -1,4 +1,7 @@
-"""Results of flights: what the filter found, and how the plan was kept; parts join exactly."""
+"""Results of flights: what the filter found, and how the plan was kept; parts join exactly.
+
+Sums over trials follow the binary tree of `syncplan.estimation.trials`.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -6,7 +9,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.estimation.trials import MonteCarloResult, merge
+from syncplan.estimation.trials import Branch, MonteCarloResult, joined, merge
+from syncplan.flight.flight_records import Track
 
 __all__ = ["FlightFigures", "FlightResult", "joined_figures", "joined_flights"]
 
@@ -58,10 +62,20 @@ class FlightFigures:
 
 @dataclass(frozen=True, slots=True)
 class FlightResult:
-    """Trials of a flight, in order: errors of estimates against the truth flown, and figures."""
+    """Trials of a flight, in order.
+
+    Attributes
+    ----------
+    estimates : errors of estimates against the truth flown; its series are not kept
+    figures : how the plan was kept
+    branches : sums over trials (k, n, 5) of a FlightSeries; none unless asked for
+    tracks : of the first trials; none unless asked for
+    """
 
     estimates: MonteCarloResult
     figures: FlightFigures
+    branches: tuple[Branch, ...] = ()
+    tracks: tuple[Track, ...] = ()
 
     @property
     def trials(self) -> int:
@@ -88,5 +102,8 @@ def joined_flights(parts: Sequence[FlightResult]) -> FlightResult:
     Raises InputError as syncplan.estimation.trials.merge does.
     """
     return FlightResult(
-        merge([part.estimates for part in parts]), joined_figures([part.figures for part in parts])
+        merge([part.estimates for part in parts]),
+        joined_figures([part.figures for part in parts]),
+        joined([branch for part in parts for branch in part.branches]),
+        tuple(track for part in parts for track in part.tracks),
     )

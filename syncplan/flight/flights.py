@@ -11,16 +11,19 @@ from contextlib import closing
 
 import numpy as np
 
+from syncplan.arrays import Array
 from syncplan.estimation.augmented_setup import AugmentedStatistics, empty_augmented_statistics
 from syncplan.estimation.filter_statistics import empty_series
 from syncplan.estimation.trial_chunks import StoppedError, chunks_in_order
-from syncplan.estimation.trials import result_of
+from syncplan.estimation.trials import CHUNK_TRIALS, Branch, result_of
+from syncplan.flight.flight_records import Track
 from syncplan.flight.flight_results import (
     FlightFigures,
     FlightResult,
     joined_figures,
     joined_flights,
 )
+from syncplan.flight.flight_series import sums_of, tracks_of
 from syncplan.flight.flown_figures import figures_of, without_gone
 from syncplan.flight.flown_lanes import ClosedLoop, FlownLanes
 from syncplan.flight.flown_team import FlownTeam
@@ -59,23 +62,25 @@ def fly_trials(
 
 def _chunk(team: FlownTeam, trials: range, stop: threading.Event) -> FlightResult:
     """The result of the trials of a chunk."""
-    n, e, wanted = team.team.count, len(team.layout.sigmas), team.options.with_series
-    sums = (
-        empty_series(n, team.steps, wanted=wanted),
-        np.zeros((team.steps + 1 if wanted else 0, e, 3)),
-    )
+    n, e = team.team.count, len(team.layout.sigmas)
+    none = empty_series(n, 0, wanted=False), np.zeros((0, e, 3))
     counted: list[AugmentedStatistics] = []
     figures: list[FlightFigures] = []
+    sums: list[Array] = []
+    tracks: list[Track] = []
     lanes, judged_from = ClosedLoop.lanes_for(n), 0
     for first in range(trials.start, trials.stop, lanes):
         if stop.is_set():
             raise StoppedError
         part = range(first, min(first + lanes, trials.stop))
-        flown = FlownLanes.begun(team, part, empty_augmented_statistics(n, e, len(part), sums))
+        flown = FlownLanes.begun(team, part, empty_augmented_statistics(n, e, len(part), none))
         flown.advance(team.steps)
         judged_from = flown.setup.poses.judged_from
         counted.append(without_gone(team, flown))
         figures.append(figures_of(team, flown))
+        if flown.records is not None:
+            sums.append(sums_of(team, flown))
+            tracks += tracks_of(team, flown, part.start)
     estimates = result_of(
         [one.poses for one in counted],
         [one.errors for one in counted],
@@ -84,4 +89,6 @@ def _chunk(team: FlownTeam, trials: range, stop: threading.Event) -> FlightResul
         first_trial=trials.start,
         judged_from=judged_from,
     )
-    return FlightResult(estimates, joined_figures(figures))
+    place = trials.start // CHUNK_TRIALS
+    branches = (Branch(0, place, np.sum(sums, axis=0)),) if sums else ()
+    return FlightResult(estimates, joined_figures(figures), branches, tuple(tracks))

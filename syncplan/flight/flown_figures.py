@@ -116,7 +116,7 @@ def _worst(values: Array, counted: Flags) -> Array:
 def _bounds(team: FlownTeam, lanes: FlownLanes, counted: Flags) -> tuple[Array, Array]:
     """Mean of the bound's variance over the second half: of places (lanes, n) m^2, and of errors.
 
-    Those of the further states are (lanes, e).
+    Those of the further states are (lanes, e). Fills in the records' bounds over time.
     """
     n = team.team.count
     width, e = lanes.readings.initial.shape[-1], len(team.layout.sigmas)
@@ -126,7 +126,8 @@ def _bounds(team: FlownTeam, lanes: FlownLanes, counted: Flags) -> tuple[Array, 
     scratch = empty_augmented_statistics(n, e, width, none)
     squares, of_states = np.zeros((n, width)), np.zeros((e, width))
     state = start_of(setup, lanes.readings)
-    side_by_side = lanes_of(n, width)
+    side_by_side, records = lanes_of(n, width), lanes.records
+    along = np.zeros((0, n, width)) if records is None else records.bounds
     bound_lanes(
         lanes.flown,
         setup,
@@ -135,6 +136,8 @@ def _bounds(team: FlownTeam, lanes: FlownLanes, counted: Flags) -> tuple[Array, 
         squares,
         of_states,
         counted,
+        along,
+        1 if records is None else records.steps.every,
         side_by_side,
         *state,
     )

@@ -22,6 +22,7 @@ from syncplan.estimation.online_filter import grown
 from syncplan.estimation.robust_filter import RobustRun
 from syncplan.flight.closed_loop import fly_lanes
 from syncplan.flight.flight_options import AS_COMMANDED
+from syncplan.flight.flight_records import LaneRecords, RecordedSteps
 from syncplan.flight.flight_setup import FlightSetup, Flown
 from syncplan.flight.flown_team import FILTERS_OWN, FlownTeam
 from syncplan.flight.lane_guidance import LaneGuidance
@@ -100,12 +101,14 @@ class FlownLanes:
     flown : the truth
     run : the filter, which flies as it goes
     guidance : that decides at the begin of each leg; None where the closed loop has its own law
+    records : of what happens on the way; None where none are wanted
     """
 
     team: FlownTeam
     flown: Flown
     run: PlainRun | RobustRun
     guidance: LaneGuidance | None = None
+    records: LaneRecords | None = None
 
     @classmethod
     def begun(cls, team: FlownTeam, trials: range, statistics: AugmentedStatistics) -> "FlownLanes":
@@ -115,15 +118,19 @@ class FlownLanes:
         loop = ClosedLoop(team.setup_from(0), flown)
         decides = team.setup.law.mode == AS_COMMANDED
         guidance = LaneGuidance(team, len(trials)) if decides else None
+        start = start_of(setup, readings)
+        records = _records(team, trials)
+        if records is not None:
+            records.take(0, start, flown.path)
         if team.options.filter_model.finds_start:
             streams = [
                 np.random.SeedSequence(team.options.seed, spawn_key=(trial, FILTERS_OWN))
                 for trial in trials
             ]
             robust = RobustRun.begun(loop, setup, readings, statistics, streams)
-            return cls(team, flown, robust, guidance)
-        plain = PlainRun(loop, setup, readings, statistics, start_of(setup, readings))
-        return cls(team, flown, plain, guidance)
+            return cls(team, flown, robust, guidance, records)
+        plain = PlainRun(loop, setup, readings, statistics, start)
+        return cls(team, flown, plain, guidance, records)
 
     def advance(self, end: int) -> None:
         """Fly until the filter is at step `end`."""
@@ -139,7 +146,16 @@ class FlownLanes:
             until = min([end, self.run.at + leg, *(s for s in stops if s > self.run.at)])
             self._make_room(rows * (until - self.run.at + late))
             self._decide()
-            self.run.advance(until)
+            self._go(until)
+
+    def _go(self, end: int) -> None:
+        """Run until step `end`, with a look at the filter where something is recorded."""
+        if self.records is not None:
+            for step in self.records.stops(self.run.at, end):
+                self.run.advance(step)
+                self.records.take(step, self.run.state, self.flown.path)
+        if self.run.at < end:
+            self.run.advance(end)
 
     def _decide(self) -> None:
         if self.guidance is not None:
@@ -184,6 +200,13 @@ class FlownLanes:
         self.run.setup = self.setup._replace(poses=poses)
         sightings = grown(self.readings.sightings, used, size)
         self.run.readings = self.readings._replace(sightings=sightings)
+
+
+def _records(team: FlownTeam, trials: range) -> LaneRecords | None:
+    if not team.options.with_series:
+        return None
+    steps = RecordedSteps.of(team.steps, team.setup.time, team.team.orbits.period)
+    return LaneRecords.empty(steps, team.team.count, trials)
 
 
 def _rows_in_step(team: FlownTeam) -> int:
