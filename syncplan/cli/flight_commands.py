@@ -84,6 +84,13 @@ Wind = Annotated[
         show_default=False,
     ),
 ]
+FlightSeries = Annotated[
+    bool,
+    typer.Option(
+        "--series",
+        help="Add figures over time to the report, and the tracks of the first trials",
+    ),
+]
 
 
 @flights.command(
@@ -107,6 +114,7 @@ def _fly(
     mistaken: Mistaken = DEFAULTS.mistaken,
     late: Late = DEFAULTS.late,
     wind: Wind = None,
+    series: FlightSeries = False,
     threads: Threads = None,
     require_observable: RequireObservable = False,
     require_go: RequireGo = False,
@@ -132,6 +140,7 @@ def _fly(
         mistaken=mistaken,
         late=late,
         wind=_velocity(wind),
+        with_series=series,
     )
     refuse_overwriting(subject, output)
     plan = plan_of(load(subject, max_vehicles=max_vehicles or MAX_VEHICLES), pilot=False)

@@ -7,8 +7,10 @@ refinement_schemas  the JSON contract of refinements
 flown_plan_schemas  of what flying has found of a plan
 plan_schemas        of plans
 site_schemas        of choices of landmark sites
+flight_series_schemas  of flights over time
 flight_schemas      the contract of flights
 flight_notes        what their figures mean
+flight_series_report  flights over time as documents
 flight_report       flights as documents
 loss_schemas        of what losses do to a plan
 state_error_schemas  of errors of states that are no poses

@@ -7,6 +7,8 @@ import numpy as np
 from syncplan import __version__
 from syncplan.arrays import Array
 from syncplan.flight.flying import Flight
+from syncplan.planning.judged_plan import Plan
+from syncplan.planning.lost_parts import phrase_of
 from syncplan.reports.document_base import finite_or_none
 from syncplan.reports.flight_notes import notes_of
 from syncplan.reports.flight_schemas import (
@@ -19,12 +21,15 @@ from syncplan.reports.flight_schemas import (
     PhaseError,
     VehicleModel,
 )
+from syncplan.reports.flight_series_report import flight_over_time
 from syncplan.reports.run_schemas import FilterRecord
 from syncplan.reports.state_error_schemas import StateErrorFigures
 from syncplan.reports.validation_report import spread_of
 from syncplan.reports.verdict_schemas import plan_verdict
 
 __all__ = ["flight_document"]
+
+_SHARES = np.linspace(0.0, 1.0, 41)
 
 
 def flight_document(flight: Flight) -> FlightDocument:
@@ -64,6 +69,7 @@ def flight_document(flight: Flight) -> FlightDocument:
         links=_links(flight),
         anees=spread_of(flight.anees),
         nis=spread_of(flight.nis),
+        series=flight_over_time(flight),
         notes=[],
     )
     return document.model_copy(update={"notes": notes_of(flight, document)})
@@ -100,12 +106,19 @@ def _vehicle(flight: Flight, k: int) -> FlownVehicle:
         )
         if there
         else None,
+        phase_tolerance_s=_tolerance(flight.plan, k),
         meetings_kept=kept / planned if planned else None,
         longest_without_sighting_s=float(figures.longest_unseen[:, k].max()),
         saturated_share=float(figures.saturated[:, k].mean()),
         anchor=bodies[anchor] if anchor >= 0 else None,
         sought_share=float(figures.sought[:, k].mean()),
     )
+
+
+def _tolerance(plan: Plan, k: int) -> float | None:
+    """The least phase tolerance in s of a vehicle's links; None without any."""
+    found = [item.tolerance for item in plan.links if k in (item.a, item.b)]
+    return min(found) / plan.orbits.rate if found else None
 
 
 def _errors(flight: Flight, k: int, bound: float, tracking: Array) -> FlightErrors:
@@ -171,6 +184,8 @@ def _separation(flight: Flight) -> FlownSeparation | None:
         between=(names[a], names[b]),
         time_s=float(figures.nearest_times[worst]),
         planned=plan.approach.distance,
+        asked=asked if asked > 0.0 else None,
+        quantiles=np.quantile(figures.separations, _SHARES).tolist(),
         below_asked_share=float(np.mean(figures.separations < asked)) if asked > 0.0 else None,
     )
 
@@ -178,16 +193,30 @@ def _separation(flight: Flight) -> FlownSeparation | None:
 def _events(flight: Flight) -> list[FlightEvent]:
     events, settled = flight.run.events, flight.result.figures.settled
     found = [
-        (one.time, FlightEvent(event=f"{one.name}@{one.time:g}", what=one.sentence))
+        FlightEvent(
+            event=f"{one.name}@{one.time:g}",
+            kind="loss",
+            subject=phrase_of(one.name).removeprefix("the "),
+            begin_s=one.time,
+            end_s=None,
+            what=one.sentence,
+        )
         for one in events.losses
     ]
     for k, hold in enumerate(events.holds):
         # a trial that never settles counts as one that takes for ever
         median = float(np.median(np.nan_to_num(settled[:, k], nan=np.inf)))
-        text = f"{hold.name}@{hold.time:g}:{hold.length:g}"
-        event = FlightEvent(event=text, what=hold.sentence, settled_s=finite_or_none(median))
-        found.append((hold.time, event))
-    return [event for _, event in sorted(found, key=lambda one: one[0])]
+        event = FlightEvent(
+            event=f"{hold.name}@{hold.time:g}:{hold.length:g}",
+            kind="hold",
+            subject=hold.name,
+            begin_s=hold.time,
+            end_s=hold.time + hold.length,
+            what=hold.sentence,
+            settled_s=finite_or_none(median),
+        )
+        found.append(event)
+    return sorted(found, key=lambda one: one.begin_s)
 
 
 def _wind_error(flight: Flight) -> float | None:

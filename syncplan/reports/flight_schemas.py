@@ -5,6 +5,7 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from syncplan.reports.document_base import DocumentPart
+from syncplan.reports.flight_series_schemas import FlightOverTime
 from syncplan.reports.run_schemas import Errors, FilterRecord, RunReport, Spread
 from syncplan.reports.state_error_schemas import StateErrorFigures
 from syncplan.reports.verdict_schemas import PlanVerdict
@@ -49,6 +50,10 @@ class FlownVehicle(DocumentPart):
     name: str
     errors: FlightErrors | None = Field(description="Null for a vehicle that is lost on the way")
     phase_error_s: PhaseError | None
+    phase_tolerance_s: float | None = Field(
+        description="The least of its links' in the plan: how late it may be until one never comes "
+        "into contact; null where it has none"
+    )
     meetings_kept: float | None = Field(
         description="Share of its meetings in the plan in which a sighting was made; null where "
         "it has none"
@@ -77,6 +82,10 @@ class FlownSeparation(DocumentPart):
     between: tuple[str, str] = Field(description="Which two, in the worst trial")
     time_s: float = Field(description="When, in the worst trial")
     planned: float = Field(description="The plan's own")
+    asked: float | None = Field(description="min_separation_m; null where none is asked for")
+    quantiles: list[float] = Field(
+        description="Of the closest in each trial, at 41 shares of the trials from 0 to 1"
+    )
     below_asked_share: float | None = Field(
         description="Share of trials below min_separation_m; null where none is asked for"
     )
@@ -86,6 +95,10 @@ class FlightEvent(DocumentPart):
     """What happened in every trial."""
 
     event: str = Field(description="As it was asked for", examples=["v3@60", "v2@100:20"])
+    kind: Literal["loss", "hold"]
+    subject: str = Field(description="What is lost or held", examples=["v3", "sensor of v3"])
+    begin_s: float
+    end_s: float | None = Field(description="Null for what is lost")
     what: str = Field(examples=["v3 is lost at 60 s"])
     settled_s: float | None = Field(
         default=None,
@@ -142,7 +155,9 @@ class FlightDocument(RunReport):
     links: list[FlownLink]
     anees: Spread
     nis: Spread
-    series: None = None
+    series: FlightOverTime | None = Field(
+        default=None, description="Over time; absent unless asked for"
+    )
     notes: list[str]
 
     @property
