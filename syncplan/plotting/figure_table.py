@@ -72,6 +72,13 @@ def _states_of(given: FigureInput) -> Any:
     return None if given.subject.series is None else given.subject.series.errors
 
 
+def _has_series(given: FigureInput) -> bool:
+    return given.subject.series is not None
+
+
+_NO_SERIES = "the report has no figures over time (--series keeps them)"
+
+
 @dataclass(frozen=True, slots=True)
 class Figure:
     """One figure.
@@ -228,6 +235,57 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "run",
             "consistency_figure.consistency_spec",
             takes=_subject_in_style,
+        ),
+        "tracks": Figure(
+            "Tracks",
+            "True and estimated paths of a trial over the planned circles, with the filter's own "
+            "ellipses at moments over the run.",
+            "flight",
+            "flight_tracks_figure.flight_tracks_spec",
+            takes=_subject_in_style,
+            there=_has_series,
+            why_not=_NO_SERIES,
+        ),
+        "tracking": Figure(
+            "Errors in flight",
+            "RMS distance from the plan and RMS error of the estimate over time, beside the bound "
+            "along the path, the filter's own sigma and the plan's prediction.",
+            "flight",
+            "flight_errors_figure.flight_errors_spec",
+            takes=_subject_in_style,
+            there=_has_series,
+            why_not=_NO_SERIES,
+        ),
+        "phases": Figure(
+            "Phase errors",
+            "How far each vehicle is ahead of the plan, or behind it, over time, and how far it "
+            "may be.",
+            "flight",
+            "flight_phases_figure.flight_phases_spec",
+            takes=_subject_in_style,
+            there=_has_series,
+            why_not=_NO_SERIES,
+        ),
+        "separation": Figure(
+            "Least separation",
+            "The share of trials in which any two vehicles come nearer than a distance, beside the "
+            "separation asked for and the plan's own.",
+            "flight",
+            "flight_separation_figure.flight_separation_spec",
+        ),
+        "meetings": Figure(
+            "Meetings kept",
+            "The share of planned meetings in which a sighting was made, link by link.",
+            "flight",
+            "flight_meetings_figure.flight_meetings_spec",
+        ),
+        "events": Figure(
+            "What was lost",
+            "What was lost or held, and when.",
+            "flight",
+            "flight_events_figure.flight_events_spec",
+            there=lambda given: bool(given.subject.events),
+            why_not="nothing was lost (--lose) and no vehicle held (--hold)",
         ),
         "sweep": Figure(
             "Sweep",

@@ -7,9 +7,9 @@ import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import unit
-from syncplan.planning.judged_plan import Plan
 from syncplan.plotting.canvas import Spec, numbers
 from syncplan.plotting.link_lines import link_ends
+from syncplan.plotting.map_subject import Mapped
 from syncplan.plotting.map_view import MapView
 from syncplan.plotting.palette import INK
 
@@ -56,14 +56,14 @@ class Obstructions:
     less: Array = field(default_factory=lambda: np.empty((0, 2, 2)))
 
 
-def obstructions(plan: Plan, pairs: Index, arrows: Array | None = None) -> Obstructions:
+def obstructions(plan: Mapped, pairs: Index, arrows: Array | None = None) -> Obstructions:
     """Return what lies on a map: links between `pairs` (k, 2), circles, `arrows` (p, 2, 2) m."""
     lines = np.stack(link_ends(plan.orbits, plan.landmarks, pairs), axis=1)
     about = Obstructions(lines, plan.orbits.centers, plan.orbits.radii)
     return about if arrows is None else replace(about, less=arrows)
 
 
-def name_trace(plan: Plan, view: MapView, names: list[str], about: Obstructions) -> Spec:
+def name_trace(plan: Mapped, view: MapView, names: list[str], about: Obstructions) -> Spec:
     """Return the names of vehicles, each in its circle or beside it; shared circles share one.
 
     Names that can't be read at any place are empty: the vehicle's own mark has them.
@@ -97,7 +97,9 @@ def name_trace(plan: Plan, view: MapView, names: list[str], about: Obstructions)
     }
 
 
-def landmark_trace(plan: Plan, view: MapView, names: list[str], about: Obstructions) -> list[Spec]:
+def landmark_trace(
+    plan: Mapped, view: MapView, names: list[str], about: Obstructions
+) -> list[Spec]:
     """Return the landmarks with their names, if there are any."""
     if not len(plan.landmarks):
         return []

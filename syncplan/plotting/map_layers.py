@@ -7,8 +7,8 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.orbits.circles import heading, position, unit
-from syncplan.planning.judged_plan import Plan
 from syncplan.plotting.canvas import Spec, compass, gapped, numbers
+from syncplan.plotting.map_subject import Mapped
 from syncplan.plotting.map_view import MapView
 from syncplan.plotting.palette import BLUE, INK, MUTED, ORANGE, translucent
 
@@ -35,14 +35,14 @@ _SENSE_STYLES = (
 )
 
 
-def circle_points(plan: Plan) -> Array:
+def circle_points(plan: Mapped) -> Array:
     """Return (n, CIRCLE_POINTS + 1, 2) m: each circle from phase 0, closed."""
     turn = unit(np.linspace(0.0, 2.0 * np.pi, CIRCLE_POINTS + 1))
     orbits = plan.orbits
     return np.asarray(orbits.centers[:, None] + orbits.radii[:, None, None] * turn)
 
 
-def circle_traces(plan: Plan, view: MapView, *, arrows: bool) -> list[Spec]:
+def circle_traces(plan: Mapped, view: MapView, *, arrows: bool) -> list[Spec]:
     """Return the circles, a trace for each sense; `arrows` adds heads that show the sense."""
     points = circle_points(plan)
     traces: list[Spec] = []
@@ -59,7 +59,7 @@ def circle_traces(plan: Plan, view: MapView, *, arrows: bool) -> list[Spec]:
     return traces
 
 
-def area_traces(plan: Plan, view: MapView) -> list[Spec]:
+def area_traces(plan: Mapped, view: MapView) -> list[Spec]:
     """Return the area, the keep-out zones and the obstacles, where the scenario has any."""
     scenario = plan.scenario
     traces = []
@@ -81,7 +81,7 @@ def area_traces(plan: Plan, view: MapView) -> list[Spec]:
     return traces
 
 
-def vehicle_marks(plan: Plan, view: MapView, time: float, places: int) -> Spec:
+def vehicle_marks(plan: Mapped, view: MapView, time: float, places: int) -> Spec:
     """Return places, rounded, and arrows of the vehicles at a time in s."""
     where = position(plan.orbits, time)
     return {
@@ -135,7 +135,7 @@ def line_trace(uid: str, name: str, x: Any, y: Any, line: Spec, **more: Any) -> 
     }
 
 
-def sense_heads(plan: Plan, view: MapView, color: str, chosen: Array) -> Spec:
+def sense_heads(plan: Mapped, view: MapView, color: str, chosen: Array) -> Spec:
     """Return a head on each chosen circle opposite the vehicle, pointing the way it flies round."""
     orbits = plan.orbits
     across = orbits.phases + np.pi

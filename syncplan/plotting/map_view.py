@@ -1,5 +1,6 @@
 """The part of the plane that a map shows, how large it is drawn, and the size of its marks."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,8 +9,9 @@ from syncplan.arrays import Array
 from syncplan.planning.judged_plan import Plan
 from syncplan.plotting.canvas import Spec, axis, decimals, numbers
 from syncplan.plotting.figure_style import FigureStyle
+from syncplan.plotting.map_subject import Mapped
 
-__all__ = ["MapView", "view_of"]
+__all__ = ["MapView", "view_about", "view_of"]
 
 _ROOM = 0.06
 _ROOM_PX = 28
@@ -18,6 +20,8 @@ _ROOM_PX = 28
 _HEIGHTS_PX = (150, 640)
 _STOUT_PX = 36.0
 """Radius in px of a circle whose lines are drawn at their full width."""
+
+_NO_POINTS = np.empty((0, 2))
 
 _LINKS_EACH = 3.0
 """Links for each vehicle up to which they are drawn at their full width."""
@@ -80,9 +84,22 @@ class MapView:
 
 def view_of(style: FigureStyle, *plans: Plan) -> MapView:
     """Return the view that holds all of some plans, as wide as the figure."""
-    boxes = [_view_box(plan) for plan in plans]
-    low = np.min([box[0] for box in boxes], axis=0)
-    high = np.max([box[1] for box in boxes], axis=0)
+    return view_about(style, plans, max(_links(plan) / plan.orbits.count for plan in plans))
+
+
+def view_about(
+    style: FigureStyle,
+    mapped: Sequence[Mapped],
+    crowding: float = 0.0,
+    points: Array = _NO_POINTS,
+) -> MapView:
+    """Return the view that holds circles, landmarks, areas and points (k, 2) m.
+
+    `crowding` is of links for each vehicle.
+    """
+    boxes = [_view_box(one) for one in mapped]
+    low = np.min([*(box[0] for box in boxes), *points], axis=0)
+    high = np.max([*(box[1] for box in boxes), *points], axis=0)
     width = style.plot_px
     extent = float(np.max(high - low))
     room = max(_ROOM * extent, style.px(_ROOM_PX) * float(high[0] - low[0]) / width)
@@ -90,8 +107,7 @@ def view_of(style: FigureStyle, *plans: Plan) -> MapView:
     wide, tall = (high - low).tolist()
     height = float(np.clip(width * tall / wide, *_HEIGHTS_PX))
     scale = min(width / wide, height / tall)
-    least = min(float(plan.orbits.radii.min()) for plan in plans)
-    crowding = max(_links(plan) / plan.orbits.count for plan in plans)
+    least = min(float(one.orbits.radii.min()) for one in mapped)
     return MapView(low, high, scale, round(height), least, crowding, style.font_scale)
 
 
@@ -99,13 +115,13 @@ def _links(plan: Plan) -> int:
     return len(plan.links) + len(plan.incidental_links) + len(plan.landmark_links)
 
 
-def _view_box(plan: Plan) -> tuple[Array, Array]:
-    """Return the corners (2,), (2,) in m of what a plan needs: circles, landmarks, areas."""
-    orbits, scenario = plan.orbits, plan.scenario
+def _view_box(mapped: Mapped) -> tuple[Array, Array]:
+    """Return the corners (2,), (2,) in m of what a map needs: circles, landmarks, areas."""
+    orbits, scenario = mapped.orbits, mapped.scenario
     points = [
         orbits.centers - orbits.radii[:, None],
         orbits.centers + orbits.radii[:, None],
-        plan.landmarks.reshape(-1, 2),
+        mapped.landmarks.reshape(-1, 2),
         *(np.array(one, dtype=float) for one in [scenario.area_m] if one is not None),
     ]
     everything = np.concatenate(points)

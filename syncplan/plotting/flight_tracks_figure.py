@@ -1,0 +1,244 @@
+"""Tracks of a flight over its plan: where vehicles truly were, and were taken to be."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from syncplan.arrays import Array
+from syncplan.errors import InputError
+from syncplan.orbits.circles import Orbits, unit
+from syncplan.plotting.canvas import Spec, escaped, gapped, layout, numbers
+from syncplan.plotting.event_marks import event_words
+from syncplan.plotting.figure_style import FigureStyle
+from syncplan.plotting.map_labels import landmark_trace, name_trace, obstructions
+from syncplan.plotting.map_layers import area_traces, circle_points, line_trace
+from syncplan.plotting.map_view import MapView, view_about
+from syncplan.plotting.palette import BLUE, INK, MUTED, ORANGE, VERMILLION, translucent
+from syncplan.reports.flight_schemas import FlightDocument
+from syncplan.reports.flight_series_schemas import (
+    FlightGround,
+    FlightOverTime,
+    FlownTrack,
+    PlaceEllipse,
+    TrackedVehicle,
+)
+
+__all__ = ["SIGMAS", "flight_tracks_spec"]
+
+SIGMAS = 3.0
+"""Size of ellipses."""
+
+_FURTHEST = 0.75
+"""How far beyond circles and landmarks tracks are shown, of the extent of these."""
+
+_CORNERS = 36
+
+
+@dataclass(frozen=True, slots=True)
+class FlownMap:
+    """What a map of a flight shows."""
+
+    orbits: Orbits
+    landmarks: Array
+    scenario: FlightGround
+
+
+def flight_tracks_spec(report: FlightDocument, style: FigureStyle) -> Spec:
+    """Return the figure of the first trial's tracks, true and estimated, over the plan's circles.
+
+    Ellipses are the filter's own, three sigma, at moments over the run; a mark shows where the
+    vehicle truly was then. Other recorded trials are drawn faintly. Raises InputError for a report
+    without series.
+    """
+    series = report.series
+    if series is None:
+        raise InputError("the report has no tracks; --series keeps them", key="series")
+    flown = _map_of(series.ground)
+    view = _view(flown, series, style)
+    ground = series.ground
+    names = [one.name for one in ground.circles] + [one.name for one in ground.landmarks]
+    names = [escaped(name) for name in names]
+    about = obstructions(flown, np.empty((0, 2), dtype=int))
+    first, *others = series.tracks
+    traces = [
+        *area_traces(flown, view),
+        *_other_trials(others, view),
+        *_ellipses(first, view),
+        *_paths(first, view),
+        _circles(flown, view),
+        *_moments(first, series, view),
+        *landmark_trace(flown, view, names, about),
+        *_ends(report, series, first, view),
+        name_trace(flown, view, names, about),
+    ]
+    title = f"{escaped(report.name or 'Plan')}: tracks"
+    drawn = layout(title, note=_note(report, series, view), inner=view.height_px, **view.axes())
+    return {"data": traces, "layout": drawn}
+
+
+def _map_of(ground: FlightGround) -> FlownMap:
+    circles = ground.circles
+    orbits = Orbits(
+        np.array([one.center_m for one in circles]),
+        np.array([one.radius_m for one in circles]),
+        np.array([1.0 if one.direction == "ccw" else -1.0 for one in circles]),
+        np.array([one.phase_rad for one in circles]),
+        2.0 * np.pi / ground.period_s,
+    )
+    places = np.array([one.position_m for one in ground.landmarks]).reshape(-1, 2)
+    return FlownMap(orbits, places, ground)
+
+
+def _view(flown: FlownMap, series: FlightOverTime, style: FigureStyle) -> MapView:
+    """The view that holds all tracks, but of those that went astray no more than is useful."""
+    near = view_about(style, [flown])
+    room = _FURTHEST * float(np.max(near.high - near.low))
+    places = [_places(one, true=True) for track in series.tracks for one in track.vehicles]
+    every = np.concatenate(places)
+    every = every[np.isfinite(every).all(axis=1)]
+    return view_about(style, [flown], points=np.clip(every, near.low - room, near.high + room))
+
+
+def _places(vehicle: TrackedVehicle, *, true: bool) -> Array:
+    """(t, 2) m; NaN where the vehicle is lost."""
+    x, y = (
+        (vehicle.true_x_m, vehicle.true_y_m)
+        if true
+        else (vehicle.estimated_x_m, vehicle.estimated_y_m)
+    )
+    return np.array([x, y], dtype=float).T
+
+
+def _lines(track: FlownTrack, view: MapView, *, true: bool) -> tuple[list[float | None], ...]:
+    return gapped(np.array([_places(one, true=true) for one in track.vehicles]), view.places - 1)
+
+
+def _other_trials(tracks: list[FlownTrack], view: MapView) -> list[Spec]:
+    traces = []
+    for number, track in enumerate(tracks):
+        x, y = _lines(track, view, true=True)
+        line = {"color": MUTED, "width": view.line_px(0.7)}
+        entry = {"showlegend": not number, "legendgroup": "others"}
+        trace = line_trace(f"trial-{track.trial}", "true path, other trials", x, y, line, **entry)
+        traces.append(trace)
+    return traces
+
+
+def _circles(flown: FlownMap, view: MapView) -> Spec:
+    x, y = gapped(circle_points(flown), view.places)
+    # on top of paths that keep to them
+    line = {"color": INK, "dash": "dot", "width": view.line_px(1.2), "simplify": False}
+    return line_trace("planned", "planned circle", x, y, line)
+
+
+def _paths(track: FlownTrack, view: MapView) -> list[Spec]:
+    true_x, true_y = _lines(track, view, true=True)
+    x, y = _lines(track, view, true=False)
+    solid = {"color": BLUE, "width": view.line_px(1.5)}
+    dotted = {"color": VERMILLION, "width": view.line_px(1.5), "dash": "dot"}
+    return [
+        line_trace("true", "true path", true_x, true_y, solid),
+        line_trace("estimated", "estimated path", x, y, dotted),
+    ]
+
+
+def _ellipses(track: FlownTrack, view: MapView) -> list[Spec]:
+    rims = [_rim(one) for vehicle in track.vehicles for one in vehicle.ellipses]
+    if not rims:
+        return []
+    x, y = gapped(np.array(rims), view.places)
+    filled = {"fill": "toself", "fillcolor": translucent(ORANGE, 0.35)}
+    line = {"color": ORANGE, "width": 1.0}
+    return [line_trace("ellipses", f"filter's own {SIGMAS:g} sigma", x, y, line, **filled)]
+
+
+def _rim(one: PlaceEllipse) -> Array:
+    """(_CORNERS + 1, 2) m, closed."""
+    turn = unit(np.linspace(0.0, 2.0 * np.pi, _CORNERS + 1))
+    ahead = unit(one.angle_rad)
+    across = np.array([-ahead[1], ahead[0]])
+    axes = SIGMAS * np.array([one.major_sigma_m * ahead, one.minor_sigma_m * across])
+    return np.asarray(np.array(one.center_m) + turn @ axes)
+
+
+def _moments(track: FlownTrack, series: FlightOverTime, view: MapView) -> list[Spec]:
+    """Where vehicles truly were as the ellipses were taken."""
+    where, said = [], []
+    times = np.array(series.track_time_s)
+    for vehicle in track.vehicles:
+        places = _places(vehicle, true=True)
+        for one in vehicle.ellipses:
+            place = places[int(np.argmin(np.abs(times - one.time_s)))]
+            off = np.hypot(*(place - one.center_m))
+            where.append(place)
+            said.append(
+                f"{escaped(vehicle.name)} at {one.time_s:.4g} s<br>{off:.2g} m from its estimate, "
+                f"sigmas {one.major_sigma_m:.2g} and {one.minor_sigma_m:.2g} m"
+            )
+    if not where:
+        return []
+    x, y = np.array(where).T
+    return [
+        {
+            "type": "scatter",
+            "uid": "moments",
+            "name": "true place at that moment",
+            "mode": "markers",
+            "x": numbers(x, view.places),
+            "y": numbers(y, view.places),
+            "marker": {"symbol": "circle", "size": _dot_px(view), "color": INK},
+            "text": said,
+            "hovertemplate": "%{text}<extra></extra>",
+        }
+    ]
+
+
+def _dot_px(view: MapView) -> float:
+    return round(float(np.clip(0.1 * view.scale * view.least_radius, 1.5, 5.0)), 1)
+
+
+def _ends(
+    report: FlightDocument, series: FlightOverTime, track: FlownTrack, view: MapView
+) -> list[Spec]:
+    """Where vehicles were as they were lost or held, and lost landmarks."""
+    times = np.array(series.track_time_s)
+    spots = {one.name: np.array([one.position_m]) for one in series.ground.landmarks}
+    spots.update({one.name: _places(one, true=True) for one in track.vehicles})
+    traces = []
+    for kind, symbol, name in (("loss", "x", "lost here"), ("hold", "square", "held here")):
+        found = [one for one in report.events if one.kind == kind and one.subject in spots]
+        if not found:
+            continue
+        where = []
+        for one in found:
+            places = spots[one.subject]
+            known = np.flatnonzero(np.isfinite(places[:, 0]))
+            before = np.searchsorted(times[known], one.begin_s + 1e-6) - 1 if len(known) > 1 else 0
+            where.append(places[known[max(before, 0)]])
+        x, y = np.array(where).T
+        marker = {"symbol": symbol, "size": view.mark_px(12.0), "color": VERMILLION}
+        marker["line"] = {"color": INK, "width": 1}
+        traces.append(
+            {
+                "type": "scatter",
+                "uid": kind,
+                "name": name,
+                "mode": "markers",
+                "x": numbers(x, view.places),
+                "y": numbers(y, view.places),
+                "marker": marker,
+                "text": [escaped(one.what) for one in found],
+                "hovertemplate": "%{text}<extra></extra>",
+            }
+        )
+    return traces
+
+
+def _note(report: FlightDocument, series: FlightOverTime, view: MapView) -> str:
+    first = series.tracks[0].trial
+    note = f"trial {first + 1} of {report.run}; guidance {report.guidance}"
+    places = [_places(one, true=True) for one in series.tracks[0].vehicles]
+    if any(np.any((place < view.low) | (place > view.high)) for place in places):
+        note += "; tracks leave the map"
+    said = event_words(report)
+    return f"{note}; {said}" if said else note
