@@ -59,7 +59,8 @@ DrawnFile = Annotated[
     str,
     typer.Argument(
         metavar="FILE",
-        help="Plan, scenario, or report of validate, sweep or replay; - is standard input",
+        help="Plan, scenario, or report of validate, fly, replay, sweep or what-if; - is standard "
+        "input",
     ),
 ]
 Drawn = Annotated[

@@ -40,9 +40,7 @@ def flight_separation_spec(report: FlightDocument) -> Spec:
         title,
         note=_note(report, found),
         inner=300,
-        xaxis=axis(
-            "closest that any two vehicles come in a trial, m", range=[0.0, _AIR * _most(found)]
-        ),
+        xaxis=axis("least separation, m", range=[0.0, _AIR * _most(found)]),
         yaxis=axis("share of trials, %", range=[0, 102]),
     )
     return {"data": traces, "layout": drawn}

@@ -123,7 +123,7 @@ def sweep_curves(
 def figures_of(
     subject: Subject, *, theme: Theme | None = None, style: FigureStyle = PLAIN
 ) -> dict[str, Figure]:
-    """Return all figures of a plan, a validation, a sweep, a what-if or a replay, by name."""
+    """Return all figures of a plan, a validation, a flight, a sweep, a what-if or a replay."""
     specs = specs_of(subject, style=_styled(theme, style))
     return {name: _figure(spec) for name, spec in specs.items()}
 

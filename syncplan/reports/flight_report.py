@@ -106,7 +106,7 @@ def _vehicle(flight: Flight, k: int) -> FlownVehicle:
         )
         if there
         else None,
-        phase_tolerance_s=_tolerance(flight.plan, k),
+        phase_tolerance_s=_tolerance(flight.run.plan, k),
         meetings_kept=kept / planned if planned else None,
         longest_without_sighting_s=float(figures.longest_unseen[:, k].max()),
         saturated_share=float(figures.saturated[:, k].mean()),

@@ -33,10 +33,10 @@ def flight_over_time(flight: Flight) -> FlightOverTime | None:
     """Return a flight over time; None where it kept no series."""
     if not flight.result.branches:
         return None
-    team, names = flight.run.team, flight.plan.scenario.vehicle_names
+    team, names = flight.run.team, flight.run.plan.scenario.vehicle_names
     kept = mean_series(team, flight.result)
     time = team.setup.time
-    steps = RecordedSteps.of(team.steps, time, flight.plan.orbits.period)
+    steps = RecordedSteps.of(team.steps, time, flight.run.plan.orbits.period)
     return FlightOverTime(
         time_s=_listed(kept.times),
         vehicles=[
@@ -52,7 +52,7 @@ def flight_over_time(flight: Flight) -> FlightOverTime | None:
         ],
         track_time_s=_listed(np.asarray(steps.tracks * time, dtype=float)),
         tracks=[_track(track, names, steps, time) for track in flight.result.tracks],
-        ground=_ground(flight.plan),
+        ground=_ground(flight.run.plan),
     )
 
 

@@ -440,3 +440,13 @@ def _dumped(page: Path, work: Path, *more: str) -> str:
     )
     assert "CONSOLE" not in done.stderr, done.stderr
     return done.stdout
+
+
+def test_a_flight_is_flown_and_drawn(run: Run, tmp_path: Path) -> None:
+    flight, page = tmp_path / "flight.json", tmp_path / "flight.html"
+    grid = str(FILES / "paper-grid-same.yaml")
+    options = ["--trials", "2", "--duration", "40", "--series", "--hold", "v2@5:2"]
+    assert run("fly", grid, *options, "-o", str(flight))[0] == 0
+    assert run("plot", str(flight), "-o", str(page))[0] == 0
+    drawn = list(_page(page.read_text(encoding="utf-8")).values)
+    assert drawn == ["tracks", "tracking", "phases", "separation", "meetings", "events"]

@@ -1,0 +1,279 @@
+"""Figures of flights: what is drawn is what the report holds."""
+
+import json
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+from plotly.graph_objects import Figure
+
+from syncplan import figures
+from syncplan.errors import InputError
+from syncplan.flight.flying import Flight
+from syncplan.plotting.catalogue import first_figure, specs_of
+from syncplan.plotting.figure_style import PLAIN, FigureStyle
+from syncplan.plotting.flight_errors_figure import flight_errors_spec
+from syncplan.plotting.flight_panels import MOST_VEHICLES
+from syncplan.plotting.flight_tracks_figure import SIGMAS, flight_tracks_spec
+from syncplan.reports.flight_report import flight_document
+from syncplan.reports.flight_schemas import FlightDocument
+from syncplan.reports.flight_series_schemas import FlightOverTime
+from tests.tools.flown import LOST_AT, short_flight
+
+NAMES = ["tracks", "tracking", "phases", "separation", "meetings", "events"]
+
+
+@pytest.fixture(scope="module")
+def flight() -> Flight:
+    return short_flight()
+
+
+@pytest.fixture(scope="module")
+def report(flight: Flight) -> FlightDocument:
+    return flight_document(flight)
+
+
+@pytest.fixture(scope="module")
+def series(report: FlightDocument) -> FlightOverTime:
+    assert report.series is not None
+    return report.series
+
+
+def _trace(spec: dict[str, Any], uid: str) -> dict[str, Any]:
+    found = [trace for trace in spec["data"] if trace["uid"] == uid]
+    assert len(found) == 1, uid
+    trace: dict[str, Any] = found[0]
+    return trace
+
+
+def _note(spec: dict[str, Any]) -> str:
+    text: str = spec["layout"]["title"]["subtitle"]["text"]
+    return text.replace("<br>", " ")
+
+
+def test_a_flight_and_its_report_give_the_same_figures(
+    flight: Flight, report: FlightDocument
+) -> None:
+    read_back = FlightDocument.model_validate(json.loads(json.dumps(report.as_json())))
+    one, two, three = (json.dumps(specs_of(subject)) for subject in (flight, report, read_back))
+    assert one == two == three
+    assert list(specs_of(report)) == NAMES
+    assert first_figure(report) == "tracks"
+    for name, figure in figures.figures_of(report, theme="dark").items():
+        assert figure.to_json(), name
+
+
+@pytest.mark.parametrize("width", [240, 400, 1200])
+def test_legends_have_an_entry_once_and_texts_fit(report: FlightDocument, width: int) -> None:
+    for name, spec in specs_of(report, style=FigureStyle(width=width)).items():
+        shown = [t for t in spec["data"] if t.get("showlegend", True) and t.get("name")]
+        assert len({trace["name"] for trace in shown}) == len(shown), name
+        texts = [spec["layout"]["title"]["text"], spec["layout"]["title"]["subtitle"]["text"]]
+        for text, size in zip(texts, (17.0, 13.0), strict=True):
+            longest = max(map(len, text.split("<br>")))
+            assert longest <= max(8, (width - 28) / (0.5 * size)), name
+        for axis in ("xaxis", "yaxis"):
+            title = spec["layout"][axis]["title"]["text"]
+            assert 0.5 * 13.0 * len(title) <= width - 68, name
+
+
+def test_texts_break_lines_and_hold_no_other_markup(report: FlightDocument) -> None:
+    named = report.model_copy(update={"name": "<b>&"})
+    tags = re.findall(r"</?\w[^<>]*>", json.dumps(specs_of(named)))
+    assert set(tags) <= {"<br>", "<extra>", "</extra>"}
+
+
+def test_without_series_figures_over_time_say_how_to_get_them(report: FlightDocument) -> None:
+    without = report.model_copy(update={"series": None, "events": []})
+    assert list(specs_of(without)) == ["separation", "meetings"]
+    for name in ("tracks", "tracking", "phases"):
+        with pytest.raises(InputError, match="--series"):
+            specs_of(without, [name])
+    with pytest.raises(InputError, match="--lose"):
+        specs_of(without, ["events"])
+    for draw in (flight_tracks_spec, flight_errors_spec):
+        with pytest.raises(InputError, match="--series"):
+            draw(without, PLAIN)
+
+
+def test_paths_are_those_of_the_first_trial(report: FlightDocument, series: FlightOverTime) -> None:
+    spec = specs_of(report, ["tracks"])["tracks"]
+    for uid, x, y in (
+        ("true", "true_x_m", "true_y_m"),
+        ("estimated", "estimated_x_m", "estimated_y_m"),
+    ):
+        drawn, at = _trace(spec, uid), len(series.track_time_s) + 1
+        for k, vehicle in enumerate(series.tracks[0].vehicles):
+            for key, name in (("x", x), ("y", y)):
+                values = np.array(getattr(vehicle, name), dtype=float)
+                shown = np.array(drawn[key][k * at : (k + 1) * at - 1], dtype=float)
+                np.testing.assert_allclose(shown, values, atol=0.02)
+    assert [_trace(spec, f"trial-{number}")["name"] for number in (1, 2)]
+
+
+def test_rims_of_ellipses_are_three_sigma_from_the_estimate(
+    flight: Flight, report: FlightDocument, series: FlightOverTime
+) -> None:
+    rims = _trace(specs_of(report, ["tracks"])["tracks"], "ellipses")
+    points = np.array([rims["x"], rims["y"]], dtype=float).T
+    kept, at = flight.result.tracks[0].covariances, 0
+    for k, vehicle in enumerate(series.tracks[0].vehicles):
+        for one, (xx, yy, xy) in zip(vehicle.ellipses, kept[:, k], strict=False):
+            end = at + int(np.argmax(np.isnan(points[at:, 0])))
+            off = points[at:end] - one.center_m
+            own = np.einsum("ki,ij,kj->k", off, np.linalg.inv([[xx, xy], [xy, yy]]), off)
+            np.testing.assert_allclose(own, SIGMAS**2, rtol=0.05)
+            at = end + 1
+    assert at == len(points)
+
+
+def test_tracks_that_go_astray_leave_the_map_and_the_note_says_so(
+    report: FlightDocument, series: FlightOverTime
+) -> None:
+    near = specs_of(report, ["tracks"])["tracks"]
+    assert "tracks leave the map" not in _note(near)
+    first = series.tracks[0]
+    away = first.vehicles[0].model_copy(update={"true_x_m": [9000.0] * len(series.track_time_s)})
+    track = first.model_copy(update={"vehicles": [away, *first.vehicles[1:]]})
+    astray = report.model_copy(
+        update={"series": series.model_copy(update={"tracks": [track, *series.tracks[1:]]})}
+    )
+    far = specs_of(astray, ["tracks"])["tracks"]
+    assert "tracks leave the map" in _note(far)
+    assert far["layout"]["xaxis"]["range"][1] < 2.0 * near["layout"]["xaxis"]["range"][1]
+
+
+def test_what_is_lost_or_held_is_marked_where_it_was(
+    report: FlightDocument, series: FlightOverTime
+) -> None:
+    spec = specs_of(report, ["tracks"])["tracks"]
+    for uid, name, time in (("loss", "v6", LOST_AT), ("hold", "v2", 12.0)):
+        vehicle = next(one for one in series.tracks[0].vehicles if one.name == name)
+        known = [k for k, x in enumerate(vehicle.true_x_m) if x is not None]
+        before = max(k for k in known if series.track_time_s[k] <= time)
+        assert _trace(spec, uid)["x"] == pytest.approx([vehicle.true_x_m[before]], abs=1e-3)
+        assert _trace(spec, uid)["y"] == pytest.approx([vehicle.true_y_m[before]], abs=1e-3)
+
+
+def test_curves_over_time_are_the_reports(report: FlightDocument, series: FlightOverTime) -> None:
+    errors, phases = (specs_of(report, [name])[name] for name in ("tracking", "phases"))
+    by_name = {one.name: one for one in report.vehicles}
+    for one in series.vehicles:
+        for spec, key, values in (
+            (errors, "sigma", one.sigma_m),
+            (errors, "bound", one.bound_m),
+            (errors, "tracking", one.tracking_rms_m),
+            (errors, "error", one.rms_m),
+            (phases, "phase", one.phase_rms_s),
+        ):
+            drawn = _trace(spec, f"{key}-{one.name}")
+            assert drawn["x"] == series.time_s
+            expected, shown = (np.array(v, dtype=float) for v in (values, drawn["y"]))
+            np.testing.assert_allclose(shown, expected, atol=1e-5)
+        flown = by_name[one.name]
+        level = _trace(phases, f"tolerance-{one.name}")["y"]
+        assert level == pytest.approx([flown.phase_tolerance_s] * 2, abs=1e-5)
+        if flown.errors is not None and flown.phase_error_s is not None:
+            level = _trace(errors, f"predicted-{one.name}")["y"]
+            assert level == pytest.approx([flown.errors.predicted_rms_m] * 2, abs=1e-5)
+            level = _trace(phases, f"worst-{one.name}")["y"]
+            assert level == pytest.approx([flown.phase_error_s.worst] * 2, abs=1e-5)
+
+
+def test_axes_over_time_hold_all_that_is_drawn_and_are_marked(report: FlightDocument) -> None:
+    for name in ("tracking", "phases"):
+        spec = specs_of(report, [name])[name]
+        every = [v for t in spec["data"] for v in t.get("y", []) if v is not None]
+        for key, axis in spec["layout"].items():
+            if key.startswith("yaxis"):
+                low, high = 10.0 ** np.array(axis["range"])
+                assert high > max(every)
+                assert low < min(every) or low == pytest.approx(high * 10.0**-2.5, rel=1e-3)
+                assert len(axis["tickvals"]) >= 2
+                assert axis["ticktext"] == [f"{mark:g}" for mark in axis["tickvals"]]
+
+
+def test_events_are_on_every_axis_of_time(report: FlightDocument) -> None:
+    for name in ("tracking", "phases"):
+        spec = specs_of(report, [name])[name]
+        shapes = spec["layout"]["shapes"]
+        panels = {trace["xaxis"] for trace in spec["data"] if "xaxis" in trace}
+        for axis in panels:
+            mine = [one for one in shapes if one["xref"] == axis]
+            assert {(one["x0"], one["x1"]) for one in mine} == {(12.0, 18.0), (LOST_AT, LOST_AT)}
+        assert "v6 is lost at 30 s" in _note(spec)
+        assert {"losses", "holds"} <= {trace["uid"] for trace in spec["data"]}
+
+
+def test_of_a_large_team_those_furthest_off_the_plan_are_drawn(
+    report: FlightDocument, series: FlightOverTime
+) -> None:
+    copies = range(3)
+    many = report.model_copy(
+        update={
+            "vehicles": [
+                one.model_copy(update={"name": f"{one.name}{'abc'[c]}"})
+                for c in copies
+                for one in report.vehicles
+            ],
+            "series": series.model_copy(
+                update={
+                    "vehicles": [
+                        one.model_copy(update={"name": f"{one.name}{'abc'[c]}"})
+                        for c in copies
+                        for one in series.vehicles
+                    ]
+                }
+            ),
+        }
+    )
+    spec = specs_of(many, ["tracking"])["tracking"]
+    drawn = {t["uid"].removeprefix("error-") for t in spec["data"] if t["uid"].startswith("error-")}
+    off = {one.name: one.errors.tracking_rms_m for one in many.vehicles if one.errors is not None}
+    least = min(off[name] for name in drawn)
+    assert len(drawn) == MOST_VEHICLES
+    assert all(value <= least for name, value in off.items() if name not in drawn)
+    assert f"the {MOST_VEHICLES} worst of 18 vehicles" in _note(spec)
+
+
+def test_least_separations_rise_to_all_trials(report: FlightDocument) -> None:
+    found = report.least_separation_m
+    assert found is not None
+    spec = specs_of(report, ["separation"])["separation"]
+    curve = _trace(spec, "trials")
+    assert (curve["y"][0], curve["y"][-1]) == (0.0, 100.0)
+    np.testing.assert_allclose(curve["x"], found.quantiles, atol=1e-4)
+    assert _trace(spec, "planned")["x"] == pytest.approx([found.planned] * 2, abs=1e-4)
+    assert _trace(spec, "asked")["x"] == [22.0, 22.0]
+    assert spec["layout"]["xaxis"]["range"][1] > found.planned
+    alone = specs_of(report.model_copy(update={"least_separation_m": None}), ["separation"])
+    assert alone["separation"]["data"] == []
+
+
+def test_meetings_that_were_missed_are_hatched_and_on_top(report: FlightDocument) -> None:
+    links = [
+        one.model_copy(update={"kept_share": 0.5 if k == 2 else 1.0})
+        for k, one in enumerate(report.links)
+    ]
+    spec = specs_of(report.model_copy(update={"links": links}), ["meetings"])["meetings"]
+    missed, kept = _trace(spec, "missed"), _trace(spec, "kept")
+    assert missed["y"] == ["-".join(links[2].between)]
+    assert missed["x"] == [50.0]
+    assert missed["marker"]["pattern"]["shape"]
+    assert set(kept["x"]) == {100.0}
+    assert spec["layout"]["yaxis"]["categoryarray"][0] == missed["y"][0]
+    none = specs_of(report.model_copy(update={"links": []}), ["meetings"])["meetings"]
+    assert "no meeting" in none["layout"]["annotations"][0]["text"]
+
+
+def test_rows_of_events_last_as_long_as_they_do(report: FlightDocument) -> None:
+    hold = report.events[0].model_copy(update={"settled_s": 9.0})
+    spec = specs_of(report.model_copy(update={"events": [hold, report.events[1]]}), ["events"])[
+        "events"
+    ]
+    loss, held, settling = (_trace(spec, uid) for uid in ("loss", "hold", "settling"))
+    assert (loss["y"], loss["base"], loss["x"]) == (["v6"], [LOST_AT], [48.0 - LOST_AT])
+    assert (held["y"], held["base"], held["x"]) == (["v2"], [12.0], [6.0])
+    assert (settling["base"], settling["x"]) == ([18.0], [9.0])
+    assert Figure(spec).to_json()

@@ -1,0 +1,109 @@
+"""Flights as documents: figures over time, tracks, and what figures need of the plan."""
+
+import json
+
+import numpy as np
+import pytest
+
+from syncplan.flight.flight_records import RecordedSteps
+from syncplan.flight.flying import Flight, conclude_flight, flight_run, fly_part
+from syncplan.planning.planner import plan
+from syncplan.reports.flight_report import flight_document
+from syncplan.reports.flight_schemas import FlightDocument
+from syncplan.reports.flight_series_schemas import FlightOverTime
+from syncplan.reports.plan_report import plan_document
+from tests.tools.flown import LOST_AT, short_flight
+from tests.tools.scenarios import example
+
+
+@pytest.fixture(scope="module")
+def flight() -> Flight:
+    return short_flight()
+
+
+@pytest.fixture(scope="module")
+def report(flight: Flight) -> FlightDocument:
+    return flight_document(flight)
+
+
+@pytest.fixture(scope="module")
+def series(report: FlightDocument) -> FlightOverTime:
+    assert report.series is not None
+    return report.series
+
+
+def test_a_report_with_series_is_read_back_as_it_was(report: FlightDocument) -> None:
+    text = json.dumps(report.as_json())
+    assert FlightDocument.model_validate_json(text) == report
+
+
+def test_a_flight_that_was_not_asked_for_series_has_none(flight: Flight) -> None:
+    run = flight_run(flight.plan, trials=1, duration=4.0, filter="ekf")
+    short = conclude_flight(run, [fly_part(run, 0, 1, threads=1)])
+    assert "series" not in flight_document(short).as_json()
+
+
+def test_ellipses_have_the_axes_of_the_filters_covariance(
+    flight: Flight, series: FlightOverTime
+) -> None:
+    steps = RecordedSteps.of(96, 0.5, flight.plan.orbits.period)
+    for track, kept in zip(series.tracks, flight.result.tracks, strict=True):
+        assert track.trial == kept.trial
+        for k, vehicle in enumerate(track.vehicles):
+            stayed = steps.moments * 0.5 < (LOST_AT if vehicle.name == "v6" else np.inf)
+            assert len(vehicle.ellipses) == stayed.sum()
+            for one, covariance in zip(vehicle.ellipses, kept.covariances[stayed, k], strict=True):
+                cos, sin = np.cos(one.angle_rad), np.sin(one.angle_rad)
+                turn = np.array([[cos, -sin], [sin, cos]])
+                axes = np.diag([one.major_sigma_m**2, one.minor_sigma_m**2])
+                xx, yy, xy = covariance
+                np.testing.assert_allclose(turn @ axes @ turn.T, [[xx, xy], [xy, yy]], atol=1e-4)
+                assert one.major_sigma_m >= one.minor_sigma_m
+                place = series.track_time_s.index(one.time_s)
+                estimated = vehicle.estimated_x_m[place], vehicle.estimated_y_m[place]
+                assert one.center_m == estimated
+
+
+def test_values_end_where_a_vehicle_is_lost(series: FlightOverTime) -> None:
+    lost = next(one for one in series.vehicles if one.name == "v6")
+    for values in (lost.tracking_rms_m, lost.phase_rms_s, lost.rms_m, lost.sigma_m, lost.bound_m):
+        for time, value in zip(series.time_s, values, strict=True):
+            assert (value is None) == (time >= LOST_AT)
+    stayed = series.vehicles[0]
+    assert None not in [*stayed.tracking_rms_m, *stayed.bound_m]
+
+
+def test_phase_tolerances_are_the_least_of_the_plans_links() -> None:
+    chain = plan(example("mixed-radii-camera"), bound="never")
+    run = flight_run(chain, trials=1, duration=2.0, filter="ekf")
+    flown = flight_document(conclude_flight(run, [fly_part(run, 0, 1, threads=1)]))
+    links = plan_document(chain).links
+    differ = 0
+    for vehicle in flown.vehicles:
+        own = [one.phase_tolerance_s for one in links if vehicle.name in (one.a, one.b)]
+        assert vehicle.phase_tolerance_s == pytest.approx(min(own), rel=1e-12)
+        differ += max(own) > 1.01 * min(own)
+    assert differ
+
+
+def test_separations_are_those_of_the_trials(flight: Flight, report: FlightDocument) -> None:
+    found, each = report.least_separation_m, flight.result.figures.separations
+    assert found is not None
+    assert (found.quantiles[0], found.quantiles[-1]) == (each.min(), each.max())
+    assert found.quantiles[20] == found.median
+    assert found.asked == 22.0
+    assert np.mean(np.array(each) < 22.0) == found.below_asked_share
+
+
+def test_events_have_subject_and_time(report: FlightDocument) -> None:
+    said = [(one.kind, one.subject, one.begin_s, one.end_s) for one in report.events]
+    assert said == [("hold", "v2", 12.0, 18.0), ("loss", "v6", LOST_AT, None)]
+
+
+def test_the_ground_is_the_plans(flight: Flight, series: FlightOverTime) -> None:
+    ground, orbits = series.ground, flight.plan.orbits
+    assert [one.name for one in ground.circles] == flight.plan.scenario.vehicle_names
+    np.testing.assert_allclose([one.center_m for one in ground.circles], orbits.centers)
+    np.testing.assert_allclose([one.phase_rad for one in ground.circles], orbits.phases)
+    np.testing.assert_allclose([one.position_m for one in ground.landmarks], flight.plan.landmarks)
+    assert ground.keep_out_m == flight.plan.scenario.keep_out_m
