@@ -1,8 +1,19 @@
-"""Compile the filters' kernels into NUMBA_CACHE_DIR, for small teams and for large ones."""
+"""Compile the kernels of filters and flights into NUMBA_CACHE_DIR, for small and large teams."""
 
+import syncplan
 from syncplan.estimation.filters import FILTERS
 
 for vehicles in (6, 100):
     for one in FILTERS.values():
         one.lane_filter.compile(vehicles)
         one.augmented_lane_filter.compile(vehicles)
+    team = {
+        "orbit": {"radius_m": 20, "angular_rate_rad_s": 0.2, "direction": "ccw"},
+        "formation": {"shape": "line", "count": vehicles, "spacing_m": 70},
+        "landmarks_m": [[-50, 0], [50, 50]],
+        "sensor": {"range_m": 50, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1},
+        "duration_s": 100,
+    }
+    plan = syncplan.plan(team, bound="never", pilot=False)
+    for guidance in ("track", "mpc"):
+        syncplan.fly(plan, trials=1, duration=1.0, guidance=guidance)
