@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from syncplan.arrays import Array
+from syncplan.arrays import Array, Index
 from syncplan.estimation.augmented_setup import AugmentedSetup
 from syncplan.estimation.filter_setup import BEARING_KIND, COMPASS_KIND, DISTANCE_KIND
 from syncplan.estimation.lane_filter import Lanes, compiled, inner
@@ -37,56 +37,68 @@ def sight_truly(
     lanes: Lanes,
 ) -> None:
     """Record the sightings of a step: of what, in `setup`, and what they read, in `sightings`."""
-    eyes, mishaps, poses = flight.eyes, flight.mishaps, setup.poses
-    pose, n = flown.path[step], len(eyes.ranges)
-    away = np.empty((3, len(lanes)))
+    eyes, mishaps = flight.eyes, flight.mishaps
+    # whole records are costly to hand on: of each of their arrays, the users are counted
+    ranges, landmarks, gone = eyes.ranges, eyes.landmarks, mishaps.gone_from
+    every, sigmas, blind = eyes.every, eyes.sigmas, mishaps.blind_from
+    path, first, n = flown.path, setup.poses.first, len(ranges)
+    pose, away = path[step], np.empty((3, len(lanes)))
     for o in range(n):
-        if mishaps.gone_from[o] <= step:
+        if gone[o] <= step:
             continue
-        for t in range(n + len(eyes.landmarks)):
+        bearing = _is_due(every, sigmas, blind, BEARING_KIND, o, step)
+        distance = _is_due(every, sigmas, blind, DISTANCE_KIND, o, step)
+        compass = _is_due(every, sigmas, blind, COMPASS_KIND, o, step)
+        for t in range(n + len(landmarks)):
             if t == o:
-                _read_compass(flight, flown, step, o, setup, sightings, lanes)
+                if compass:
+                    _read_compass(flight, flown, step, o, setup, sightings, lanes)
                 continue
-            bearing = _is_due(flight, BEARING_KIND, o, step)
-            distance = _is_due(flight, DISTANCE_KIND, o, step)
-            if mishaps.gone_from[t] <= step or not (bearing or distance):
+            if gone[t] <= step or not (bearing or distance):
                 continue
-            if _look(eyes, pose, o, t, away, lanes):
-                _read(flight, flown, step, (o, t), (bearing, distance), away, setup, sightings)
-    poses.first[step + 1] = flown.places[1]
+            near = _is_near(pose, landmarks, ranges[o], o, t, away, lanes)
+            if near and _look(eyes, pose, o, away, lanes):
+                due = bearing, distance
+                _read(flight, flown, step, (o, t), due, away, setup, sightings)
+    first[step + 1] = flown.places[1]
+    seen, longest = flown.seen, flown.longest
     for i in range(n):
+        if gone[i] <= step:
+            continue
         for lane in range(len(lanes)):
-            waited = step - flown.seen[i, lane]
-            if waited > flown.longest[i, lane] and mishaps.gone_from[i] > step:
-                flown.longest[i, lane] = waited
+            longest[i, lane] = max(longest[i, lane], step - seen[i, lane])
 
 
 @inner
-def _is_due(flight: FlightSetup, kind: int, o: int, step: int) -> bool:
+def _is_due(every: Index, sigmas: Array, blind: Index, kind: int, o: int, step: int) -> bool:
     """Whether a vehicle measures a kind at a step."""
-    eyes = flight.eyes
-    if not np.isfinite(eyes.sigmas[kind, o]) or step % eyes.every[kind, o] != 0:
+    if not np.isfinite(sigmas[kind, o]) or step % every[kind, o] != 0:
         return False
-    return bool(step < flight.mishaps.blind_from[kind, o])
+    return bool(step < blind[kind, o])
 
 
 @inner
-def _look(eyes: Eyes, pose: Array, o: int, t: int, away: Array, lanes: Lanes) -> bool:
-    """Fill in the way to the target and, as its third, whether it is in sight; in any lane."""
-    n, found = len(eyes.ranges), False
-    reach = (eyes.ranges[o] * (1.0 + BOUNDARY_SLACK)) ** 2
+def _is_near(
+    pose: Array, landmarks: Array, within: float, o: int, t: int, away: Array, lanes: Lanes
+) -> bool:
+    """Fill in the way to the target and, as its third, whether it is in range; in any lane."""
+    n, found = len(pose), 0.0
+    reach = (within * (1.0 + BOUNDARY_SLACK)) ** 2
     for lane in range(len(lanes)):
         if t < n:
-            away[0, lane], away[1, lane] = pose[t, 0, lane], pose[t, 1, lane]
+            x, y = pose[t, 0, lane], pose[t, 1, lane]
         else:
-            away[0, lane], away[1, lane] = eyes.landmarks[t - n, 0], eyes.landmarks[t - n, 1]
-        away[0, lane] -= pose[o, 0, lane]
-        away[1, lane] -= pose[o, 1, lane]
-        square = away[0, lane] * away[0, lane] + away[1, lane] * away[1, lane]
-        away[2, lane] = 1.0 if square <= reach else 0.0
-        found |= square <= reach
-    if not found:
-        return False
+            x, y = landmarks[t - n, 0], landmarks[t - n, 1]
+        dx, dy = x - pose[o, 0, lane], y - pose[o, 1, lane]
+        near = 1.0 if dx * dx + dy * dy <= reach else 0.0
+        away[0, lane], away[1, lane], away[2, lane] = dx, dy, near
+        found += near
+    return bool(found > 0.0)
+
+
+@inner
+def _look(eyes: Eyes, pose: Array, o: int, away: Array, lanes: Lanes) -> bool:
+    """Leave in sight what is in view and not hidden of what is in range; in any lane."""
     found = False
     for lane in range(len(lanes)):
         if away[2, lane] > 0.0 and not _in_view(eyes, o, pose, away[0, lane], away[1, lane], lane):
@@ -140,9 +152,7 @@ def _read_compass(
     sightings: Array,
     lanes: Lanes,
 ) -> None:
-    """Record what vehicle o reads of its own heading, if it does."""
-    if not _is_due(flight, COMPASS_KIND, o, step):
-        return
+    """Record what vehicle o reads of its own heading."""
     sigma = flight.eyes.sigmas[COMPASS_KIND, o]
     s = _new_row(flown, setup, COMPASS_KIND, o, o, sigma)
     for lane in range(len(lanes)):
