@@ -68,7 +68,7 @@ check-all: postgresql $(VENV)/.crosschecks check
 	docker/steps.sh
 
 # the longest first
-SEARCHES := survival contract upgrade sight-lines equipment clearances refinements counterexamples phases thrown start-up predictions batch recording losses lost consistency neglect
+SEARCHES := survival contract upgrade sight-lines equipment clearances refinements counterexamples phases thrown flights start-up predictions batch recording losses lost consistency neglect
 
 search-survival:        ARGUMENTS = 3 $(SEED)
 search-upgrade:         ARGUMENTS = 1 $(SEED)
@@ -78,6 +78,8 @@ search-start-up:        ARGUMENTS = 40 $(SEED) --trials 100 --missed 0.4 --wrong
 search-predictions:     ARGUMENTS = 16 $(SEED) --trials 100 --median 0.06 --ninety 0.15
 search-neglect:         ARGUMENTS = 12 $(SEED) --most 0.2
 search-batch:           ARGUMENTS = 8 $(SEED)
+search-flights:         ARGUMENTS = 32 $(SEED) --draws 2 --losses 32 --plain 1 \
+                        --teams 'same,side camera' --spare 1 --alike 0.1 --threads 1
 search-recording:       ARGUMENTS = 2
 search-consistency:     ARGUMENTS = 20 $(SEED)
 search-clearances:      ARGUMENTS = 6 $(SEED)
