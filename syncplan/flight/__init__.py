@@ -25,6 +25,7 @@ flown_lanes          some trials on their way
 flight_records     what is recorded on the way
 flight_measures      phase, separation, meetings
 flight_results       figures of each trial
+flight_archive       an archive of flights
 flown_figures        the figures of trials that were flown
 flight_series        figures over time
 flights              many trials over threads
