@@ -1,11 +1,12 @@
 """What child processes do: plain values in, plain values out, all numbers by syncplan.
 
-The trials of a validation are one run; those of a sweep one for each of its rows. A child keeps
-what it set up for the job it served last.
+The trials of a validation or a flight are one run; those of a sweep one for each of its rows. A
+child keeps what it set up for the job it served last.
 """
 
 import time
 from collections.abc import Sequence
+from typing import Any
 
 from api.job_kinds.job_kind import (
     Batch,
@@ -98,44 +99,41 @@ def computed_job(
 def measured_runs(spec: JobSpec) -> list[tuple[int, float]]:
     """Return the trials, and about how many seconds a trial takes here, for each run of a job.
 
-    The first run is timed; the others count by their samples and sightings.
+    The first run is timed; the others count by their effort.
     """
-    from syncplan.planning.validation import run_part
-
-    runs = _trial_task(spec).runs(spec)
+    task = _trial_task(spec)
+    runs, method = task.runs(spec), task.method
     count = min(CHUNK_TRIALS, runs[0].trials)
-    run_part(runs[0], 0, 1, threads=1)
+    method.compute(runs[0], 0, 1, None)
     began = time.perf_counter()
-    run_part(runs[0], 0, count, threads=1)
+    method.compute(runs[0], 0, count, None)
     seconds = (time.perf_counter() - began) / count
-    sizes = [run.steps + len(run.sightings.observers) for run in runs]
-    return [(run.trials, seconds * size / sizes[0]) for run, size in zip(runs, sizes, strict=True)]
+    efforts = [method.effort(run) for run in runs]
+    return [
+        (run.trials, seconds * effort / efforts[0])
+        for run, effort in zip(runs, efforts, strict=True)
+    ]
 
 
 def computed_batch(spec: JobSpec, batch: Batch, progress: Progress) -> bytes:
     """Return the trials of a batch as bytes."""
-    from syncplan.estimation.trial_archive import pack
-    from syncplan.planning.validation import run_part
-
-    run = _trial_task(spec).runs(spec)[batch.run]
-    return pack(run_part(run, batch.first_trial, batch.trials, threads=1, progress=progress))
+    task = _trial_task(spec)
+    run = task.runs(spec)[batch.run]
+    return task.method.compute(run, batch.first_trial, batch.trials, progress)
 
 
 def concluded_job(spec: JobSpec, batches: Sequence[tuple[Batch, bytes]]) -> JobReport:
     """Return the report of a job whose batches are all computed."""
-    from syncplan.estimation.trial_archive import unpack
-    from syncplan.planning.validation import conclude
-
     task = _trial_task(spec)
     ordered = sorted(batches, key=lambda item: (item[0].run, item[0].first_trial))
     concluded = [
-        conclude(run, [unpack(data) for batch, data in ordered if batch.run == k])
+        task.method.conclude(run, [data for batch, data in ordered if batch.run == k])
         for k, run in enumerate(task.runs(spec))
     ]
     return task.report(spec, concluded)
 
 
-def _trial_task(spec: JobSpec) -> TrialTask:
+def _trial_task(spec: JobSpec) -> TrialTask[Any, Any]:
     task = JOB_KINDS[spec.kind].task
     assert isinstance(task, TrialTask)
     return task

@@ -2,6 +2,7 @@
 
 job_kind          what a kind is made of
 filter_requests   what runs of the filter have in common
+filter_trials     trials of the filter on a plan
 refinement_jobs   refinements
 validation_jobs   validations
 sweep_jobs        sweeps

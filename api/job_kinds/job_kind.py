@@ -6,14 +6,14 @@ Both run in child processes: plain values in, plain values out.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar, Literal, Self
+from typing import Any, ClassVar, Generic, Literal, Protocol, Self, TypeVar
 
 from pydantic import BaseModel
 
 from api.limits import RequestLimits
 from api.plan_texts import PlanText
 from syncplan.planning.plan_files import Loaded
-from syncplan.planning.validation import TrialRun, Validation
+from syncplan.plotting.figure_table import SubjectKind
 from syncplan.recordings.overviews import Overview
 from syncplan.reports.job_contract import JobKindName
 from syncplan.scenario.quantities import Section
@@ -29,6 +29,8 @@ __all__ = [
     "JobSpec",
     "JobSubject",
     "Progress",
+    "TrialMethod",
+    "TrialProgress",
     "TrialTask",
     "WholeTask",
 ]
@@ -47,6 +49,9 @@ JobSubject = Loaded | Overview | None
 
 Progress = Callable[[int | FinishedStart], None]
 """Takes the work done so far, and what can be kept of it."""
+
+TrialProgress = Callable[[int], None] | None
+"""Takes the number of trials done so far, where anybody wants to know."""
 
 
 class JobRequest(Section):
@@ -122,18 +127,49 @@ class WholeTask:
     compute: Callable[[JobSpec, EarlierWork, int, Progress], PlanText | JobReport]
 
 
+class RunOfTrials(Protocol):
+    """The set-up of a run, of which any worker may compute trials."""
+
+    @property
+    def trials(self) -> int:
+        """Number of trials."""
+        ...
+
+
+RunT = TypeVar("RunT", bound=RunOfTrials)
+FoundT = TypeVar("FoundT")
+
+
 @dataclass(frozen=True, slots=True)
-class TrialTask:
+class TrialMethod(Generic[RunT, FoundT]):
+    """How trials of a run are computed and what they come to.
+
+    Attributes
+    ----------
+    compute : from a run, the first trial, their number and a callback for progress to their bytes
+    conclude : from a run and the bytes of all its trials, in order, to what it has found
+    effort : about how much work a trial of a run is, beside one of another run
+    """
+
+    compute: Callable[[RunT, int, int, TrialProgress], bytes]
+    conclude: Callable[[RunT, Sequence[bytes]], FoundT]
+    effort: Callable[[RunT], float]
+
+
+@dataclass(frozen=True, slots=True)
+class TrialTask(Generic[RunT, FoundT]):
     """A task whose trials are divided into batches.
 
     Attributes
     ----------
-    runs : set-ups of the filter's runs; a child process keeps those of its last job
-    report : from the job and its runs, all trials done, to the result
+    runs : set-ups of the job's runs; a child process keeps those of its last job
+    method : of the trials
+    report : from the job and what its runs have found, all trials done, to the result
     """
 
-    runs: Callable[[JobSpec], list[TrialRun]]
-    report: Callable[[JobSpec, Sequence[Validation]], JobReport]
+    runs: Callable[[JobSpec], list[RunT]]
+    method: TrialMethod[RunT, FoundT]
+    report: Callable[[JobSpec, Sequence[FoundT]], JobReport]
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,7 +207,7 @@ class JobKind:
     title, plural : the kind as sentences name it
     unit : what its work is counted in
     report : model of the report it results in; None if it results in a plan
-    has_figures : whether figures of that report can be drawn
+    figures : what figures of that report are figures of; None if none can be drawn
     keeps_trials : whether the values of each trial can be read
     """
 
@@ -181,7 +217,7 @@ class JobKind:
     unit: str
     request: type[JobRequest]
     operation: JobOperation
-    task: WholeTask | TrialTask
+    task: WholeTask | TrialTask[Any, Any]
     report: type[BaseModel] | None = None
-    has_figures: bool = False
+    figures: SubjectKind | None = None
     keeps_trials: bool = False

@@ -166,5 +166,5 @@ REPLAY = JobKind(
     ),
     task=WholeTask(compute=_replayed),
     report=ReplayDocument,
-    has_figures=True,
+    figures="run",
 )

@@ -10,6 +10,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
 from api.job_kinds.filter_requests import FilterRequest
+from api.job_kinds.filter_trials import FILTER_TRIALS
 from api.job_kinds.job_kind import JobKind, JobOperation, JobReport, JobSpec, JobSubject, TrialTask
 from api.limits import RequestLimits, check_at_most, check_size, check_trials
 from syncplan.errors import InputError
@@ -214,7 +215,7 @@ SWEEP = JobKind(
         body="The scenario, what is varied, and how to fly",
         body_required=True,
     ),
-    task=TrialTask(runs=_runs, report=_report),
+    task=TrialTask(runs=_runs, method=FILTER_TRIALS, report=_report),
     report=SweepReport,
-    has_figures=True,
+    figures="sweep",
 )

@@ -7,6 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from api.job_kinds.filter_requests import DEFAULTS, FilterRequest
+from api.job_kinds.filter_trials import FILTER_TRIALS
 from api.job_kinds.job_kind import JobKind, JobOperation, JobReport, JobSpec, JobSubject, TrialTask
 from api.limits import RequestLimits, check_trials
 from api.plan_texts import loaded_plan
@@ -80,8 +81,8 @@ VALIDATION = JobKind(
         body="How to fly; defaults if empty",
         body_required=False,
     ),
-    task=TrialTask(runs=_runs, report=_report),
+    task=TrialTask(runs=_runs, method=FILTER_TRIALS, report=_report),
     report=ValidationDocument,
-    has_figures=True,
+    figures="run",
     keeps_trials=True,
 )

@@ -105,8 +105,8 @@ async def read_job_figure(
     row: Owned, figure: ReportFigure, caller: CurrentCaller, theme: Theme = "light"
 ) -> Response:
     """A figure of the report of a validation, a sweep or a replay."""
-    if row.state != "succeeded" or not JOB_KINDS[row.kind].has_figures:
-        kinds = plurals(lambda kind: kind.has_figures)
+    if row.state != "succeeded" or JOB_KINDS[row.kind].figures is None:
+        kinds = plurals(lambda kind: kind.figures is not None)
         raise Conflict(f"the job is a {row.kind}, {row.state}; {kinds} that succeeded have figures")
     text = await run_in_threadpool(report_or_refuse, caller.service, row)
     return await _drawn(caller, "report_figure", text, row.kind, figure, theme)
