@@ -3,7 +3,8 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, TypedDict
+from types import MappingProxyType
+from typing import Any, ClassVar, Self, TypedDict
 
 from syncplan.errors import InputError
 from syncplan.estimation.filters import AUTO, FILTERS, FORMER_NAMES, FilterModel
@@ -21,15 +22,17 @@ __all__ = [
 MAX_TRIALS = 1_000_000
 LARGEST_SEED = 2**63 - 1
 
-REQUEST_KEYS = {
-    "trials": "trials",
-    "seed": "seed",
-    "duration": "duration_s",
-    "filter": "filter",
-    "substeps": "substeps",
-    "gate_probability": "gate_probability",
-    "with_series": "series",
-}
+REQUEST_KEYS: Mapping[str, str] = MappingProxyType(
+    {
+        "trials": "trials",
+        "seed": "seed",
+        "duration": "duration_s",
+        "filter": "filter",
+        "substeps": "substeps",
+        "gate_probability": "gate_probability",
+        "with_series": "series",
+    }
+)
 """Key of each option in requests to the service."""
 
 
@@ -50,6 +53,8 @@ class FilterOptions:
     with_series : whether errors and sigmas over time are kept
     model : former name of `filter`: `arc` for ekf, `euler` for paper; not kept
     """
+
+    request_keys: ClassVar[Mapping[str, str]] = REQUEST_KEYS
 
     trials: int = 200
     seed: int = 0
@@ -99,13 +104,13 @@ class FilterOptions:
 
     def as_request(self) -> dict[str, Any]:
         """Return the options as keys of a request to the service, None left out."""
-        values = {key: getattr(self, name) for name, key in REQUEST_KEYS.items()}
+        values = {key: getattr(self, name) for name, key in self.request_keys.items()}
         return {key: value for key, value in values.items() if value is not None}
 
     @classmethod
-    def of_request(cls, request: Mapping[str, Any]) -> "FilterOptions":
+    def of_request(cls, request: Mapping[str, Any]) -> Self:
         """Return the options that a request names; it may have further keys."""
-        keys = {**REQUEST_KEYS, "model": "model"}
+        keys = {**cls.request_keys, "model": "model"}
         return cls(**{name: request[key] for name, key in keys.items() if key in request})
 
 

@@ -4,9 +4,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import Any, ClassVar, Self
 
 from syncplan.errors import InputError
-from syncplan.estimation.filter_options import FilterChanges, FilterOptions
+from syncplan.estimation.filter_options import REQUEST_KEYS, FilterChanges, FilterOptions
 
 __all__ = [
     "AS_COMMANDED",
@@ -27,6 +28,21 @@ DEFAULT_GATE = 0.9999
 """Probability of the innovation gate where bearings may be false."""
 
 MOST_LATE = 1000
+
+FLIGHT_REQUEST_KEYS: Mapping[str, str] = MappingProxyType(
+    {
+        **REQUEST_KEYS,
+        "guidance": "guidance",
+        "lose": "lose",
+        "hold": "hold",
+        "dropout": "dropout",
+        "outliers": "outliers",
+        "mistaken": "mistaken",
+        "late": "late",
+        "wind": "wind_mps",
+    }
+)
+"""Key of each option in requests to the service."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +84,8 @@ class FlightOptions(FilterOptions):
     wind : m/s, the true wind; drawn by the scenario's wind.sigma_mps if None
     """
 
+    request_keys: ClassVar[Mapping[str, str]] = FLIGHT_REQUEST_KEYS
+
     trials: int = 100
     guidance: str = "track"
     lose: tuple[str, ...] = ()
@@ -102,6 +120,12 @@ class FlightOptions(FilterOptions):
                 raise InputError(problem, key=name)
         if self.gate_probability is None and self.outliers + self.mistaken > 0.0:
             object.__setattr__(self, "gate_probability", DEFAULT_GATE)
+
+    @classmethod
+    def of_request(cls, request: Mapping[str, Any]) -> Self:
+        """Return the options that a request names; it may have further keys."""
+        lists = {key: tuple(value) for key, value in request.items() if isinstance(value, list)}
+        return super(FlightOptions, cls).of_request({**request, **lists})
 
 
 class FlightChanges(FilterChanges, total=False):
