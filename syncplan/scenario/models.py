@@ -213,6 +213,8 @@ class Formation(Section):
                     "is missing: list the centres, give shape, count and spacing_m, or give links "
                     "to have centres found",
                 )
+        if self.names is not None and not self.names:
+            raise fault("names", "is empty; name each vehicle, or leave it out")
         _check_team_size(self, info)
         return self
 

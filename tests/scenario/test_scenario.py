@@ -405,3 +405,8 @@ def test_speeds_and_radii_that_are_both_empty_are_a_fault_of_the_input() -> None
     }
     with pytest.raises(InputError, match=r"orbit\.speed_mps.*has 0 values for 0 radii"):
         scenario_from(document)
+
+
+def test_names_and_sensors_that_are_both_empty_are_a_fault_of_the_input() -> None:
+    values = document(formation={"links": [["v1", "v2"]], "names": []}, sensor=[])
+    assert _refused(values).key == "formation.names"
