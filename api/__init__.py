@@ -1,4 +1,4 @@
-"""The service: plans, refinements and validations over HTTP, with jobs that survive.
+"""The service: plans, refinements, validations and flights over HTTP, with jobs that survive.
 
 Thin over syncplan, which does all the numbers. Modules, each using only those before it:
 

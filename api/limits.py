@@ -3,12 +3,14 @@
 from dataclasses import dataclass
 
 from syncplan.errors import InputError
+from syncplan.flight.flight_options import GuidanceModel
 from syncplan.planning.expected_work import ExpectedWork, work_of
 from syncplan.scenario.specification import Scenario
 
 __all__ = [
     "RequestLimits",
     "check_at_most",
+    "check_flights",
     "check_replay_work",
     "check_run_work",
     "check_size",
@@ -21,8 +23,14 @@ MOST_BOUND_WORK = 5e10
 MOST_TRIAL_WORK = 2e11
 """Most work of a trial: a job begins with 17 of them, to learn its pace, in one part of an hour."""
 
+FLIGHT_TIMES = 8.0
+"""A flight is so many times the work of a trial of the filter along the same circles."""
+
 TRIALS_OF_VEHICLES = 10
 """A run may hold this many times as many trials of one vehicle as it may hold trials."""
+
+FIGURES_OF_VEHICLE = 18
+"""Figures of each vehicle that are kept of a flight, beside one of each pair."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +41,7 @@ class RequestLimits:
     ----------
     vehicles : of a team
     samples : in a run or a window
-    trials : of a validation, or of all rows of a sweep together
+    trials : of a validation or flight, or of all rows of a sweep together
     run_s : s, length of a run
     refine_s : s, time of a refinement
     sweep_values : rows of a sweep
@@ -71,6 +79,31 @@ def check_run_work(scenario: Scenario, duration: float, limits: RequestLimits) -
     if work is not None:
         _check_sightings(scenario, work, limits)
         _check_work(work, MOST_TRIAL_WORK)
+
+
+def check_flights(
+    trials: int,
+    scenario: Scenario,
+    duration: float,
+    guidance: GuidanceModel,
+    limits: RequestLimits,
+) -> None:
+    """Raise InputError if flights of `duration` s are too many, or one more than a task can do."""
+    check_trials(trials, scenario.size, limits)
+    work = work_of(scenario, duration)
+    if work is None:
+        return
+    figures = trials * (FIGURES_OF_VEHICLE * scenario.size + work.pairs)
+    most = FIGURES_OF_VEHICLE * TRIALS_OF_VEHICLES * limits.trials
+    check_at_most("trials", figures, most, " figures of trials")
+    flown = FLIGHT_TIMES * work.pass_work + guidance.work_per_s * scenario.size * duration
+    if flown > MOST_TRIAL_WORK:
+        raise InputError(
+            f"a flight of {duration:g} s takes about {flown:.2g} operations; this service takes "
+            f"up to {MOST_TRIAL_WORK:.2g}; fly a shorter time, or choose a guidance that takes "
+            "less",
+            key="duration_s",
+        )
 
 
 def check_replay_work(sightings: int, robots: int, limits: RequestLimits) -> None:

@@ -138,7 +138,7 @@ REQUEST_ID = {
 
 FOLLOWING: dict[tuple[str, str], dict[str, str]] = {
     ("createPlan", "201"): dict.fromkeys(
-        ("readPlan", "refinePlan", "validatePlan", "deletePlan"), "plan_id"
+        ("readPlan", "refinePlan", "validatePlan", "flyPlan", "deletePlan"), "plan_id"
     ),
     ("createRecording", "201"): dict.fromkeys(
         ("readRecording", "replayRecording", "deleteRecording"), "recording_id"

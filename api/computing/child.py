@@ -10,7 +10,7 @@ from typing import Any
 
 from api.computing import renditions, tasks
 from api.computing.time_limit import Alarm, TimeUp
-from api.job_kinds.job_kind import FinishedStart, Progress
+from api.job_kinds.job_tasks import FinishedStart, Progress
 from syncplan.errors import Fault, InputError, NoGoError, NoSolutionError, ProcessEndedError
 from syncplan.runtime.child_processes import ChildProcess, connect_to_parent
 from syncplan.runtime.memory import limit_memory

@@ -25,7 +25,7 @@ from api.computing.child import (
 from api.computing.pool_depth import PoolDepth
 from api.computing.tickets import LEAST_RUN_S, GivenUpError, OwnerBusyError, PoolFullError, Ticket
 from api.computing.turns import Turns
-from api.job_kinds.job_kind import Progress
+from api.job_kinds.job_tasks import Progress
 from syncplan.errors import InputError, NoGoError, NoSolutionError
 
 __all__ = ["GivenUpError", "OwnerBusyError", "Pool", "PoolFullError", "Ticket"]

@@ -8,17 +8,17 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-from api.job_kinds.job_kind import (
+from api.job_kinds.job_kind import JobSubject
+from api.job_kinds.job_table import JOB_KINDS
+from api.job_kinds.job_tasks import (
     Batch,
     EarlierWork,
     JobReport,
     JobSpec,
-    JobSubject,
     Progress,
     TrialTask,
     WholeTask,
 )
-from api.job_kinds.job_table import JOB_KINDS
 from api.limits import RequestLimits
 from api.packed_recordings import overview_of_text, packed_recording
 from api.plan_texts import PlanText, Syntax, as_plan_text, loaded_body, loaded_plan

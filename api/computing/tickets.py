@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from api.computing.child import Child, TooSlowError
-from api.job_kinds.job_kind import Progress
+from api.job_kinds.job_tasks import Progress
 
 __all__ = ["GivenUpError", "OwnerBusyError", "PoolFullError", "Ticket"]
 

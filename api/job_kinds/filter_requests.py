@@ -18,7 +18,7 @@ from syncplan.estimation.filter_options import (
 from syncplan.estimation.filters import FilterChoice
 from syncplan.scenario.specification import Scenario
 
-__all__ = ["DEFAULTS", "FilterRequest"]
+__all__ = ["DEFAULTS", "FilterRequest", "our_keys"]
 
 DEFAULTS = FilterOptions()
 
@@ -51,20 +51,24 @@ class FilterRequest(JobRequest):
         """Return the options of the runs."""
         return FilterOptions.of_request(self.model_dump(exclude_none=True))
 
+    def length(self, scenario: Scenario) -> float:
+        """Return the length in s of each run of a scenario."""
+        return scenario.duration_s if self.duration_s is None else self.duration_s
+
     def check_run(self, scenario: Scenario, limits: RequestLimits) -> None:
         """Raise InputError if a run of a scenario is too long, or too short to be measured."""
-        length = scenario.duration_s if self.duration_s is None else self.duration_s
+        length = self.length(scenario)
         check_at_most("duration_s", length, limits.run_s, " s")
         check_at_most("duration_s", length / scenario.sample_time, limits.samples, " samples")
         check_run_work(scenario, length, limits)
-        with _our_keys():
+        with our_keys():
             steps_in_run(length, scenario.sample_time, scenario.period, scenario.size)
 
 
 @contextmanager
-def _our_keys() -> Iterator[None]:
+def our_keys(keys: Mapping[str, str] = REQUEST_KEYS) -> Iterator[None]:
     """Name the request's key where the library names its own argument."""
     try:
         yield
     except InputError as error:
-        raise InputError(error.problem, key=REQUEST_KEYS.get(error.key, error.key)) from None
+        raise InputError(error.problem, key=keys.get(error.key, error.key)) from None

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from api.job_kinds.job_kind import TrialMethod, TrialProgress
+from api.job_kinds.job_tasks import TrialMethod, TrialProgress
 
 if TYPE_CHECKING:
     from syncplan.planning.validation import TrialRun, Validation

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
+from api.job_kinds.flight_jobs import FLIGHT
 from api.job_kinds.job_kind import JobKind
 from api.job_kinds.refinement_jobs import REFINEMENT
 from api.job_kinds.replay_jobs import REPLAY
@@ -13,7 +14,7 @@ from syncplan.reports.job_contract import JobKindName
 __all__ = ["JOB_KINDS", "plurals"]
 
 JOB_KINDS: Mapping[JobKindName, JobKind] = MappingProxyType(
-    {kind.name: kind for kind in (REFINEMENT, VALIDATION, SWEEP, REPLAY)}
+    {kind.name: kind for kind in (REFINEMENT, VALIDATION, FLIGHT, SWEEP, REPLAY)}
 )
 """Every kind of job by its name."""
 

@@ -8,7 +8,8 @@ from pydantic import Field
 
 from api.job_kinds.filter_requests import DEFAULTS, FilterRequest
 from api.job_kinds.filter_trials import FILTER_TRIALS
-from api.job_kinds.job_kind import JobKind, JobOperation, JobReport, JobSpec, JobSubject, TrialTask
+from api.job_kinds.job_kind import JobKind, JobOperation, JobSubject
+from api.job_kinds.job_tasks import JobReport, JobSpec, TrialTask
 from api.limits import RequestLimits, check_trials
 from api.plan_texts import loaded_plan
 from syncplan.estimation.filters import MotionName

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from itertools import pairwise
 
-from api.job_kinds.job_kind import Batch
+from api.job_kinds.job_tasks import Batch
 from syncplan.estimation.trials import CHUNK_TRIALS
 
 __all__ = ["batches_of"]

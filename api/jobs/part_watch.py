@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from api.computing.pool import Ticket
-from api.job_kinds.job_kind import FinishedStart
+from api.job_kinds.job_tasks import FinishedStart
 from api.storage import batch_records, part_records
 from api.storage.database import Database, unavailable
 

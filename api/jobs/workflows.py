@@ -18,8 +18,8 @@ from dbos import DBOS
 from sqlalchemy import Connection
 
 from api.computing.pool import Ticket
-from api.job_kinds.job_kind import EarlierWork, JobReport, Progress, TrialTask
 from api.job_kinds.job_table import JOB_KINDS
+from api.job_kinds.job_tasks import EarlierWork, JobReport, Progress, TrialTask
 from api.jobs.batching import batches_of
 from api.jobs.dbos_runtime import current, in_transaction
 from api.jobs.part_computing import Part, Submit, computed

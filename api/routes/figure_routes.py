@@ -104,7 +104,7 @@ async def read_plan_figure(
 async def read_job_figure(
     row: Owned, figure: ReportFigure, caller: CurrentCaller, theme: Theme = "light"
 ) -> Response:
-    """A figure of the report of a validation, a sweep or a replay."""
+    """A figure of the report of a validation, a flight, a sweep or a replay."""
     if row.state != "succeeded" or JOB_KINDS[row.kind].figures is None:
         kinds = plurals(lambda kind: kind.figures is not None)
         raise Conflict(f"the job is a {row.kind}, {row.state}; {kinds} that succeeded have figures")

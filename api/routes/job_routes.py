@@ -198,7 +198,7 @@ async def cancel_job(row: Owned, call: EmptyCall) -> Response:
     responses=problem_responses(401, 404, 406, 409, 422, 503),
 )
 async def read_result(row: Owned, service: CurrentService, owner: CurrentOwner) -> Response:
-    """The report of a validation, a sweep or a replay, or the plan that a refinement made."""
+    """The report of a job, or the plan that a refinement made."""
     if row.state != "succeeded":
         raise Conflict(f"the job is {row.state}; a result comes with the state succeeded")
     if row.result_plan_id is not None:
@@ -214,14 +214,14 @@ async def read_result(row: Owned, service: CurrentService, owner: CurrentOwner) 
     response_class=Response,
     dependencies=[Depends(accepts("application/octet-stream"))],
     operation_id="readJobTrials",
-    summary="Read the trials of a validation",
+    summary="Read the trials of a validation or flight",
     responses={
         200: {"content": {"application/octet-stream": {}}},
         **problem_responses(401, 404, 406, 409, 422, 503),
     },
 )
 def read_trials(row: Owned, service: CurrentService) -> Response:
-    """The figures of each trial of a validation, NumPy arrays in an .npz archive."""
+    """The figures of each trial of a validation or a flight, NumPy arrays in an .npz archive."""
     if row.state != "succeeded" or not JOB_KINDS[row.kind].keeps_trials:
         kinds = plurals(lambda kind: kind.keeps_trials)
         raise Conflict(f"the job is a {row.kind}, {row.state}; {kinds} that succeeded have one")

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from sqlalchemy import Connection, func, insert, select, update
 
-from api.job_kinds.job_kind import Batch
+from api.job_kinds.job_tasks import Batch
 from api.storage.job_records import change
 from api.storage.tables import job_parts, jobs
 from syncplan.reports.job_contract import UNFINISHED

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from sqlalchemy import Connection, select
 
-from api.job_kinds.job_kind import JobSpec
+from api.job_kinds.job_tasks import JobSpec
 from api.storage.clock import NOW
 from api.storage.job_records import ANY_VERSION, change
 from api.storage.tables import job_results, jobs, recordings
@@ -88,6 +88,6 @@ def report_of(connection: Connection, job_id: str) -> str | None:
 
 
 def trials_of(connection: Connection, job_id: str) -> bytes | None:
-    """Return the figures of each trial of a validation that has succeeded."""
+    """Return the figures of each trial of a job that has succeeded."""
     query = select(job_results.c.trials).where(job_results.c.job_id == job_id)
     return connection.execute(query).scalar()

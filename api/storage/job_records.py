@@ -12,7 +12,7 @@ from typing import Any
 
 from sqlalchemy import Connection, delete, func, insert, null, select, update
 
-from api.job_kinds.job_kind import JobReport
+from api.job_kinds.job_tasks import JobReport
 from api.storage.clock import NOW, moment, new_id
 from api.storage.tables import job_events, job_parts, job_results, job_starts, jobs
 from syncplan.reports.job_contract import UNFINISHED, EndState, JobKindName, JobState

@@ -113,7 +113,7 @@ job_results = Table(
     METADATA,
     _job_id(),
     Column("text", Text, nullable=False),
-    # of a validation: the figures of each trial, as syncplan.estimation.trial_archive packs them
+    # of a validation or flight: the figures of each trial, packed as its kind does
     Column("trials", LargeBinary),
 )
 

@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal, Self, Unpack
+from typing import TYPE_CHECKING, Any, Literal, Self, Unpack
 from urllib.parse import quote
 
 from syncplan.client.connection import Remote, RemoteError, error_of, values_of
@@ -22,6 +22,8 @@ from syncplan.client.remote_records import RemoteJob, RemotePlan, RemoteRecordin
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import FilterChanges, FilterOptions, options_with
 from syncplan.estimation.trial_archive import unpack
+from syncplan.flight.flight_archive import unpack_flight
+from syncplan.flight.flight_options import FlightChanges, FlightOptions, flight_options_with
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.judgement import BoundChoice
 from syncplan.planning.plan_files import loaded_from, stated
@@ -32,6 +34,9 @@ from syncplan.reports.loss_schemas import WhatIfDocument
 from syncplan.reports.replay_schemas import ReplayDocument
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario
+
+if TYPE_CHECKING:
+    from syncplan.flight.flying import Flight
 
 __all__ = ["Client"]
 
@@ -144,10 +149,16 @@ class Client:
         **changes: Unpack[FilterChanges],
     ) -> RemoteJob:
         """Begin to validate a plan; options as syncplan.validate takes them. See wait."""
-        asked = options_with(options, changes).as_request()
-        answer = self._remote.send("POST", f"/v1/plans/{_id(plan)}/validations", asked)
-        job = RemoteJob.of(values_of(answer))
-        return replace(job, plan=plan) if isinstance(plan, RemotePlan) else job
+        return self._begin(plan, "validations", options_with(options, changes))
+
+    def fly(
+        self,
+        plan: RemotePlan | str,
+        options: FlightOptions | None = None,
+        **changes: Unpack[FlightChanges],
+    ) -> RemoteJob:
+        """Begin to fly a plan; options as syncplan.fly takes them. See wait."""
+        return self._begin(plan, "flights", flight_options_with(options, changes))
 
     def sweep(self, scenario: Scenario | Mapping[str, Any], **options: Any) -> RemoteJob:
         """Begin a sweep; options are the keys of the service's request, such as range_m."""
@@ -158,6 +169,12 @@ class Client:
         """Begin a replay; options are the keys of the service's request, such as delay_s."""
         path = f"/v1/recordings/{_id(recording)}/replays"
         return RemoteJob.of(values_of(self._remote.send("POST", path, options)))
+
+    def _begin(self, plan: RemotePlan | str, jobs: str, options: FilterOptions) -> RemoteJob:
+        """The job that takes options on a plan, with the plan if that is at hand."""
+        path = f"/v1/plans/{_id(plan)}/{jobs}"
+        job = RemoteJob.of(values_of(self._remote.send("POST", path, options.as_request())))
+        return replace(job, plan=plan) if isinstance(plan, RemotePlan) else job
 
     def job(self, job_id: str) -> RemoteJob:
         """Return a job as it is now."""
@@ -178,10 +195,11 @@ class Client:
     ) -> Any:
         """Return the result of a job, once it has ended.
 
-        A RemotePlan for a refinement, a Validation for a validation, the JSON values of a sweep's
-        report, the ReplayDocument of a replay. `progress` is called with the job whenever it has
-        changed. Raises InputError or NoSolutionError where the job failed for such a reason,
-        RemoteError where it was cancelled, failed otherwise or is not done in time.
+        A RemotePlan for a refinement, a Validation for a validation, a Flight for a flight, the
+        JSON values of a sweep's report, the ReplayDocument of a replay. `progress` is called with
+        the job whenever it has changed. Raises InputError or NoSolutionError where the job failed
+        for such a reason, RemoteError where it was cancelled, failed otherwise or is not done in
+        time.
         """
         began, pause, shown = time.monotonic(), _LOOK_AT_FIRST_S, None
         while True:
@@ -216,20 +234,31 @@ class Client:
         return values_of(self._remote.send("GET", f"/v1/jobs/{job.id}/result"), "rows")
 
     def _validation(self, job: RemoteJob, plan: RemotePlan | None) -> Validation:
-        asked = job.document["request"]
-        run = trial_run(
-            self.stored(job.document["plan_id"]) if plan is None else plan,
-            FilterOptions.of_request(asked),
-        )
-        trials = self._remote.send(
-            "GET", f"/v1/jobs/{job.id}/trials", accept="application/octet-stream"
-        )
-        return conclude(run, [unpack(trials.content)])
+        options = FilterOptions.of_request(job.document["request"])
+        return conclude(trial_run(self._subject(job, plan), options), [unpack(self._trials(job))])
+
+    def _flight(self, job: RemoteJob, plan: RemotePlan | None) -> "Flight":
+        # not at the top: it loads numba, which the others do without
+        from syncplan.flight.flying import conclude_flight, flight_run
+
+        options = FlightOptions.of_request(job.document["request"])
+        run = flight_run(self._subject(job, plan), options)
+        return conclude_flight(run, [unpack_flight(self._trials(job))])
+
+    def _subject(self, job: RemoteJob, plan: RemotePlan | None) -> RemotePlan:
+        """The plan that a job is about."""
+        return self.stored(job.document["plan_id"]) if plan is None else plan
+
+    def _trials(self, job: RemoteJob) -> bytes:
+        """The figures of each trial of a job, packed."""
+        path = f"/v1/jobs/{job.id}/trials"
+        return self._remote.send("GET", path, accept="application/octet-stream").content
 
 
 _RESULTS: Mapping[JobKindName, Callable[[Client, RemoteJob, RemotePlan | None], Any]] = {
     "refinement": Client._refined,
     "validation": Client._validation,
+    "flight": Client._flight,
     "sweep": Client._rows,
     "replay": Client._replayed,
 }

@@ -20,6 +20,7 @@ __all__ = [
     "FilterChoice",
     "FilterModel",
     "FilterName",
+    "FlightFilterChoice",
     "MotionName",
     "RecordingFilterName",
 ]
@@ -116,12 +117,14 @@ FORMER_NAMES: Mapping[str, str] = MappingProxyType({"arc": "ekf", "euler": "pape
 if TYPE_CHECKING:
     FilterName: TypeAlias = str
     FilterChoice: TypeAlias = str
+    FlightFilterChoice: TypeAlias = str
     MotionName: TypeAlias = str
     RecordingFilterName: TypeAlias = str
 else:
     FilterName = Literal[tuple(FILTERS)]
     FilterChoice = Literal[(AUTO, *FILTERS)]
+    FlightFilterChoice = Literal[(AUTO, *FOR_RECORDINGS)]
     MotionName = Literal[tuple(FORMER_NAMES)]
     RecordingFilterName = Literal[FOR_RECORDINGS]
-"""A name in FILTERS; the same or AUTO; a name in FORMER_NAMES, in FOR_RECORDINGS: for models that
-check them and describe them in their JSON schemas."""
+"""A name in FILTERS; the same or AUTO; one that needs no truth or AUTO; a name in FORMER_NAMES, in
+FOR_RECORDINGS: for models that check them and describe them in their JSON schemas."""

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeAlias
 
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import REQUEST_KEYS, FilterChanges, FilterOptions
@@ -12,11 +12,14 @@ from syncplan.estimation.filter_options import REQUEST_KEYS, FilterChanges, Filt
 __all__ = [
     "AS_COMMANDED",
     "DEFAULT_GATE",
+    "FLIGHT_REQUEST_KEYS",
     "GUIDANCES",
+    "MOST_LATE",
     "OPEN_LOOP",
     "TRACKING",
     "FlightChanges",
     "FlightOptions",
+    "GuidanceChoice",
     "GuidanceModel",
     "flight_options_with",
 ]
@@ -47,10 +50,19 @@ FLIGHT_REQUEST_KEYS: Mapping[str, str] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class GuidanceModel:
-    """A guidance that can be chosen: what it does, and where the loop has its commands from."""
+    """A guidance that can be chosen.
+
+    Attributes
+    ----------
+    sentence : what it does
+    mode : where the loop has its commands from
+    work_per_s : operations of a vehicle's decisions in a second of flight; 0 where these are no
+        work beside the filter's
+    """
 
     sentence: str
     mode: int
+    work_per_s: float = 0.0
 
 
 GUIDANCES: Mapping[str, GuidanceModel] = MappingProxyType(
@@ -59,7 +71,9 @@ GUIDANCES: Mapping[str, GuidanceModel] = MappingProxyType(
             "Steers to where the plan has the vehicle at each moment.", TRACKING
         ),
         "mpc": GuidanceModel(
-            "Predicts, and keeps place, phase and separation within limits.", AS_COMMANDED
+            "Predicts, and keeps place, phase and separation within limits.",
+            AS_COMMANDED,
+            work_per_s=4e5,
         ),
         "none": GuidanceModel(
             "Open loop: the plan's speed and turn rate, whatever comes.", OPEN_LOOP
@@ -67,6 +81,12 @@ GUIDANCES: Mapping[str, GuidanceModel] = MappingProxyType(
     }
 )
 """By name."""
+
+if TYPE_CHECKING:
+    GuidanceChoice: TypeAlias = str
+else:
+    GuidanceChoice = Literal[tuple(GUIDANCES)]
+"""A name in GUIDANCES: for models that check it and describe it in their JSON schemas."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

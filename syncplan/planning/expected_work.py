@@ -42,11 +42,13 @@ class ExpectedWork:
     pass_work : sightings times the squared size of the state with all errors that there are: work
         of the bound, and of a trial
     bounded : whether a plan computes the posterior bound without being asked
+    pairs : of an observer and a target that may come into its range
     """
 
     sightings: float
     pass_work: float
     bounded: bool
+    pairs: int
 
 
 def work_of(scenario: Scenario, duration: float | None = None) -> ExpectedWork | None:
@@ -82,7 +84,8 @@ def work_of(scenario: Scenario, duration: float | None = None) -> ExpectedWork |
     each = float(share.sum()) + float(alone.sum())
     sightings = each * length / team.sensors.sample_time
     size = float(layout_of(team, tuple(ERROR_STATES)).size)
-    return ExpectedWork(sightings, sightings * size**2, bound_is_affordable(team, length))
+    bounded = bound_is_affordable(team, length)
+    return ExpectedWork(sightings, sightings * size**2, bounded, len(a))
 
 
 def _senses(scenario: Scenario) -> Array:

@@ -10,7 +10,7 @@ from typing import Literal
 
 __all__ = ["STATES", "UNFINISHED", "EndState", "JobKindName", "JobState", "has_ended"]
 
-JobKindName = Literal["refinement", "validation", "sweep", "replay"]
+JobKindName = Literal["refinement", "validation", "flight", "sweep", "replay"]
 JobState = Literal["queued", "running", "succeeded", "failed", "cancelled"]
 EndState = Literal["succeeded", "failed", "cancelled"]
 

@@ -20,6 +20,7 @@ from syncplan.client.remote_records import RemoteJob, RemotePlan
 from syncplan.client.service_client import Client
 from syncplan.errors import InputError
 from syncplan.planning.sweeps import sweep
+from syncplan.reports.flight_report import flight_document
 from syncplan.reports.loss_report import what_if_document
 from syncplan.reports.plan_report import plan_document
 from syncplan.reports.validation_report import sweep_document, validation_document
@@ -142,6 +143,29 @@ def test_a_validation_is_the_librarys_to_the_last_byte(
     assert text == as_text(validation_document(syncplan.validate(made, **options)).as_json())
     with http_of(server) as http:
         assert http.get(f"/v1/jobs/{job.id}/result").text == text
+
+
+def test_a_flight_is_the_librarys_to_the_last_byte(
+    client: Client, server: Server, stored: RemotePlan, made: syncplan.Plan
+) -> None:
+    options: dict[str, Any] = {
+        "trials": 20,
+        "seed": 2,
+        "duration": 10.0,
+        "lose": ("v6@6",),
+        "hold": ("v2@2:3",),
+        "wind": (0.5, 0.0),
+        "with_series": True,
+    }
+    job = client.fly(stored.id, **options)
+    flight = client.wait(job)
+    assert isinstance(flight, syncplan.Flight)
+    text = as_text(flight_document(flight).as_json())
+    assert text == as_text(flight_document(syncplan.fly(made, **options)).as_json())
+    with http_of(server) as http:
+        assert http.get(f"/v1/jobs/{job.id}/result").text == text
+    with pytest.raises(InputError, match="v9@3:4: no vehicle is named v9"):
+        client.fly(stored, hold=("v9@3:4",))
 
 
 def test_a_sweep_is_the_librarys(client: Client) -> None:

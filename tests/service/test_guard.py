@@ -7,7 +7,7 @@ import pytest
 from dbos import DBOSClient
 from sqlalchemy import text
 
-from api.job_kinds.job_kind import Batch, JobReport
+from api.job_kinds.job_tasks import Batch, JobReport
 from api.jobs.guard import Guard
 from api.jobs.queue import PARTS_QUEUE, VERSION, JobQueue
 from api.storage import batch_records, executors, job_records

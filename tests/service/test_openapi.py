@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from pydantic import BaseModel, ValidationError
 from schemathesis.config import SchemathesisConfig as Config
 
+from api.job_kinds.flight_jobs import FlightRequest
 from api.job_kinds.refinement_jobs import RefinementRequest
 from api.job_kinds.replay_jobs import ReplayRequest
 from api.job_kinds.sweep_jobs import SweepRequest
@@ -37,6 +38,8 @@ UNSECURED = {
     "readScenarioSchema",
     "readPlanSchema",
 }
+OPTIONAL = ("refinePlan", "validatePlan", "flyPlan", "replayRecording")
+"""Operations whose body may be left out."""
 NAMES = {
     "createPlan",
     "listPlans",
@@ -52,6 +55,7 @@ NAMES = {
     "deleteRecording",
     "listJobs",
     "readJob",
+    "flyPlan",
     "followJob",
     "cancelJob",
     "readJobResult",
@@ -136,13 +140,14 @@ def test_every_answer_of_an_operation_has_a_true_example(name: str) -> None:
         "previewScenario",
         "refinePlan",
         "validatePlan",
+        "flyPlan",
         "sweepScenario",
         "replayRecording",
     ],
 )
 def test_bodies_are_json_and_yaml_with_true_examples(name: str) -> None:
     body = BY_NAME[name]["requestBody"]
-    assert body["required"] == (name not in ("refinePlan", "validatePlan", "replayRecording"))
+    assert body["required"] == (name not in OPTIONAL)
     assert tuple(body["content"]) == MEDIA
     for content in body["content"].values():
         assert content["examples"]
@@ -176,6 +181,7 @@ def test_headers_are_documented(name: str) -> None:
         "previewScenario",
         "refinePlan",
         "validatePlan",
+        "flyPlan",
         "sweepScenario",
         "replayRecording",
         "createRecording",
@@ -193,6 +199,7 @@ def test_no_parameter_may_be_null_for_null_cannot_be_sent() -> None:
 def test_the_limits_of_this_service_are_in_its_schemas() -> None:
     schemas = DOCUMENT["components"]["schemas"]
     assert schemas["ValidationRequest"]["properties"]["trials"]["maximum"] == 7777
+    assert schemas["FlightRequest"]["properties"]["trials"]["maximum"] == 7777
     assert schemas["SweepRequest"]["properties"]["trials"]["maximum"] == 7777
     limit = schemas["RefinementRequest"]["properties"]["time_limit_s"]["anyOf"][0]
     assert limit["maximum"] == 600.0
@@ -231,7 +238,7 @@ def test_the_schema_of_sweeps_wants_exactly_one_key(swept: Tree, valid: bool) ->
 def test_a_sweep_report_is_what_its_model_says() -> None:
     examples = BY_NAME["readJobResult"]["responses"]["200"]["content"]["application/json"]
     report = examples["examples"]["sweep"]["value"]
-    assert set(examples["examples"]) == {"validation", "refinement", "sweep", "replay"}
+    assert set(examples["examples"]) == {"validation", "flight", "refinement", "sweep", "replay"}
     SweepReport.model_validate(report)
 
 
@@ -262,6 +269,7 @@ def _beyond_a_schema(fault: Any) -> bool:
         ("/v1/previews", None),
         ("/v1/plans/{plan_id}/refinements", RefinementRequest),
         ("/v1/plans/{plan_id}/validations", ValidationRequest),
+        ("/v1/plans/{plan_id}/flights", FlightRequest),
         ("/v1/sweeps", SweepRequest),
         ("/v1/recordings/{recording_id}/replays", ReplayRequest),
     ],

@@ -5,7 +5,7 @@ import time
 from sqlalchemy import Connection, func, select
 
 from api.computing.pool import Pool
-from api.job_kinds.job_kind import Batch, JobReport
+from api.job_kinds.job_tasks import Batch, JobReport
 from api.jobs.part_watch import WatchedPart
 from api.storage import batch_records, job_queries, job_records, part_records
 from api.storage.clock import earlier, moment

@@ -23,7 +23,7 @@ from api.computing.child import (
     TooSlowError,
 )
 from api.computing.pool import GivenUpError, OwnerBusyError, Pool, PoolFullError, Ticket
-from api.job_kinds.job_kind import Batch, JobSpec
+from api.job_kinds.job_tasks import Batch, JobSpec
 from api.jobs.batching import batches_of
 from api.plan_texts import PlanText
 from api.service import limits_of

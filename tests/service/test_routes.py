@@ -272,6 +272,8 @@ def test_what_a_job_may_not_ask_for_is_named(cat: httpx2.Client) -> None:
     for path, body, fault in (
         (f"{plan}/validations", {"trials": 0}, "trials"),
         (f"{plan}/validations", {"trails": 9}, "trails"),
+        (f"{plan}/flights", {"lose": ["v9@10"]}, "lose"),
+        (f"{plan}/flights", {"hold": ["v1@-5:1"]}, "hold"),
         (f"{plan}/refinements", {"objective": "beauty"}, "objective"),
         ("/v1/sweeps", sweep, "angular_rate_rad_s"),
         ("/v1/sweeps", {"scenario": scenario, "range_m": [50.0]}, "scenario.sensor.range_m"),

@@ -11,7 +11,7 @@ import pytest
 from sqlalchemy import Connection, create_engine, event, insert, select, update
 from sqlalchemy.exc import IntegrityError, OperationalError
 
-from api.job_kinds.job_kind import Batch, JobReport
+from api.job_kinds.job_tasks import Batch, JobReport
 from api.plan_texts import PlanText
 from api.storage import batch_records, executors, job_queries, job_records
 from api.storage.clock import earlier, moment, new_id

@@ -28,6 +28,7 @@ from tests.tools.scenarios import example
 from tests.tools.serving import Postgres, Process, own_postgres
 from tests.tools.survival import (
     Site,
+    flight,
     kill_at,
     quick,
     refinement,
@@ -69,6 +70,24 @@ def test_jobs_come_to_their_bytes_once_whoever_is_killed(
 def test_a_server_killed_right_after_it_accepted_a_job_has_accepted_it(tmp_path: Path) -> None:
     with quick(tmp_path) as site:
         kill_at(site, [validation(600, 2)], [0.0, 0.0], "server")
+
+
+def test_a_flight_whose_workers_are_killed_comes_to_its_bytes(tmp_path: Path) -> None:
+    trials = 320
+    with quick(tmp_path) as site:
+        site.serve("--no-worker")
+        worker = site.work()
+        job_id = site.hand_in(flight(trials, 1, 100.0))
+
+        def under_way() -> bool:
+            done: int = site.job(job_id)["progress"]["done"]
+            return 0 < done < trials
+
+        wait_until(under_way, otherwise=site.logs)
+        site.kill(worker)
+        site.work()
+        assert site.job(job_id)["state"] == "running"
+        site.see_all_done()
 
 
 @pytest.mark.long

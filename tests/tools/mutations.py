@@ -371,6 +371,16 @@ def _job(draw: Draw, scenarios: list[Tree], plans: list[str]) -> Sent:
     bodies: dict[str, Tree] = {
         "refinements": {"starts": 1, "time_limit_s": 0.5, "center_box_m": 2.0},
         "validations": {**small, "seed": 1, "gate_probability": 0.99, "series": True},
+        "flights": {
+            **small,
+            "trials": 2,
+            "guidance": "track",
+            "lose": ["v1@2"],
+            "hold": ["v1@0.5:1"],
+            "late": 1,
+            "outliers": 0.1,
+            "wind_mps": [0.5, 0.0],
+        },
         "sweeps": {**small, "scenario": scenarios[0], **_swept(draw)},
     }
     kind = str(draw.choice(sorted(bodies)))

@@ -191,6 +191,12 @@ def _jobs(recorder: _Recorder, plan: str) -> None:
     validating = recorder.request(
         "validatePlan", "short", "Two hundred trials of a minute", {"trials": 200, "seed": 1}
     )
+    flying = recorder.request(
+        "flyPlan",
+        "windy",
+        "A hundred flights in wind, without v2 after half a minute",
+        {"trials": 100, "seed": 1, "wind_mps": [0.5, 0.0], "lose": ["v2@30"]},
+    )
     refining = recorder.request(
         "refinePlan",
         "centers",
@@ -209,6 +215,8 @@ def _jobs(recorder: _Recorder, plan: str) -> None:
     recorder.ask("readJobResult", "validation", "A validation", "GET", f"{job}/result")
     recorder.ask("readJobFigure", "accuracy", "A figure", "GET", f"{job}/figures/accuracy")
     recorder.ask("readJobFigure", "errors", "No series", "GET", f"{job}/figures/errors")
+    job = recorder.job("flyPlan", "queued", "Queued", f"{plan}/flights", flying)
+    recorder.ask("readJobResult", "flight", "A flight", "GET", f"{job}/result")
     job = recorder.job("refinePlan", "queued", "Queued", f"{plan}/refinements", refining)
     recorder.ask("readJobResult", "refinement", "A refined plan", "GET", f"{job}/result")
     recorder.ask("readJobTrials", "refinement", "Not a validation", "GET", f"{job}/trials")
@@ -239,6 +247,7 @@ def _refused(recorder: _Recorder, plan: str) -> None:
     for operation, path, body in (
         ("refinePlan", f"{plan}/refinements", {"vary": []}),
         ("validatePlan", f"{plan}/validations", {"trials": 0}),
+        ("flyPlan", f"{plan}/flights", {"lose": ["v9@30"]}),
         ("sweepScenario", "/v1/sweeps", {"scenario": SCENARIO}),
     ):
         recorder.ask(operation, "faults", "Faults of a request", "POST", path, json=body)

@@ -22,11 +22,13 @@ from dbos import DBOSClient
 from api.jobs.queue import APPLICATION
 from api.settings import load_settings
 from syncplan import __version__
+from syncplan.flight.flying import fly
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.planner import plan
 from syncplan.planning.sweeps import sweep
 from syncplan.planning.validation import validate
 from syncplan.refinement.refiner import refine
+from syncplan.reports.flight_report import flight_document
 from syncplan.reports.plan_report import plan_document
 from syncplan.reports.validation_report import sweep_document, validation_document
 from syncplan.runtime.files import as_text
@@ -43,7 +45,7 @@ _PAIR = {"landmarks_m": [[0.0, 40.0], [70.0, 40.0]]}
 class Order:
     """A job to hand in, and the bytes it must come to."""
 
-    kind: Literal["validation", "sweep", "refinement"]
+    kind: Literal["validation", "flight", "sweep", "refinement"]
     body: Mapping[str, Any]
     expected: str
 
@@ -70,6 +72,30 @@ def validation(trials: int, seed: int, model: str | None = None) -> Order:
     report = validation_document(validate(grid(), trials=trials, seed=seed, model=model))
     body = {"trials": trials, "seed": seed} | ({"model": model} if model else {})
     return Order("validation", body, as_text(report.as_json()))
+
+
+@lru_cache
+def flight(trials: int, seed: int, duration_s: float) -> Order:
+    """Return the order to fly the grid, in wind, where a vehicle is held and another one lost."""
+    hold, lose = f"v2@{0.2 * duration_s:g}:2", f"v6@{0.6 * duration_s:g}"
+    found = fly(
+        grid(),
+        trials=trials,
+        seed=seed,
+        duration=duration_s,
+        hold=(hold,),
+        lose=(lose,),
+        wind=(0.5, 0.0),
+    )
+    body = {
+        "trials": trials,
+        "seed": seed,
+        "duration_s": duration_s,
+        "hold": [hold],
+        "lose": [lose],
+        "wind_mps": [0.5, 0.0],
+    }
+    return Order("flight", body, as_text(flight_document(found).as_json()))
 
 
 @lru_cache
@@ -233,7 +259,7 @@ class Site:
         """Hand in a job, on a new plan if none is given, and return its identifier."""
         path = "/v1/sweeps"
         if order.kind != "sweep":
-            of: Literal["grid", "pair"] = "grid" if order.kind == "validation" else "pair"
+            of: Literal["grid", "pair"] = "pair" if order.kind == "refinement" else "grid"
             path = f"/v1/plans/{plan_id or self.hand_in_plan(of)}/{order.kind}s"
         answer = self.ask("POST", path, json=dict(order.body))
         assert answer.status_code == 202, answer.text
