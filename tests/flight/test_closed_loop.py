@@ -159,7 +159,10 @@ def test_statistics_of_a_vehicle_that_leaves_are_of_its_time(pair: Pair) -> None
     sampled = np.array([k > 0 and (k % 10 == 0 or k == steps) for k in range(steps + 1)])
     for lane, plain in enumerate(pair.plain):
         squares, there = plain.offs**2, plain.there > 0
-        n = there.shape[1]
+        n, late = there.shape[1], 2 * np.arange(steps + 1) > steps
+        states = 3.0 * there[sampled].sum()
+        wanted = plain.nees[sampled].sum() / states
+        assert found.nees[lane] / (3 * n * sampled.sum()) == pytest.approx(wanted, rel=1e-5)
         within = squares <= 9.0 * plain.variances[:, : 3 * n].reshape(-1, n, 3)
         for i in range(n):
             counted = there[1:, i]
@@ -167,6 +170,9 @@ def test_statistics_of_a_vehicle_that_leaves_are_of_its_time(pair: Pair) -> None
                 continue
             wanted = squares[1:, i][counted].mean(axis=0)
             assert _apart(found.squares[i, :, lane] / steps, wanted) < TOLERANCE
+            if (there[:, i] & late).any():
+                wanted = squares[there[:, i] & late, i].mean(axis=0)
+                assert _apart(found.late_squares[i, :, lane] / late.sum(), wanted) < TOLERANCE
             taken = sampled & there[:, i]
             share = within[taken, i].mean() if taken.any() else np.nan
             assert _apart(found.covered[i, lane] / (3 * sampled.sum()), share) < 1e-9
