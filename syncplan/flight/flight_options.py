@@ -99,7 +99,8 @@ class FlightOptions(FilterOptions):
     lose, hold : events, as flight_events reads them
     dropout : share of sightings that are lost on their way
     outliers : share of bearings that are false: of nothing, anywhere in view
-    mistaken : share of sightings that are of another body than the filter takes them for
+    mistaken : share of sightings that are of another vehicle in sight, if there is one, than the
+        filter takes them for
     late : samples after which sightings arrive
     wind : m/s, the true wind; drawn by the scenario's wind.sigma_mps if None
     """

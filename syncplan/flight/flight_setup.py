@@ -101,7 +101,7 @@ class Mishaps(NamedTuple):
     held_from, held_until : (n, h) between which a vehicle stays where it is
     dropout : share of sightings that are lost on their way
     outliers : share of bearings that are of nothing, anywhere in view
-    mistaken : share of sightings that are of another body in view than the filter takes them for
+    mistaken : share of sightings that are of another vehicle in sight than the filter thinks
     late : samples after which sightings arrive
     """
 
