@@ -5,6 +5,7 @@ import json
 from api.job_kinds.job_table import JOB_KINDS
 from syncplan.exporting.autopilots import AUTOPILOTS
 from syncplan.exporting.format_table import FORMATS
+from syncplan.flight.flight_options import GUIDANCES
 from syncplan.plotting.figure_table import FIGURES, always_there
 from syncplan.reports.job_contract import STATES, has_ended
 from syncplan.scenario.dotted_keys import ALTERNATIVES, numeric_keys
@@ -20,18 +21,20 @@ def tables_script() -> str:
         for name, autopilot in AUTOPILOTS.items()
         for vehicle, title in autopilot.titles.items()
     }
+    of_plans = [kind for kind in JOB_KINDS.values() if kind.operation.about == "plan"]
+    drawn = {"plan", *(kind.figures for kind in of_plans)}
     # what compares two plans is what their reader looks at first
     figures = sorted(
-        (name for name, figure in FIGURES.items() if figure.of in ("plan", "run")),
+        (name for name, figure in FIGURES.items() if figure.of in drawn),
         key=lambda name: (name not in always_there("plan"), not FIGURES[name].compares),
     )
     tables = {
         "FIGURES": {name: FIGURES[name].title for name in figures},
         "PLAN_FIGURES": always_there("plan"),
-        "RUN_FIGURES": always_there("run"),
         "FORMATS": {name: one.title for name, one in FORMATS.items()},
         "MISSIONS": [name for name, one in FORMATS.items() if one.mission],
         "PILOTS": pilots,
+        "GUIDANCES": {name: one.sentence for name, one in GUIDANCES.items()},
         "OBJECTIVES": {name: one.title for name, one in OBJECTIVES.items()},
         "MEANINGS": {key: one.meaning for key, one in numeric_keys().items()},
         "ALTERNATIVES": ALTERNATIVES,
@@ -41,6 +44,12 @@ def tables_script() -> str:
                 "collection": kind.plural,
                 "unit": kind.unit,
                 "reports": kind.report is not None,
+                # each with the part of the report that it needs
+                "figures": {
+                    figure: one.part
+                    for figure, one in FIGURES.items()
+                    if one.of == kind.figures and one.there is None
+                },
             }
             for name, kind in JOB_KINDS.items()
         },

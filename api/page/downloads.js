@@ -76,7 +76,7 @@ export function offerDownloads(store, storePlan) {
     notice(`Exported, ${shown(file.size / 1024)} KiB. The file that ends in .sync.json says how vehicles join their circles.`);
   }
 
-  /** The report of the validation on show, the bytes that the command line would write. */
+  /** The report of the job on show, the bytes that the command line would write. */
   async function saveReport() {
     const answer = await ask("GET", `v1/jobs/${store.report}/result`);
     save(await answer.blob(), `${nameOf(store)}.report.json`, "application/json");

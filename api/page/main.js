@@ -16,7 +16,7 @@ import { keepOverReloads } from "./session.js";
 import { offerLink } from "./sharing.js";
 import { listenForKeys } from "./shortcuts.js";
 import { Store } from "./store.js";
-import { JOB_KINDS, RUN_FIGURES } from "./tables.js";
+import { JOB_KINDS } from "./tables.js";
 import { showVerdicts, wayBack } from "./verdict.js";
 import { Work } from "./work.js";
 
@@ -27,7 +27,7 @@ const store = new Store();
 const charts = new Charts(store);
 const map = new FormationMap(store);
 new Editor(store);
-new Player(store, map, charts);
+const player = new Player(store, map, charts);
 new Planner(store, busy);
 showVerdicts(store);
 listenForKeys(store);
@@ -90,11 +90,19 @@ async function ended(job, result) {
     return true;
   }
   const at = `v1/jobs/${job.id}/figures`;
-  const found = Object.fromEntries(RUN_FIGURES.map((name) => [name, `${at}/${name}`]));
-  if (result.series) found.errors = `${at}/errors`;
-  if (result.series?.errors) found.states = `${at}/states`;
-  await charts.add(found, { show: "accuracy" });
+  const names = figuresOf(JOB_KINDS[job.kind], result);
+  await charts.add(Object.fromEntries(names.map((name) => [name, `${at}/${name}`])), { show: names[0] });
+  player.offer(result.series?.tracks ?? [], result.series);
   return true;
+}
+
+/** The figures that a report has: of some, a part of it is needed. */
+function figuresOf({ figures }, report) {
+  const part = (path) => path.split(".").reduce((value, key) => value?.[key], report);
+  return Object.keys(figures).filter((name) => {
+    const shown = figures[name] ? part(figures[name]) : true;
+    return Array.isArray(shown) ? shown.length > 0 : Boolean(shown);
+  });
 }
 
 /** Open what a refinement came to; the browser's Back leads to the plan before it. */

@@ -45,7 +45,7 @@ export class FormationMap {
     return this.#plot;
   }
 
-  /** Show what the chosen vehicle covers so many seconds after the start. */
+  /** Show what the chosen vehicle covers so many seconds after the start; null for nothing. */
   moment(time) {
     this.#time = time;
     this.#showSight();
@@ -55,7 +55,7 @@ export class FormationMap {
     const axes = this.#plot._fullLayout;
     if (!axes?.xaxis || !this.#store.scenario) return;
     const { selected, scenario, plan } = this.#store;
-    const chosen = selected?.kind === "vehicle" ? vehiclesOf(scenario, plan)[selected.k] : null;
+    const chosen = selected?.kind === "vehicle" && this.#time !== null ? vehiclesOf(scenario, plan)[selected.k] : null;
     this.#sight.show(chosen, plan, this.#time, axes);
     byId("sight-help").hidden = !chosen;
   }

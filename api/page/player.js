@@ -1,7 +1,8 @@
-// One period played on the map, with the sightings of each moment and a line in the timeline.
+// One period played on the map, with the sightings of each moment and a line in the timeline; or a flown trial.
 
 import { reshape, showFrame } from "./drawing.js";
-import { byId, notice, shown } from "./elements.js";
+import { byId, element, notice, shown } from "./elements.js";
+import { flownAnimation } from "./flown_animation.js";
 import { Planner, theme } from "./planner.js";
 import { askJson } from "./service.js";
 
@@ -14,6 +15,9 @@ export class Player {
   #charts;
   #button = byId("play");
   #slider = byId("moment");
+  #played = byId("played");
+  /** tracks of flown trials and their times */
+  #flights = { tracks: [], times: [] };
   #figure = null;
   #loading = null;
   #timer = 0;
@@ -26,9 +30,31 @@ export class Player {
     this.#charts = charts;
     this.#button.addEventListener("click", () => (this.#timer ? this.#stop() : this.#play()));
     this.#slider.addEventListener("input", () => this.#seek());
+    this.#played.addEventListener("change", () => this.#change());
     for (const name of ["scenario", "opened"]) store.addEventListener(name, () => this.#reset());
     store.addEventListener("plan", () => this.#renew());
     for (const one of [this.#button, this.#slider]) one.disabled = true;
+  }
+
+  /** Offer to play flown trials of the plan on show, beside the plan. */
+  offer(tracks, series) {
+    this.#flights = { tracks, times: series?.track_time_s ?? [] };
+    const options = tracks.map(({ trial }, k) => element("option", { value: k }, `Flight ${trial + 1}`));
+    this.#played.replaceChildren(element("option", { value: "" }, "The plan"), ...options);
+    this.#played.hidden = !tracks.length;
+  }
+
+  /** The track that is chosen; null for the plan itself. */
+  get #track() {
+    return this.#flights.tracks[this.#played.value || -1] ?? null;
+  }
+
+  #change() {
+    this.pause();
+    this.#slider.value = 0;
+    this.#renew();
+    this.#track ? this.#seek() : this.#map.drawPlan();
+    this.#say(0);
   }
 
   pause() {
@@ -48,6 +74,7 @@ export class Player {
     if (this.#moving) this.#map.drawPlan();
     this.#moving = false;
     this.#figure = this.#loading = null;
+    this.offer([]);
     for (const one of [this.#button, this.#slider]) one.disabled = this.#store.scenario === null;
     this.#slider.value = 0;
     this.#say(0);
@@ -89,8 +116,8 @@ export class Player {
         : (await Planner.preview(document, { figures: ["animation"] })).figures.animation;
       if (this.#store.scenario !== scenario) return false;
       if (this.#store.plan !== plan) return this.#ready();
-      this.#figure = found;
-      this.#slider.max = found.frames.length - 1;
+      this.#figure = this.#track ? flownAnimation(found, this.#track, this.#flights.times, plan.period_s) : found;
+      this.#slider.max = this.#figure.frames.length - 1;
       return true;
     } catch (error) {
       notice(error.message, { fault: true });
@@ -103,7 +130,7 @@ export class Player {
   async #show() {
     if (!this.#figure) return;
     this.#announce();
-    if (Number(this.#slider.value) === 0 && !this.#timer) {
+    if (Number(this.#slider.value) === 0 && !this.#timer && !this.#track) {
       if (this.#moving) this.#map.drawPlan();
       this.#moving = false;
       return;
@@ -117,18 +144,22 @@ export class Player {
   }
 
   #announce() {
-    const time = (this.#store.plan.period_s * Number(this.#slider.value)) / this.#figure.frames.length;
+    const { period_s: period } = this.#store.plan;
+    const { frames, times } = this.#figure;
+    const moment = Number(this.#slider.value);
+    const time = times ? times[moment] : (period * moment) / frames.length;
     this.#say(time);
     const timeline = this.#charts.timeline;
     if (timeline) {
       const others = (timeline.layout.shapes || []).filter((one) => one.name !== "moment");
-      reshape(timeline, [...others, momentLine(time)]);
+      reshape(timeline, [...others, momentLine(time % period)]);
     }
   }
 
   #say(time) {
     byId("moment-text").textContent = `${shown(time)} s`;
-    this.#map.moment(time);
+    // what a sensor covers is known of the plan
+    this.#map.moment(this.#track ? null : time);
     this.#slider.setAttribute("aria-valuetext", `${shown(time)} seconds`);
   }
 }

@@ -1,10 +1,11 @@
-// What can be asked of a plan: the forms of a refinement and of a validation.
+// What can be asked of a plan: forms, and those of a refinement and of a validation.
 
 import { element, mark } from "./elements.js";
 import { vehiclesOf } from "./scenario.js";
 import { OBJECTIVES } from "./tables.js";
 
-const SERIES_LIMIT = 24;
+/** so many vehicles have figures over time */
+export const SERIES_LIMIT = 24;
 /** how far refinement may go by default, in shares of the radii */
 const BOX_SHARE = 0.25;
 const RADIUS_SHARES = [0.75, 1.25];
@@ -154,7 +155,7 @@ export function validationForm(size, handIn) {
   );
 }
 
-function number(id, value, label) {
+export function number(id, value, label) {
   const about = { "aria-label": label, "aria-describedby": `${id}-fault` };
   return element("input", { id, type: "number", step: "any", value, ...about });
 }
@@ -173,6 +174,6 @@ function faultOf(input) {
   return element("p", { class: "fault", id: `${input.id}-fault` });
 }
 
-function labelled(text, input) {
+export function labelled(text, input) {
   return element("div", { class: "field" }, element("label", { for: input.id }, text), input, faultOf(input));
 }

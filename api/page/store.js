@@ -21,7 +21,7 @@ export class Store extends EventTarget {
   planId = null;
   /** orbits that were given and hold for the scenario: `{ vehicles, origin }`, or null */
   given = null;
-  /** identifier of the validation whose report is on show, or null */
+  /** identifier of the job whose report is on show, or null */
   report = null;
   #anchor = null;
   #past = [];

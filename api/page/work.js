@@ -1,7 +1,9 @@
-// Refinement and validation as jobs: submitted, followed, cancelled, and their results.
+// Refinements, validations and flights as jobs: submitted, followed, cancelled, and their results.
 
 import { byId, element, notice, shown } from "./elements.js";
 import { follow } from "./events.js";
+import { flown } from "./flight_outcome.js";
+import { flightForm } from "./flight_request.js";
 import { refinementForm, validationForm } from "./requests.js";
 import { ask, askJson, patiently, postOnce, Refusal } from "./service.js";
 import { ENDED, JOB_KINDS } from "./tables.js";
@@ -9,7 +11,7 @@ import { ENDED, JOB_KINDS } from "./tables.js";
 /** share of the least separation that may be lost without a word */
 const KEPT_SHARE = 0.9;
 /** What a result says, by the kind of its job: `(result, lost) => elements`. */
-const OUTCOMES = { refinement: refined, validation: validated };
+const OUTCOMES = { refinement: refined, validation: validated, flight: flown };
 
 /** The panel of jobs.
  *
@@ -35,7 +37,8 @@ export class Work {
     this.#storePlan = storePlan;
     this.#follower = follower;
     const handIn = (form, request) => this.#handIn(form, request);
-    this.#forms = [refinementForm(handIn), validationForm(() => store.plan.vehicles.length, handIn)];
+    const size = () => store.plan.vehicles.length;
+    this.#forms = [refinementForm(handIn), validationForm(size, handIn), flightForm(size, handIn)];
     this.#running.append(this.#progress, this.#text, this.#cancel);
     byId("work").append(...this.#forms.map((form) => form.element), this.#fault, this.#running, this.#outcome);
     for (const name of ["opened", "scenario"]) store.addEventListener(name, () => this.#clear());

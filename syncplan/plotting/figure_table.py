@@ -68,14 +68,6 @@ def _subject_in_style(given: FigureInput) -> tuple[Any, ...]:
     return given.subject, given.style
 
 
-def _states_of(given: FigureInput) -> Any:
-    return None if given.subject.series is None else given.subject.series.errors
-
-
-def _has_series(given: FigureInput) -> bool:
-    return given.subject.series is not None
-
-
 _NO_SERIES = "the report has no figures over time (--series keeps them)"
 
 
@@ -89,7 +81,8 @@ class Figure:
     of : the kind of its subject
     maker : module of this package and its function that returns Plotly's plain values
     takes : the maker's arguments
-    there : whether a subject has it; None where every one does
+    part : what a report must hold to have it, by its dotted key; empty where every report has it
+    there : whether a subject has it for other reasons; None where there are none
     why_not : why a subject may lack it
     compares : whether it shows two plans; it is then what their reader looks at first
     of_errors : whether only a run whose errors are known has it, as all but recordings without
@@ -101,6 +94,7 @@ class Figure:
     of: SubjectKind
     maker: str
     takes: Callable[[FigureInput], tuple[Any, ...]] = _subject_alone
+    part: str = ""
     there: Callable[[FigureInput], bool] | None = None
     why_not: str = ""
     compares: bool = False
@@ -109,6 +103,8 @@ class Figure:
     def fits(self, given: FigureInput) -> bool:
         """Whether a subject of the right kind has this figure."""
         if self.of_errors and not given.subject.has_errors:
+            return False
+        if self.part and not _part(given.subject, self.part):
             return False
         return self.there is None or self.there(given)
 
@@ -203,7 +199,7 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "run",
             "errors_figure.errors_spec",
             takes=_subject_in_style,
-            there=lambda given: given.subject.series is not None,
+            part="series",
             why_not="the report has no errors over time (--series keeps them where the truth is "
             "known)",
         ),
@@ -214,7 +210,7 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "run",
             "estimates_figure.estimates_spec",
             takes=_subject_in_style,
-            there=lambda given: getattr(given.subject, "estimates", None) is not None,
+            part="estimates",
             why_not="the report has no estimates over time (--series keeps those of a recording "
             "without truth)",
         ),
@@ -225,7 +221,7 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "run",
             "states_figure.states_spec",
             takes=_subject_in_style,
-            there=lambda given: _states_of(given) is not None,
+            part="series.errors",
             why_not="the report has no errors of further states over time (--series keeps those "
             "that filter.estimate names)",
         ),
@@ -243,7 +239,7 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "flight",
             "flight_tracks_figure.flight_tracks_spec",
             takes=_subject_in_style,
-            there=_has_series,
+            part="series",
             why_not=_NO_SERIES,
         ),
         "tracking": Figure(
@@ -253,7 +249,7 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "flight",
             "flight_errors_figure.flight_errors_spec",
             takes=_subject_in_style,
-            there=_has_series,
+            part="series",
             why_not=_NO_SERIES,
         ),
         "phases": Figure(
@@ -263,7 +259,7 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "flight",
             "flight_phases_figure.flight_phases_spec",
             takes=_subject_in_style,
-            there=_has_series,
+            part="series",
             why_not=_NO_SERIES,
         ),
         "separation": Figure(
@@ -284,7 +280,7 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "What was lost or held, and when.",
             "flight",
             "flight_events_figure.flight_events_spec",
-            there=lambda given: bool(given.subject.events),
+            part="events",
             why_not="nothing was lost (--lose) and no vehicle held (--hold)",
         ),
         "sweep": Figure(
@@ -307,4 +303,15 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
 
 def always_there(of: SubjectKind) -> list[str]:
     """Return the names of the figures that every subject of a kind has, if its errors are known."""
-    return [name for name, figure in FIGURES.items() if figure.of == of and figure.there is None]
+    return [
+        name
+        for name, figure in FIGURES.items()
+        if figure.of == of and not figure.part and figure.there is None
+    ]
+
+
+def _part(report: Any, path: str) -> Any:
+    """A part of a report; None where it has none."""
+    for key in path.split("."):
+        report = getattr(report, key, None)
+    return report

@@ -4,7 +4,7 @@ import re
 from typing import Any
 
 import httpx2
-from playwright.sync_api import expect
+from playwright.sync_api import Page, expect
 
 from syncplan.scenario.loading import load_scenario
 from tests.page.gestures import opened, plan_id_of, refine
@@ -207,3 +207,69 @@ def test_a_reload_goes_on_following_the_job(visit: Visit) -> None:
     expect(page.locator("#job-text")).to_contain_text("of 1500 trials")
     page.reload()
     expect(page.locator(".outcome")).to_contain_text("of 1500 trials")
+
+
+def fly(page: Page, flights: int, **fields: str) -> None:
+    """Fly the plan on show."""
+    page.get_by_label("Flights").fill(str(flights))
+    for label, text in fields.items():
+        page.locator(f"#fly-{label}").fill(text)
+    page.get_by_role("button", name="Fly").click()
+
+
+def test_a_flight_tells_what_it_came_to_and_plays_on_the_map(visit: Visit, server: Server) -> None:
+    page = visit.page
+    page.get_by_label("Duration (s)").fill("40")
+    visit.settle()
+    fly(page, 4, wind="0.5, -0.25", lose="v6@30", hold="v2@5:3")
+    outcome = page.locator(".outcome")
+    expect(outcome).to_contain_text("RMS over the second half of 4 flights")
+    (job,) = httpx2.get(f"{server.url}/v1/jobs?limit=1").json()["items"]
+    asked = httpx2.get(f"{server.url}/v1/jobs/{job['id']}").json()["request"]
+    assert (asked["wind_mps"], asked["lose"], asked["hold"]) == (
+        [0.5, -0.25],
+        ["v6@30"],
+        ["v2@5:3"],
+    )
+    expect(outcome.locator(".badge")).to_contain_text(re.compile(r"Off the plan by [\d.]+ m"))
+    expect(outcome).to_contain_text("of the planned meetings were kept")
+    expect(outcome).to_contain_text(re.compile(r"Least separation [\d.]+ m in the median flight"))
+    expect(outcome).to_contain_text("v6 is lost at 30 s.")
+    expect(outcome.get_by_role("row", name="v2")).to_contain_text("100")
+    expect(outcome.get_by_role("row", name="v6")).to_contain_text("lost")
+    expect(page.get_by_role("tab", name="Tracks")).to_have_attribute("aria-selected", "true")
+    for name in ("Errors in flight", "Meetings kept", "What was lost"):
+        page.get_by_role("tab", name=name).click()
+        assert page.evaluate("document.getElementById('panel-plot').data.length") > 0
+    assert accessibility_faults(page) == []
+    played = page.get_by_label("What is played")
+    played.select_option("Flight 2")
+    names = "document.getElementById('map-plot').data.map(one => one.name)"
+    page.wait_for_function(f"() => {names}.includes('estimated place')")
+    assert not {"vehicle", "direction of sight"} & set(page.evaluate(names))
+    slider = page.get_by_label("Moment in the period")
+    slider.fill(str(slider.get_attribute("max")))
+    expect(page.locator("#moment-text")).to_have_text("40 s")
+    # v6 is gone by then, all others are there
+    there = (
+        "document.getElementById('map-plot').data.find(one => one.name === 'true place')"
+        ".x.filter(x => x !== null).length"
+    )
+    page.wait_for_function(f"() => {there} === 5")
+    played.select_option("The plan")
+    page.wait_for_function(f"() => !{names}.includes('estimated place')")
+    page.get_by_label("Radius of all").fill("21")
+    expect(played).to_be_hidden()
+
+
+def test_an_event_that_can_not_happen_is_told_next_to_its_field(visit: Visit) -> None:
+    page = visit.page
+    visit.expect_complaints("422")
+    fly(page, 2, lose="v9@30")
+    expect(page.locator("#fly-lose-fault")).to_contain_text("is neither a vehicle")
+    fly(page, 2, lose="", hold="v2@-1:3")
+    expect(page.locator("#fly-hold-fault")).to_contain_text("-1 s is no time of the flight")
+    expect(page.locator("#fly-lose-fault")).to_be_empty()
+    fly(page, 2, hold="", wind="east")
+    expect(page.locator("#fly-wind-fault")).not_to_be_empty()
+    assert accessibility_faults(page) == []
