@@ -6,7 +6,7 @@ several is an array of their number, and each has its place in its name: estimat
 
 import io
 from collections.abc import Iterator, Mapping
-from dataclasses import MISSING, Field, fields, is_dataclass
+from dataclasses import fields, is_dataclass
 from typing import Any, get_args, get_origin, get_type_hints
 from zipfile import BadZipFile
 
@@ -60,7 +60,7 @@ def _value(stored: Mapping[str, Array], kind: Any, name: str) -> Any:
         types, values = get_type_hints(kind), {}
         for one in fields(kind):
             place = _below(name, one.name)
-            if _is_there(stored, place) or _has_no_default(one):
+            if _is_there(stored, place):
                 values[one.name] = _value(stored, types[one.name], place)
         make: Any = kind
         return make(**values)
@@ -73,10 +73,6 @@ def _value(stored: Mapping[str, Array], kind: Any, name: str) -> Any:
 
 def _is_there(stored: Mapping[str, Array], name: str) -> bool:
     return name in stored or any(one.startswith(f"{name}.") for one in stored)
-
-
-def _has_no_default(one: Field[Any]) -> bool:
-    return one.default is MISSING and one.default_factory is MISSING
 
 
 def _below(name: str, part: str) -> str:

@@ -20,6 +20,7 @@ from tests.tools.rounds import Round, lost_in
 from tests.tools.survival import (
     Order,
     Site,
+    flight,
     kill_at,
     kill_children_at,
     quick,
@@ -37,9 +38,10 @@ CHILDREN = 6
 
 
 def orders_of(number: int) -> list[Order]:
-    """Return the jobs of a round; every third holds a refinement too, which takes longer."""
+    """Return the jobs of a round; some hold a refinement or a flight, which take longer."""
     refined = [refinement(0)] if number % 3 == 0 else []
-    return [validation(1200, 1), *refined, sweep_of_ranges(200, 3), validation(600, 2)]
+    flown = [flight(320, 4, 60.0)] if number % 2 else []
+    return [validation(1200, 1), *refined, *flown, sweep_of_ranges(200, 3), validation(600, 2)]
 
 
 def undisturbed(site: Site, number: int) -> float:
