@@ -36,6 +36,7 @@ from syncplan.orbits.team import Team
 
 __all__ = [
     "TrialReadings",
+    "filter_stream",
     "has_misses",
     "in_moving_air",
     "needs_augmented",
@@ -46,6 +47,11 @@ FULL_VIEW = 2.0 * np.pi
 
 FILTERS_OWN = 1
 """Key below a trial's of the numbers that its filter draws."""
+
+
+def filter_stream(seed: int, trial: int) -> np.random.SeedSequence:
+    """Return what a filter that draws numbers draws those of a trial from."""
+    return np.random.SeedSequence(seed, spawn_key=(trial, FILTERS_OWN))
 
 
 def in_moving_air(team: Team) -> bool:
@@ -156,7 +162,7 @@ class TrialReadings:
 
     def stream(self, trial: int) -> np.random.SeedSequence:
         """Return what a filter that draws numbers draws those of a trial from."""
-        return np.random.SeedSequence(self.seed, spawn_key=(trial, FILTERS_OWN))
+        return filter_stream(self.seed, trial)
 
     def _draws(self, trials: range) -> list[Array]:
         """Draws of poses, speeds, turn rates, sightings, errors, misses, each (d, lanes)."""

@@ -20,11 +20,12 @@ from syncplan.estimation.filter_statistics import FilterStatistics
 from syncplan.estimation.lane_filter import LaneFilter, is_in_cache, lanes_of, start_of
 from syncplan.estimation.online_filter import grown
 from syncplan.estimation.robust_filter import RobustRun
+from syncplan.estimation.trial_readings import filter_stream
 from syncplan.flight.closed_loop import fly_lanes
 from syncplan.flight.flight_options import AS_COMMANDED
 from syncplan.flight.flight_records import LaneRecords, RecordedSteps
 from syncplan.flight.flight_setup import FlightSetup, Flown
-from syncplan.flight.flown_team import FILTERS_OWN, FlownTeam
+from syncplan.flight.flown_team import FlownTeam
 from syncplan.flight.lane_guidance import LaneGuidance
 
 __all__ = ["ClosedLoop", "FlownLanes"]
@@ -123,10 +124,7 @@ class FlownLanes:
         if records is not None:
             records.take(0, start, flown.path)
         if team.options.filter_model.finds_start:
-            streams = [
-                np.random.SeedSequence(team.options.seed, spawn_key=(trial, FILTERS_OWN))
-                for trial in trials
-            ]
+            streams = [filter_stream(team.options.seed, trial) for trial in trials]
             robust = RobustRun.begun(loop, setup, readings, statistics, streams)
             return cls(team, flown, robust, guidance, records)
         plain = PlainRun(loop, setup, readings, statistics, start)

@@ -35,10 +35,7 @@ from syncplan.orbits.error_states import StateLayout, layout_of
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, of_targets, samples_between
 from syncplan.orbits.team import Team
 
-__all__ = ["FILTERS_OWN", "FlownTeam", "step_of", "team_in_flight"]
-
-FILTERS_OWN = 1
-"""Key below a trial's of the numbers that its filter draws."""
+__all__ = ["FlownTeam", "step_of", "team_in_flight"]
 
 NEVER = np.iinfo(np.int64).max
 

@@ -23,8 +23,8 @@ from syncplan.errors import InputError
 from syncplan.estimation.filters import FILTERS
 from syncplan.estimation.lane_filter import lanes_of
 from syncplan.estimation.online_filter import Arrived, OnlineFilter
+from syncplan.estimation.trial_readings import filter_stream
 from syncplan.flight.flight_options import AS_COMMANDED, TRACKING, FlightOptions
-from syncplan.flight.flown_team import FILTERS_OWN
 from syncplan.flight.flying import flight_run
 from syncplan.flight.lane_guidance import winds_of
 from syncplan.flight.onboard_data import Command, Estimate, Sensed, TimedSighting
@@ -97,7 +97,7 @@ class Navigator:
                 problem = f"must be {n} poses of x, y and heading, has shape {begin.shape}"
                 raise InputError(problem, key="start")
         self._setup = run.team.filter_setup()
-        stream = np.random.SeedSequence(seed, spawn_key=(0, FILTERS_OWN))
+        stream = filter_stream(seed, 0)
         self._filter = OnlineFilter(self._setup, begin, FILTERS[run.options.filter], stream)
         self._lanes = lanes_of(n, 1)
         response = run.team.setup.response
