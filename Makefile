@@ -68,7 +68,7 @@ check-all: postgresql $(VENV)/.crosschecks check
 	docker/steps.sh
 
 # the longest first
-SEARCHES := survival contract upgrade sight-lines equipment clearances refinements counterexamples phases thrown flights start-up predictions batch recording losses lost consistency neglect
+SEARCHES := survival contract upgrade sight-lines equipment clearances refinements counterexamples phases thrown flights holds start-up predictions batch recording losses lost consistency neglect
 
 search-survival:        ARGUMENTS = 3 $(SEED)
 search-upgrade:         ARGUMENTS = 1 $(SEED)
@@ -80,6 +80,7 @@ search-neglect:         ARGUMENTS = 12 $(SEED) --most 0.2
 search-batch:           ARGUMENTS = 8 $(SEED)
 search-flights:         ARGUMENTS = 32 $(SEED) --draws 2 --losses 32 --plain 1 \
                         --teams 'same,side camera' --spare 1 --alike 0.1 --threads 1
+search-holds:           ARGUMENTS = 8 $(SEED)
 search-recording:       ARGUMENTS = 2
 search-consistency:     ARGUMENTS = 20 $(SEED)
 search-clearances:      ARGUMENTS = 6 $(SEED)
@@ -95,9 +96,10 @@ search-counterexamples: ARGUMENTS = 10000 $(SEED)
 $(SEARCHES:%=search-%): search-%:
 	$(BIN)/python -m tests.searches.search_$(subst -,_,$*) $(ARGUMENTS)
 
-# the simple model of flight beside somebody else's vehicles
+# the simple model of flight beside somebody else's vehicles, in wind and gusts. Ten trials, the same
+# each day: one by one they may differ by half, where a vehicle sees another a sample later
 crosschecks: $(VENV)/.crosschecks
-	$(BIN)/python -m tests.crosschecks.check_plants 2 $(SEED) --readings measured
+	$(BIN)/python -m tests.crosschecks.check_plants 10 1 --air gusts --readings measured
 
 # only the long tests start a PostgreSQL of their own
 postgresql:

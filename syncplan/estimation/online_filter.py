@@ -7,6 +7,7 @@ vehicle and step; other filters keep nothing but their state.
 Source: as of `augmented_filter` and `robust_filter`.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeVar, cast
@@ -122,6 +123,12 @@ class OnlineFilter:
     def errors(self) -> Array:
         """(e,) the further states; a view."""
         return self._run.state[1][..., 0]
+
+    @property
+    def lanes(self) -> tuple[Array, Array]:
+        """Poses (n, 3, 1) and further states (e, 1), as kernels take them; views."""
+        x, errors, _ = self._run.state
+        return x, errors
 
     @property
     def covariance(self) -> Array:
@@ -244,12 +251,10 @@ class OnlineFilter:
         poses, readings = self.setup.poses, run.readings
         readings.speeds[k, :, 0], readings.turn_rates[k, :, 0] = speeds, turn_rates
         poses.spans[k] = span
-        poses.first[k + 2 :] = used + count
+        poses.first[k + 2] = used + count
         self._write(used, arrived)
-        before, after = (
-            np.floor(time / poses.period + 1e-9) for time in (self.time, self.time + span)
-        )
-        if after > before:
+        passed, passing = self.time / poses.period, (self.time + span) / poses.period
+        if math.floor(passing + 1e-9) > math.floor(passed + 1e-9):
             run.ends = np.append(run.ends, k + 1)
         run.advance(k + 1)
 

@@ -191,7 +191,7 @@ class RobustRun:
     def advance(self, end: int) -> None:
         """Take in all samples up to `end`."""
         while self.at < end:
-            place = int(np.searchsorted(self.ends, self.at, side="right"))
+            place = int(self.ends.searchsorted(self.at, side="right"))
             last = int(self.ends[place]) if place < len(self.ends) else end
             until = min(end, last)
             self.base.advance(

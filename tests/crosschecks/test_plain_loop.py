@@ -23,7 +23,7 @@ def test_what_is_flown_is_what_the_plain_loop_flies(air: str, readings: str) -> 
     course = replace(COURSES["grid"], duration=25.0)
     how = Flying(air, readings, LAG, course.duration, TRIALS, seed=3)
     flown = flown_of(course, course.plan(), how)
-    kernels, _ = flown_by_kernels(flown, TRIALS)
+    kernels = flown_by_kernels(flown, TRIALS)
     plain = fly(flown, TRIALS, LAG, unicycles(LAG))
     path = np.moveaxis(kernels.flown.path, -1, 1)
     np.testing.assert_allclose(path, plain.path, rtol=0.0, atol=1e-9)

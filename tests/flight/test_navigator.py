@@ -8,14 +8,13 @@ import pytest
 
 import syncplan
 from syncplan.errors import InputError
-from syncplan.estimation.augmented_setup import empty_augmented_statistics
-from syncplan.estimation.filter_statistics import empty_series
 from syncplan.flight.flight_options import FlightOptions
 from syncplan.flight.flown_lanes import FlownLanes
 from syncplan.flight.flying import FlightRun, flight_run
 from syncplan.flight.navigator import Navigator
 from syncplan.flight.onboard_data import Sensed, TimedSighting
 from syncplan.planning.judged_plan import Plan
+from tests.tools.flown_trials import lanes_begun
 
 WINDY = "examples/scenarios/windy-grid.yaml"
 SECONDS = 40.0
@@ -28,10 +27,8 @@ def plan() -> Plan:
 
 def flown(run: FlightRun) -> FlownLanes:
     """The first trial of a flight, flown."""
-    n, e, steps = run.plan.team.count, len(run.team.layout.sigmas), run.team.steps
-    nothing = empty_series(n, steps, wanted=False), np.zeros((0, e, 3))
-    lanes = FlownLanes.begun(run.team, range(1), empty_augmented_statistics(n, e, 1, nothing))
-    lanes.advance(steps)
+    lanes = lanes_begun(run.team, range(1))
+    lanes.advance(run.team.steps)
     return lanes
 
 

@@ -34,8 +34,10 @@ SMALL_JOBS = {
     "SYNCPLAN_MAX_SWEEP_VALUES": "3",
     "SYNCPLAN_PLAN_TIMEOUT_S": "60",
     "SYNCPLAN_MAX_RECORDINGS": "5000",
+    # a wrong key is to be answered as one, how many ever are sent in a minute
+    "SYNCPLAN_MAX_REFUSED_KEYS": "1000000",
 }
-"""Settings under which no job takes long, nor are there too many recordings."""
+"""Settings under which no job takes long, nor are there too many recordings or wrong keys."""
 
 _CONFIG = Path(__file__).with_name("contract.toml")
 _ARCHIVES = "tests.searches.contract_archives"

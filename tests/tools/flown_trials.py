@@ -12,10 +12,11 @@ from syncplan.flight.flight_options import FlightChanges
 from syncplan.flight.flight_results import FlightFigures
 from syncplan.flight.flown_figures import figures_of
 from syncplan.flight.flown_lanes import FlownLanes
+from syncplan.flight.flown_team import FlownTeam
 from syncplan.flight.flying import FlightRun, flight_run
 from tests.tools.plain_truth import Sighting
 
-__all__ = ["FlownTrials", "flown"]
+__all__ = ["FlownTrials", "flown", "lanes_begun"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,8 +65,13 @@ class FlownTrials:
 def flown(subject: Any, chosen: range, **changes: Unpack[FlightChanges]) -> FlownTrials:
     """Return some trials of a flight, flown side by side."""
     run = flight_run(subject, None, **changes)
-    n, e, steps = run.plan.team.count, len(run.team.layout.sigmas), run.team.steps
-    none = empty_series(n, steps, wanted=False), np.zeros((0, e, 3))
-    lanes = FlownLanes.begun(run.team, chosen, empty_augmented_statistics(n, e, len(chosen), none))
-    lanes.advance(steps)
+    lanes = lanes_begun(run.team, chosen)
+    lanes.advance(run.team.steps)
     return FlownTrials(run, lanes, figures_of(run.team, lanes))
+
+
+def lanes_begun(team: FlownTeam, chosen: range) -> FlownLanes:
+    """Return some trials of a flight at time 0."""
+    n, e = team.team.count, len(team.layout.sigmas)
+    none = empty_series(n, team.steps, wanted=False), np.zeros((0, e, 3))
+    return FlownLanes.begun(team, chosen, empty_augmented_statistics(n, e, len(chosen), none))
