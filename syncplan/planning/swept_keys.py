@@ -147,8 +147,11 @@ def swept_key(name: str) -> SweptKey:
     for one in _KEYS:
         if name in (one.name, one.request, one.key):
             return one
-    from syncplan.scenario.dotted_keys import nearest_keys, numeric_keys
+    from syncplan.scenario.dotted_keys import IN_FLIGHT_ALONE, nearest_keys, numeric_keys
 
+    if name in IN_FLIGHT_ALONE:
+        problem = f"{name!r} can't be swept: it matters in flight alone"
+        raise InputError(f"{problem}; change it in the scenario and run 'syncplan fly'", key="name")
     found = numeric_keys().get(name)
     if found is None:
         near = " or ".join(nearest_keys(name)[:_MOST_NEAR])

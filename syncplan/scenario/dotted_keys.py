@@ -13,7 +13,14 @@ from typing import Any
 
 from syncplan.scenario.specification import Scenario
 
-__all__ = ["ALTERNATIVES", "NumericKey", "nearest_keys", "numeric_keys", "with_number"]
+__all__ = [
+    "ALTERNATIVES",
+    "IN_FLIGHT_ALONE",
+    "NumericKey",
+    "nearest_keys",
+    "numeric_keys",
+    "with_number",
+]
 
 _UNITS = {
     "m_sqrt_s": "m/√s",
@@ -34,6 +41,9 @@ ALTERNATIVES = (
     ("motion.angle_random_walk_rad_sqrt_s", "motion.turn_rate_sigma_rad_s"),
 )
 """Pairs of which a scenario gives one."""
+
+IN_FLIGHT_ALONE = ("motion.lag_s",)
+"""Keys of which plans and validations, whose vehicles follow their circles, know nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,11 +77,16 @@ class NumericKey:
 def numeric_keys() -> Mapping[str, NumericKey]:
     """Return all keys that hold a number, in the scenario's order.
 
-    Those of `refine` are left out: they say how a plan is improved, not what it is.
+    Left out are those of `refine`, which say how a plan is improved, not what it is, and those
+    IN_FLIGHT_ALONE.
     """
     schema = Scenario.model_json_schema()
-    found = {one.key: one for one in _within(schema, schema["$defs"], "")}
-    return MappingProxyType({k: one for k, one in found.items() if not k.startswith("refine.")})
+    found = {
+        one.key: one
+        for one in _within(schema, schema["$defs"], "")
+        if not one.key.startswith("refine.") and one.key not in IN_FLIGHT_ALONE
+    }
+    return MappingProxyType(found)
 
 
 def nearest_keys(name: str) -> list[str]:

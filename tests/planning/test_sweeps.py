@@ -61,6 +61,8 @@ def test_what_cannot_be_swept_is_refused_before_anything_runs() -> None:
         sweep(scenario, "sensor.intervall_s", [1.0])
     with pytest.raises(InputError, match=r"^motion\.speed_scale_sigma: 3.0: must be"):
         sweep(scenario, "motion.speed_scale_sigma", [3.0])
+    with pytest.raises(InputError, match=r"^name: 'motion\.lag_s' can't be swept: it matters in"):
+        sweep(scenario, "motion.lag_s", [0.0, 1.0])
     with pytest.raises(InputError, match="no values"):
         sweep(scenario, "range", [])
     with pytest.raises(InputError, match="lists its centres"):
