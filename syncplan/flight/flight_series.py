@@ -63,10 +63,10 @@ def tracks_of(team: FlownTeam, lanes: FlownLanes, first_trial: int) -> tuple[Tra
     records = lanes.records
     if records is None:
         return ()
-    steps, gone = records.steps, team.setup.mishaps.gone_from[: team.team.count]
+    steps, present = records.steps, team.present
     true = lanes.flown.path[steps.tracks, :, :2]
-    away = (steps.tracks[:, None] >= gone)[..., None]
-    unknown = (steps.moments[:, None] >= gone)[..., None]
+    away = ~present[steps.tracks, :, None]
+    unknown = ~present[steps.moments, :, None]
     return tuple(
         Track(
             first_trial + lane,
@@ -87,8 +87,8 @@ def mean_series(team: FlownTeam, result: FlightResult) -> FlightSeries:
         total = total + branch.sums
     time = team.setup.time
     steps = RecordedSteps.of(team.steps, time, team.team.orbits.period).series
-    gone = steps[:, None] >= team.setup.mishaps.gone_from[: team.team.count]
-    roots = np.where(gone[..., None], np.nan, np.sqrt(total / result.trials))
+    there = team.present[steps][..., None]
+    roots = np.where(there, np.sqrt(total / result.trials), np.nan)
     tracking, phase, error, sigma, bound = (roots[..., k] for k in range(roots.shape[-1]))
     times = np.asarray(steps * time, dtype=float)
     return FlightSeries(times, tracking, phase, error, sigma, bound)

@@ -23,7 +23,7 @@ def figures_of(team: FlownTeam, lanes: FlownLanes) -> FlightFigures:
     flown, time, steps = lanes.flown, team.setup.time, team.steps
     orbits = team.team.orbits
     away, ahead = off_plan(orbits, flown.path, time)
-    there, late = _there(team), 2 * np.arange(steps + 1) > steps
+    there, late = team.present, 2 * np.arange(steps + 1) > steps
     counted = late[:, None] & there
     bounds = _bounds(team, lanes, counted)
     close = nearest(flown.path, there)
@@ -32,7 +32,7 @@ def figures_of(team: FlownTeam, lanes: FlownLanes) -> FlightFigures:
     gone = team.setup.mishaps.gone_from
     kept, planned = kept_meetings(meetings, lanes.setup, sightings, gone)
     # for a vehicle that is gone the time until then counts
-    present = np.maximum(np.minimum(gone[: len(there[0])], steps), 1)[:, None]
+    steered = np.maximum(np.minimum(gone[: len(there[0])], steps), 1)[:, None]
     return FlightFigures(
         planned_meetings=planned,
         tracking_squares=_mean(away**2, counted),
@@ -47,8 +47,8 @@ def figures_of(team: FlownTeam, lanes: FlownLanes) -> FlightFigures:
         longest_unseen=np.asarray(flown.longest.T * time),
         slowest=flown.slowest.T,
         fastest=flown.fastest.T,
-        saturated=(flown.saturated / present).T,
-        sought=(flown.sought / present).T,
+        saturated=(flown.saturated / steered).T,
+        sought=(flown.sought / steered).T,
         refused=_refused(lanes),
         sightings=np.isfinite(sightings).sum(axis=0),
         settled=_settled(team, ahead),
@@ -60,7 +60,7 @@ def without_gone(team: FlownTeam, lanes: FlownLanes) -> AugmentedStatistics:
 
     A vehicle that is gone counts with errors of zero; means are over all samples.
     """
-    counted, there, steps = lanes.statistics, _there(team), team.steps
+    counted, there, steps = lanes.statistics, team.present, team.steps
     if there.all():
         return counted
     late = 2 * np.arange(steps + 1) > steps
@@ -92,12 +92,6 @@ def _refused(lanes: FlownLanes) -> Array:
         n, _, width = lanes.readings.initial.shape
         return np.zeros((width, n))
     return np.asarray(guidance.refused.T / max(guidance.decisions, 1))
-
-
-def _there(team: FlownTeam) -> Flags:
-    """(steps + 1, n) whether a vehicle takes part."""
-    gone = team.setup.mishaps.gone_from[: team.team.count]
-    return np.arange(team.steps + 1)[:, None] < gone
 
 
 def _mean(values: Array, counted: Flags) -> Array:

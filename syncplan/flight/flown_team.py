@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from syncplan.arrays import Array, Index
+from syncplan.arrays import Array, Flags, Index
 from syncplan.estimation.augmented_setup import (
     AugmentedReadings,
     AugmentedSetup,
@@ -74,6 +74,12 @@ class FlownTeam:
     def steps(self) -> int:
         """Number of samples."""
         return self.setup.steps
+
+    @property
+    def present(self) -> Flags:
+        """(steps + 1, n) whether a vehicle takes part, or is lost already."""
+        gone = self.setup.mishaps.gone_from[: self.team.count]
+        return np.asarray(np.arange(self.steps + 1)[:, None] < gone)
 
     @property
     def loss_steps(self) -> list[int]:

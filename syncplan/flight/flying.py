@@ -169,8 +169,7 @@ class Flight(Result):
     @property
     def there(self) -> Flags:
         """(n,) whether a vehicle is there to the end."""
-        gone = self.run.team.setup.mishaps.gone_from[: self.run.plan.team.count]
-        return np.asarray(gone > self.run.team.steps)
+        return np.asarray(self.run.team.present[-1])
 
     @property
     def meetings(self) -> Meetings:
@@ -270,8 +269,8 @@ def conclude_flight(run: FlightRun, parts: Sequence[FlightResult]) -> Flight:
     if (found.first_trial, found.trials) != (0, run.trials):
         problem = f"{found.trials} from {found.first_trial} on given, of {run.trials}"
         raise InputError(problem, key="parts")
-    stayed = run.team.setup.mishaps.gone_from[: run.plan.team.count] > run.team.steps
-    broken = int(np.sum(~np.isfinite(found.mean_squares[:, stayed]).all(axis=(1, 2))))
+    staying = run.team.present[-1]
+    broken = int(np.sum(~np.isfinite(found.mean_squares[:, staying]).all(axis=(1, 2))))
     if broken:
         raise NoSolutionError(
             f"the filter diverged in {broken} of {run.trials} trials: its errors are no longer "
