@@ -155,7 +155,8 @@ class TrialReadings:
             speeds=read,
             turn_rates=turned,
             sightings=self._sighted(flown, errors, sightings, detected),
-            headings=np.ascontiguousarray(np.broadcast_to(flown.headings, (steps + 1, n, lanes))),
+            # a copy even for one lane: kernels would be compiled anew for what is read-only
+            headings=np.array(np.broadcast_to(flown.headings, (steps + 1, n, lanes)), order="C"),
             constants=constants,
             gusts=gusts,
         )

@@ -2,8 +2,9 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import numba
 import numpy as np
 import pytest
 
@@ -20,6 +21,7 @@ from syncplan.estimation.extended_filter import EXTENDED
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filter_setup import Readings
 from syncplan.estimation.filter_statistics import empty_series, empty_statistics
+from syncplan.estimation.lane_filter import augmented_specimen
 from syncplan.estimation.montecarlo import _setup
 from syncplan.estimation.reference_states import (
     covariance_at_start,
@@ -142,6 +144,17 @@ def some_state(setup: AugmentedSetup) -> Array:
     return np.concatenate(
         [poses, np.sqrt(setup.variances) * random.normal(size=len(setup.variances))]
     )
+
+
+@pytest.mark.parametrize("lanes", [1, 3])
+@pytest.mark.parametrize("estimated", CHOICES)
+def test_kernels_are_not_compiled_anew_for_some_number_of_trials(
+    estimated: tuple[str, ...], lanes: int
+) -> None:
+    given = scene_of(a_team(estimated), 5, lanes)
+    setup, readings, *_ = augmented_specimen(3)
+    typeof: Any = numba.typeof
+    assert [typeof(one) for one in given] == [typeof(setup), typeof(readings)]
 
 
 @pytest.mark.parametrize("model", ["ekf", "paper"])
