@@ -37,7 +37,7 @@ from syncplan.orbits.error_states import layout_of
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, sigmas_by_kind
 from syncplan.orbits.sightings import Sightings
 from syncplan.orbits.team import Team
-from syncplan.runtime.cores import usable_cores
+from syncplan.runtime.cores import threads_for
 
 if TYPE_CHECKING:
     from syncplan.estimation.lane_filter import LaneFilter
@@ -80,7 +80,8 @@ def run_trials(
     CHUNK_TRIALS, makes this a part of a longer run, which `merge` joins. `progress` is called with
     the number of trials done. Raises InputError naming the argument at fault.
     """
-    _check_run(steps, first_trial, threads)
+    side_by_side = threads_for(threads)
+    _check_run(steps, first_trial)
     known = team if believed is None else believed
     _check_sigmas(team)
     _check_sigmas(known)
@@ -101,7 +102,7 @@ def run_trials(
         lambda chunk, stop: _chunk(run, chunk, stop),
         first_trial,
         run.end,
-        threads or usable_cores(),
+        side_by_side,
     )
     with closing(computed) as chunks:
         for part in chunks:
@@ -112,14 +113,12 @@ def run_trials(
     return replace(merge(parts), branches=branches)
 
 
-def _check_run(steps: int, first_trial: int, threads: int | None) -> None:
+def _check_run(steps: int, first_trial: int) -> None:
     if first_trial < 0 or first_trial % CHUNK_TRIALS:
         problem = f"{first_trial} is not a multiple of {CHUNK_TRIALS}"
         raise InputError(problem, key="first_trial")
     if steps < 1:
         raise InputError(f"{steps} given, at least 1 is needed", key="steps")
-    if threads is not None and threads < 1:
-        raise InputError(f"{threads} given, at least 1 is needed", key="threads")
 
 
 def _check_sigmas(team: Team) -> None:

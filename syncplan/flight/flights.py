@@ -27,7 +27,7 @@ from syncplan.flight.flight_series import sums_of, tracks_of
 from syncplan.flight.flown_figures import figures_of, without_gone
 from syncplan.flight.flown_lanes import ClosedLoop, FlownLanes
 from syncplan.flight.flown_team import FlownTeam
-from syncplan.runtime.cores import usable_cores
+from syncplan.runtime.cores import threads_for
 
 __all__ = ["fly_trials"]
 
@@ -42,7 +42,7 @@ def fly_trials(
 ) -> FlightResult:
     """Return `trials` flights from `first_trial` on, a multiple of CHUNK_TRIALS.
 
-    `progress` is called with the number of trials done.
+    `progress` is called with the number of trials done. Raises InputError for fewer than 1 thread.
     """
     parts: list[FlightResult] = []
     end = first_trial + trials
@@ -50,7 +50,7 @@ def fly_trials(
     def chunk(trials: range, stop: threading.Event) -> FlightResult:
         return _chunk(team, trials, stop)
 
-    found = chunks_in_order(chunk, first_trial, end, threads or usable_cores())
+    found = chunks_in_order(chunk, first_trial, end, threads_for(threads))
     with closing(found) as results:
         for part in results:
             parts.append(part)

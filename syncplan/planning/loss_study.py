@@ -29,7 +29,7 @@ from syncplan.planning.subjects import PlanSubject, planned
 from syncplan.planning.verdict_checks import verdict_of
 from syncplan.results import Result
 from syncplan.runtime.blas import single_threaded_blas
-from syncplan.runtime.cores import usable_cores
+from syncplan.runtime.cores import threads_for
 
 if TYPE_CHECKING:
     from syncplan.estimation.loss_bounds import LossBounds
@@ -129,13 +129,14 @@ def what_if(
 
     Raises InputError for names that the plan does not have and for options out of range.
     """
-    _check(lose, losses, bound, threads)
+    _check(lose, losses, bound)
+    side_by_side = threads_for(threads)
     plan = planned(subject, bound=bound)
     chosen = [lost_together(lose, plan.scenario)] if lose else possible_losses(plan.team, losses)
     if not why_no_bound(plan.team, plan.scenario.duration_s, bound):
         # its BLAS is limited to one thread only once it is loaded
         from syncplan.estimation import covariance_kernel  # noqa: F401
-    return _studied(plan, chosen, bound, threads or usable_cores(), progress)
+    return _studied(plan, chosen, bound, side_by_side, progress)
 
 
 @single_threaded_blas
@@ -161,15 +162,13 @@ def _studied(
     )
 
 
-def _check(lose: Sequence[str], losses: int, bound: str, threads: int | None) -> None:
+def _check(lose: Sequence[str], losses: int, bound: str) -> None:
     if isinstance(lose, str):
         raise InputError(f"{lose!r}: must be a list of names, such as ['v3', 'L1']", key="lose")
     if losses not in (1, 2):
         raise InputError(f"{losses}: must be 1 or 2", key="losses")
     if bound not in ("auto", "always", "never"):
         raise InputError(f"{bound!r}: must be auto, always or never", key="bound")
-    if threads is not None and threads < 1:
-        raise InputError(f"{threads} given, at least 1 is needed", key="threads")
 
 
 @dataclass(frozen=True)

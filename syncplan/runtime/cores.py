@@ -1,4 +1,6 @@
-"""How many cores this process may use, by the scheduler and by the quota of its control group."""
+"""How many cores this process may use, by the scheduler and by the quota of its control group; and
+how many threads of its own it runs.
+"""
 
 import contextlib
 import math
@@ -6,9 +8,20 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+from syncplan.errors import InputError
 from syncplan.runtime.control_groups import groups_of
 
-__all__ = ["usable_cores"]
+__all__ = ["threads_for", "usable_cores"]
+
+
+def threads_for(asked: int | None) -> int:
+    """Return how many threads to run: as many as are asked for, one for each core if None.
+
+    Raises InputError, key `threads`, for fewer than 1.
+    """
+    if asked is not None and asked < 1:
+        raise InputError(f"{asked} given, at least 1 is needed", key="threads")
+    return usable_cores() if asked is None else asked
 
 
 def usable_cores(proc: Path = Path("/proc/self")) -> int:
