@@ -9,6 +9,7 @@ replay_tables       tables of replays
 site_tables         tables of landmark sites
 document_table      kinds of documents, their schemas and how reports are known
 arguments           arguments that commands share
+filter_arguments    options of the filter that commands share
 required_verdicts   --require-go, --require-observable
 plan_commands       plan, refine, place, landmarks
 loss_tables         tables of losses

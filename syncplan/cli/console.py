@@ -3,7 +3,7 @@
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
@@ -20,12 +20,12 @@ __all__ = [
     "Format",
     "announce_compilation",
     "announce_flight",
+    "check_output",
     "deliver",
     "deliver_document",
     "open_closed_streams",
     "progress_bar",
     "reader_may_leave",
-    "refuse_overwriting",
     "say",
     "say_notes",
     "search_progress",
@@ -106,14 +106,21 @@ def deliver_document(kind: str, document: "Document", output: Path | None, forma
         say_notes(getattr(document, "notes", []))
 
 
-def refuse_overwriting(source: str, output: Path | None) -> None:
-    """Raise InputError if the result would be written over what it is made from."""
-    try:
-        same = output is not None and source != "-" and output.samefile(source)
-    except OSError:
+def check_output(output: Path | None, *sources: str) -> None:
+    """Raise InputError if no result can be written, or only over what it is made from.
+
+    Said before there is a result, which may take hours.
+    """
+    from syncplan.runtime.files import check_writable
+
+    if output is None or str(output) == "-":
         return
-    if same:
-        raise InputError("is the file that is read; give another one to write", source=str(output))
+    for source in sources:
+        with suppress(OSError):
+            if source != "-" and output.samefile(source):
+                problem = "is the file that is read; give another one to write"
+                raise InputError(problem, source=str(output))
+    check_writable(output)
 
 
 def open_closed_streams() -> None:

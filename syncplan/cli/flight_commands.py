@@ -20,12 +20,12 @@ from syncplan.cli.arguments import (
 from syncplan.cli.console import (
     Format,
     announce_flight,
+    check_output,
     deliver_document,
     progress_bar,
-    refuse_overwriting,
 )
+from syncplan.cli.filter_arguments import DEFAULT_CHOICE, Choice, Gate
 from syncplan.cli.required_verdicts import RequireGo, RequireObservable, verdict_status
-from syncplan.cli.run_commands import DEFAULT_CHOICE, Choice, Gate
 from syncplan.errors import InputError
 from syncplan.flight.flight_options import DEFAULT_GATE, GUIDANCES, FlightOptions
 
@@ -142,7 +142,7 @@ def _fly(
         wind=_velocity(wind),
         with_series=series,
     )
-    refuse_overwriting(subject, output)
+    check_output(output, subject)
     plan = plan_of(load(subject, max_vehicles=max_vehicles or MAX_VEHICLES), pilot=False)
     run = flight_run(plan, options)
     announce_flight()

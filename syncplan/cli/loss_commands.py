@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from syncplan.cli.arguments import MaxVehicles, Output, Shown, SubjectFile, Threads
-from syncplan.cli.console import Format, deliver_document, progress_bar, refuse_overwriting
+from syncplan.cli.console import Format, check_output, deliver_document, progress_bar
 from syncplan.cli.plan_commands import Bound
 
 __all__ = ["losses"]
@@ -46,7 +46,7 @@ def _what_if(
     from syncplan.reports.loss_report import what_if_document
     from syncplan.scenario.models import MAX_VEHICLES
 
-    refuse_overwriting(subject, output)
+    check_output(output, subject)
     loaded = load(subject, max_vehicles=max_vehicles or MAX_VEHICLES)
     known = {*loaded.scenario.vehicle_names, *loaded.scenario.landmark_names}
     names = [] if lose is None else [lose] if lose in known else _separated(lose)

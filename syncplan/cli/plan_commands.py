@@ -19,10 +19,10 @@ from syncplan.cli.arguments import (
 from syncplan.cli.console import (
     Format,
     announce_flight,
+    check_output,
     deliver,
     deliver_document,
     progress_bar,
-    refuse_overwriting,
     say,
     say_notes,
     search_progress,
@@ -94,7 +94,7 @@ def _plan(
     from syncplan.reports.plan_report import plan_document
     from syncplan.scenario.models import MAX_VEHICLES
 
-    refuse_overwriting(subject, output)
+    check_output(output, subject)
     loaded = load(subject, max_vehicles=max_vehicles or MAX_VEHICLES)
     if not loaded.scenario.formation.placed and sys.stderr.isatty():
         say("looking for centres ...")
@@ -190,7 +190,7 @@ def _refine(
     from syncplan.refinement.refiner import options_for
     from syncplan.scenario.models import MAX_VEHICLES
 
-    refuse_overwriting(subject, output)
+    check_output(output, subject)
     loaded = load(subject, max_vehicles=max_vehicles or MAX_VEHICLES)
     changes: dict[str, Any] = {
         "vary": None if vary is None else [one.strip() for one in vary.split(",")],
@@ -230,7 +230,7 @@ def _place(
     from syncplan.scenario.loading import load_scenario
     from syncplan.scenario.models import MAX_VEHICLES
 
-    refuse_overwriting(scenario, output)
+    check_output(output, scenario)
     loaded = load_scenario(scenario, max_vehicles=max_vehicles or MAX_VEHICLES)
     placed = place(loaded, margin=margin_m, starts=starts, seed=seed)
 
@@ -280,9 +280,8 @@ def _landmarks(
     from syncplan.scenario.loading import parse_document, read_text
     from syncplan.scenario.models import MAX_VEHICLES
 
-    for given in (subject, candidates):
-        refuse_overwriting(given, output)
-        refuse_overwriting(given, scenario_out)
+    check_output(output, subject, candidates)
+    check_output(scenario_out, subject, candidates)
     source, text = read_text(subject)
     values = parse_document(text, source)
     loaded = loaded_from(values, source=source, max_vehicles=max_vehicles or MAX_VEHICLES)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from syncplan.cli.arguments import MaxVehicles, beginning_with
-from syncplan.cli.console import refuse_overwriting, say
+from syncplan.cli.console import check_output, say
 from syncplan.cli.document_table import checked, read_report
 from syncplan.cli.required_verdicts import say_verdict
 from syncplan.errors import InputError
@@ -142,10 +142,8 @@ def _plot(
     names = list(dict.fromkeys(figure or []))
     style = FigureStyle(width, height, font_scale, theme or "light", pixel_ratio)
     targets = _targets(output, ending, names)
-    for given in (file, compare):
-        for target in targets:
-            if given is not None:
-                refuse_overwriting(given, target)
+    for target in targets:
+        check_output(target, file, *([] if compare is None else [compare]))
     subject = _subject(file, compare, max_vehicles)
     if ending == ".html":
         contents = [_page(subject, names, style, theme)]

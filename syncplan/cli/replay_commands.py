@@ -11,9 +11,9 @@ from syncplan.cli.arguments import Output, Seed, Series, Shown
 from syncplan.cli.console import (
     Format,
     announce_compilation,
+    check_output,
     deliver_document,
     progress_bar,
-    refuse_overwriting,
 )
 from syncplan.estimation.filters import FOR_RECORDINGS
 
@@ -206,12 +206,12 @@ def _document(
 
 
 def _opened(folder: Path, output: Path | None) -> "Log":
-    """The recording, none of whose files is the output."""
+    """The recording, none of whose files is the output, which can be written."""
     from syncplan.recordings.recording_formats import load_log, recorded_files_in
 
+    check_output(output)
     recording = load_log(folder)
-    for recorded in recorded_files_in(folder):
-        refuse_overwriting(str(recorded), output)
+    check_output(output, *map(str, recorded_files_in(folder)))
     return recording
 
 

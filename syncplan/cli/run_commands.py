@@ -23,14 +23,15 @@ from syncplan.cli.arguments import (
 from syncplan.cli.console import (
     Format,
     announce_compilation,
+    check_output,
     deliver_document,
     progress_bar,
-    refuse_overwriting,
 )
+from syncplan.cli.filter_arguments import DEFAULT_CHOICE, Choice, Gate
 from syncplan.cli.required_verdicts import RequireGo, RequireObservable, verdict_status
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import FilterOptions
-from syncplan.estimation.filters import AUTO, FILTERS, FORMER_NAMES
+from syncplan.estimation.filters import FORMER_NAMES
 from syncplan.planning.swept_keys import SWEPT_KEYS, SweptKey, SweptOption, swept_key
 
 __all__ = ["runs"]
@@ -39,9 +40,7 @@ runs = typer.Typer()
 
 
 DEFAULTS = FilterOptions()
-Choice = StrEnum("Choice", {name: name for name in (AUTO, *FILTERS)})  # type: ignore[misc]
 Former = StrEnum("Former", {name: name for name in FORMER_NAMES})  # type: ignore[misc]
-DEFAULT_CHOICE = Choice(DEFAULTS.filter)
 FilterOption = Annotated[
     Choice,
     typer.Option(
@@ -58,10 +57,6 @@ FormerOption = Annotated[
     typer.Option("--model", help="Former --filter: arc is ekf, euler is paper", hidden=True),
 ]
 Substeps = Annotated[int, typer.Option(help="Euler sub-steps per sample of the filter paper")]
-Gate = Annotated[
-    float | None,
-    typer.Option(help="Probability of the innovation gate, such as 0.999", show_default=False),
-]
 Connected = Annotated[
     bool,
     typer.Option(
@@ -131,7 +126,7 @@ def _validate(
         gate_probability=gate,
         with_series=series,
     )
-    refuse_overwriting(subject, output)
+    check_output(output, subject)
     flown = plan_of(load(subject, max_vehicles=max_vehicles or MAX_VEHICLES), pilot=False)
     chosen = choose_filter(flown, options).applied(options)
     announce_compilation(chosen, [(flown.team.count, needs_augmented(flown.team))])
@@ -197,7 +192,7 @@ def _sweep(
 
     varied, numbers_of_it = _swept(swept, key, values)
     options = FilterOptions(trials=trials, seed=seed, duration=duration, filter=filter_.value)
-    refuse_overwriting(scenario, output)
+    check_output(output, scenario)
     loaded = load_scenario(scenario, max_vehicles=max_vehicles or MAX_VEHICLES)
     planned = planned_rows(loaded, varied.name, numbers_of_it, connected=connected)
     teams = [row.plan.team for row in planned]

@@ -10,7 +10,7 @@ from typing import Any
 
 from syncplan.errors import InputError
 
-__all__ = ["as_text", "write_bytes", "write_text"]
+__all__ = ["as_text", "check_writable", "write_bytes", "write_text"]
 
 _STREAM_FOLDERS = ("/dev/", "/proc/")
 _PREFIX_LENGTH = 50
@@ -35,17 +35,44 @@ def write_bytes(path: Path, content: bytes) -> None:
     """
     try:
         before = _status(path)
-        if before is not None and stat.S_ISDIR(before.st_mode):
-            raise InputError("is a directory; give the name of a file", source=str(path))
-        stream = str(path).startswith(_STREAM_FOLDERS)
-        if stream or (before is not None and not stat.S_ISREG(before.st_mode)):
+        _check(path, before)
+        if _is_stream(path, before):
             path.write_bytes(content)
-        elif before is not None and not os.access(path, os.W_OK):
-            raise InputError("can't be written: it is read-only", source=str(path))
         else:
             _replace(Path(os.path.realpath(path)), content, before)
     except OSError as error:
         raise InputError(f"can't be written: {error.strerror}", source=str(path)) from None
+
+
+def check_writable(path: Path) -> None:
+    """Raise InputError where write_bytes would, as far as can be seen without writing anything."""
+    try:
+        _check(path, _status(path))
+    except OSError as error:
+        raise InputError(f"can't be written: {error.strerror}", source=str(path)) from None
+
+
+def _check(path: Path, before: os.stat_result | None) -> None:
+    if before is not None and stat.S_ISDIR(before.st_mode):
+        raise InputError("is a directory; give the name of a file", source=str(path))
+    if _is_stream(path, before):
+        return
+    if before is not None and not os.access(path, os.W_OK):
+        raise InputError("can't be written: it is read-only", source=str(path))
+    folder = Path(os.path.realpath(path)).parent
+    if not folder.is_dir():
+        problem = f"can't be written: there is no directory {folder}; make it first"
+        raise InputError(problem, source=str(path))
+    if not os.access(folder, os.W_OK | os.X_OK):
+        problem = f"can't be written: nothing can be written to {folder}; give a file elsewhere"
+        raise InputError(problem, source=str(path))
+
+
+def _is_stream(path: Path, before: os.stat_result | None) -> bool:
+    """Whether a path is written to as it is."""
+    if str(path).startswith(_STREAM_FOLDERS):
+        return True
+    return before is not None and not stat.S_ISREG(before.st_mode)
 
 
 def _status(path: Path) -> os.stat_result | None:
