@@ -170,6 +170,7 @@ class OnlineFilter:
             found |= {name: getattr(run, name) for name in _LOOKED_BACK}
             found |= {name: getattr(poses, name)[:used] for name in _ROWS}
             found |= {
+                "initial": readings.initial,
                 "sightings": readings.sightings[:used],
                 "speeds": readings.speeds[:k],
                 "turn_rates": readings.turn_rates[:k],
@@ -197,7 +198,7 @@ class OnlineFilter:
                 getattr(poses, name)[:used] = kept[name]
             poses.spans[:k], poses.first[: k + 2] = kept["spans"], kept["first"]
             poses.first[k + 2 :] = used
-            readings.sightings[:used] = kept["sightings"]
+            readings.initial[:], readings.sightings[:used] = kept["initial"], kept["sightings"]
             readings.speeds[:k], readings.turn_rates[:k] = kept["speeds"], kept["turn_rates"]
             for number, one in enumerate(run.began):
                 one[:] = kept[f"began_{number}"]

@@ -22,7 +22,7 @@ bound_along          the bound along the paths flown
 flown_team           a team's set-ups, and what its trials are drawn
 lane_guidance        guidance mpc for trials side by side
 flown_lanes          some trials on their way
-flight_records     what is recorded on the way
+flight_records       what is recorded on the way
 flight_measures      phase, separation, meetings
 flight_results       figures of each trial
 flight_archive       an archive of flights
@@ -31,6 +31,7 @@ flight_series        figures over time
 flights              many trials over threads
 flying               flights of a plan
 onboard_data         what a navigator is given and gives
+arrivals             what it was given, until late sightings can arrive no more
 onboard_kernels      its kernels
 navigator            filter and guidance one step at a time
 """

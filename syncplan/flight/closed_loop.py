@@ -17,7 +17,7 @@ import math
 
 import numpy as np
 
-from syncplan.arrays import Array
+from syncplan.arrays import Array, Index
 from syncplan.estimation.augmented_correction import AT_ONCE, correct_augmented
 from syncplan.estimation.augmented_frame import bring_to_now
 from syncplan.estimation.augmented_prediction import move, predict_augmented
@@ -28,7 +28,7 @@ from syncplan.estimation.augmented_setup import (
     AugmentedStatistics,
 )
 from syncplan.estimation.augmented_statistics import is_wanted_now, record_augmented
-from syncplan.estimation.batched_filter import motion_in
+from syncplan.estimation.filter_setup import COMPASS_KIND, FilterSetup
 from syncplan.estimation.lane_filter import Lanes, compiled, inner
 from syncplan.flight.flight_options import OPEN_LOOP, TRACKING
 from syncplan.flight.flight_setup import FlightSetup, Flown
@@ -37,34 +37,32 @@ from syncplan.flight.tracking_law import command_plan, track
 from syncplan.flight.true_motion import move_truly
 from syncplan.flight.true_sightings import sight_truly
 
-__all__ = ["carry_on", "compare_truly", "fly_lanes"]
+__all__ = ["carry_on", "compare_truly", "fly_lanes", "fly_to"]
 
 
 @compiled
 def carry_on(
     x: Array,
     errors: Array,
-    begin: int,
-    end: int,
+    speeds: Array,
+    turn_rates: Array,
     setup: AugmentedSetup,
-    readings: AugmentedReadings,
     slopes: Array,
     lanes: Lanes,
 ) -> tuple[Array, Array]:
-    """Return the estimate (poses, further states) at step `end` from that at step `begin`."""
-    if begin == end:
+    """Return the estimate (poses, further states) after further samples' readings (k, n, lanes)."""
+    if len(speeds) == 0:
         return x, errors
     x, errors = x.copy(), errors.copy()
-    for step in range(begin + 1, end + 1):
-        speeds, turn_rates = readings.speeds[step - 1], readings.turn_rates[step - 1]
-        motion = motion_in(setup.poses, step)
+    motion = setup.poses.motion
+    for k in range(len(speeds)):
         for i in range(len(x)):
-            move(x, errors, i, speeds, turn_rates, motion, setup.columns[i], slopes, lanes)
+            move(x, errors, i, speeds[k], turn_rates[k], motion, setup.columns[i], slopes, lanes)
     return x, errors
 
 
 @compiled
-def _fly_to(
+def fly_to(
     target: int,
     at: int,
     x: Array,
@@ -79,7 +77,8 @@ def _fly_to(
     """Fly until step `target` by the filter's estimate, which is that of step `at`."""
     while flown.places[0] < target:
         step = flown.places[0]
-        now, further = carry_on(x, errors, at, step, setup, readings, slopes, lanes)
+        read = readings.speeds[at:step], readings.turn_rates[at:step]
+        now, further = carry_on(x, errors, read[0], read[1], setup, slopes, lanes)
         if flight.law.mode == TRACKING:
             moved, commands, time = flown.moved, flown.commands, step * flight.time
             track(
@@ -112,6 +111,20 @@ def _part_gone(P: Array, flight: FlightSetup, step: int) -> None:
             r = 3 * i
             P[r : r + 3, :r] = 0.0
             P[r + 3 :, r : r + 3] = 0.0
+
+
+@inner
+def _hear(setup: FilterSetup, sightings: Array, step: int, heard: Index, lanes: Lanes) -> None:
+    """Note of whom, and by whom, the filter has taken in sightings at a step."""
+    for s in range(setup.first[step], setup.first[step + 1]):
+        if setup.kinds[s] == COMPASS_KIND:
+            continue
+        o, t = setup.observers[s], setup.targets[s]
+        for lane in range(len(lanes)):
+            if math.isfinite(sightings[s, lane]):
+                heard[o, lane] = step
+                if t < len(heard):
+                    heard[t, lane] = step
 
 
 @inner
@@ -175,7 +188,7 @@ def fly_lanes(
         record_augmented(P, poses, 0, compared, statistics, lanes)
     for step in range(begin + 1, end + 1):
         ahead = min(step + flight.mishaps.late, flight.steps)
-        _fly_to(ahead, step - 1, x, errors, flight, flown, setup, readings, slopes, lanes)
+        fly_to(ahead, step - 1, x, errors, flight, flown, setup, readings, slopes, lanes)
         speeds, turn_rates = readings.speeds[step - 1], readings.turn_rates[step - 1]
         predict_augmented(
             x, errors, P, speeds, turn_rates, setup, step, frame, slopes, before, lanes
@@ -183,13 +196,13 @@ def fly_lanes(
         correct_augmented(
             x, errors, P, step, setup, readings, about, frame, seen, row, halves, statistics, lanes
         )
+        _hear(poses, readings.sightings, step, flown.heard, lanes)
         looks = step % flight.contact.look_every == 0
         if step == end or looks or is_wanted_now(poses, step, statistics):
             bring_to_now(P, setup, frame, before, lanes)
             _part_gone(P, flight, step)
         if looks:
-            move_circles(
-                flight.contact, setup.columns, P, step, flown.seen, flown.moved, flown.sought, lanes
-            )
+            heard, moved, sought = flown.heard, flown.moved, flown.sought
+            move_circles(flight.contact, setup.columns, P, step, heard, moved, sought, lanes)
         compare_truly(x, errors, flight, flown, readings, step, offs, error_offs, lanes)
         record_augmented(P, poses, step, compared, statistics, lanes)

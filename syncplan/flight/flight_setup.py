@@ -188,9 +188,10 @@ class Flown(NamedTuple):
     commands, responses : (n, 2, lanes) m/s, rad/s, at present
     moved : (n, 2, lanes) m, by how much each circle is moved at present to be seen again
     seen : (n, lanes) step of the last sighting of, or by, each vehicle
+    heard : (n, lanes) step of the last one that the filter has taken in; behind where they are late
     longest : (n, lanes) most steps between two of them so far
-    slowest, fastest : (n, lanes) m/s, of the speeds commanded in the second half
-    saturated : (n, lanes) steps at which a command was at its limit
+    slowest, fastest : (n, lanes) m/s, of the speeds commanded in the second half, but for holds
+    saturated : (n, lanes) steps at which a command was at a limit, none of them in a hold
     sought : (n, lanes) steps at which a vehicle was not sure to meet its anchor
     places : (2,) steps flown, and sightings recorded so far
     """
@@ -207,6 +208,7 @@ class Flown(NamedTuple):
     responses: Array
     moved: Array
     seen: Index
+    heard: Index
     longest: Index
     slowest: Array
     fastest: Array

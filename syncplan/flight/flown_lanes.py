@@ -17,11 +17,11 @@ from syncplan.estimation.augmented_setup import (
 )
 from syncplan.estimation.filter_setup import FilterSetup, Readings
 from syncplan.estimation.filter_statistics import FilterStatistics
-from syncplan.estimation.lane_filter import LaneFilter, is_in_cache, lanes_of, start_of
+from syncplan.estimation.lane_filter import LaneFilter, Lanes, is_in_cache, lanes_of, start_of
 from syncplan.estimation.online_filter import grown
 from syncplan.estimation.robust_filter import RobustRun
 from syncplan.estimation.trial_readings import filter_stream
-from syncplan.flight.closed_loop import fly_lanes
+from syncplan.flight.closed_loop import fly_lanes, fly_to
 from syncplan.flight.flight_options import AS_COMMANDED
 from syncplan.flight.flight_records import LaneRecords, RecordedSteps
 from syncplan.flight.flight_setup import FlightSetup, Flown
@@ -138,8 +138,12 @@ class FlownLanes:
             leg = self.guidance.every
         # the last step before something is lost
         stops = [step - 1 for step in self.team.loss_steps]
+        if self.guidance is not None:
+            self._fly_ahead(min(late, self.team.steps), rows)
+            # a vehicle that is free again has a command of its own
+            stops += [step - late for step in self.team.hold_ends if step > late]
         while self.run.at < end:
-            if self.run.at in stops:
+            if self.run.at + 1 in self.team.loss_steps:
                 self.run.base = ClosedLoop(self.team.setup_from(self.run.at + 1), self.flown)
             until = min([end, self.run.at + leg, *(s for s in stops if s > self.run.at)])
             self._make_room(rows * (until - self.run.at + late))
@@ -157,13 +161,29 @@ class FlownLanes:
 
     def _decide(self) -> None:
         if self.guidance is not None:
-            n, width = self.team.team.count, self.readings.initial.shape[-1]
-            filtered = self.setup, self.readings
-            loop = self.run.base
-            assert isinstance(loop, ClosedLoop)
-            self.guidance.command(
-                loop.flight, self.flown, self.run.state, self.run.at, filtered, lanes_of(n, width)
-            )
+            filtered, (flight, lanes) = (self.setup, self.readings), self._aloft
+            self.guidance.command(flight, self.flown, self.run.state, self.run.at, filtered, lanes)
+
+    def _fly_ahead(self, end: int, rows: int) -> None:
+        """Fly until step `end` before the filter takes anything in: sightings are late."""
+        assert self.guidance is not None
+        flown, (x, errors, _) = self.flown, self.run.state
+        slopes = np.empty((12, x.shape[-1]))
+        while flown.places[0] < end:
+            step = int(flown.places[0])
+            ends = [one for one in self.team.hold_ends if one > step]
+            until = min([end, step + self.guidance.every, *ends])
+            self._make_room(rows * (until - step))
+            self._decide()
+            flight, lanes = self._aloft
+            fly_to(until, 0, x, errors, flight, flown, self.setup, self.readings, slopes, lanes)
+
+    @property
+    def _aloft(self) -> tuple[FlightSetup, Lanes]:
+        """What the closed loop is given at present, and lanes."""
+        loop = self.run.base
+        assert isinstance(loop, ClosedLoop)
+        return loop.flight, lanes_of(self.team.team.count, self.readings.initial.shape[-1])
 
     @property
     def setup(self) -> AugmentedSetup:

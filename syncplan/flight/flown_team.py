@@ -87,6 +87,12 @@ class FlownTeam:
         time = self.setup.time
         return sorted({step_of(one.time, time) for one in self.events.losses})
 
+    @property
+    def hold_ends(self) -> list[int]:
+        """Steps from which on a vehicle that was held is free again, in order."""
+        time = self.setup.time
+        return sorted({step_of(one.time + one.length, time) for one in self.events.holds})
+
     def setup_from(self, step: int) -> FlightSetup:
         """Return the set-up of the closed loop from a step on: anchors are of what is left."""
         mishaps, windows = self.setup.mishaps, self.windows
@@ -150,6 +156,7 @@ class FlownTeam:
             responses=np.repeat(start[..., None], lanes, axis=2),
             moved=np.zeros((n, 2, lanes)),
             seen=np.zeros((n, lanes), dtype=np.int64),
+            heard=np.zeros((n, lanes), dtype=np.int64),
             longest=np.zeros((n, lanes), dtype=np.int64),
             slowest=np.full((n, lanes), np.inf),
             fastest=np.zeros((n, lanes)),

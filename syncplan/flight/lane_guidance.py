@@ -51,9 +51,10 @@ class LaneGuidance:
     ) -> None:
         """Write the commands of the leg that begins now; `state` is the filter's at step `at`."""
         step, n = int(flown.places[0]), len(flown.scales)
-        slopes = np.empty((12, len(lanes)))
-        poses, errors = carry_on(state[0], state[1], at, step, *filtered, slopes, lanes)
-        columns = filtered[0].columns - 3 * n
+        (setup, readings), slopes = filtered, np.empty((12, len(lanes)))
+        read = readings.speeds[at:step], readings.turn_rates[at:step]
+        poses, errors = carry_on(state[0], state[1], *read, setup, slopes, lanes)
+        columns = setup.columns - 3 * n
         mishaps = flight.mishaps
         gone = mishaps.gone_from[:n] <= step
         held = gone | ((mishaps.held_from <= step) & (step < mishaps.held_until)).any(axis=1)

@@ -1,36 +1,15 @@
-"""Kernels of a single team that steers: its estimate carried on, and its next commands.
+"""Kernels of a single team that steers: its circles kept in contact, and its next commands.
 
 They are those of `closed_loop`, for one lane and without the truth.
 """
 
 from syncplan.arrays import Array, Index
-from syncplan.estimation.augmented_prediction import move
-from syncplan.estimation.augmented_setup import AugmentedSetup
 from syncplan.estimation.lane_filter import Lanes, compiled
 from syncplan.flight.flight_setup import Circles, Contact, Law
 from syncplan.flight.seeking import move_circles
 from syncplan.flight.tracking_law import track
 
-__all__ = ["carry_ahead", "keep_contact", "steer"]
-
-
-@compiled
-def carry_ahead(
-    x: Array,
-    errors: Array,
-    speeds: Array,
-    turn_rates: Array,
-    setup: AugmentedSetup,
-    slopes: Array,
-    lanes: Lanes,
-) -> tuple[Array, Array]:
-    """Return the estimate after some further samples' readings, each (k, n, lanes)."""
-    x, errors = x.copy(), errors.copy()
-    for k in range(len(speeds)):
-        for i in range(len(x)):
-            motion, own = setup.poses.motion, setup.columns[i]
-            move(x, errors, i, speeds[k], turn_rates[k], motion, own, slopes, lanes)
-    return x, errors
+__all__ = ["keep_contact", "steer"]
 
 
 @compiled
@@ -39,13 +18,13 @@ def keep_contact(
     states: Index,
     P: Array,
     step: int,
-    seen: Index,
+    heard: Index,
     moved: Array,
     sought: Index,
     lanes: Lanes,
 ) -> None:
     """Move circles as `seeking` has it."""
-    move_circles(contact, states, P, step, seen, moved, sought, lanes)
+    move_circles(contact, states, P, step, heard, moved, sought, lanes)
 
 
 @compiled

@@ -62,15 +62,15 @@ def move_circles(
     states: Index,
     P: Array,
     step: int,
-    seen: Index,
+    heard: Index,
     moved: Array,
     sought: Index,
     lanes: Lanes,
 ) -> None:
     """Move circles, `moved` (n, 2, lanes) m, by what the covariance P now says, a lower triangle.
 
-    `states` are the columns of AugmentedSetup, `seen` (n, lanes) the steps of the last sighting of
-    each vehicle; `sought` (n, lanes) counts steps.
+    `states` are the columns of AugmentedSetup, `heard` (n, lanes) the steps of the last sighting of
+    each vehicle that was taken in; `sought` (n, lanes) counts steps.
     """
     n = len(states)
     leads = contact.lead, contact.gust_lead
@@ -90,7 +90,7 @@ def move_circles(
                     spread += entries[a] * entries[b] * P[r, q, lane]
             missing = contact.sigmas * math.sqrt(max(spread, 0.0)) - contact.slacks[i]
             by = min(max(missing, 0.0), contact.most[i])
-            if step - seen[i, lane] > contact.patience:
+            if step - heard[i, lane] > contact.patience:
                 by = contact.furthest[i]
             if by > 0.0:
                 sought[i, lane] += contact.look_every

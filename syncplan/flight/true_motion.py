@@ -22,6 +22,9 @@ from syncplan.flight.flight_setup import FlightSetup, Flown
 
 __all__ = ["is_held", "move_truly"]
 
+NEAR_SHARE = 1e-3
+"""Of the range between two limits: so near to one a command is at it."""
+
 
 @inner
 def is_held(held_from: Index, held_until: Index, i: int, step: int) -> bool:
@@ -34,7 +37,7 @@ def is_held(held_from: Index, held_until: Index, i: int, step: int) -> bool:
 
 @inner
 def _obey(flight: FlightSetup, flown: Flown, i: int, step: int, lanes: Lanes) -> None:
-    """Keep the commands of vehicle i within its limits, and count where they were not."""
+    """Keep the commands of vehicle i within its limits, and count where they are at one."""
     vehicles, mishaps = flight.response, flight.mishaps
     least, most, turn = (
         vehicles.least_speeds[i],
@@ -48,13 +51,16 @@ def _obey(flight: FlightSetup, flown: Flown, i: int, step: int, lanes: Lanes) ->
         v, w = flown.commands[i, 0, lane], flown.commands[i, 1, lane]
         if held:
             v, w = least, (turn if least > 0.0 else 0.0)
-        within_v, within_w = min(max(v, least), most), min(max(w, -turn), turn)
-        if there and (within_v != v or within_w != w):
+        v, w = min(max(v, least), most), min(max(w, -turn), turn)
+        flown.commands[i, 0, lane], flown.commands[i, 1, lane] = v, w
+        if held or not there:
+            continue
+        near = NEAR_SHARE * (most - least)
+        if v <= least + near or v >= most - near or abs(w) >= turn - NEAR_SHARE * 2.0 * turn:
             flown.saturated[i, lane] += 1
-        flown.commands[i, 0, lane], flown.commands[i, 1, lane] = within_v, within_w
         if late:
-            flown.slowest[i, lane] = min(flown.slowest[i, lane], within_v)
-            flown.fastest[i, lane] = max(flown.fastest[i, lane], within_v)
+            flown.slowest[i, lane] = min(flown.slowest[i, lane], v)
+            flown.fastest[i, lane] = max(flown.fastest[i, lane], v)
 
 
 @inner

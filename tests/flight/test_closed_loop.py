@@ -53,6 +53,7 @@ CASES = {
         {"motion": {"readings": "measured", "lag_s": 0.3}},
     ),
     "cameras": Case("camera-pair", {"duration": 60.0}),
+    "cameras, late": Case("camera-pair", {"duration": 70.0, "late": 300}),
     "obstacles": Case("shelves", {"duration": 40.0}),
     "distances, compasses": Case("boats", {"duration": 60.0, "filter": "second-order"}),
     "a vehicle is lost": Case("windy-grid", {"duration": 45.0, "lose": ("v4@16.3", "v6@30")}),
@@ -207,3 +208,14 @@ def test_figures_are_those_of_the_path(pair: Pair) -> None:
         assert _apart(figures.saturated[lane], saturated) < 1e-9
         made = sum(len(step) for step in plain.truth.sightings)
         assert figures.sightings[lane] == made
+
+
+@pytest.mark.parametrize("late", [0, 7, 40])
+@pytest.mark.parametrize("guidance", ["track", "mpc"])
+def test_a_hold_lasts_as_long_as_it_is_to(guidance: str, late: int) -> None:
+    quiet = {"motion": {"speed_sigma_mps": 0.0, "turn_rate_sigma_rad_s": 0.0}}
+    made, hold = changed("paper-grid-same", **quiet), ("v2@2.1:3.2",)
+    found = flown(made, range(2), guidance=guidance, hold=hold, late=late, duration=10.0)
+    moved = np.abs(np.diff(found.path[:, 1], axis=0)).max(axis=1)
+    for lane in range(2):
+        assert np.flatnonzero(moved[:, lane] == 0.0).tolist() == list(range(21, 53))

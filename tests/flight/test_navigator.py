@@ -1,5 +1,6 @@
 """The navigator: filter and guidance of flights one step at a time, to the same results."""
 
+import io
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -13,8 +14,10 @@ from syncplan.flight.flown_lanes import FlownLanes
 from syncplan.flight.flying import FlightRun, flight_run
 from syncplan.flight.navigator import Navigator
 from syncplan.flight.onboard_data import Sensed, TimedSighting
+from syncplan.orbits.circles import heading, position
 from syncplan.planning.judged_plan import Plan
 from tests.tools.flown_trials import lanes_begun
+from tests.tools.scenarios import example
 
 WINDY = "examples/scenarios/windy-grid.yaml"
 SECONDS = 40.0
@@ -98,6 +101,58 @@ def test_one_that_is_restored_goes_on_to_the_same_bytes(
     assert second.save() == first.save()
 
 
+def test_late_sightings_are_waited_for_as_in_a_flight() -> None:
+    """A camera that has seen nobody for a period looks for its anchor until a sighting arrives."""
+    run = flight_run(example("camera-pair"), late=300, duration=70.0, trials=1)
+    lanes, navigator = flown(run), Navigator(example("camera-pair"), late=300)
+    assert lanes.flown.sought.any()
+    for k, read in enumerate(sensed(lanes, 300)):
+        if k >= 300:
+            given = lanes.readings.speeds[k, :, 0]
+            np.testing.assert_allclose(navigator.command.speeds, given, rtol=0.0, atol=1e-9)
+        navigator.step(read)
+
+
+def test_one_that_began_elsewhere_is_restored_whole(plan: Plan) -> None:
+    """The robust filter looks back at where it began."""
+    period = round(plan.orbits.period / plan.sensors.sample_time)
+    run = flight_run(plan, filter="robust", duration=1.2 * plan.orbits.period, trials=1)
+    readings = list(sensed(flown(run)))
+    start = np.column_stack([position(plan.orbits, 0.0), heading(plan.orbits, 0.0)])
+    first, second = Navigator(plan, start=start + 1.5), Navigator(plan)
+    for read in readings[: period // 2]:
+        first.step(read)
+    second.restore(first.save())
+    for read in readings[period // 2 :]:
+        a, b = first.step(read), second.step(read)
+    np.testing.assert_array_equal(b[0].poses, a[0].poses)
+
+
+def test_a_state_of_another_plan_or_of_other_options_is_refused_and_changes_nothing(
+    plan: Plan,
+) -> None:
+    navigator = Navigator(plan, filter="ekf")
+    navigator.step(Sensed())
+    before = navigator.save()
+    orbit = plan.scenario.orbit.model_copy(update={"radius_m": 18.0})
+    other = plan.scenario.model_copy(update={"orbit": orbit})
+    for one in (
+        Navigator(plan, filter="robust"),
+        Navigator(plan, filter="ekf", guidance="mpc"),
+        Navigator(plan, filter="ekf", late=1),
+        Navigator(syncplan.plan(other, pilot=False), filter="ekf"),
+    ):
+        with pytest.raises(InputError, match="is of another plan, or of other options"):
+            navigator.restore(one.save())
+    with np.load(io.BytesIO(before)) as stored:
+        parts = {name: stored[name] for name in stored.files if name != "heard"}
+    cut = io.BytesIO()
+    np.savez(cut, **{**parts, "steps": np.array(7)})
+    with pytest.raises(InputError, match="is no state of a navigator"):
+        navigator.restore(cut.getvalue())
+    assert navigator.save() == before
+
+
 def test_readings_that_are_missing_are_taken_to_be_the_commands(plan: Plan) -> None:
     given, without, some = (Navigator(plan, filter="ekf") for _ in range(3))
     for _ in range(20):
@@ -152,6 +207,32 @@ def test_what_is_no_reading_of_the_team_is_refused(plan: Plan) -> None:
         navigator.restore(b"nothing")
     with pytest.raises(InputError, match="must be 6 poses"):
         Navigator(plan, start=np.zeros((2, 3)))
+
+
+@pytest.mark.parametrize(
+    ("read", "message"),
+    [
+        (Sensed(np.array([4.0] * 5 + [np.inf])), "speeds: must be finite, or NaN"),
+        (Sensed(sightings=[TimedSighting(0, 1, 0, np.inf)]), "must be finite, or NaN if it is"),
+        (Sensed(sightings=[TimedSighting(2, 2, 0, 0.3)]), "the target of a compass, and of it al"),
+        (Sensed(sightings=[TimedSighting(6, 0, 0, 0.1)]), "no such observer"),
+    ],
+)
+def test_what_is_refused_has_not_been_taken_in(plan: Plan, read: Sensed, message: str) -> None:
+    navigator = Navigator(plan, late=1)
+    navigator.step(Sensed())
+    before = navigator.save()
+    with pytest.raises(InputError, match=message):
+        navigator.step(read)
+    assert navigator.save() == before
+
+
+def test_a_sighting_that_is_nan_was_not_made(plan: Plan) -> None:
+    given, without = Navigator(plan), Navigator(plan)
+    for _ in range(3):
+        given.step(Sensed(sightings=[TimedSighting(0, 1, 0, np.nan)]))
+        without.step(Sensed())
+    assert given.save() == without.save()
 
 
 def test_its_options_are_those_of_flights() -> None:

@@ -59,14 +59,14 @@ def test_a_vehicle_flies_the_arc_of_its_command() -> None:
     assert y == pytest.approx(start[1] - radius * (np.cos(psi) - np.cos(start[2])), abs=1e-12)
 
 
-def test_commands_are_kept_within_limits_and_counted_where_they_were_not() -> None:
+def test_commands_are_kept_within_limits_and_counted_where_they_are_at_one() -> None:
     limits = {"limits": {"speed_mps": [2.0, 5.0], "turn_rate_rad_s": 0.4}}
     found = _motion({**QUIET, **limits})
-    commands = [(1.0, 0.1), (6.0, -0.1), (4.0, 0.5), (4.0, -0.5), (5.0, 0.4), (2.0, -0.4)]
+    commands = [(1.0, 0.1), (6.0, -0.1), (4.0, 0.5), (4.0, -0.5), (5.0, 0.1), (4.9, -0.39)]
     found.move(0, *commands)
-    within = [(2.0, 0.1), (5.0, -0.1), (4.0, 0.4), (4.0, -0.4), (5.0, 0.4), (2.0, -0.4)]
+    within = [(2.0, 0.1), (5.0, -0.1), (4.0, 0.4), (4.0, -0.4), (5.0, 0.1), (4.9, -0.39)]
     np.testing.assert_array_equal(found.flown.commands[..., 0], within)
-    np.testing.assert_array_equal(found.flown.saturated[:, 0], [1, 1, 1, 1, 0, 0])
+    np.testing.assert_array_equal(found.flown.saturated[:, 0], [1, 1, 1, 1, 1, 0])
     np.testing.assert_array_equal(found.speeds[:, 0], [one[0] for one in within])
 
 
@@ -161,6 +161,7 @@ def test_a_held_vehicle_that_has_to_fly_turns_on_the_spot() -> None:
     found.move(1, (4.0, 0.2), (4.0, 0.2))
     assert tuple(found.flown.commands[0, :, 0]) == (4.0, 0.2)
     assert tuple(found.flown.commands[1, :, 0]) == (2.5, 0.4)
+    assert found.flown.saturated[1, 0] == 0
 
 
 def test_a_hold_is_from_its_first_step_until_before_its_last() -> None:

@@ -270,7 +270,7 @@ class _Filter:
             h = found.toward[i] @ (self._ahead(i) - (self._ahead(anchor) if anchor < n else 0.0))
             missing = SURE_SIGMAS * math.sqrt(max(float(h @ self.P @ h), 0.0)) - found.slacks[i]
             by = min(max(missing, 0.0), found.most[i])
-            if self.at - truth.last_seen(i) > patience:
+            if self.at - truth.last_seen(i, self.at) > patience:
                 by = found.furthest[i]
             self.moved[i] += by * found.toward[i]
 

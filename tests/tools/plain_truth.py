@@ -127,7 +127,7 @@ class PlainTruth:
     path : (steps + 1, n, 3) m, m, rad
     speeds, turn_rates : (steps, n) as read
     commands : (steps, n, 2) m/s, rad/s, within limits
-    saturated : (steps, n) whether a command was beyond a limit
+    saturated : (steps, n) whether a command was at a limit, and not for a hold
     sightings : of each step
     seen : (steps + 1, n) whether a vehicle was in a sighting
     """
@@ -148,9 +148,9 @@ class PlainTruth:
         self.seen: Flags = np.zeros((steps + 1, n), dtype=bool)
         self.flown = 0
 
-    def last_seen(self, vehicle: int) -> int:
-        """Return the step of the last sighting of, or by, a vehicle; 0 before any."""
-        found = np.flatnonzero(self.seen[:, vehicle])
+    def last_seen(self, vehicle: int, by: int) -> int:
+        """Return the step of the last sighting of, or by, a vehicle up to a step; 0 before any."""
+        found = np.flatnonzero(self.seen[: by + 1, vehicle])
         return int(found[-1]) if len(found) else 0
 
     def lost(self, step: int) -> list[TimedLoss]:
@@ -191,12 +191,16 @@ class PlainTruth:
         k, time, limits = self.flown, self.team.sensors.sample_time, self.run.limits
         least, most = limits.least_speeds[i], limits.most_speeds[i]
         turn, lag = limits.most_turn_rates[i], self.run.plan.scenario.motion.lag_s or 0.0
+        held = False
         for hold in self.run.events.holds:
             begin, end = (steps_until(at, time) for at in (hold.time, hold.time + hold.length))
             if hold.vehicle == i and begin <= k < end:
-                wanted = np.array([least, turn if least > 0.0 else 0.0])
+                wanted, held = np.array([least, turn if least > 0.0 else 0.0]), True
         command = np.clip(wanted, [least, -turn], [most, turn])
-        self.saturated[k, i], self.commands[k, i] = np.any(command != wanted), command
+        range_ = np.array([most - least, 2.0 * turn])
+        beside = np.minimum(command - [least, -turn], [most, turn] - command)
+        self.saturated[k, i] = not held and bool(np.any(beside <= 1e-3 * range_))
+        self.commands[k, i] = command
         off, left = self.response[i] - command, math.exp(-time / lag) if lag > 0.0 else 0.0
         self.response[i] = command + left * off
         return np.asarray(command + lag / time * (1.0 - left) * off)
