@@ -15,7 +15,7 @@ from syncplan.flight.flown_team import FlownTeam
 from syncplan.flight.onboard_data import Sensed, TimedSighting
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 
-__all__ = ["Arrivals", "Sample"]
+__all__ = ["Arrivals", "SampleRead"]
 
 _NO_ROWS = np.zeros(0, dtype=np.int64)
 
@@ -24,7 +24,7 @@ NOTHING = Arrived(_NO_ROWS, _NO_ROWS, _NO_ROWS, np.zeros(0), np.zeros(0))
 
 
 @dataclass(slots=True)
-class Sample:
+class SampleRead:
     """Readings (n,) of a sample, and the sightings at its end so far."""
 
     speeds: Array
@@ -45,7 +45,7 @@ class Arrivals:
         self._names = names
         self._variances: list[list[float]] = np.square(team.setup.eyes.sigmas).tolist()
         self._bodies = team.team.count + len(team.team.landmarks)
-        self._samples: deque[Sample] = deque()
+        self._samples: deque[SampleRead] = deque()
 
     def __len__(self) -> int:
         return len(self._samples)
@@ -58,7 +58,7 @@ class Arrivals:
         speeds = _read(sensed.speeds, commanded[:, 0], "speeds")
         turn_rates = _read(sensed.turn_rates, commanded[:, 1], "turn_rates")
         made = self._made(sensed.sightings)
-        self._samples.append(Sample(speeds, turn_rates))
+        self._samples.append(SampleRead(speeds, turn_rates))
         newest = len(self._samples) - 1
         for one in made:
             if one.age > newest:
@@ -66,7 +66,7 @@ class Arrivals:
             else:
                 self._samples[newest - one.age].sightings.append(one)
 
-    def oldest(self) -> tuple[Sample, Arrived]:
+    def oldest(self) -> tuple[SampleRead, Arrived]:
         """Give up the oldest sample, with its sightings in the order of those of flights."""
         sample = self._samples.popleft()
         if not sample.sightings:
@@ -105,7 +105,7 @@ class Arrivals:
     def memory(self, kept: Mapping[str, Array | Index]) -> None:
         self.too_late = int(kept["too_late"])
         pairs = zip(kept["pending_speeds"], kept["pending_turn_rates"], strict=True)
-        self._samples = deque(Sample(*one) for one in pairs)
+        self._samples = deque(SampleRead(*one) for one in pairs)
         for place, observer, target, kind, value, age in kept["pending_sightings"].tolist():
             one = TimedSighting(int(observer), int(target), int(kind), value, int(age))
             self._samples[int(place)].sightings.append(one)

@@ -133,11 +133,10 @@ class FlownTeam:
         errors = self._errors(lasting)
         constants, gusts = errors.states(self.layout, steps, lanes)
         path = np.zeros((steps + 1, n, 3, lanes))
-        circles = self.setup.circles
+        circles, noise = self.setup.circles, self.team.noise
         planned = np.column_stack(
             [position(self.team.orbits, 0.0), heading(self.team.orbits, 0.0)]
         )[..., None]
-        noise = self.team.noise
         sigmas = np.array([noise.position_sigma, noise.position_sigma, noise.heading_sigma])
         path[0] = planned - sigmas[:, None] * poses.reshape(n, 3, lanes)
         start = np.stack([circles.rate * circles.radii, circles.rate * circles.senses], axis=1)

@@ -24,7 +24,7 @@ from syncplan.estimation.filters import FILTERS
 from syncplan.estimation.lane_filter import lanes_of
 from syncplan.estimation.online_filter import Arrived, OnlineFilter
 from syncplan.estimation.trial_readings import filter_stream
-from syncplan.flight.arrivals import Arrivals, Sample
+from syncplan.flight.arrivals import Arrivals, SampleRead
 from syncplan.flight.closed_loop import carry_on
 from syncplan.flight.flight_options import AS_COMMANDED, TRACKING, FlightOptions
 from syncplan.flight.flying import flight_run
@@ -219,7 +219,7 @@ class Navigator:
             found.update(np.ascontiguousarray(part, dtype=float).tobytes())
         return found.hexdigest()
 
-    def _take_in(self, sample: Sample, arrived: Arrived) -> None:
+    def _take_in(self, sample: SampleRead, arrived: Arrived) -> None:
         """Let the filter take in a sample."""
         step, heard = self._filter.steps + 1, self._heard[:, 0]
         n = len(heard)
