@@ -45,8 +45,9 @@ def figures_of(team: FlownTeam, lanes: FlownLanes) -> FlightFigures:
         nearest_times=np.asarray(close.step * time),
         kept_meetings=kept.T,
         longest_unseen=np.asarray(flown.longest.T * time),
-        slowest=flown.slowest.T,
-        fastest=flown.fastest.T,
+        # that of its circle for a vehicle that is held all the while
+        slowest=np.where(np.isinf(flown.slowest), orbits.speeds[:, None], flown.slowest).T,
+        fastest=np.where(np.isinf(flown.slowest), orbits.speeds[:, None], flown.fastest).T,
         saturated=(flown.saturated / steered).T,
         sought=(flown.sought / steered).T,
         refused=_refused(lanes),

@@ -158,6 +158,13 @@ def test_a_held_vehicle_is_back_when_it_keeps_its_phase_for_a_period(made: Plan)
     np.testing.assert_allclose(found, [3.0, 4.1, np.nan, 0.0])
 
 
+def test_speeds_of_a_hold_are_not_those_that_a_vehicle_needs(made: Plan) -> None:
+    held = fly(made, trials=1, hold=("v2@12:2", "v3@2:18"), threads=1)
+    least, most = (getattr(held.result.figures, name)[0] for name in ("slowest", "fastest"))
+    assert least[1] > 1.0
+    assert least[2] == most[2] == made.orbits.speeds[2]
+
+
 def test_a_vehicle_that_is_lost_before_it_is_back_never_was(made: Plan) -> None:
     found = [
         _settled(
