@@ -3,6 +3,7 @@
 console             standard output and standard error
 verdict_lines       GO or NO-GO, and findings
 fitted_tables       tables that leave out columns where it is narrow
+flown_lines         what flying a plan has found, in a line
 state_tables        tables of states that are no poses
 terminal_tables     tables of plans and runs for people
 replay_tables       tables of replays

@@ -44,6 +44,12 @@ def show_flight(document: FlightDocument, console: Console) -> None:
         settled = "" if one.settled_s is None else f"; in phase again {one.settled_s:.3g} s after"
         console.print(f"{escape(one.what)}{settled}")
     _print_missed(document, console)
+    if document.filter.gate_probability is not None:
+        sightings = document.filter.used + document.filter.gated
+        console.print(
+            f"gate at {document.filter.gate_probability:g}: {document.filter.gated} of {sightings} "
+            "sightings rejected"
+        )
     console.print(f"ANEES {spread_words(document.anees)}; NIS {spread_words(document.nis)}")
     show_findings(document.verdict, console)
     for note in document.notes:

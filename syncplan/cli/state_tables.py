@@ -5,9 +5,10 @@ from collections.abc import Sequence
 from rich.markup import escape
 
 from syncplan.cli.fitted_tables import FittedTable
-from syncplan.reports.flight_schemas import FlightDocument
+from syncplan.reports.flight_schemas import FlightDocument, FlownStateError
 from syncplan.reports.plan_schemas import PlanDocument, PredictedStateError
 from syncplan.reports.run_schemas import ValidationDocument
+from syncplan.reports.state_error_schemas import StateErrorFigures
 
 __all__ = [
     "determined_line",
@@ -83,12 +84,16 @@ def found_states_table(report: FlightDocument | ValidationDocument) -> FittedTab
             one.unit,
             f"{one.rms:.3g}",
             f"{one.rms_second_half:.3g}",
-            "-" if one.predicted_rms is None else f"{one.predicted_rms:.3g}",
+            "-" if (bound := _bound(one)) is None else f"{bound:.3g}",
             "-" if one.ratio is None else f"{one.ratio:.2f}",
             f"{100.0 * one.coverage:.1f} %",
         )
     table.count_hidden(len(report.errors) - MOST_ROWS)
     return table
+
+
+def _bound(one: FlownStateError | StateErrorFigures) -> float | None:
+    return one.bound_rms if isinstance(one, FlownStateError) else one.predicted_rms
 
 
 def _supposed(states: Sequence[PredictedStateError]) -> str:

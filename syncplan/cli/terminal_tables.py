@@ -5,6 +5,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from syncplan.cli.fitted_tables import FittedTable
+from syncplan.cli.flown_lines import flown_line
 from syncplan.cli.state_tables import (
     determined_line,
     expected_line,
@@ -66,6 +67,8 @@ def show_plan(document: PlanDocument, console: Console) -> None:
         console.print(
             f"least separation {nearest.min_m:.4g} m, {escape('-'.join(nearest.between))}"
         )
+    if document.flight is not None:
+        console.print(escape(flown_line(document.flight)))
     console.print(_synchronisation(document))
     console.print(_vehicle_table(document))
     _print_errors(document, console)

@@ -59,13 +59,15 @@ class SyncedVehicle(DocumentPart):
     )
     phase_error_s: tuple[float, float] | None = Field(
         default=None,
-        description="RMS and worst error of its phase that flying the plan has found, to compare "
-        "with the tolerances; null where the plan was not flown (syncplan plan --fly)",
+        description="RMS and worst error of its phase that flying the plan has found, over the "
+        "second half, to compare with the tolerances; null where the plan was not flown "
+        "(syncplan plan --fly)",
     )
     speed_needed_mps: tuple[float, float] | None = Field(
         default=None,
-        description="Least and largest airspeed that it commanded in these flights: the margin "
-        "about speed_mps that wind and errors take; null where the plan was not flown",
+        description="Least and largest airspeed that it commanded over the second half of these "
+        "flights, when a steady state is reached: the margin about speed_mps that wind and errors "
+        "take from then on; null where the plan was not flown",
     )
 
 

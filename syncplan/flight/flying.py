@@ -20,7 +20,7 @@ from syncplan.flight.flight_results import FlightResult, joined_flights
 from syncplan.flight.flights import fly_trials
 from syncplan.flight.flown_team import FlownTeam, team_in_flight
 from syncplan.planning.filter_choice import FilterChoice, asked_filter
-from syncplan.planning.flight_record import FlightRecord, FlownVehicleRecord
+from syncplan.planning.flight_record import FlightRecord, FlownPairRecord, FlownVehicleRecord
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.subjects import PlanSubject, planned
 from syncplan.results import Result
@@ -67,14 +67,19 @@ class FlightRun:
 
     @property
     def happenings(self) -> list[str]:
-        """What happens on the way, in words: events, and what sightings suffer."""
-        options, found = self.options, self.events.sentences
+        """What happens on the way, in words: events, what sightings suffer, and the wind."""
+        return [*self.events.sentences, *self.conditions]
+
+    @property
+    def conditions(self) -> list[str]:
+        """What sightings suffer, and the wind, in words; empty where nothing was asked for."""
+        options = self.options
         shares = {
             "of the sightings are lost on their way": options.dropout,
             "of the bearings are false": options.outliers,
             "of the sightings are of another body": options.mistaken,
         }
-        found += [f"{100.0 * share:g} % {what}" for what, share in shares.items() if share]
+        found = [f"{100.0 * share:g} % {what}" for what, share in shares.items() if share]
         if options.late:
             found.append(f"sightings arrive {options.late} samples late")
         if options.wind is not None:
@@ -142,6 +147,20 @@ class Flight(Result):
             separations=(float(np.median(apart)), float(apart.min())) if known else None,
             too_close_share=float(np.mean(apart < asked)) if known and asked > 0.0 else None,
             vehicles=tuple(self._flown(k) for k in np.flatnonzero(self.there).tolist()),
+            pairs=self._pairs,
+        )
+
+    @property
+    def _pairs(self) -> tuple[FlownPairRecord, ...]:
+        scenario, figures = self.run.plan.scenario, self.result.figures
+        names = [*scenario.vehicle_names, *scenario.landmark_names]
+        planned, kept = figures.planned_meetings.tolist(), figures.kept_meetings.mean(axis=0)
+        return tuple(
+            FlownPairRecord((names[a], names[b]), times, float(kept[k] / times))
+            for k, ((a, b), times) in enumerate(
+                zip(self.meetings.pairs.tolist(), planned, strict=True)
+            )
+            if times
         )
 
     def _flown(self, k: int) -> FlownVehicleRecord:

@@ -7,20 +7,42 @@ warning, and what happened in more than MOST_SHARE of them stops the flight.
 import math
 from collections.abc import Iterator
 
+import numpy as np
+
+from syncplan.arrays import Array
+from syncplan.observability.link_verdicts import LinkVerdict
+from syncplan.orbits.error_states import ERROR_STATES, layout_of
 from syncplan.phrases import listed
 from syncplan.planning.findings import Cure, Finding, Level
 from syncplan.planning.flight_record import FlightRecord
 from syncplan.planning.judged_team import JudgedTeam
 
-__all__ = ["MOST_SHARE", "lost_in_flight", "phase_not_kept", "too_close_in_flight"]
+__all__ = [
+    "LEAST_KEPT",
+    "MOST_SHARE",
+    "lost_in_flight",
+    "meetings_missed",
+    "phase_not_kept",
+    "too_close_in_flight",
+]
 
 MOST_SHARE = 0.05
-"""Share of trials above which what goes wrong stops a flight."""
+"""Share of trials, or of a pair's meetings, above which what goes wrong is no accident."""
 
-MOST_NAMED = 3
+LEAST_KEPT = 0.5
+"""Share of a pair's meetings below which they are over two periods apart, as for a vehicle that is
+out of contact."""
+
+MOST_NAMED, MOST_EVENTS = 3, 8
 
 PHASE_SIGMAS = 2.0
-"""A phase is kept where so many times its RMS error is within the tolerance."""
+"""A phase is kept where so many times its RMS error is within what is allowed."""
+
+RANDOM_PHASE = 1.0 / math.sqrt(12.0)
+"""RMS error, in periods, of a phase that is quite random: it says nothing any more."""
+
+LOOKS_FOR_ITS_START, KEEPS_APART, OPEN_LOOP = "robust", "mpc", "none"
+"""The filter and the guidances that cures name."""
 
 
 def lost_in_flight(judged: JudgedTeam) -> Iterator[Finding]:
@@ -29,19 +51,24 @@ def lost_in_flight(judged: JudgedTeam) -> Iterator[Finding]:
     if flight is None:
         return
     if flight.lost_share > 0.0:
+        states = layout_of(judged.team).names
         yield Finding(
             "lost-in-flight",
             _level(flight.lost_share),
-            f"the filter was lost in {_share(flight.lost_share)} of {_flown(flight)}: some "
+            f"the filter was lost in {_percent(flight.lost_share)} of {_flown(flight)}: some "
             "vehicle's error was over 5 times the bound along its path",
-            cure=Cure("filter.kind robust, more landmarks in view, or errors as states"),
+            cure=_cure(
+                ("filter.kind robust", flight.filter != LOOKS_FOR_ITS_START),
+                ("more landmarks in view", True),
+                ("errors as states", len(states) < len(ERROR_STATES)),
+            ),
         )
     if flight.out_of_contact_share > 0.0:
         yield Finding(
             "lost-in-flight",
             _level(flight.out_of_contact_share),
             f"a vehicle was out of contact for over two periods in "
-            f"{_share(flight.out_of_contact_share)} of {_flown(flight)}",
+            f"{_percent(flight.out_of_contact_share)} of {_flown(flight)}",
             cure=Cure("meetings that are further within range, or further links"),
         )
 
@@ -55,58 +82,130 @@ def too_close_in_flight(judged: JudgedTeam) -> Iterator[Finding]:
         "too-close-in-flight",
         _level(flight.too_close_share),
         f"vehicles came nearer than min_separation_m {judged.scenario.separation:g} in "
-        f"{_share(flight.too_close_share)} of {_flown(flight)}: {flight.separations[1]:.3g} m in "
-        f"the worst, {flight.separations[0]:.3g} m in the median one",
-        cure=Cure("move the circles apart, know the start better, or fly with guidance mpc"),
+        f"{_percent(flight.too_close_share)} of {_flown(flight)}: {flight.separations[1]:.3g} m "
+        f"in the worst, {flight.separations[0]:.3g} m in the median one",
+        cure=_cure(
+            ("move the circles apart", True),
+            ("know the start better", True),
+            (f"fly with guidance {KEEPS_APART}", flight.guidance != KEEPS_APART),
+        ),
     )
 
 
 def phase_not_kept(judged: JudgedTeam) -> Iterator[Finding]:
-    """Yield the finding that vehicles stray from their phases by more than their meetings bear.
+    """Yield the finding that vehicles stray from their phases by more than they may.
 
-    It stops the flight where an RMS error is over the tolerance itself.
+    Allowed is the tolerance of a vehicle's meetings, and at most half of what a phase that is quite
+    random has. It stops the flight where an RMS error is over that.
     """
     flight = judged.flight
     if flight is None:
         return
-    names = judged.scenario.vehicle_names
-    tolerances = {
-        name: min(
-            (one.tolerance for one in judged.links if names[one.a] == name or names[one.b] == name),
-            default=math.pi,
-        )
-        / judged.orbits.rate
-        for name in names
-    }
+    allowed = _allowed_phases(judged)
     off = [
         one
         for one in flight.vehicles
-        if PHASE_SIGMAS * one.phase_rms > tolerances.get(one.name, math.inf)
+        if PHASE_SIGMAS * one.phase_rms > allowed.get(one.name, math.inf)
     ]
     if off:
+        off.sort(key=lambda one: allowed[one.name] / one.phase_rms)
         each = [
-            f"{one.name} {one.phase_rms:.3g} s, {tolerances[one.name]:.3g} s allowed" for one in off
+            f"{one.name} {one.phase_rms:.3g} s, {allowed[one.name]:.3g} s allowed" for one in off
         ]
-        gone = any(one.phase_rms > tolerances[one.name] for one in off)
+        gone = any(one.phase_rms > allowed[one.name] for one in off)
         yield Finding(
             "phase-not-kept",
             "stop" if gone else "warning",
-            f"phases stray by more than {'' if gone else 'half of '}their tolerance (RMS of "
-            f"{_flown(flight)}): "
-            f"{listed(each, MOST_NAMED)}",
+            f"phases stray (RMS) by more than {'' if gone else 'half of '}what is allowed in "
+            f"{_flown(flight)}: {listed(each, MOST_NAMED)}",
             tuple(one.name for one in off),
-            Cure("meetings that are further within range, or a smaller error of the estimates"),
+            _steering_cure(flight),
         )
+
+
+def meetings_missed(judged: JudgedTeam) -> Iterator[Finding]:
+    """Yield the finding that pairs miss meetings that the plan's figures rest on.
+
+    It stops the flight where a pair keeps less than LEAST_KEPT of what it would on the circles.
+    """
+    flight = judged.flight
+    if flight is None:
+        return
+    names = [*judged.scenario.vehicle_names, *judged.scenario.landmark_names]
+    expected = {
+        (names[one.a], names[one.b]): _expected_share(judged, one)
+        for one in (*judged.links, *judged.landmark_links)
+    }
+    missed = sorted(
+        (one.kept_share / expected[one.between], one.between, one.kept_share)
+        for one in flight.pairs
+        if one.kept_share < (1.0 - MOST_SHARE) * expected.get(one.between, 0.0)
+    )
+    if missed:
+        each = [f"{'-'.join(between)} keeps {_percent(kept)}" for _, between, kept in missed]
+        yield Finding(
+            "meetings-missed",
+            "stop" if missed[0][0] < LEAST_KEPT else "warning",
+            f"meetings that the plan's figures rest on are missed in {_flown(flight)}: "
+            f"{listed(each, MOST_NAMED)}",
+            tuple(dict.fromkeys(name for _, between, _ in missed for name in between)),
+            _steering_cure(flight),
+        )
+
+
+def _allowed_phases(judged: JudgedTeam) -> dict[str, float]:
+    """RMS error in s that the phase of each vehicle may have."""
+    least = dict.fromkeys(judged.scenario.vehicle_names, 0.5 * RANDOM_PHASE * judged.orbits.period)
+    names = judged.scenario.vehicle_names
+    for link in judged.links:
+        for k in (link.a, link.b):
+            least[names[k]] = min(least[names[k]], link.tolerance / judged.orbits.rate)
+    return least
+
+
+def _expected_share(judged: JudgedTeam, link: LinkVerdict) -> float:
+    """The share of a pair's meetings with a sighting, by either, where circles are flown exactly.
+
+    Where a sensor is slow, or sees little of what is in view, some meetings have none.
+    """
+
+    def seen_by(k: int, windows: Array) -> float:
+        sensors = judged.sensors
+        chance = float(sensors.detection[k])
+        interval = float(sensors.every[k]) * sensors.sample_time
+        times = float(np.sum(windows[:, 1] - windows[:, 0])) / interval
+        return chance * times if times < 1.0 else 1.0 - (1.0 - chance) ** times
+
+    shares = [seen_by(link.a, link.forward)]
+    if link.b < judged.orbits.count:
+        shares.append(seen_by(link.b, link.backward))
+    return max(shares)
+
+
+def _steering_cure(flight: FlightRecord) -> Cure:
+    return _cure(
+        ("steer by the estimates (guidance track or mpc)", flight.guidance == OPEN_LOOP),
+        ("meetings that are further within range", True),
+        ("a smaller error of the estimates", True),
+    )
+
+
+def _cure(*ways: tuple[str, bool]) -> Cure:
+    """What would help, of ways each with whether it is still to be tried."""
+    *first, last = [text for text, untried in ways if untried]
+    return Cure(f"{', '.join(first)} or {last}" if first else last)
 
 
 def _level(share: float) -> Level:
     return "stop" if share > MOST_SHARE else "warning"
 
 
-def _share(share: float) -> str:
-    return f"{100.0 * share:.2g} %"
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.3g} %"
 
 
 def _flown(flight: FlightRecord) -> str:
-    events = f" with {len(flight.events)} events" if flight.events else ""
-    return f"{flight.trials} flights of {flight.duration:g} s{events}"
+    """How much was flown, with what happened on the way."""
+    flights = "1 flight" if flight.trials == 1 else f"{flight.trials} flights"
+    events = f" ({listed(flight.events, MOST_EVENTS)})" if flight.events else ""
+    return f"{flights} of {flight.duration:g} s{events}"

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-__all__ = ["FlightRecord", "FlownVehicleRecord"]
+__all__ = ["FlightRecord", "FlownPairRecord", "FlownVehicleRecord"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,7 +14,7 @@ class FlownVehicleRecord:
     name : the vehicle's
     phase_rms, phase_worst : s, ahead of the plan or behind it
     tracking_rms : m, from the plan's place
-    speeds : m/s, least and largest airspeed that was commanded
+    speeds : m/s, least and largest airspeed that was commanded, once a steady state is reached
     """
 
     name: str
@@ -22,6 +22,22 @@ class FlownVehicleRecord:
     phase_worst: float
     tracking_rms: float
     speeds: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class FlownPairRecord:
+    """How many of their meetings in the plan two bodies kept.
+
+    Attributes
+    ----------
+    between : names, of a vehicle and a vehicle or landmark
+    meetings : in the plan, in a trial
+    kept_share : of all trials' meetings, those in which a sighting was made
+    """
+
+    between: tuple[str, str]
+    meetings: int
+    kept_share: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +55,7 @@ class FlightRecord:
     separations : m, closest approach of the median and of the worst trial; None for one vehicle
     too_close_share : of trials below the separation asked; None where none is
     vehicles : of those there to the end, in order
+    pairs : that meet in the plan; none in older files
     """
 
     trials: int
@@ -52,3 +69,4 @@ class FlightRecord:
     separations: tuple[float, float] | None
     too_close_share: float | None
     vehicles: tuple[FlownVehicleRecord, ...]
+    pairs: tuple[FlownPairRecord, ...] = ()

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable
 from syncplan.planning.findings import Finding, Verdict
 from syncplan.planning.flight_checks import (
     lost_in_flight,
+    meetings_missed,
     phase_not_kept,
     too_close_in_flight,
 )
@@ -60,6 +61,7 @@ CHECKS: dict[str, Callable[[JudgedTeam], Iterable[Finding]]] = {
     "lost-in-flight": lost_in_flight,
     "too-close-in-flight": too_close_in_flight,
     "phase-not-kept": phase_not_kept,
+    "meetings-missed": meetings_missed,
     "not-estimated": not_estimated,
     "expected-worse": expected_worse,
     "error-undetermined": error_undetermined,

@@ -3,14 +3,14 @@
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from syncplan.arrays import as_pairs
 from syncplan.orbits.team import Team
 from syncplan.planning.figures_of_merit import FIGURES, Figures
-from syncplan.planning.flight_record import FlightRecord, FlownVehicleRecord
+from syncplan.planning.flight_record import FlightRecord, FlownPairRecord, FlownVehicleRecord
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.refinement_record import RefinementRecord, StartRecord
 from syncplan.planning.search_checks import CENTRES_PLACED, CLEARED, PLACED
@@ -25,6 +25,8 @@ __all__ = ["WrittenRecord", "with_record", "written_record"]
 SAME_ORBITS = 1e-4
 """Of the mean radius: links that come this near to what the file says are those it was written
 for."""
+
+Value = TypeVar("Value", float, str)
 
 Words = Annotated[str, Field(max_length=2000)]
 
@@ -92,6 +94,12 @@ class _WrittenPhasesFlown(_Read):
     speed_mps: Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
+class _WrittenMeetings(_Read):
+    between: Annotated[list[str], Field(min_length=2, max_length=2)]
+    meetings: int
+    kept_share: float
+
+
 class _WrittenFlight(_Read):
     trials: int
     seed: int
@@ -104,6 +112,7 @@ class _WrittenFlight(_Read):
     least_separation_m: Annotated[list[float], Field(min_length=2, max_length=2)] | None
     too_close_share: float | None
     vehicles: Many[_WrittenPhasesFlown]
+    meetings_kept: Many[_WrittenMeetings] = Field(default_factory=list)
 
 
 class _WrittenFinding(_Read):
@@ -244,10 +253,14 @@ def _flight(given: _WrittenFlight) -> FlightRecord:
             )
             for one in given.vehicles
         ),
+        pairs=tuple(
+            FlownPairRecord(_two(one.between), one.meetings, one.kept_share)
+            for one in given.meetings_kept
+        ),
     )
 
 
-def _two(values: list[float]) -> tuple[float, float]:
+def _two(values: list[Value]) -> tuple[Value, Value]:
     first, second = values
     return first, second
 

@@ -6,24 +6,26 @@ import numpy as np
 
 from syncplan import __version__
 from syncplan.arrays import Array
+from syncplan.flight.flight_options import AS_COMMANDED, GUIDANCES, FlightOptions
 from syncplan.flight.flying import Flight
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.lost_parts import phrase_of
 from syncplan.reports.document_base import finite_or_none
 from syncplan.reports.flight_notes import notes_of
 from syncplan.reports.flight_schemas import (
+    FlightConditions,
     FlightDocument,
     FlightErrors,
     FlightEvent,
     FlownLink,
     FlownSeparation,
+    FlownStateError,
     FlownVehicle,
     PhaseError,
     VehicleModel,
 )
 from syncplan.reports.flight_series_report import flight_over_time
 from syncplan.reports.run_schemas import FilterRecord
-from syncplan.reports.state_error_schemas import StateErrorFigures
 from syncplan.reports.validation_report import spread_of
 from syncplan.reports.verdict_schemas import plan_verdict
 
@@ -36,7 +38,7 @@ def flight_document(flight: Flight) -> FlightDocument:
     """Return the report of a flight."""
     run, plan, result = flight.run, flight.plan, flight.result
     found, figures = result.estimates, result.figures
-    options = run.options
+    options, record = run.options, flight.record
     document = FlightDocument(
         version=__version__,
         name=plan.scenario.name,
@@ -45,20 +47,12 @@ def flight_document(flight: Flight) -> FlightDocument:
         seed=found.seed,
         duration_s=run.duration,
         guidance=options.guidance,
+        conditions=_conditions(flight.run.options),
         vehicle_model=_model(flight),
-        filter=FilterRecord(
-            model=options.filter_model.motion,
-            kind=options.filter,
-            chosen_because=run.chosen_because,
-            judged_from_s=flight.judged_from,
-            substeps=options.motion_substeps,
-            gate_probability=options.gate_probability,
-            gated=int(found.gated.sum()),
-            used=int(found.accepted.sum()),
-        ),
+        filter=_filter(flight),
         observable=plan.observable,
-        filter_lost_share=float(flight.filter_lost.mean()),
-        out_of_contact_share=float(flight.out_of_contact.mean()),
+        filter_lost_share=record.lost_share,
+        out_of_contact_share=record.out_of_contact_share,
         least_separation_m=_separation(flight),
         saturated_share=float(figures.saturated.mean()),
         wind_error_mps=_wind_error(flight),
@@ -66,7 +60,10 @@ def flight_document(flight: Flight) -> FlightDocument:
         vehicles=[_vehicle(flight, k) for k in range(plan.team.count)],
         overall=_overall(flight),
         errors=_state_errors(flight),
-        links=_links(flight),
+        links=[
+            FlownLink(between=one.between, meetings=one.meetings, kept_share=one.kept_share)
+            for one in record.pairs
+        ],
         anees=spread_of(flight.anees),
         nis=spread_of(flight.nis),
         series=flight_over_time(flight),
@@ -75,13 +72,39 @@ def flight_document(flight: Flight) -> FlightDocument:
     return document.model_copy(update={"notes": notes_of(flight, document)})
 
 
+def _conditions(options: FlightOptions) -> FlightConditions:
+    return FlightConditions(
+        dropout=options.dropout,
+        outliers=options.outliers,
+        mistaken=options.mistaken,
+        late=options.late,
+        wind_mps=options.wind,
+    )
+
+
+def _filter(flight: Flight) -> FilterRecord:
+    options, found = flight.run.options, flight.result.estimates
+    return FilterRecord(
+        model=options.filter_model.motion,
+        kind=options.filter,
+        chosen_because=flight.run.chosen_because,
+        judged_from_s=flight.judged_from,
+        substeps=options.motion_substeps,
+        gate_probability=options.gate_probability,
+        gated=int(found.gated.sum()),
+        used=int(found.accepted.sum()),
+    )
+
+
 def _model(flight: Flight) -> VehicleModel:
     limits, motion = flight.run.limits, flight.run.plan.scenario.motion
     given = flight.run.plan.scenario.limits
+    speed, turn = (None, None) if given is None else (given.speed_mps, given.turn_rate_rad_s)
     return VehicleModel(
         speed_mps=(float(limits.least_speeds.min()), float(limits.most_speeds.max())),
         turn_rate_rad_s=float(limits.most_turn_rates.max()),
-        limits_from="default" if given is None or given.speed_mps is None else "scenario",
+        speed_from="default" if speed is None else "scenario",
+        turn_rate_from="default" if turn is None else "scenario",
         lag_s=motion.lag_s or 0.0,
         readings=motion.readings or "commanded",
     )
@@ -92,6 +115,7 @@ def _vehicle(flight: Flight, k: int) -> FlownVehicle:
     bodies = [*names, *flight.run.plan.scenario.landmark_names]
     anchor = int(flight.run.team.setup.contact.anchors[k])
     there = bool(flight.there[k])
+    decides = GUIDANCES[flight.run.options.guidance].mode == AS_COMMANDED
     pairs = flight.meetings.pairs
     own = np.flatnonzero((pairs == k).any(axis=1))
     planned = int(figures.planned_meetings[own].sum()) * flight.result.trials
@@ -110,6 +134,7 @@ def _vehicle(flight: Flight, k: int) -> FlownVehicle:
         meetings_kept=kept / planned if planned else None,
         longest_without_sighting_s=float(figures.longest_unseen[:, k].max()),
         saturated_share=float(figures.saturated[:, k].mean()),
+        refused_share=float(figures.refused[:, k].mean()) if decides else None,
         anchor=bodies[anchor] if anchor >= 0 else None,
         sought_share=float(figures.sought[:, k].mean()),
     )
@@ -228,7 +253,7 @@ def _wind_error(flight: Flight) -> float | None:
     return float(np.sqrt(squares.sum(axis=1).mean()))
 
 
-def _state_errors(flight: Flight) -> list[StateErrorFigures] | None:
+def _state_errors(flight: Flight) -> list[FlownStateError] | None:
     layout, found = flight.run.team.layout, flight.result.estimates
     labels = layout.labels(flight.run.plan.scenario.vehicle_names)
     if not labels:
@@ -239,32 +264,16 @@ def _state_errors(flight: Flight) -> list[StateErrorFigures] | None:
     bound = np.sqrt(flight.result.figures.state_bound_squares.mean(axis=0))
     covered = found.states_covered.mean(axis=0)
     return [
-        StateErrorFigures(
+        FlownStateError(
             state=label,
             unit=unit,
             rms=float(rms[k]),
             rms_second_half=float(late[k]),
-            predicted_rms=float(bound[k]),
+            bound_rms=float(bound[k]),
             ratio=_share(float(late[k]), float(bound[k])),
             coverage=float(covered[k]),
         )
         for k, (label, unit) in enumerate(zip(labels, layout.units, strict=True))
-    ]
-
-
-def _links(flight: Flight) -> list[FlownLink]:
-    scenario, figures = flight.run.plan.scenario, flight.result.figures
-    names = [*scenario.vehicle_names, *scenario.landmark_names]
-    return [
-        FlownLink(
-            between=(names[a], names[b]),
-            meetings=int(planned),
-            kept_share=float(figures.kept_meetings[:, k].mean() / planned),
-        )
-        for k, ((a, b), planned) in enumerate(
-            zip(flight.meetings.pairs.tolist(), figures.planned_meetings.tolist(), strict=True)
-        )
-        if planned
     ]
 
 

@@ -7,16 +7,17 @@ from pydantic import Field
 from syncplan.reports.document_base import DocumentPart
 from syncplan.reports.flight_series_schemas import FlightOverTime
 from syncplan.reports.run_schemas import Errors, FilterRecord, RunReport, Spread
-from syncplan.reports.state_error_schemas import StateErrorFigures
 from syncplan.reports.verdict_schemas import PlanVerdict
 from syncplan.scenario.disturbances import ReadingsKind
 
 __all__ = [
+    "FlightConditions",
     "FlightDocument",
     "FlightErrors",
     "FlightEvent",
     "FlownLink",
     "FlownSeparation",
+    "FlownStateError",
     "FlownVehicle",
     "PhaseError",
     "VehicleModel",
@@ -60,6 +61,10 @@ class FlownVehicle(DocumentPart):
     )
     longest_without_sighting_s: float = Field(description="In any trial, from time 0 on")
     saturated_share: float = Field(description="Share of samples with a command at a limit")
+    refused_share: float | None = Field(
+        description="Share of decisions of guidance mpc whose program was not solved: the vehicle "
+        "then flies the best of its guesses; null for other guidances"
+    )
     anchor: str | None = Field(description="By whom it keeps in contact; null for none")
     sought_share: float = Field(
         description="Share of samples at which its circle was moved to be sure of its anchor"
@@ -107,14 +112,43 @@ class FlightEvent(DocumentPart):
     )
 
 
+class FlightConditions(DocumentPart):
+    """What sightings suffer in every trial, and the air, as it was asked for."""
+
+    dropout: float = Field(description="Share of sightings that are lost on their way")
+    outliers: float = Field(description="Share of bearings that are false, anywhere in view")
+    mistaken: float = Field(description="Share of sightings of another body than is thought")
+    late: int = Field(description="Samples after which sightings arrive")
+    wind_mps: tuple[float, float] | None = Field(
+        description="True wind x, y of all trials; null where each draws its own by wind.sigma_mps"
+    )
+
+
+class FlownStateError(DocumentPart):
+    """Errors of a state of the filter that is no pose, over all trials."""
+
+    state: str = Field(description="What it is", examples=["wind x", "speed scale of v1"])
+    unit: str = Field(description="Of the errors", examples=["m/s"])
+    rms: float = Field(description="Over the samples after time 0")
+    rms_second_half: float
+    bound_rms: float = Field(
+        description="The bound along the paths truly flown, by the sightings truly made, RMS over "
+        "the second half"
+    )
+    ratio: float | None = Field(description="Second-half RMS over bound_rms")
+    coverage: float = Field(description="Share of samples within 3 sigma; ideal 0.9973")
+
+
+LimitsFrom = Literal["scenario", "default"]
+
+
 class VehicleModel(DocumentPart):
     """What the vehicles were taken to be."""
 
     speed_mps: tuple[float, float] = Field(description="Least and largest airspeed of any vehicle")
     turn_rate_rad_s: float = Field(description="Largest turn rate")
-    limits_from: Literal["scenario", "default"] = Field(
-        description="default: up to twice the plan's speed, up to 4 times its turn rate"
-    )
+    speed_from: LimitsFrom = Field(description="default: up to twice the plan's speed")
+    turn_rate_from: LimitsFrom = Field(description="default: up to 4 times the plan's turn rate")
     lag_s: float
     readings: ReadingsKind
 
@@ -129,6 +163,7 @@ class FlightDocument(RunReport):
     seed: int
     duration_s: float
     guidance: str
+    conditions: FlightConditions
     vehicle_model: VehicleModel
     filter: FilterRecord
     observable: bool
@@ -148,7 +183,7 @@ class FlightDocument(RunReport):
     events: list[FlightEvent]
     vehicles: list[FlownVehicle]
     overall: FlightErrors
-    errors: list[StateErrorFigures] | None = Field(
+    errors: list[FlownStateError] | None = Field(
         default=None,
         description="Of states of the filter that are no poses; absent where there are none",
     )

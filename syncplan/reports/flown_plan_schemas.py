@@ -5,7 +5,7 @@ from pydantic import Field
 from syncplan.planning.flight_record import FlightRecord
 from syncplan.reports.document_base import DocumentPart
 
-__all__ = ["FlownPlan", "PhasesFlown", "flown_plan"]
+__all__ = ["FlownPlan", "MeetingsFlown", "PhasesFlown", "flown_plan"]
 
 
 class PhasesFlown(DocumentPart):
@@ -16,8 +16,17 @@ class PhasesFlown(DocumentPart):
     phase_worst_s: float = Field(description="In any trial")
     tracking_rms_m: float = Field(description="From the plan's place")
     speed_mps: tuple[float, float] = Field(
-        description="Least and largest airspeed that was commanded: what it needs in the wind"
+        description="Least and largest airspeed that was commanded, once a steady state is "
+        "reached: what it needs in the wind"
     )
+
+
+class MeetingsFlown(DocumentPart):
+    """Two that meet in the plan: vehicles, or a vehicle and a landmark."""
+
+    between: tuple[str, str]
+    meetings: int = Field(description="In the plan, in each trial")
+    kept_share: float = Field(description="In which a sighting was made, of all trials'")
 
 
 class FlownPlan(DocumentPart):
@@ -38,6 +47,9 @@ class FlownPlan(DocumentPart):
         description="Share of trials below min_separation_m; null where none is asked for"
     )
     vehicles: list[PhasesFlown] = Field(description="Those that are there to the end")
+    meetings_kept: list[MeetingsFlown] = Field(
+        default_factory=list, description="Of each pair that meets; empty in older files"
+    )
 
 
 def flown_plan(record: FlightRecord) -> FlownPlan:
@@ -62,5 +74,9 @@ def flown_plan(record: FlightRecord) -> FlownPlan:
                 speed_mps=one.speeds,
             )
             for one in record.vehicles
+        ],
+        meetings_kept=[
+            MeetingsFlown(between=one.between, meetings=one.meetings, kept_share=one.kept_share)
+            for one in record.pairs
         ],
     )

@@ -102,3 +102,45 @@ def test_a_plan_file_is_flown_as_it_is(run: Any, tmp_path: Path) -> None:
     assert status == 2
     assert "plan.json" in err
     assert not target.exists()
+
+
+def test_a_plan_that_was_flown_says_what_was_found_in_a_line(run: Any) -> None:
+    quick = str(FILES / "five-ring.yaml")
+    status, out, _ = run("plan", quick, "--fly", "1", "--format", "table")
+    assert (status, out.splitlines()[0]) == (0, "GO")
+    flown = fly(quick, trials=1, threads=1).record
+    worst = max(flown.vehicles, key=lambda one: one.phase_rms)
+    assert flown.separations is not None
+    words = " ".join(out.split())
+    for found in (
+        "flown, 1 flight of 200 s: guidance track, ",
+        f"phase at most {worst.phase_rms:.3g} s off (RMS, {worst.name})",
+        "each pair keeps at least 100 % of its meetings",
+        f"closest two vehicles {flown.separations[1]:.3g} m",
+        "filter lost in 0 %",
+    ):
+        assert found in words
+    _, out, _ = run("plan", quick, "--format", "table")
+    assert "flown" not in out
+
+
+def test_a_team_that_drifts_away_is_stopped_by_its_phases_and_by_its_meetings(run: Any) -> None:
+    target = (GRID, "--guidance", "none", "--trials", "3", "--threads", "1", "--require-go")
+    status, out, _ = run("fly", *target, "--format", "json")
+    assert status == 3
+    levels = {one["code"]: one["level"] for one in json.loads(out)["verdict"]["findings"]}
+    assert levels["phase-not-kept"] == levels["meetings-missed"] == "stop"
+
+
+def test_a_table_of_what_went_wrong_names_it_and_the_gate(run: Any) -> None:
+    wrong = ("--outliers", "0.1", "--late", "2", "--wind", "0.5,0")
+    status, out, _ = run("fly", GRID, *QUICK, *wrong, "--format", "table")
+    assert status == 0
+    words = " ".join(out.split())
+    for said in (
+        "in every trial 10 % of the bearings are false, sightings arrive 2 samples late, the wind "
+        "is 0.5, 0 m/s",
+        "gate at 0.9999: ",
+        "sightings rejected",
+    ):
+        assert said in words

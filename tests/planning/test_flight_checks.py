@@ -4,11 +4,13 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import syncplan
-from syncplan.planning.flight_checks import MOST_SHARE
-from syncplan.planning.flight_record import FlightRecord, FlownVehicleRecord
+from syncplan.planning.findings import Finding
+from syncplan.planning.flight_checks import LEAST_KEPT, MOST_SHARE
+from syncplan.planning.flight_record import FlightRecord, FlownPairRecord, FlownVehicleRecord
 from syncplan.planning.judged_plan import Plan
 
 GRID = "examples/scenarios/paper-grid-same.yaml"
@@ -25,6 +27,10 @@ WELL = FlightRecord(
     separations=(25.0, 14.0),
     too_close_share=None,
     vehicles=tuple(FlownVehicleRecord(f"v{k}", 0.2, 0.9, 1.2, (3.0, 5.0)) for k in range(1, 7)),
+    pairs=tuple(
+        FlownPairRecord(between, 5, 1.0)
+        for between in (("v1", "v2"), ("v2", "v3"), ("v3", "L1"), ("v4", "L2"))
+    ),
 )
 
 
@@ -35,9 +41,22 @@ def plan() -> Plan:
 
 def levels(plan: Plan, record: FlightRecord) -> dict[str, str]:
     """The level of each finding of a flight, by its code."""
-    codes = ("lost-in-flight", "too-close-in-flight", "phase-not-kept")
+    return {one.code: one.level for one in found_of(plan, record)}
+
+
+def found_of(plan: Plan, record: FlightRecord) -> list[Finding]:
+    """The findings of a flight."""
+    codes = ("lost-in-flight", "too-close-in-flight", "phase-not-kept", "meetings-missed")
     found = replace(plan, flight=record).verdict.findings
-    return {one.code: one.level for one in found if one.code in codes}
+    return [one for one in found if one.code in codes]
+
+
+def flown_with(record: FlightRecord, **shares: float) -> FlightRecord:
+    """The record with the shares of meetings that pairs kept, such as v1_v2=0.9."""
+    own = {tuple(name.split("_")): share for name, share in shares.items()}
+    pairs = [replace(one, kept_share=own.get(one.between, 1.0)) for one in record.pairs]
+    assert own.keys() <= {one.between for one in pairs}
+    return replace(record, pairs=tuple(pairs))
 
 
 def test_a_flight_that_went_well_finds_nothing(plan: Plan) -> None:
@@ -60,17 +79,94 @@ def test_vehicles_that_come_too_near_warn_where_a_separation_is_asked_for(plan: 
     assert levels(plan, replace(WELL, too_close_share=0.2)) == {"too-close-in-flight": "stop"}
 
 
-def test_a_phase_is_kept_within_half_of_the_tolerance_of_its_meetings(plan: Plan) -> None:
-    least = min(one.tolerance for one in plan.links if one.a == 0 or one.b == 0)
-    tolerance = least / plan.orbits.rate
+def expected(code: str, level: str | None) -> dict[str, str]:
+    """The findings that there are where one has a level."""
+    return {} if level is None else {code: level}
+
+
+PHASES = {0.49: None, 0.51: "warning", 0.99: "warning", 1.01: "stop"}
+"""Levels by the share of the allowed phase error."""
+
+
+@pytest.mark.parametrize("share", PHASES)
+def test_a_phase_is_kept_within_half_of_the_tolerance_of_its_meetings(
+    plan: Plan, share: float
+) -> None:
+    tolerance = 1.0
+    links = tuple(replace(one, tolerance=tolerance * plan.orbits.rate) for one in plan.links)
     first, *others = WELL.vehicles
-    kept = {0.49: None, 0.51: "warning", 0.99: "warning", 1.01: "stop"}
-    for share, level in kept.items():
-        expected = {} if level is None else {"phase-not-kept": level}
-        vehicles = (replace(first, phase_rms=share * tolerance), *others)
-        assert levels(plan, replace(WELL, vehicles=vehicles)) == expected
+    vehicles = (replace(first, phase_rms=share * tolerance), *others)
+    narrow = replace(plan, links=links)
+    found = levels(narrow, replace(WELL, vehicles=vehicles))
+    assert found == expected("phase-not-kept", PHASES[share])
     # those of vehicles that are gone are not asked for
-    assert levels(plan, replace(WELL, vehicles=tuple(others))) == {}
+    assert levels(narrow, replace(WELL, vehicles=tuple(others))) == {}
+
+
+@pytest.mark.parametrize("share", PHASES)
+def test_no_phase_is_kept_that_is_half_as_spread_as_a_random_one(plan: Plan, share: float) -> None:
+    anywhere = np.linspace(-0.5, 0.5, 10001) * plan.orbits.period
+    half = 0.5 * float(np.sqrt(np.mean(anywhere**2)))
+    assert half < min(one.tolerance for one in plan.links) / plan.orbits.rate
+    first, *others = WELL.vehicles
+    vehicles = (replace(first, phase_rms=share * half), *others)
+    found = levels(plan, replace(WELL, vehicles=vehicles))
+    assert found == expected("phase-not-kept", PHASES[share])
+
+
+@pytest.mark.parametrize("pair", ["v1_v2", "v3_L1"])
+def test_meetings_that_are_missed_warn_and_stop_where_most_are(plan: Plan, pair: str) -> None:
+    kept = {1.01 - MOST_SHARE: None, 0.99 - MOST_SHARE: "warning"}
+    kept |= {LEAST_KEPT + 0.01: "warning", LEAST_KEPT - 0.01: "stop", 0.0: "stop"}
+    for share, level in kept.items():
+        found = levels(plan, flown_with(WELL, **{pair: share}))
+        assert found == expected("meetings-missed", level)
+    (worst,) = found_of(plan, flown_with(WELL, **{pair: 0.13, "v2_v3": 0.9}))
+    a, b = pair.split("_")
+    assert f"50 flights of 200 s: {a}-{b} keeps 13 %, v2-v3 keeps 90 %" in worst.message
+    assert worst.subjects[:2] == (a, b)
+
+
+def test_meetings_by_the_way_and_those_of_older_files_are_not_judged(plan: Plan) -> None:
+    assert (0, 2) not in {(one.a, one.b) for one in plan.links}
+    by_the_way = FlownPairRecord(("v1", "v3"), 5, 0.1)
+    assert levels(plan, replace(WELL, pairs=(by_the_way,))) == {}
+    assert levels(plan, replace(WELL, pairs=())) == {}
+
+
+def test_meetings_that_a_slow_sensor_misses_on_the_circles_are_not_asked_for(plan: Plan) -> None:
+    (link,) = (one for one in plan.links if (one.a, one.b) == (0, 1))
+    contact = max(float(np.diff(one).sum()) for one in (link.forward, link.backward))
+    every = np.full(6, round(2.0 * contact / plan.sensors.sample_time))
+    slow = replace(plan, team=replace(plan.team, sensors=replace(plan.sensors, every=every)))
+    only = replace(WELL, pairs=WELL.pairs[:1])
+    for share, level in {0.49: None, 0.4: "warning", 0.24: "stop"}.items():
+        found = levels(slow, flown_with(only, v1_v2=share))
+        assert found == expected("meetings-missed", level)
+
+
+def test_shares_and_flights_are_worded_as_they_are(plan: Plan) -> None:
+    one = replace(WELL, trials=1, lost_share=1.0, events=("v3 is lost at 60 s",))
+    (found,) = found_of(plan, one)
+    assert "lost in 100 % of 1 flight of 200 s (v3 is lost at 60 s): some" in found.message
+    late = "sightings arrive 3 samples late"
+    (found,) = found_of(plan, replace(one, trials=3, events=(*one.events, late)))
+    assert f"3 flights of 200 s (v3 is lost at 60 s, {late}): some" in found.message
+
+
+def test_no_cure_is_named_that_was_in_use(plan: Plan) -> None:
+    def cure(**changes: object) -> str:
+        (found,) = found_of(plan, replace(WELL, **changes))  # type: ignore[arg-type]
+        assert found.cure is not None
+        return found.cure.text
+
+    assert "robust" in cure(lost_share=0.1, filter="ekf")
+    assert "robust" not in cure(lost_share=0.1, filter="robust")
+    assert "guidance mpc" in cure(too_close_share=0.1)
+    assert "mpc" not in cure(too_close_share=0.1, guidance="mpc")
+    pairs = flown_with(WELL, v1_v2=0.4).pairs
+    assert "steer by the estimates" in cure(pairs=pairs, guidance="none")
+    assert "steer by" not in cure(pairs=pairs)
 
 
 def test_a_plan_file_keeps_what_flying_has_found(plan: Plan, tmp_path: Path) -> None:
@@ -80,6 +176,14 @@ def test_a_plan_file_keeps_what_flying_has_found(plan: Plan, tmp_path: Path) -> 
     assert read.flight == flown.flight
     values = json.loads((tmp_path / "plan.json").read_text())
     assert values["flight"]["vehicles"][0]["speed_mps"] == [3.0, 5.0]
+    third = {"between": ["v3", "L1"], "meetings": 5, "kept_share": 1.0}
+    assert values["flight"]["meetings_kept"][2] == third
+    # a file from before meetings were kept
+    del values["flight"]["meetings_kept"]
+    (tmp_path / "older.json").write_text(json.dumps(values))
+    older = syncplan.load_plan(tmp_path / "older.json")
+    assert flown.flight is not None
+    assert older.flight == replace(flown.flight, pairs=())
     plan.save(tmp_path / "other.json")
     assert "flight" not in json.loads((tmp_path / "other.json").read_text())
 
