@@ -74,7 +74,8 @@ class FlightRequest(FilterRequest):
     )
     hold: Events = Field(
         default=[],
-        description="Vehicles that are held where they are: v2@100:20, from 100 s on for 20 s",
+        description="Vehicles that are held: v2@100:20, from 100 s on for 20 s. They stand still "
+        "in the air, or circle where speed has a least, and drift with the wind",
         examples=[["v1@20:5"]],
     )
     dropout: Share = Field(
@@ -85,7 +86,7 @@ class FlightRequest(FilterRequest):
     )
     mistaken: Share = Field(
         default=USUAL.mistaken,
-        description="Share of sightings that are of another vehicle than is thought",
+        description="Share of sightings that are of another vehicle in sight than is thought",
     )
     late: Annotated[int, Field(ge=0, le=MOST_LATE)] = Field(
         default=USUAL.late, description="Samples after which sightings arrive"
@@ -118,7 +119,7 @@ class FlightRequest(FilterRequest):
             choice = asked_filter(scenario, options)
             if choice is not None:
                 replace(options, filter=choice.name)
-            events_of(options.lose, options.hold, scenario, self.length(scenario))
+            events_of(options, scenario, self.length(scenario))
 
 
 @lru_cache(maxsize=2)

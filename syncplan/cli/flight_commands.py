@@ -59,8 +59,8 @@ Lose = Annotated[
 Hold = Annotated[
     list[str] | None,
     typer.Option(
-        help="Hold a vehicle where it is: v2@100:20, from 100 s on for 20 s; may be given several "
-        "times",
+        help="Hold a vehicle: v2@100:20, from 100 s on for 20 s. It stands still in the air, or "
+        "circles where speed has a least, and drifts with the wind; may be given several times",
         show_default=False,
     ),
 ]
@@ -73,7 +73,8 @@ Outliers = Annotated[
     ),
 ]
 Mistaken = Annotated[
-    float, typer.Option(help="Share of sightings that are of another vehicle than is thought")
+    float,
+    typer.Option(help="Share of sightings that are of another vehicle in sight than is thought"),
 ]
 Late = Annotated[int, typer.Option(help="Samples after which sightings arrive")]
 Wind = Annotated[

@@ -7,7 +7,7 @@ from syncplan.cli.fitted_tables import FittedTable
 from syncplan.cli.state_tables import found_states_table
 from syncplan.cli.terminal_tables import MOST_ROWS, spread_words
 from syncplan.cli.verdict_lines import show_findings, show_verdict
-from syncplan.reports.flight_schemas import FlightDocument, FlownVehicle
+from syncplan.reports.flight_schemas import FlightDocument, FlownLink, FlownVehicle
 
 __all__ = ["show_flight"]
 
@@ -43,7 +43,7 @@ def show_flight(document: FlightDocument, console: Console) -> None:
     for one in document.events:
         settled = "" if one.settled_s is None else f"; in phase again {one.settled_s:.3g} s after"
         console.print(f"{escape(one.what)}{settled}")
-    _print_missed(document, console)
+    _print_missed(document.links, console)
     if document.filter.gate_probability is not None:
         sightings = document.filter.used + document.filter.gated
         console.print(
@@ -89,17 +89,16 @@ def _cells(one: FlownVehicle) -> list[str]:
     ]
 
 
-def _print_missed(document: FlightDocument, console: Console) -> None:
+def _print_missed(links: list[FlownLink], console: Console) -> None:
     """The pairs that missed some of their meetings, the worst first."""
-    missed = sorted(
-        (one for one in document.links if one.kept_share < 1.0), key=lambda one: one.kept_share
-    )
+    missed = sorted((one for one in links if one.kept_share < 1.0), key=lambda one: one.kept_share)
     if missed:
         texts = [
             f"{'-'.join(one.between)} {_percent(one.kept_share)}" for one in missed[:MOST_MISSED]
         ]
         more = f" and {len(missed) - MOST_MISSED} more" if len(missed) > MOST_MISSED else ""
-        console.print(f"meetings kept: {escape(', '.join(texts))}{more}; all others all")
+        rest = "; of all others all" if len(missed) < len(links) else ""
+        console.print(f"meetings kept: {escape(', '.join(texts))}{more}{rest}")
 
 
 def _percent(share: float) -> str:

@@ -5,11 +5,12 @@ L1@60 landmark L1; v2@100:20 holds vehicle v2 from 100 s on for 20 s.
 """
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 from syncplan.errors import InputError
+from syncplan.flight.flight_options import FlightOptions
 from syncplan.orbits.losses import Loss
+from syncplan.orbits.sightings import samples_before, steps_within
 from syncplan.planning.lost_parts import lost_together, phrase_of
 from syncplan.scenario.specification import Scenario
 
@@ -32,7 +33,10 @@ class TimedLoss:
 
 @dataclass(frozen=True, slots=True)
 class Hold:
-    """A vehicle, by name and number, that stays where it is from `time` on for `length`, in s."""
+    """A vehicle, by name and number, that stands still in the air from `time` on for `length` in s.
+
+    It drifts with the wind, and flies the smallest circles it can where it has a least speed.
+    """
 
     name: str
     vehicle: int
@@ -60,18 +64,35 @@ class FlightEvents:
         return [one.sentence for one in found]
 
 
-def events_of(
-    lose: Iterable[str], hold: Iterable[str], scenario: Scenario, duration: float
-) -> FlightEvents:
-    """Return the events that texts name, in a flight of `duration` s.
+@dataclass(frozen=True, slots=True)
+class _FlightTime:
+    """The time of a flight, in s, and in samples."""
+
+    duration: float
+    sample_time: float
+
+    @property
+    def steps(self) -> int:
+        return steps_within(self.duration, self.sample_time)
+
+    def first_step(self, time: float) -> int:
+        """The first step that is not before a time."""
+        return samples_before(time, self.sample_time)
+
+
+def events_of(options: FlightOptions, scenario: Scenario, duration: float) -> FlightEvents:
+    """Return the events that options name, in a flight of `duration` s.
 
     Raises InputError, key `lose` or `hold`, for a text that is none, a name that nothing has, a
-    time that is no time of the flight, and for what is lost or held twice.
+    time that is no time of the flight, and for what is lost or held twice; key `late` or
+    `mistaken` for sightings that never arrive, or have nothing to be mistaken for.
     """
-    losses = sorted((_loss(text, scenario, duration) for text in lose), key=lambda one: one.time)
+    run = _FlightTime(duration, scenario.sample_time)
+    _check_sightings(options, scenario, run)
+    losses = sorted((_loss(text, scenario, run) for text in options.lose), key=_time_of)
     if losses:
         lost_together([one.name for one in losses], scenario)
-    holds = sorted((_hold(text, scenario, duration) for text in hold), key=lambda one: one.time)
+    holds = sorted((_hold(text, scenario, run) for text in options.hold), key=_time_of)
     for k, one in enumerate(holds):
         for other in holds[:k]:
             if other.vehicle == one.vehicle and other.time + other.length > one.time:
@@ -84,15 +105,29 @@ def events_of(
     return FlightEvents(tuple(losses), tuple(holds))
 
 
-def _loss(text: str, scenario: Scenario, duration: float) -> TimedLoss:
+def _time_of(event: TimedLoss | Hold) -> float:
+    return event.time
+
+
+def _check_sightings(options: FlightOptions, scenario: Scenario, run: _FlightTime) -> None:
+    if options.late >= run.steps:
+        problem = f"{options.late} given, the flight has {run.steps} samples; give fewer"
+        raise InputError(problem, key="late")
+    others = scenario.size - 2 if not scenario.landmarks else scenario.size - 1
+    if options.mistaken > 0.0 and others < 1:
+        problem = f"{options.mistaken:g} given, but no other vehicle could be sighted instead"
+        raise InputError(f"{problem}; leave it out", key="mistaken")
+
+
+def _loss(text: str, scenario: Scenario, run: _FlightTime) -> TimedLoss:
     name, at, when = text.rpartition("@")
     if not at:
         raise InputError(f"{text!r} has no time; give it as v3@60, in s", key="lose")
-    time = _time(when, text, "lose", "v3@60", duration)
+    time = _time(when, text, "lose", "v3@60", run)
     return TimedLoss(name, lost_together([name], scenario), time)
 
 
-def _hold(text: str, scenario: Scenario, duration: float) -> Hold:
+def _hold(text: str, scenario: Scenario, run: _FlightTime) -> Hold:
     name, at, rest = text.rpartition("@")
     when, colon, long = rest.partition(":")
     if not (at and colon):
@@ -102,18 +137,30 @@ def _hold(text: str, scenario: Scenario, duration: float) -> Hold:
     if name not in names:
         problem = f"{text}: no vehicle is named {name}; vehicles are {_shown(names)}"
         raise InputError(problem, key="hold")
-    time = _time(when, text, "hold", "v2@100:20", duration)
+    time = _time(when, text, "hold", "v2@100:20", run)
     length = _number(long, text, "hold", "v2@100:20")
     if not length > 0.0:
         raise InputError(f"{text}: {length:g} s is no length; give more than 0 s", key="hold")
+    end = time + length
+    if end - run.duration > 1e-9 * run.sample_time:
+        most = f"{name}@{time:g}:{run.duration - time:.6g}"
+        problem = f"{text}: ends at {end:g} s, after the flight of {run.duration:g} s"
+        raise InputError(f"{problem}; give at most {most}", key="hold")
+    if run.first_step(end) == run.first_step(time):
+        problem = f"{text}: no sample begins in this time; samples are {run.sample_time:g} s long"
+        raise InputError(f"{problem}, give a longer hold", key="hold")
     return Hold(name, names.index(name), time, length)
 
 
-def _time(text: str, whole: str, key: str, example: str, duration: float) -> float:
-    time = _number(text, whole, key, example)
-    if not 0.0 <= time < duration:
-        problem = f"{whole}: {time:g} s is no time of the flight, which is from 0 to {duration:g} s"
+def _time(text: str, whole: str, key: str, example: str, run: _FlightTime) -> float:
+    time, until = _number(text, whole, key, example), run.duration
+    if not 0.0 <= time < until:
+        problem = f"{whole}: {time:g} s is no time of the flight, which is from 0 to {until:g} s"
         raise InputError(f"{problem}; give one before its end", key=key)
+    if run.first_step(time) >= run.steps:
+        last = (run.steps - 1) * run.sample_time
+        problem = f"{whole}: the last sample of the flight begins at {last:.6g} s"
+        raise InputError(f"{problem}; give a time up to then", key=key)
     return time
 
 

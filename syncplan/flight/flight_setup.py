@@ -98,7 +98,7 @@ class Mishaps(NamedTuple):
     ------
     gone_from : (n + m,) from which a vehicle or landmark takes no further part
     blind_from : (K, n) from which a vehicle makes no sightings of a kind
-    held_from, held_until : (n, h) between which a vehicle stays where it is
+    held_from, held_until : (n, h) between which a vehicle stands still in the air
     dropout : share of sightings that are lost on their way
     outliers : share of bearings that are of nothing, anywhere in view
     mistaken : share of sightings that are of another vehicle in sight than the filter thinks

@@ -144,17 +144,16 @@ def _bounds(team: FlownTeam, lanes: FlownLanes, counted: Flags) -> tuple[Array, 
 def _settled(team: FlownTeam, ahead: Array) -> Array:
     """(lanes, h) s from the end of each hold until the vehicle keeps its phase for a period.
 
-    A vehicle that is gone before has not.
+    NaN where it never does, or less than a period is left in which it could.
     """
     time, found = team.setup.time, []
     period = step_of(team.team.orbits.period, time)
     for hold in team.events.holds:
-        end = step_of(hold.time + hold.length, time)
-        gone = team.setup.mishaps.gone_from[hold.vehicle]
-        off = np.abs(ahead[end:gone, hold.vehicle]) > IN_PHASE_S
+        after = team.steps_after(hold)
+        off = np.abs(ahead[after.start : after.stop, hold.vehicle]) > IN_PHASE_S
         # off at some sample of the period that begins here
         total = np.cumsum(np.concatenate([np.zeros((1, off.shape[1])), off]), axis=0)
-        if len(off) < period:
+        if not team.shows_phase_after(hold):
             found.append(np.full(off.shape[1], np.nan))
             continue
         calm = total[period:] == total[:-period]

@@ -14,7 +14,7 @@ from syncplan.estimation.augmented_setup import (
 from syncplan.estimation.drawn_errors import DrawnErrors, error_draws
 from syncplan.estimation.filter_setup import build_setup
 from syncplan.flight.anchors import Anchors, anchors_of
-from syncplan.flight.flight_events import FlightEvents
+from syncplan.flight.flight_events import FlightEvents, Hold
 from syncplan.flight.flight_limits import FlightLimits
 from syncplan.flight.flight_options import GUIDANCES, FlightOptions
 from syncplan.flight.flight_setup import (
@@ -92,6 +92,17 @@ class FlownTeam:
         """Steps from which on a vehicle that was held is free again, in order."""
         time = self.setup.time
         return sorted({step_of(one.time + one.length, time) for one in self.events.holds})
+
+    def steps_after(self, hold: Hold) -> range:
+        """Return the steps from the end of a hold on at which its vehicle takes part."""
+        gone = int(self.setup.mishaps.gone_from[hold.vehicle])
+        end = step_of(hold.time + hold.length, self.setup.time)
+        return range(end, min(gone, self.steps + 1))
+
+    def shows_phase_after(self, hold: Hold) -> bool:
+        """Return whether a period is left after a hold, in which its vehicle can keep its phase."""
+        period = step_of(self.team.orbits.period, self.setup.time)
+        return len(self.steps_after(hold)) >= period
 
     def setup_from(self, step: int) -> FlightSetup:
         """Return the set-up of the closed loop from a step on: anchors are of what is left."""

@@ -77,7 +77,7 @@ class FlightRun:
         shares = {
             "of the sightings are lost on their way": options.dropout,
             "of the bearings are false": options.outliers,
-            "of the sightings are of another body": options.mistaken,
+            "of the sightings are of another vehicle, if one is in sight": options.mistaken,
         }
         found = [f"{100.0 * share:g} % {what}" for what, share in shares.items() if share]
         if options.late:
@@ -258,7 +258,7 @@ def flight_run(
         (motion.lag_s or 0.0, motion.readings == "measured"),
         steps,
         chosen,
-        events_of(chosen.lose, chosen.hold, scenario, duration),
+        events_of(chosen, scenario, duration),
     )
     return FlightRun(plan, duration, chosen, choice.reason, limits, team)
 

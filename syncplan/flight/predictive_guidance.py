@@ -1,4 +1,4 @@
-"""Guidance `mpc`: each vehicle decides by a quadratic program how to fly the next third of a turn.
+"""Guidance `mpc`: each vehicle decides by a quadratic program how to fly what is next of its turn.
 
 Every `interval` seconds, from estimates:
 
@@ -10,7 +10,8 @@ Every `interval` seconds, from estimates:
 What is flown is within limits in any case. A program that OSQP does not solve is refused: the
 vehicle flies its guess. A vehicle that is held is taken to stay where it is.
 
-The horizon: steps of 0.1 rad of a turn, or of the interval where that is longer; 20 of them, 2 rad.
+The horizon: steps of 0.1 rad of a turn, or of the interval where that is longer; 20 of them, so at
+least 10 s and 2 rad, a third of a turn. At 0.8 rad/s it is 1.27 turns.
 In that time a vehicle with default limits turns round and crosses its circle, so that from half a
 period off it has its place in reach. Errors count in shares of the radius, commands in shares of
 the plan's speed and rate: nothing is in metres. Places, not phases: along and across the circle

@@ -17,6 +17,7 @@ def notes_of(flight: Flight, report: FlightDocument) -> list[str]:
         f"guidance {report.guidance}: {GUIDANCES[report.guidance].sentence} Vehicles start where "
         "initial_sigma puts them, about the plan, and their estimates at the plan",
         *_of_conditions(flight),
+        *_of_holds(flight),
         *_of_vehicles(report),
         *_of_places(flight),
         *_of_filter(flight, report),
@@ -39,6 +40,21 @@ def _of_conditions(flight: Flight) -> Iterator[str]:
             "a vehicle that is lost takes no further part: nobody sees it, it sees nobody, and "
             "separations leave it out"
         )
+
+
+def _of_holds(flight: Flight) -> Iterator[str]:
+    """What vehicles do that are held, and where nobody can say whether they are back."""
+    team, holds = flight.run.team, flight.run.events.holds
+    if holds:
+        circling = any(team.limits.least_speeds[one.vehicle] > 0.0 for one in holds)
+        does = "circles at its least speed and largest turn rate" if circling else "stands still"
+        yield f"a vehicle that is held {does} in the air, and drifts with the wind"
+    for one in holds:
+        if not team.shows_phase_after(one):
+            yield (
+                f"{one.sentence}: less than a period, {team.team.orbits.period:.3g} s, is left, "
+                "too little to say when it has its phase again"
+            )
 
 
 def _of_vehicles(report: FlightDocument) -> Iterator[str]:

@@ -108,7 +108,8 @@ class FlightEvent(DocumentPart):
     settled_s: float | None = Field(
         default=None,
         description="Of a hold: median time from its end until the vehicle keeps its phase within "
-        "1 s for a period; null where half of the trials never do, and for losses",
+        "1 s for a period; null where half of the trials never do, where less than a period is "
+        "left to say, and for losses",
     )
 
 
@@ -117,7 +118,9 @@ class FlightConditions(DocumentPart):
 
     dropout: float = Field(description="Share of sightings that are lost on their way")
     outliers: float = Field(description="Share of bearings that are false, anywhere in view")
-    mistaken: float = Field(description="Share of sightings of another body than is thought")
+    mistaken: float = Field(
+        description="Share of sightings of another vehicle in sight than is thought"
+    )
     late: int = Field(description="Samples after which sightings arrive")
     wind_mps: tuple[float, float] | None = Field(
         description="True wind x, y of all trials; null where each draws its own by wind.sigma_mps"

@@ -1,12 +1,16 @@
 """syncplan fly: flights at the command line."""
 
 import json
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import pytest
+from rich.console import Console
 
+from syncplan.cli.flight_tables import _print_missed
 from syncplan.flight.flying import fly
+from syncplan.reports.flight_schemas import FlownLink
 from tests.tools.scenarios import FILES
 
 GRID = str(FILES / "windy-grid.yaml")
@@ -73,6 +77,12 @@ def test_a_terminal_shows_vehicles_and_what_happened(run: Any) -> None:
         (("--lose", "v3"), "lose: 'v3' has no time"),
         (("--hold", "v2@39"), "hold: 'v2@39' is no hold"),
         (("--hold", "v2@10:5", "--hold", "v2@12:5"), "hold: v2 is held twice at 12 s"),
+        (
+            ("--hold", "v1@30:300"),
+            "--hold: v1@30:300: ends at 330 s, after the flight of 40 s",
+        ),
+        (("--lose", "L1@39.95"), "lose: L1@39.95: the last sample of the flight begins at 39.9 s"),
+        (("--late", "400"), "--late: 400 given, the flight has 400 samples; give fewer"),
         (("--wind", "1.5"), "--wind: '1.5': give two numbers, x,y in m/s, such as 1.5,0"),
         (("--wind", "1,north"), "--wind"),
         (("--dropout", "1"), "dropout: 1 given; a share is from 0 to below 1"),
@@ -90,6 +100,21 @@ def test_what_is_wrong_is_said_in_one_line_and_nothing_is_written(
     assert message in " ".join(err.split())
     assert not target.exists()
     assert len(err.strip().splitlines()) == 1 or "guidance" in message
+
+
+def test_links_are_told_from_others_only_where_there_are_others() -> None:
+    def said(shares: list[float]) -> str:
+        links = [
+            FlownLink(between=("v1", f"v{k + 2}"), meetings=4, kept_share=share)
+            for k, share in enumerate(shares)
+        ]
+        shown = StringIO()
+        _print_missed(links, Console(file=shown, width=200))
+        return shown.getvalue()
+
+    assert said([1.0, 1.0]) == ""
+    assert said([0.0] * 9).endswith("v1-v7 0 % and 3 more\n")
+    assert said([0.0, 1.0, 0.5]) == "meetings kept: v1-v2 0 %, v1-v4 50 %; of all others all\n"
 
 
 def test_a_plan_file_is_flown_as_it_is(run: Any, tmp_path: Path) -> None:

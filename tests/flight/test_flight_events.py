@@ -9,13 +9,13 @@ from syncplan.errors import InputError
 from syncplan.flight.flight_events import FlightEvents, events_of
 from syncplan.flight.flight_options import DEFAULT_GATE, FlightOptions
 from syncplan.flight.flying import flight_run
-from tests.tools.scenarios import changed, example
+from tests.tools.scenarios import changed, example, small
 
 DURATION = 400.0
 
 
 def _events(lose: Any = (), hold: Any = ()) -> FlightEvents:
-    return events_of(lose, hold, example("boats"), DURATION)
+    return events_of(FlightOptions(lose=lose, hold=hold), example("boats"), DURATION)
 
 
 def test_events_are_what_their_texts_say_in_order_of_time() -> None:
@@ -54,6 +54,10 @@ def test_a_vehicle_may_be_held_again_and_lost_after() -> None:
         ("@60", "lose: '': is neither a vehicle"),
         ("v3@-1", "lose: v3@-1: -1 s is no time of the flight, which is from 0 to 400 s; give one"),
         ("v3@400", "lose: v3@400: 400 s is no time of the flight"),
+        (
+            "v3@399.6",
+            "lose: v3@399.6: the last sample of the flight begins at 399.5 s; give a",
+        ),
         ("v3@1e9", "lose: v3@1e9: 1e+09 s is no time of the flight"),
         ("v3@nan", "lose: 'v3@nan': 'nan' is no number of seconds; give it as v3@60"),
         ("v3@inf", "lose: 'v3@inf': 'inf' is no number of seconds"),
@@ -95,6 +99,18 @@ def test_nothing_is_lost_twice_and_some_vehicle_is_left(
         ("v2@400:20", "hold: v2@400:20: 400 s is no time of the flight"),
         ("v2@100:0", "hold: v2@100:0: 0 s is no length; give more than 0 s"),
         ("v2@100:-5", "hold: v2@100:-5: -5 s is no length"),
+        (
+            "v2@390:20",
+            "hold: v2@390:20: ends at 410 s, after the flight of 400 s; give at most v2@390:10",
+        ),
+        (
+            "v2@0:400.5",
+            "hold: v2@0:400.5: ends at 400.5 s, after the flight of 400 s",
+        ),
+        (
+            "v2@30.1:0.3",
+            "hold: v2@30.1:0.3: no sample begins in this time; samples are 0.5 s long, give a",
+        ),
         ("v2@100:nan", "hold: 'v2@100:nan': 'nan' is no number of seconds; give it as v2@100:20"),
         ("v2@x:5", "hold: 'v2@x:5': 'x' is no number of seconds; give it as v2@100:20"),
     ],
@@ -103,6 +119,44 @@ def test_a_hold_that_is_none_is_refused_in_one_line(hold: str, message: str) -> 
     with pytest.raises(InputError, match=f"^{re.escape(message)}") as error:
         _events((), (hold,))
     assert "\n" not in str(error.value)
+
+
+def test_a_hold_may_end_with_the_flight_and_a_loss_be_of_its_last_sample() -> None:
+    found = _events(("v3@399.5",), ("v2@390:10", "v1@399.5:0.5"))
+    assert [one.time + one.length for one in found.holds] == [400.0, 400.0]
+    assert [one.time for one in found.losses] == [399.5]
+
+
+@pytest.mark.parametrize("time", [60.0, 60.02, 59.95])
+def test_what_rounds_to_no_sample_of_the_flight_is_refused(time: float) -> None:
+    """Of 60.05 s, 600 samples of 0.1 s: the last begins at 59.9 s."""
+    scenario = example("paper-grid-same")
+    problem = f"L1@{time:g}: the last sample of the flight begins at 59.9 s; give a time up to then"
+    with pytest.raises(InputError, match=f"^lose: {re.escape(problem)}$"):
+        events_of(FlightOptions(lose=(f"L1@{time:g}",)), scenario, 60.05)
+    assert events_of(FlightOptions(lose=("L1@59.9",)), scenario, 60.05).losses
+
+
+def test_sightings_that_never_arrive_are_refused() -> None:
+    scenario = example("paper-grid-same")
+    problem = "600 given, the flight has 600 samples; give fewer"
+    with pytest.raises(InputError, match=f"^late: {problem}$"):
+        flight_run(scenario, late=600, duration=60.0)
+    assert not events_of(FlightOptions(late=599), scenario, 60.0).sentences
+
+
+def test_mistaken_sightings_need_another_vehicle_to_be_of() -> None:
+    message = "^mistaken: 0.1 given, but no other vehicle could be sighted instead; leave it out$"
+    landmarks = [[30.0, 0.0], [0.0, 30.0]]
+    alone = small(formation={"centers_m": [[0.0, 0.0]]}, landmarks_m=landmarks)
+    pair = small(formation={"centers_m": [[0.0, 0.0], [50.0, 0.0]]})
+    mistaken = FlightOptions(mistaken=0.1)
+    for scenario in (alone, pair.model_copy(update={"landmarks_m": []})):
+        with pytest.raises(InputError, match=message):
+            events_of(mistaken, scenario, 10.0)
+        events_of(FlightOptions(outliers=0.1), scenario, 10.0)
+    beside = small(formation={"centers_m": [[0.0, 0.0], [50.0, 0.0]]}, landmarks_m=landmarks)
+    events_of(mistaken, beside, 10.0)
 
 
 def test_nobody_is_held_twice_at_a_time_or_when_lost() -> None:

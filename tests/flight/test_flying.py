@@ -175,6 +175,34 @@ def test_a_vehicle_that_is_lost_before_it_is_back_never_was(made: Plan) -> None:
     np.testing.assert_array_equal(np.ravel(found), [np.nan, 0.0])
 
 
+def test_a_report_says_where_too_little_is_left_to_say_if_a_vehicle_is_back(made: Plan) -> None:
+    held = fly(made, trials=1, threads=1, hold=("v2@4:2", "v1@10:3"))
+    notes = flight_document(held).notes
+    (short,) = [one for one in notes if "less than a period" in one]
+    assert short == (
+        "v1 is held from 10 s for 3 s: less than a period, 7.85 s, is left, too little to say when "
+        "it has its phase again"
+    )
+    assert "a vehicle that is held stands still in the air, and drifts with the wind" in notes
+
+
+def test_a_report_says_that_who_has_a_least_speed_circles_when_held() -> None:
+    least = small(**QUICK, limits={"speed_mps": [4.0, 12.0]})
+    notes = flight_document(fly(least, trials=1, duration=4.0, threads=1, hold=("v2@1:2",))).notes
+    (held,) = [one for one in notes if "is held circles" in one]
+    assert held == (
+        "a vehicle that is held circles at its least speed and largest turn rate in the air, and "
+        "drifts with the wind"
+    )
+    plain = flight_document(fly(least, trials=1, duration=4.0, threads=1)).notes
+    assert not [one for one in plain if "held" in one]
+
+
+def test_sightings_of_another_vehicle_are_said_to_be_of_one(made: Plan) -> None:
+    run = flight_run(made, mistaken=0.01)
+    assert run.happenings == ["1 % of the sightings are of another vehicle, if one is in sight"]
+
+
 def _whole(subject: Any, **options: Any) -> dict[str, Any]:
     """The report, which has no NaN and no infinity; the data frame has its rows."""
     flight = fly(subject, threads=1, **options)
@@ -187,10 +215,10 @@ def _whole(subject: Any, **options: Any) -> dict[str, Any]:
 
 
 def test_reports_have_numbers_or_null_whatever_is_lost(made: Plan) -> None:
-    found = _whole(made, trials=3, lose=("v1@0", "sensor:v2@10"), hold=("v3@19:5",))
+    found = _whole(made, trials=3, lose=("v1@0", "sensor:v2@10"), hold=("v3@19:1",))
     assert found["vehicles"][0]["errors"] is None
     assert found["vehicles"][1]["errors"] is not None
-    assert [one["event"] for one in found["events"]] == ["v1@0", "sensor:v2@10", "v3@19:5"]
+    assert [one["event"] for one in found["events"]] == ["v1@0", "sensor:v2@10", "v3@19:1"]
     assert found["events"][2]["settled_s"] is None
     assert found["wind_error_mps"] > 0.0
     assert found["least_separation_m"]["between"] == ["v2", "v3"]

@@ -31,7 +31,8 @@ def calm() -> Flight:
 
 @pytest.fixture(scope="module")
 def troubled() -> Flight:
-    return flown({**WRONG, "wind": (0.3, 0.0)})
+    # of two vehicles alone, no sighting could be of another
+    return flown({**WRONG, "wind": (0.3, 0.0)}, landmarks_m=[[30.0, 0.0], [0.0, 30.0]])
 
 
 @pytest.fixture(scope="module")
@@ -45,8 +46,8 @@ def test_conditions_are_those_asked_for(calm: Flight, troubled: Flight) -> None:
     assert given.filter.gate_probability == 0.9999
     assert (
         "in every trial 30 % of the sightings are lost on their way, 10 % of the bearings are "
-        "false, 5 % of the sightings are of another body, sightings arrive 3 samples late, the "
-        "wind is 0.3, 0 m/s"
+        "false, 5 % of the sightings are of another vehicle, if one is in sight, sightings arrive "
+        "3 samples late, the wind is 0.3, 0 m/s"
     ) in given.notes
     none = flight_document(calm)
     nothing = {"dropout": 0.0, "outliers": 0.0, "mistaken": 0.0, "late": 0, "wind_mps": None}

@@ -95,6 +95,8 @@ def test_a_flight_is_asked_for_with_the_defaults_of_the_library() -> None:
         ({"hold": ["v1@-1:4"]}, "hold", "v1@-1:4: -1 s is no time of the flight"),
         ({"hold": ["v1@201:4"]}, "hold", "v1@201:4: 201 s is no time of the flight"),
         ({"hold": ["v1@3:0"]}, "hold", "v1@3:0: 0 s is no length"),
+        ({"hold": ["v1@190:20"]}, "hold", "v1@190:20: ends at 210 s, after the flight of 200 s"),
+        ({"late": 200, "duration_s": 20}, "late", "200 given, the flight has 200 samples"),
         ({"outliers": 0.6, "mistaken": 0.4}, "outliers", "together with mistaken"),
         ({"guidance": "autopilot"}, "guidance", "must be 'track', 'mpc' or 'none'"),
         ({"filter": "ideal"}, "filter", "must be 'auto', 'ekf'"),
