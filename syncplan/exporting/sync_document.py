@@ -66,8 +66,8 @@ class SyncedVehicle(DocumentPart):
     speed_needed_mps: tuple[float, float] | None = Field(
         default=None,
         description="Least and largest airspeed that it commanded over the second half of these "
-        "flights, when a steady state is reached: the margin about speed_mps that wind and errors "
-        "take from then on; null where the plan was not flown",
+        "flights, when a steady state is reached, holds apart: the margin about speed_mps that "
+        "wind and errors take from then on; null where the plan was not flown",
     )
 
 

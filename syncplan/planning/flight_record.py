@@ -14,7 +14,8 @@ class FlownVehicleRecord:
     name : the vehicle's
     phase_rms, phase_worst : s, ahead of the plan or behind it
     tracking_rms : m, from the plan's place
-    speeds : m/s, least and largest airspeed that was commanded, once a steady state is reached
+    speeds : m/s, least and largest airspeed that was commanded, once a steady state is reached,
+        holds apart
     """
 
     name: str

@@ -17,7 +17,7 @@ class PhasesFlown(DocumentPart):
     tracking_rms_m: float = Field(description="From the plan's place")
     speed_mps: tuple[float, float] = Field(
         description="Least and largest airspeed that was commanded, once a steady state is "
-        "reached: what it needs in the wind"
+        "reached, holds apart: what it needs in the wind"
     )
 
 
