@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from syncplan.cli.arguments import Duration, MaxVehicles, SubjectFile
-from syncplan.cli.console import say, say_notes
+from syncplan.cli.console import check_output, say, say_notes
 from syncplan.errors import InputError
 from syncplan.exporting.autopilots import AutopilotName, VehicleName
 from syncplan.exporting.format_table import ALL, FORMATS, default_altitudes
@@ -117,6 +117,8 @@ def _export(
         snap_radius=snap_radius,
         force=force,
     )
+    if output.suffix.lower() == ARCHIVE:
+        check_output(output, subject)
     made = _exported(subject, format_, options, max_vehicles)
     say_notes(list(made.notes))
     _write(made, output)

@@ -7,7 +7,7 @@ from syncplan.cli.fitted_tables import FittedTable
 from syncplan.cli.state_tables import found_states_table
 from syncplan.cli.terminal_tables import MOST_ROWS, spread_words
 from syncplan.cli.verdict_lines import show_findings, show_verdict
-from syncplan.reports.flight_schemas import FlightDocument, FlownLink, FlownVehicle
+from syncplan.reports.flight_schemas import FlightDocument, FlightEvent, FlownLink, FlownVehicle
 
 __all__ = ["show_flight"]
 
@@ -41,8 +41,7 @@ def show_flight(document: FlightDocument, console: Console) -> None:
     if document.wind_error_mps is not None:
         console.print(f"wind known to {document.wind_error_mps:.3g} m/s")
     for one in document.events:
-        settled = "" if one.settled_s is None else f"; in phase again {one.settled_s:.3g} s after"
-        console.print(f"{escape(one.what)}{settled}")
+        console.print(f"{escape(one.what)}{_settled(one)}")
     _print_missed(document.links, console)
     if document.filter.gate_probability is not None:
         sightings = document.filter.used + document.filter.gated
@@ -54,6 +53,15 @@ def show_flight(document: FlightDocument, console: Console) -> None:
     show_findings(document.verdict, console)
     for note in document.notes:
         console.print(f"[cyan]note[/]: {escape(note)}")
+
+
+def _settled(event: FlightEvent) -> str:
+    """When a vehicle that was held has its phase again, in the median trial."""
+    if event.kind != "hold":
+        return ""
+    if event.settled_s is None:
+        return "; not seen in phase for a period after it"
+    return f"; in phase again {event.settled_s:.3g} s after"
 
 
 def _vehicle_table(document: FlightDocument) -> FittedTable:

@@ -1,4 +1,4 @@
-"""Guidance `mpc`: each vehicle decides by a quadratic program how to fly what is next of its turn.
+"""Guidance `mpc`: each vehicle decides by a quadratic program how to fly a third of a turn or more.
 
 Every `interval` seconds, from estimates:
 

@@ -63,7 +63,8 @@ def test_a_terminal_shows_vehicles_and_what_happened(run: Any) -> None:
         "closest two vehicles",
         "wind known to",
         "v3 is lost at 20 s",
-        "v2 is held from 10 s for 5 s",
+        "v2 is held from 10 s for 5 s; not seen in phase for a period after it",
+        "less than a period, 31.4 s, is left",
     ):
         assert words in out
 

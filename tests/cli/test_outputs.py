@@ -23,6 +23,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "what-if": ("what-if", "none.yaml"),
     "replay": ("replay", "none"),
     "plot": ("plot", "none.yaml"),
+    "export": ("export", "none.yaml", "--format", "csv"),
 }
 """Each reads a file that is none: that the output is complained of says that it comes first."""
 
@@ -31,7 +32,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {
 def test_a_missing_folder_is_said_before_anything_is_read(
     run: Any, tmp_path: Path, command: str
 ) -> None:
-    ending = "html" if command == "plot" else "json"
+    ending = {"plot": "html", "export": "zip"}.get(command, "json")
     target = tmp_path / "nodir" / f"x.{ending}"
     status, out, err = run(*COMMANDS[command], "-o", str(target))
     assert (status, out) == (2, "")
