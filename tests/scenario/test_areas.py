@@ -30,11 +30,11 @@ def hull_of(corners: Any) -> Array:
     return np.array(hull.exterior.coords)[:-1]
 
 
-def sampled(polygon: Array, center: Any, radius: float) -> float:
-    """Least distance in m of points on the path from the polygon, 0 within it."""
+def crosses(polygon: Array, center: Any, radius: float) -> bool:
+    """Whether any of many points on the path is inside the polygon: one that touches it is not."""
     angle = np.linspace(0.0, 2.0 * np.pi, SAMPLES, endpoint=False)
-    path = shapely.points(center + radius * np.column_stack([np.cos(angle), np.sin(angle)]))
-    return float(shapely.distance(path, shapely.Polygon(polygon)).min())
+    x, y = np.reshape(center, (2, 1)) + radius * np.array([np.cos(angle), np.sin(angle)])
+    return bool(shapely.contains_xy(shapely.Polygon(polygon), x, y).any())
 
 
 @given(CORNERS, PLACES, RADII)
@@ -63,6 +63,8 @@ def test_a_disc_clears_a_keep_out_where_its_path_does_and_it_does_not_go_round_i
 @known(INNER, (18.0, 0.0), 20.0)
 # arcs at corners that hardly turn have chords of up to 1.5 segments
 @known([(-0.314, -0.359), (-6.736, -1.819), (-19.261, -5.154)], (-6.736, -1.819), 2.0)
+# the path touches a corner
+@known([(0.0, 0.0), (0.0, 0.056), (-35.715, 0.0)], (2.0, 0.0), 2.0)
 def test_the_nearest_clear_centre_is_clear_and_none_is_nearer(
     corners: Any, center: Any, radius: float
 ) -> None:
@@ -70,7 +72,7 @@ def test_the_nearest_clear_centre_is_clear_and_none_is_nearer(
     area = Area(ALL_ROUND, (polygon,))
     moved = area.nearest_clear(np.array([center]), np.array([radius]), paths=True)
     assert moved is not None
-    assert sampled(polygon, moved[0], radius) > 0.0
+    assert not crosses(polygon, moved[0], radius)
     assert area.path_clearances(moved, np.array([radius])).min() >= 0.0
     # no smaller step leads to a centre that is clear by more than what arcs are off
     away = float(np.hypot(*(moved[0] - center)))
