@@ -49,9 +49,11 @@ serve: $(VENV)/.api
 	$(BIN)/syncplan serve
 
 check: chromium $(VENV)/.dev
-	@# beside these, the filters' kernels are compiled, once for all tests
-	$(BIN)/python docker/warm_up.py & $(BIN)/ruff format --check . && $(BIN)/ruff check . && \
-		$(BIN)/lint-imports && $(BIN)/mypy && wait $$!
+	@# beside these, kernels are compiled, once for all tests
+	$(BIN)/python docker/warm_up.py filters & filters=$$!; \
+		$(BIN)/python docker/warm_up.py flights & flights=$$!; \
+		$(BIN)/ruff format --check . && $(BIN)/ruff check . && $(BIN)/lint-imports && $(BIN)/mypy && \
+		wait $$filters && wait $$flights
 	@# on small matrices, a second thread of BLAS costs more than it brings
 	OPENBLAS_NUM_THREADS=1 $(TESTS) --no-loadscope-reorder -m "not long"
 

@@ -1,9 +1,11 @@
 """Compile the kernels of filters and flights into NUMBA_CACHE_DIR, for small and large teams.
 
-Those of filters in one process, those of flights in another: each cache has one writer.
+    python docker/warm_up.py [filters] [flights]
+
+All of them without arguments. The two can be compiled side by side: each cache has one writer.
 """
 
-from multiprocessing import get_context
+import sys
 
 import syncplan
 from syncplan.estimation.filters import FILTERS
@@ -35,10 +37,8 @@ def flights() -> None:
             syncplan.fly(plan, trials=1, duration=1.0, guidance=guidance, filter="ekf")
 
 
+PARTS = {"filters": filters, "flights": flights}
+
 if __name__ == "__main__":
-    begun = [get_context("spawn").Process(target=one) for one in (filters, flights)]
-    for one in begun:
-        one.start()
-    for one in begun:
-        one.join()
-    raise SystemExit(max(abs(one.exitcode or 0) for one in begun))
+    for name in sys.argv[1:] or PARTS:
+        PARTS[name]()
