@@ -1,8 +1,8 @@
-"""Words for many things: the first are named, the rest counted."""
+"""Words for many things, of which the first are named and the rest counted, and for shares."""
 
 from collections.abc import Sequence
 
-__all__ = ["joined", "listed"]
+__all__ = ["joined", "listed", "percent"]
 
 
 def listed(phrases: Sequence[str], most: int) -> str:
@@ -16,3 +16,8 @@ def joined(phrases: Sequence[str], most: int) -> str:
     if len(phrases) > most:
         return listed(phrases, most)
     return " and ".join(filter(None, [", ".join(phrases[:-1]), *phrases[-1:]]))
+
+
+def percent(share: float) -> str:
+    """Return a share in per cent, to three digits: "12.5 %"."""
+    return f"{100.0 * share:.3g} %"

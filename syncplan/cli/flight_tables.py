@@ -7,6 +7,7 @@ from syncplan.cli.fitted_tables import FittedTable
 from syncplan.cli.state_tables import found_states_table
 from syncplan.cli.terminal_tables import MOST_ROWS, spread_words
 from syncplan.cli.verdict_lines import show_findings, show_verdict
+from syncplan.phrases import listed, percent
 from syncplan.reports.flight_schemas import FlightDocument, FlightEvent, FlownLink, FlownVehicle
 
 __all__ = ["show_flight"]
@@ -27,9 +28,9 @@ def show_flight(document: FlightDocument, console: Console) -> None:
     if states is not None:
         console.print(states)
     console.print(
-        f"filter lost in {_percent(document.filter_lost_share)} of the trials, out of contact in "
-        f"{_percent(document.out_of_contact_share)}; commands at a limit "
-        f"{_percent(document.saturated_share)} of the time"
+        f"filter lost in {percent(document.filter_lost_share)} of the trials, out of contact in "
+        f"{percent(document.out_of_contact_share)}; commands at a limit "
+        f"{percent(document.saturated_share)} of the time"
     )
     close = document.least_separation_m
     if close is not None:
@@ -80,7 +81,7 @@ def _vehicle_table(document: FlightDocument) -> FittedTable:
 
 
 def _cells(one: FlownVehicle) -> list[str]:
-    kept = "-" if one.meetings_kept is None else _percent(one.meetings_kept)
+    kept = "-" if one.meetings_kept is None else percent(one.meetings_kept)
     unseen = f"{one.longest_without_sighting_s:.4g}"
     if one.errors is None or one.phase_error_s is None:
         return ["lost", *["-"] * 5, kept, unseen]
@@ -101,13 +102,6 @@ def _print_missed(links: list[FlownLink], console: Console) -> None:
     """The pairs that missed some of their meetings, the worst first."""
     missed = sorted((one for one in links if one.kept_share < 1.0), key=lambda one: one.kept_share)
     if missed:
-        texts = [
-            f"{'-'.join(one.between)} {_percent(one.kept_share)}" for one in missed[:MOST_MISSED]
-        ]
-        more = f" and {len(missed) - MOST_MISSED} more" if len(missed) > MOST_MISSED else ""
+        texts = [f"{'-'.join(one.between)} {percent(one.kept_share)}" for one in missed]
         rest = "; of all others all" if len(missed) < len(links) else ""
-        console.print(f"meetings kept: {escape(', '.join(texts))}{more}{rest}")
-
-
-def _percent(share: float) -> str:
-    return f"{100.0 * share:.3g} %"
+        console.print(f"meetings kept: {escape(listed(texts, MOST_MISSED))}{rest}")

@@ -2,6 +2,7 @@
 
 import math
 
+from syncplan.phrases import percent
 from syncplan.reports.flown_plan_schemas import FlownPlan
 
 __all__ = ["flown_line"]
@@ -18,13 +19,9 @@ def flown_line(flight: FlownPlan) -> str:
         found.append(f"phase at most {worst.phase_rms_s:.3g} s off (RMS, {worst.name})")
     if flight.meetings_kept:
         least = min(flight.meetings_kept, key=lambda one: one.kept_share)
-        share, pair = _percent(least.kept_share), "-".join(least.between)
+        share, pair = percent(least.kept_share), "-".join(least.between)
         found.append(f"each pair keeps at least {share} of its meetings ({pair})")
     if flight.least_separation_m is not None:
         found.append(f"closest two vehicles {flight.least_separation_m[1]:.3g} m")
-    found.append(f"filter lost in {_percent(flight.filter_lost_share)}")
+    found.append(f"filter lost in {percent(flight.filter_lost_share)}")
     return f"flown, {flights} of {flight.duration_s:g} s: {', '.join(found)}"
-
-
-def _percent(share: float) -> str:
-    return f"{100.0 * share:.3g} %"

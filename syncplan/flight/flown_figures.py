@@ -10,7 +10,8 @@ from syncplan.flight.bound_along import bound_lanes
 from syncplan.flight.flight_measures import kept_meetings, meetings_of, nearest, off_plan
 from syncplan.flight.flight_results import FlightFigures
 from syncplan.flight.flown_lanes import FlownLanes
-from syncplan.flight.flown_team import FlownTeam, step_of
+from syncplan.flight.flown_team import FlownTeam
+from syncplan.orbits.sightings import samples_before
 
 __all__ = ["IN_PHASE_S", "figures_of", "without_gone"]
 
@@ -147,7 +148,7 @@ def _settled(team: FlownTeam, ahead: Array) -> Array:
     NaN where it never does, or less than a period is left in which it could.
     """
     time, found = team.setup.time, []
-    period = step_of(team.team.orbits.period, time)
+    period = samples_before(team.team.orbits.period, time)
     for hold in team.events.holds:
         after = team.steps_after(hold)
         off = np.abs(ahead[after.start : after.stop, hold.vehicle]) > IN_PHASE_S

@@ -33,9 +33,10 @@ from syncplan.orbits.circles import heading, position
 from syncplan.orbits.contacts import Windows
 from syncplan.orbits.error_states import StateLayout, layout_of
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, of_targets, samples_between
+from syncplan.orbits.sightings import samples_before
 from syncplan.orbits.team import Team
 
-__all__ = ["FlownTeam", "step_of", "team_in_flight"]
+__all__ = ["FlownTeam", "team_in_flight"]
 
 NEVER = np.iinfo(np.int64).max
 
@@ -85,23 +86,22 @@ class FlownTeam:
     def loss_steps(self) -> list[int]:
         """Steps from which on something is lost, in order."""
         time = self.setup.time
-        return sorted({step_of(one.time, time) for one in self.events.losses})
+        return sorted({samples_before(one.time, time) for one in self.events.losses})
 
     @property
     def hold_ends(self) -> list[int]:
         """Steps from which on a vehicle that was held is free again, in order."""
-        time = self.setup.time
-        return sorted({step_of(one.time + one.length, time) for one in self.events.holds})
+        return sorted({self.steps_after(one).start for one in self.events.holds})
 
     def steps_after(self, hold: Hold) -> range:
         """Return the steps from the end of a hold on at which its vehicle takes part."""
         gone = int(self.setup.mishaps.gone_from[hold.vehicle])
-        end = step_of(hold.time + hold.length, self.setup.time)
+        end = samples_before(hold.time + hold.length, self.setup.time)
         return range(end, min(gone, self.steps + 1))
 
     def shows_phase_after(self, hold: Hold) -> bool:
         """Return whether a period is left after a hold, in which its vehicle can keep its phase."""
-        period = step_of(self.team.orbits.period, self.setup.time)
+        period = samples_before(self.team.orbits.period, self.setup.time)
         return len(self.steps_after(hold)) >= period
 
     def setup_from(self, step: int) -> FlightSetup:
@@ -248,11 +248,6 @@ def team_in_flight(
     return FlownTeam(team, windows, limits, layout_of(team), setup, options, events)
 
 
-def step_of(time: float, sample_time: float) -> int:
-    """Return the first step that is not before a time in s."""
-    return math.ceil(time / sample_time - 1e-9)
-
-
 def _eyes(team: Team) -> Eyes:
     sensors = team.sensors
     corners = [np.asarray(one, dtype=float) for one in team.obstacles]
@@ -277,7 +272,7 @@ def _mishaps(team: Team, options: FlightOptions, events: FlightEvents) -> Mishap
     gone = np.full(n + len(team.landmarks), NEVER)
     blind = np.full((len(kinds), n), NEVER)
     for one in events.losses:
-        step, loss = step_of(one.time, time), one.loss
+        step, loss = samples_before(one.time, time), one.loss
         gone[[*loss.vehicles, *(n + k for k in loss.landmarks)]] = step
         for place, kind in enumerate(kinds):
             if kind.of_target:
@@ -288,8 +283,8 @@ def _mishaps(team: Team, options: FlightOptions, events: FlightEvents) -> Mishap
     held: list[Index] = [np.zeros((n, most), dtype=np.int64) for _ in range(2)]
     for k in range(n):
         for place, hold in enumerate(h for h in events.holds if h.vehicle == k):
-            held[0][k, place] = step_of(hold.time, time)
-            held[1][k, place] = step_of(hold.time + hold.length, time)
+            held[0][k, place] = samples_before(hold.time, time)
+            held[1][k, place] = samples_before(hold.time + hold.length, time)
     return Mishaps(
         gone_from=gone,
         blind_from=blind,
@@ -322,7 +317,7 @@ def _contact(team: Team, anchors: Anchors, options: FlightOptions) -> Contact:
         slacks=anchors.slacks,
         most=anchors.most,
         furthest=anchors.furthest,
-        patience=step_of(period, time),
+        patience=samples_before(period, time),
         look_every=max(1, round(period / time / LOOKS_IN_PERIOD)),
         sigmas=SURE_SIGMAS,
         lead=lead,

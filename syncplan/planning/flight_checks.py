@@ -12,7 +12,7 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
-from syncplan.phrases import listed
+from syncplan.phrases import listed, percent
 from syncplan.planning.findings import Cure, Finding, Level
 from syncplan.planning.flight_record import FlightRecord
 from syncplan.planning.judged_team import JudgedTeam
@@ -55,7 +55,7 @@ def lost_in_flight(judged: JudgedTeam) -> Iterator[Finding]:
         yield Finding(
             "lost-in-flight",
             _level(flight.lost_share),
-            f"the filter was lost in {_percent(flight.lost_share)} of {_flown(flight)}: some "
+            f"the filter was lost in {percent(flight.lost_share)} of {_flown(flight)}: some "
             "vehicle's error was over 5 times the bound along its path",
             cure=_cure(
                 ("filter.kind robust", flight.filter != LOOKS_FOR_ITS_START),
@@ -68,7 +68,7 @@ def lost_in_flight(judged: JudgedTeam) -> Iterator[Finding]:
             "lost-in-flight",
             _level(flight.out_of_contact_share),
             f"a vehicle was out of contact for over two periods in "
-            f"{_percent(flight.out_of_contact_share)} of {_flown(flight)}",
+            f"{percent(flight.out_of_contact_share)} of {_flown(flight)}",
             cure=Cure("meetings that are further within range, or further links"),
         )
 
@@ -82,7 +82,7 @@ def too_close_in_flight(judged: JudgedTeam) -> Iterator[Finding]:
         "too-close-in-flight",
         _level(flight.too_close_share),
         f"vehicles came nearer than min_separation_m {judged.scenario.separation:g} in "
-        f"{_percent(flight.too_close_share)} of {_flown(flight)}: {flight.separations[1]:.3g} m "
+        f"{percent(flight.too_close_share)} of {_flown(flight)}: {flight.separations[1]:.3g} m "
         f"in the worst, {flight.separations[0]:.3g} m in the median one",
         cure=_cure(
             ("move the circles apart", True),
@@ -142,7 +142,7 @@ def meetings_missed(judged: JudgedTeam) -> Iterator[Finding]:
         if one.kept_share < (1.0 - MOST_SHARE) * expected.get(one.between, 0.0)
     )
     if missed:
-        each = [f"{'-'.join(between)} keeps {_percent(kept)}" for _, between, kept in missed]
+        each = [f"{'-'.join(between)} keeps {percent(kept)}" for _, between, kept in missed]
         yield Finding(
             "meetings-missed",
             "stop" if missed[0][0] < LEAST_KEPT else "warning",
@@ -198,10 +198,6 @@ def _cure(*ways: tuple[str, bool]) -> Cure:
 
 def _level(share: float) -> Level:
     return "stop" if share > MOST_SHARE else "warning"
-
-
-def _percent(share: float) -> str:
-    return f"{100.0 * share:.3g} %"
 
 
 def _flown(flight: FlightRecord) -> str:

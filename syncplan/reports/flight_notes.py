@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from syncplan.estimation.considered_errors import neglected_errors
 from syncplan.flight.flight_options import GUIDANCES
 from syncplan.flight.flying import Flight
-from syncplan.phrases import listed
+from syncplan.phrases import listed, percent
 from syncplan.reports.flight_schemas import FlightDocument
 
 __all__ = ["notes_of"]
@@ -112,12 +112,12 @@ def _of_guidance(report: FlightDocument) -> Iterator[str]:
     if sought > 0.0:
         yield (
             "where a vehicle was not sure to meet its anchor, its circle was moved towards it, "
-            f"for up to {100.0 * sought:.3g} % of the time"
+            f"for up to {percent(sought)} of the time"
         )
     refused = max(report.vehicles, key=lambda one: one.refused_share or 0.0)
     if refused.refused_share:
         yield (
             f"the program of {report.guidance} was not solved in up to "
-            f"{100.0 * refused.refused_share:.3g} % of a vehicle's decisions ({refused.name}): it "
+            f"{percent(refused.refused_share)} of a vehicle's decisions ({refused.name}): it "
             "then flies the best of its guesses"
         )
