@@ -70,12 +70,13 @@ check-all: postgresql $(VENV)/.crosschecks check
 	docker/steps.sh
 
 # the longest first
-SEARCHES := survival contract upgrade sight-lines equipment clearances refinements counterexamples phases thrown flights holds start-up predictions batch recording losses lost consistency neglect
+SEARCHES := survival contract upgrade sight-lines equipment clearances refinements robust counterexamples phases thrown flights holds start-up predictions batch recording losses lost consistency neglect
 
 search-survival:        ARGUMENTS = 3 $(SEED)
 search-upgrade:         ARGUMENTS = 1 $(SEED)
 search-equipment:       ARGUMENTS = 2 $(SEED)
 search-thrown:          ARGUMENTS = 40 $(SEED)
+search-robust:          ARGUMENTS = 24 $(SEED)
 search-start-up:        ARGUMENTS = 40 $(SEED) --trials 100 --missed 0.4 --wrong 0.2
 search-predictions:     ARGUMENTS = 16 $(SEED) --trials 100 --median 0.06 --ninety 0.15
 search-neglect:         ARGUMENTS = 12 $(SEED) --most 0.2

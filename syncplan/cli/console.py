@@ -147,9 +147,11 @@ def announce_compilation(options: "FilterOptions", runs: Iterable[tuple[int, boo
 
 def announce_flight() -> None:
     """Say that the kernels of a flight are compiled first, if they are not."""
+    from syncplan.estimation.augmented_filter import AUGMENTED
+    from syncplan.estimation.lane_filter import is_in_cache
     from syncplan.flight.flown_lanes import ClosedLoop
 
-    if not ClosedLoop.is_compiled():
+    if not (ClosedLoop.is_compiled() and is_in_cache(AUGMENTED.kernel)):
         say("compiling the kernels of flight, once; this takes up to a minute ...")
 
 

@@ -24,7 +24,8 @@ from syncplan.estimation.augmented_setup import (
 from syncplan.estimation.filter_statistics import FilterStatistics, empty_series
 from syncplan.estimation.filters import FilterModel
 from syncplan.estimation.lane_filter import LaneFilter, lanes_of, start_of
-from syncplan.estimation.robust_filter import RobustFilter, RobustRun
+from syncplan.estimation.rivals import LOOKS, Rivals
+from syncplan.estimation.robust_filter import RobustFilter, RobustRun, steps_passing
 
 __all__ = ["Arrived", "OnlineFilter", "grown"]
 
@@ -32,6 +33,7 @@ Kept = TypeVar("Kept", Array, Index)
 
 _COUNTED = ("nis", "accepted", "gated")
 _LOOKED_BACK = ("counted", "limit", "doubtful", "ends")
+_RIVALS = ("lanes", "began", "lead", "at")
 _ROWS = ("observers", "targets", "kinds", "variances")
 
 FIRST_ROOM = 64
@@ -168,6 +170,9 @@ class OnlineFilter:
             used = int(poses.first[k + 1])
             found |= {f"began_{number}": one for number, one in enumerate(run.began)}
             found |= {name: getattr(run, name) for name in _LOOKED_BACK}
+            found |= {f"rivals_{name}": np.asarray(getattr(run.rivals, name)) for name in _RIVALS}
+            found |= {f"present_{k}": one for k, one in enumerate(run.rivals.present)}
+            found |= {f"rival_{k}": one for k, one in enumerate(run.rivals.rival)}
             found |= {name: getattr(poses, name)[:used] for name in _ROWS}
             found |= {
                 "initial": readings.initial,
@@ -204,6 +209,8 @@ class OnlineFilter:
                 one[:] = kept[f"began_{number}"]
             for name in _LOOKED_BACK:
                 setattr(run, name, np.array(kept[name]))
+            run.looks = steps_passing(poses.spans[:k], poses.period, LOOKS)
+            run.rivals = _rivals(kept, run)
 
     @property
     def _counted(self) -> FilterStatistics:
@@ -254,9 +261,11 @@ class OnlineFilter:
         poses.spans[k] = span
         poses.first[k + 2] = used + count
         self._write(used, arrived)
-        passed, passing = self.time / poses.period, (self.time + span) / poses.period
-        if math.floor(passing + 1e-9) > math.floor(passed + 1e-9):
-            run.ends = np.append(run.ends, k + 1)
+        passed, passing = (at / poses.period + 1e-9 for at in (self.time, self.time + span))
+        if math.floor(LOOKS * passing) > math.floor(LOOKS * passed):
+            run.looks = np.append(run.looks, k + 1)
+            if math.floor(passing) > math.floor(passed):
+                run.ends = np.append(run.ends, k + 1)
         run.advance(k + 1)
 
     def _write(self, begin: int, arrived: Arrived) -> None:
@@ -296,6 +305,24 @@ class OnlineFilter:
             speeds=grown(readings.speeds, k, steps),
             turn_rates=grown(readings.turn_rates, k, steps),
         )
+
+
+def _rivals(kept: Mapping[str, Array | Index], run: RobustRun) -> Rivals:
+    """The rivals of a memory; none in one that was kept before there were any."""
+    if "rivals_lanes" not in kept:
+        return Rivals.none(run.state)
+    present, rival = (
+        tuple(np.array(kept[f"{which}_{k}"], dtype=float) for k in range(len(run.state)))
+        for which in ("present", "rival")
+    )
+    return Rivals(
+        np.array(kept["rivals_lanes"], dtype=np.int64),
+        present,
+        rival,
+        np.array(kept["rivals_began"], dtype=float),
+        np.array(kept["rivals_lead"], dtype=float),
+        int(kept["rivals_at"]),
+    )
 
 
 def grown(array: Kept, used: int, size: int) -> Kept:

@@ -1,12 +1,16 @@
 """The robust filter: second-order until a period has passed, then from the batch solution on.
 
-After the first period the batch solution over it takes the filter's place, and the filter goes on
-from there. Where a vehicle is still hardly known then, the same is done over two periods and over
-four. After each further period its innovations of that period are judged: where they are
-larger than noise explains, the filter is taken for lost, and a batch solution over the period, from
-a wide prior about where the filter began it, may take its place. It does where it is credible, or
-explains the sightings far better than the filter did. A trial whose errors no start explains is
-not solved again before its innovations have grown further.
+After the first period the batch solution over it refines the estimate, and the filter goes on from
+there. Where a vehicle is still hardly known then, but better than a period before, the same is done
+over two periods and over four. After each further period its innovations of that period are judged:
+where they are larger than noise explains, the filter may be lost, and a batch solution over the
+period, from a wide prior about where the filter began it, is an alternative.
+
+A solution that agrees with the filter takes its place at once, where both know the same. Any other
+is a hypothesis: both run on the same later sightings, and the less likely one is dropped
+(`rivals`). Until then the filter's own estimate stays, but at the first start, where a credible
+solution counts for more. A trial whose alternative was dropped is not solved again before its
+innovations have grown further.
 
 What a trial does depends on that trial alone; starts are drawn from its own stream.
 """
@@ -31,9 +35,11 @@ from syncplan.estimation.extended_filter import EXTENDED
 from syncplan.estimation.filter_setup import FilterSetup, Readings
 from syncplan.estimation.filter_statistics import FilterStatistics
 from syncplan.estimation.lane_filter import LaneFilter, start_of
+from syncplan.estimation.rivals import LOOKS, Rivals, State, lanes_of_state
 from syncplan.estimation.start_search import DOUBT, ROUNDS, STARTS, is_credible, search_further
+from syncplan.orbits.circles import wrap
 
-__all__ = ["ROBUST", "ROBUST_AUGMENTED", "RobustFilter", "RobustRun"]
+__all__ = ["ROBUST", "ROBUST_AUGMENTED", "RobustFilter", "RobustRun", "steps_passing"]
 
 ALARM = 1.2
 """Mean of innovation^2 / variance over a period above which a filter may be lost."""
@@ -44,8 +50,11 @@ ALARM_SIGMAS = 6.0
 GROWTH = 1.5
 """How far the mean must grow until a trial that no start explained is solved again."""
 
-FAR_BETTER = 0.5
-"""Share of the filter's cost below which a solution takes its place, even if not credible."""
+AGREES = 1.0
+"""Standard deviations of the filter's up to which a solution is the same estimate, but refined."""
+
+SETTLED = 0.9
+"""Share of what a vehicle's sigma was a period before, above which it hardly falls any more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +148,8 @@ class RobustRun:
         sightings until then
     limit : (lanes,) mean of innovation^2 / variance up to which a lane is not solved again
     doubtful : (lanes,) whether the start is looked for again over more periods
-    ends : steps at which a period ends
+    looks, ends : steps at which a share of a period ends, and a whole one
+    rivals : of lanes that have an alternative to their estimate
     at : steps taken in
     """
 
@@ -148,12 +158,14 @@ class RobustRun:
     readings: Readings | AugmentedReadings
     statistics: FilterStatistics | AugmentedStatistics
     streams: Sequence[np.random.SeedSequence]
-    state: tuple[Array, ...]
-    began: tuple[Array, ...]
+    state: State
+    began: State
     counted: Array
     limit: Array
     doubtful: Flags
+    looks: Index
     ends: Index
+    rivals: Rivals
     at: int = 0
 
     @classmethod
@@ -180,7 +192,9 @@ class RobustRun:
             counted,
             limit=np.zeros(lanes),
             doubtful=np.ones(lanes, dtype=bool),
-            ends=_period_ends(poses),
+            looks=steps_passing(poses.spans, poses.period, LOOKS),
+            ends=steps_passing(poses.spans, poses.period),
+            rivals=Rivals.none(state),
         )
 
     @property
@@ -191,45 +205,74 @@ class RobustRun:
     def advance(self, end: int) -> None:
         """Take in all samples up to `end`."""
         while self.at < end:
-            place = int(self.ends.searchsorted(self.at, side="right"))
-            last = int(self.ends[place]) if place < len(self.ends) else end
-            until = min(end, last)
+            place = int(self.looks.searchsorted(self.at, side="right"))
+            look = int(self.looks[place]) if place < len(self.looks) else end + 1
+            until = min(end, look)
             self.base.advance(
                 self.setup, self.readings, self.statistics, self.state, self.at, until
             )
             self.at = until
-            if place < len(self.ends) and until == last:
-                if place:
-                    self._find_lost(int(self.ends[place - 1]), until)
-                if place + 1 in STARTS:
-                    self._start(until)
-                if not place:
-                    # so far the filter looked for its start: its innovations are no evidence
-                    for one in self._sums():
-                        one[:] = 0.0
-                self.began = tuple(one.copy() for one in self.state)
-                self.counted = np.stack(self._sums())
+            if until == look:
+                self._decide(until)
+                place = int(self.ends.searchsorted(until))
+                if place < len(self.ends) and self.ends[place] == until:
+                    self._pass_period(place)
+
+    def _pass_period(self, place: int) -> None:
+        """Look for alternatives at the end of the period at a place in `ends`."""
+        end = int(self.ends[place])
+        self.rivals = Rivals.none(self.state)
+        handled = np.zeros(0, dtype=np.int64)
+        if place + 1 in STARTS:
+            handled = self._start(end, first=not place)
+        if place:
+            self._find_lost(int(self.ends[place - 1]), end, handled)
+        else:
+            # so far the filter looked for its start: its innovations are no evidence
+            for one in self._sums():
+                one[:] = 0.0
+        self.began = tuple(one.copy() for one in self.state)
+        self.counted = np.stack(self._sums())
 
     def _sums(self) -> tuple[Array, Array, Array]:
         one = self.statistics
         counted = one.poses if isinstance(one, AugmentedStatistics) else one
         return counted.nis, counted.accepted, counted.gated
 
-    def _start(self, end: int) -> None:
-        """Go on from the batch solution from sample 0 where the start is in doubt."""
-        lanes, setup = np.flatnonzero(self.doubtful), self.augmented
+    def _decide(self, end: int) -> None:
+        """Go on from rivals that are clearly more likely than the estimate."""
+        rivals = self.rivals
+        rivals.advance(self.setup, self.readings, end)
+        ahead, lanes = rivals.ahead, rivals.lanes[rivals.ahead]
+        if len(lanes):
+            for own, its in zip(self.state, rivals.rival, strict=True):
+                own[..., lanes] = its[..., ahead]
+            # the period is judged from here on, and looked back on as the rival would have it
+            self.began[0][..., lanes] = rivals.began[..., ahead]
+            self.counted[:, lanes] = np.stack(self._sums())[:, lanes]
+            self.limit[lanes] = 0.0
+        self.rivals = rivals.take(rivals.undecided)
+
+    def _start(self, end: int, *, first: bool) -> Index:
+        """Look for the start again where it is in doubt; return the lanes where it was."""
+        setup = self.augmented
+        limit = DOUBT**2 * setup.poses.lost_variances[:, :2].sum(axis=1)[:, None]
+        if not first:
+            then, now = (_place_variances(one[-1], len(limit)) for one in (self.began, self.state))
+            falling = np.any((then > limit) & (now < SETTLED**2 * then), axis=0)
+        lanes = np.flatnonzero(self.doubtful if first else self.doubtful & falling)
         if not len(lanes):
-            return
+            return lanes
         variances = np.concatenate([setup.poses.initial_variances.ravel(), setup.variances])
         found = self._best(self.readings.initial, variances, lanes, 0, end)
-        self._replace(found, np.arange(len(lanes)))
-        own = np.arange(3 * len(setup.columns)).reshape(-1, 3)[:, :2]
-        spread = found.covariance[own, own].sum(axis=1)
-        reach = setup.poses.lost_variances[:, :2].sum(axis=1)
-        self.doubtful[lanes] = np.any(spread > DOUBT**2 * reach[:, None], axis=0)
+        agrees = self._agrees(found)
+        self._pit(found, agrees | (found.credible & first), ~agrees)
+        wide = np.any(_place_variances(found.covariance, len(limit)) > limit, axis=0)
+        self.doubtful[lanes] = wide & ~agrees
+        return lanes
 
-    def _find_lost(self, begin: int, end: int) -> None:
-        """Go on from batch solutions over a period where innovations say that a lane is lost."""
+    def _find_lost(self, begin: int, end: int, handled: Index) -> None:
+        """Let batch solutions over a period be rivals where innovations say that a lane is lost."""
         setup = self.augmented
         nis, accepted, gated = np.stack(self._sums()) - self.counted
         cost = nis + gated * (setup.poses.gate if np.isfinite(setup.poses.gate) else 0.0)
@@ -237,22 +280,39 @@ class RobustRun:
         noise = np.maximum(ALARM, 1.0 + ALARM_SIGMAS * np.sqrt(2.0 / count))
         # not finite: broken down
         lanes = np.flatnonzero(~(cost / count <= np.maximum(noise, self.limit)))
+        lanes = np.setdiff1d(lanes, handled)
         if not len(lanes):
             return
         starts = np.maximum(setup.poses.initial_variances, setup.poses.lost_variances)
         variances = np.concatenate([starts.ravel(), setup.variances])
         found = self._best(self.began[0], variances, lanes, begin, end)
-        better = found.credible | ~(found.cost >= FAR_BETTER * cost[lanes])
-        self.limit[lanes] = np.where(better, 0.0, GROWTH * (cost / count)[lanes])
-        self._replace(found, np.flatnonzero(better))
+        self.limit[lanes] = GROWTH * (cost / count)[lanes]
+        none = np.zeros(len(lanes), dtype=bool)
+        self._pit(found, none, ~none)
 
-    def _replace(self, found: _Solved, chosen: Index) -> None:
-        """Go on from the solutions chosen among those found."""
-        lanes = found.lanes[chosen]
-        self.state[0][..., lanes] = found.poses[..., chosen]
-        self.state[-1][..., lanes] = found.covariance[..., chosen]
-        if len(self.state) == 3:
-            self.state[1][..., lanes] = found.errors[..., chosen]
+    def _agrees(self, found: _Solved) -> Flags:
+        """(k,) whether solutions are within AGREES standard deviations of the filter's."""
+        n = len(found.poses)
+        off = found.poses - self.state[0][..., found.lanes]
+        variances = np.einsum("kkl->kl", self.state[-1])[: 3 * n, found.lanes].reshape(n, 3, -1)
+        place = np.sum(off[:, :2] ** 2, axis=1) <= AGREES**2 * variances[:, :2].sum(axis=1)
+        heading = wrap(off[:, 2]) ** 2 <= AGREES**2 * variances[:, 2]
+        return np.asarray(np.all(place & heading, axis=0))
+
+    def _pit(self, found: _Solved, taken: Flags, rivals: Flags) -> None:
+        """Go on from the solutions `taken`; what is not taken of two becomes a rival, if asked."""
+        filtered = lanes_of_state(self.state, found.lanes)
+        errors = (found.errors,) if len(filtered) == 3 else ()
+        solved: State = (found.poses, *errors, found.covariance)
+        for own, its in zip(self.state, solved, strict=True):
+            own[..., found.lanes[taken]] = its[..., taken]
+        present = lanes_of_state(self.state, found.lanes[rivals])
+        other = tuple(
+            np.ascontiguousarray(np.where(taken, a, b)[..., rivals])
+            for a, b in zip(filtered, solved, strict=True)
+        )
+        formed = Rivals.of(found.lanes[rivals], present, other, self.at)
+        self.rivals = self.rivals.joined(formed)
 
     def _best(self, poses: Array, variances: Array, lanes: Index, begin: int, end: int) -> _Solved:
         """The best solutions of some lanes, from the prior about `poses` and, in need, others."""
@@ -318,10 +378,16 @@ class RobustRun:
         return self.base.lanes_for(len(self.readings.initial))
 
 
-def _period_ends(setup: FilterSetup) -> Index:
-    """Steps at which a whole number of periods has passed."""
-    passed = np.concatenate([[0.0], np.cumsum(setup.spans)]) / setup.period + 1e-9
-    return np.flatnonzero(np.diff(np.floor(passed)) > 0.0) + 1
+def steps_passing(spans: Array, period: float, share: int = 1) -> Index:
+    """Return the steps at which a whole number of periods, or of that share of one, has passed."""
+    passed = np.concatenate([[0.0], np.cumsum(spans)]) / period + 1e-9
+    return np.flatnonzero(np.diff(np.floor(share * passed)) > 0.0) + 1
+
+
+def _place_variances(P: Array, n: int) -> Array:
+    """(n, lanes) m^2, of the place of each vehicle."""
+    own = np.arange(3 * n).reshape(-1, 3)[:, :2]
+    return np.asarray(P[own, own].sum(axis=1))
 
 
 ROBUST, ROBUST_AUGMENTED = RobustFilter(EXTENDED), RobustFilter(AUGMENTED)

@@ -1,0 +1,210 @@
+"""Two estimates of the same trial on the same later sightings, until one is clearly more likely.
+
+An estimate that is to take another's place is a hypothesis. Both run on as filters, and each new
+sighting adds to the log-likelihood of either
+
+    log p = -(nu^2 / S + log 2 pi S) / 2
+
+with its own innovation nu and variance S. The rival takes the place of the present estimate once
+the sum of its log-likelihoods leads by CLEARLY, and is dropped once it is behind by as much, or
+after a period: Wald's sequential test of the ratio of likelihoods, looked at every eighth of a
+period.
+
+While the present estimate is right, the ratio of likelihoods has the expectation 1 and never gains
+on average, whatever the rival is. So by Ville's inequality it ever exceeds exp(CLEARLY) with a
+probability of at most exp(-CLEARLY) = 1e-6: that is how often a right estimate is given up, for
+each rival. One that is lost is given up within an eighth of a period from the first sighting that
+shows it.
+
+Sources
+-------
+sequential test : Wald, "Sequential Tests of Statistical Hypotheses", Annals of Mathematical
+    Statistics 16, 1945
+its error : Ville, "Etude critique de la notion de collectif", 1939
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from syncplan.arrays import Array, Flags, Index
+from syncplan.estimation.augmented_filter import AUGMENTED
+from syncplan.estimation.augmented_setup import (
+    AugmentedReadings,
+    AugmentedSetup,
+    empty_augmented_statistics,
+)
+from syncplan.estimation.extended_filter import EXTENDED
+from syncplan.estimation.filter_setup import FilterSetup, Readings
+from syncplan.estimation.filter_statistics import empty_series, empty_statistics
+
+__all__ = ["CLEARLY", "LOOKS", "Rivals", "State", "lanes_of_state"]
+
+CLEARLY = math.log(1e6)
+"""Lead in log-likelihood at which one of two estimates is taken for right."""
+
+LOOKS = 8
+"""In a period, at which leads are looked at."""
+
+State = tuple[Array, ...]
+"""As LaneFilter.run returns it."""
+
+
+@dataclass(slots=True)
+class Rivals:
+    """The present estimates of some lanes, and a rival of each.
+
+    Attributes
+    ----------
+    lanes : (k,) of the run
+    present, rival : states of these lanes
+    began : (n, 3, k) poses from which the rival set out
+    lead : (k,) log-likelihood of the rival over that of the present estimate
+    at : step that both have come to
+    """
+
+    lanes: Index
+    present: State
+    rival: State
+    began: Array
+    lead: Array
+    at: int
+
+    @classmethod
+    def of(cls, lanes: Index, present: State, rival: State, at: int) -> "Rivals":
+        """Return rivals, none of which leads yet; the states are theirs to change."""
+        return cls(lanes, present, rival, rival[0].copy(), np.zeros(len(lanes)), at)
+
+    @classmethod
+    def none(cls, state: State) -> "Rivals":
+        """Return those of no lane of a state."""
+        nobody = np.zeros(0, dtype=np.int64)
+        return cls.of(nobody, lanes_of_state(state, nobody), lanes_of_state(state, nobody), 0)
+
+    def joined(self, other: "Rivals") -> "Rivals":
+        """Return these and others, of other lanes, that have come to the same step."""
+
+        def both(a: Array, b: Array) -> Array:
+            return np.concatenate([a, b], axis=-1)
+
+        return Rivals(
+            np.concatenate([self.lanes, other.lanes]),
+            tuple(map(both, self.present, other.present)),
+            tuple(map(both, self.rival, other.rival)),
+            both(self.began, other.began),
+            both(self.lead, other.lead),
+            other.at,
+        )
+
+    def advance(
+        self, setup: FilterSetup | AugmentedSetup, readings: Readings | AugmentedReadings, end: int
+    ) -> None:
+        """Take both estimates to step `end`, and add up by how much the rival leads."""
+        if not len(self.lanes):
+            return
+        window = _window(setup, readings, self.lanes, self.at, end)
+        lead = _likelihood(*window, self.rival) - _likelihood(*window, self.present)
+        # not finite: one of the two has broken down
+        broken = ~np.isfinite(lead)
+        lead[broken] = np.where(_is_finite(self.rival)[broken], np.inf, -np.inf)
+        self.lead += lead
+        self.at = end
+
+    @property
+    def ahead(self) -> Flags:
+        """(k,) where the rival is clearly more likely."""
+        return np.asarray(self.lead > CLEARLY)
+
+    @property
+    def undecided(self) -> Flags:
+        """(k,) where neither is."""
+        return np.asarray(np.abs(self.lead) <= CLEARLY)
+
+    def take(self, kept: Flags) -> "Rivals":
+        """Return those that are kept."""
+        return Rivals(
+            self.lanes[kept],
+            lanes_of_state(self.present, kept),
+            lanes_of_state(self.rival, kept),
+            self.began[..., kept],
+            self.lead[kept],
+            self.at,
+        )
+
+
+def lanes_of_state(state: State, lanes: Index | Flags) -> State:
+    """Return a copy of some lanes of a state."""
+    return tuple(np.ascontiguousarray(one[..., lanes]) for one in state)
+
+
+def _is_finite(state: State) -> Flags:
+    """(lanes,) whether an estimate is a number."""
+    return np.asarray(np.isfinite(state[0]).all(axis=(0, 1)))
+
+
+def _window(
+    setup: FilterSetup | AugmentedSetup,
+    readings: Readings | AugmentedReadings,
+    lanes: Index,
+    begin: int,
+    end: int,
+) -> tuple[FilterSetup | AugmentedSetup, Readings | AugmentedReadings]:
+    """What some lanes read from step `begin` to step `end`, as a run that is compared with nothing.
+
+    Its first step is step `begin`, whose sightings are no part of it.
+    """
+    poses = setup if isinstance(setup, FilterSetup) else setup.poses
+    first = poses.first[begin + 1 : end + 2]
+    seen = slice(int(first[0]), int(first[-1]))
+    of_steps = slice(begin, end)
+    own = poses._replace(
+        spans=poses.spans[of_steps],
+        compared=np.full(end - begin + 1, -1),
+        first=np.concatenate([[0], first - first[0]]),
+        observers=poses.observers[seen],
+        targets=poses.targets[seen],
+        kinds=poses.kinds[seen],
+        variances=poses.variances[seen],
+    )
+    read = readings._replace(
+        initial=np.ascontiguousarray(readings.initial[..., lanes]),
+        speeds=np.ascontiguousarray(readings.speeds[of_steps][..., lanes]),
+        turn_rates=np.ascontiguousarray(readings.turn_rates[of_steps][..., lanes]),
+        sightings=np.ascontiguousarray(readings.sightings[seen][..., lanes]),
+    )
+    if isinstance(setup, FilterSetup):
+        return own, read
+    assert isinstance(read, AugmentedReadings)
+    return setup._replace(poses=own), read._replace(
+        headings=np.ascontiguousarray(read.headings[:1][..., lanes]),
+        constants=np.ascontiguousarray(read.constants[..., lanes]),
+        gusts=np.ascontiguousarray(read.gusts[:1][..., lanes]),
+    )
+
+
+def _likelihood(
+    setup: FilterSetup | AugmentedSetup, readings: Readings | AugmentedReadings, state: State
+) -> Array:
+    """(lanes,) log-likelihood of what is read, less a constant; takes the state along, in place.
+
+    A sighting that the gate rejects counts as one at the gate.
+    """
+    n, _, lanes = readings.initial.shape
+    poses = setup if isinstance(setup, FilterSetup) else setup.poses
+    series, sightings = empty_series(n, 0, wanted=False), len(poses.kinds)
+    if isinstance(setup, FilterSetup):
+        counted = empty_statistics(n, lanes, series, sightings)
+        EXTENDED.advance(setup, readings, counted, state, 0, len(poses.spans))
+    else:
+        e = len(setup.variances)
+        both = series, np.zeros((0, e, 3))
+        statistics = empty_augmented_statistics(n, e, lanes, both, sightings)
+        AUGMENTED.advance(setup, readings, statistics, state, 0, len(poses.spans))
+        counted = statistics.poses
+    innovations, weights = counted.innovations[:, 0], counted.innovations[:, 1]
+    taken = weights > 0.0
+    cost = np.square(innovations) * weights - np.log(np.where(taken, weights, 1.0))
+    rejected = poses.gate + np.log(poses.variances)[:, None]
+    missed = np.isnan(readings.sightings)
+    return np.asarray(-0.5 * np.where(taken, cost, np.where(missed, 0.0, rejected)).sum(axis=0))
