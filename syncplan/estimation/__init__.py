@@ -44,6 +44,7 @@ batch_problem      the least-squares problem of a window, and what a trajectory 
 batch_linearisation  a linear filter along trajectories
 batch_smoother     the smoother's way back: a Gauss-Newton step
 batch_solution     the most likely trajectory over a window
+lane_solver        batch solutions of some lanes of a run, from many starts
 rivals             two estimates of a trial on the same later sightings
 robust_filter      the filter that finds its start, and itself where it is lost
 online_filter      a filter one step at a time

@@ -29,14 +29,14 @@ from syncplan.estimation.augmented_setup import (
     AugmentedStatistics,
     without_errors,
 )
-from syncplan.estimation.batch_problem import Prior
-from syncplan.estimation.batch_solution import compile_solver, solve, solver_is_compiled
+from syncplan.estimation.batch_solution import compile_solver, solver_is_compiled
 from syncplan.estimation.extended_filter import EXTENDED
 from syncplan.estimation.filter_setup import FilterSetup, Readings
 from syncplan.estimation.filter_statistics import FilterStatistics
 from syncplan.estimation.lane_filter import LaneFilter, start_of
+from syncplan.estimation.lane_solver import LaneSolver, Solved
 from syncplan.estimation.rivals import LOOKS, Rivals, State, lanes_of_state
-from syncplan.estimation.start_search import DOUBT, ROUNDS, STARTS, is_credible, search_further
+from syncplan.estimation.start_search import DOUBT, STARTS
 from syncplan.orbits.circles import wrap
 
 __all__ = ["ROBUST", "ROBUST_AUGMENTED", "RobustFilter", "RobustRun", "steps_passing"]
@@ -92,29 +92,6 @@ class RobustFilter:
         run = RobustRun.begun(self.base, setup, readings, statistics, streams)
         run.advance(len(readings.speeds))
         return run.state
-
-
-@dataclass(slots=True)
-class _Solved:
-    """The best solutions found for some lanes: (k,) each, arrays as in BatchSolution."""
-
-    lanes: Index
-    cost: Array
-    sightings: Index
-    poses: Array
-    errors: Array
-    covariance: Array
-
-    @property
-    def credible(self) -> Flags:
-        return is_credible(self.cost, self.sightings)
-
-    def take(self, other: "_Solved", mine: Index, its: Index) -> None:
-        """Take the other's solutions `its` in place of `mine`."""
-        self.cost[mine] = other.cost[its]
-        self.poses[..., mine] = other.poses[..., its]
-        self.errors[..., mine] = other.errors[..., its]
-        self.covariance[..., mine] = other.covariance[..., its]
 
 
 class Stepped(Protocol):
@@ -290,7 +267,7 @@ class RobustRun:
         none = np.zeros(len(lanes), dtype=bool)
         self._pit(found, none, ~none)
 
-    def _agrees(self, found: _Solved) -> Flags:
+    def _agrees(self, found: Solved) -> Flags:
         """(k,) whether solutions are within AGREES standard deviations of the filter's."""
         n = len(found.poses)
         off = found.poses - self.state[0][..., found.lanes]
@@ -299,7 +276,7 @@ class RobustRun:
         heading = wrap(off[:, 2]) ** 2 <= AGREES**2 * variances[:, 2]
         return np.asarray(np.all(place & heading, axis=0))
 
-    def _pit(self, found: _Solved, taken: Flags, rivals: Flags) -> None:
+    def _pit(self, found: Solved, taken: Flags, rivals: Flags) -> None:
         """Go on from the solutions `taken`; what is not taken of two becomes a rival, if asked."""
         filtered = lanes_of_state(self.state, found.lanes)
         errors = (found.errors,) if len(filtered) == 3 else ()
@@ -314,63 +291,12 @@ class RobustRun:
         formed = Rivals.of(found.lanes[rivals], present, other, self.at)
         self.rivals = self.rivals.joined(formed)
 
-    def _best(self, poses: Array, variances: Array, lanes: Index, begin: int, end: int) -> _Solved:
+    def _best(self, poses: Array, variances: Array, lanes: Index, begin: int, end: int) -> Solved:
         """The best solutions of some lanes, from the prior about `poses` and, in need, others."""
-        prior = Prior(
-            poses, np.zeros((len(variances) - 3 * len(poses), poses.shape[-1])), variances
+        solver = LaneSolver(
+            self.augmented, self.readings, self.streams, self.lanes_at_once, begin, end
         )
-        best = self._solved(prior, lanes, None, begin, end)
-
-        def tried(missing: Index, number: int) -> _Solved:
-            away = [self._drawn(variances, lane, begin, number) for lane in lanes[missing]]
-            again = lanes[np.repeat(missing, ROUNDS[number])]
-            return self._solved(prior, again, np.concatenate(away, axis=1), begin, end)
-
-        known = self.augmented.poses.noise_known
-        search_further(best, best.sightings, tried, noise_known=known)
-        return best
-
-    def _drawn(self, variances: Array, lane: int, begin: int, number: int) -> Array:
-        """(3n + e, starts) deviations from the prior of the starts of a round."""
-        own = self.streams[lane]
-        child = np.random.SeedSequence(own.entropy, spawn_key=(*own.spawn_key, begin, number))
-        draws = np.random.default_rng(child).standard_normal((ROUNDS[number], len(variances)))
-        return np.asarray((np.sqrt(variances) * draws).T)
-
-    def _solved(
-        self, prior: Prior, lanes: Index, away: Array | None, begin: int, end: int
-    ) -> _Solved:
-        """Solutions of lanes, which may recur, from starts as far `away` from the prior's."""
-        setup, n = self.augmented, len(prior.poses)
-        first, wide = setup.poses.first, self.lanes_at_once
-        window = slice(first[begin + 1], first[end + 1])
-        parts = []
-        for k in range(0, len(lanes), wide):
-            own = lanes[k : k + wide]
-            about = Prior(
-                np.ascontiguousarray(prior.poses[..., own]),
-                np.ascontiguousarray(prior.errors[..., own]),
-                prior.variances,
-            )
-            start = None
-            if away is not None:
-                off = away[:, k : k + wide]
-                start = (
-                    about.poses + off[: 3 * n].reshape(about.poses.shape),
-                    about.errors + off[3 * n :],
-                )
-            speeds = np.ascontiguousarray(self.readings.speeds[begin:end][..., own])
-            turn_rates = np.ascontiguousarray(self.readings.turn_rates[begin:end][..., own])
-            made = np.ascontiguousarray(self.readings.sightings[window][..., own])
-            parts.append(solve(setup, speeds, turn_rates, made, about, begin, start))
-        return _Solved(
-            lanes=lanes,
-            cost=np.concatenate([one.cost for one in parts]),
-            sightings=np.concatenate([one.sightings for one in parts]),
-            poses=np.concatenate([one.poses for one in parts], axis=-1),
-            errors=np.concatenate([one.errors for one in parts], axis=-1),
-            covariance=np.concatenate([one.covariance for one in parts], axis=-1),
-        )
+        return solver.best(poses, variances, lanes)
 
     @property
     def lanes_at_once(self) -> int:
