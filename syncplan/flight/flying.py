@@ -148,6 +148,7 @@ class Flight(Result):
             too_close_share=float(np.mean(apart < asked)) if known and asked > 0.0 else None,
             vehicles=tuple(self._flown(k) for k in np.flatnonzero(self.there).tolist()),
             pairs=self._pairs,
+            saturated_share=float(figures.saturated.mean()),
         )
 
     @property

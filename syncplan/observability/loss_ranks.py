@@ -69,7 +69,7 @@ class _Rows:
             lost |= (self.observers == body) & (self.targets != body)
         for place, body in loss.kinds:
             lost |= (self.observers == body) & (self.kinds == place)
-        return lost
+        return lost | loss.parts(self.observers, self.targets)
 
     def times(self, matrix: Array) -> Array:
         """Return (r, k): the rows, as wide as the state, times a matrix (3 n, k)."""

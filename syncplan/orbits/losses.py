@@ -1,9 +1,10 @@
-"""Losses: vehicles, sensors and landmarks that a team no longer has, and what is left of it.
+"""Losses: vehicles, sensors, landmarks and links that a team no longer has, and what is left of it.
 
 Orbits stay as they are. A vehicle that is lost sees nobody and is seen by nobody; one whose sensor
 is lost flies on and is seen by others; a landmark that is lost is seen by nobody. A vehicle may
-also lose the sensor of one kind of sighting alone: its compass, or what measures distances. So what
-is left needs no new contact windows: those of the whole team are selected from.
+also lose the sensor of one kind of sighting alone: its compass, or what measures distances. Of a
+link that is lost, neither end sees the other. So what is left needs no new contact windows: those
+of the whole team are selected from.
 """
 
 from dataclasses import dataclass, replace
@@ -34,12 +35,15 @@ class Loss:
     sensors : of vehicles that fly on, with all that they measure of targets
     landmarks : from 0
     kinds : of sighting, by place in SIGHTING_KINDS, each with the vehicle that no longer makes them
+    links : pairs a < b that no longer sight each other; b is a landmark from the number of vehicles
+        on
     """
 
     vehicles: tuple[int, ...] = ()
     sensors: tuple[int, ...] = ()
     landmarks: tuple[int, ...] = ()
     kinds: tuple[tuple[int, int], ...] = ()
+    links: tuple[tuple[int, int], ...] = ()
 
     def joined(self, other: "Loss") -> "Loss":
         """Return both losses together."""
@@ -48,7 +52,16 @@ class Loss:
             self.sensors + other.sensors,
             self.landmarks + other.landmarks,
             self.kinds + other.kinds,
+            self.links + other.links,
         )
+
+    def parts(self, observers: Index, targets: Index) -> Flags:
+        """Return (p,) whether sightings of `targets` by `observers` are of a link that is lost."""
+        lost = np.zeros(len(observers), dtype=bool)
+        for a, b in self.links:
+            lost |= (observers == a) & (targets == b)
+            lost |= (observers == b) & (targets == a)
+        return lost
 
     @property
     def repeats(self) -> tuple[tuple[int, int], ...]:
@@ -72,6 +85,7 @@ class Remainder:
     numbers : (n + m,) each body's new number, -1 for those that are lost
     blind : (n,) whether a vehicle sees nothing any more, but what it measures of itself
     lacking : (n, K) which of the K kinds of sighting it alone no longer makes
+    loss : what is lost
     """
 
     team: Team
@@ -79,6 +93,7 @@ class Remainder:
     numbers: Index
     blind: Flags
     lacking: Flags
+    loss: Loss
 
     def still_seen(self, observers: Index, targets: Index) -> Flags:
         """Return (p,) whether sightings of `targets` by `observers`, old numbers, remain.
@@ -86,7 +101,9 @@ class Remainder:
         A vehicle that is lost is blind; what others measure of themselves has no lost target.
         """
         sees = ~self.blind[observers] | (observers == targets)
-        return np.asarray(sees & (self.numbers[targets] >= 0))
+        return np.asarray(
+            sees & (self.numbers[targets] >= 0) & ~self.loss.parts(observers, targets)
+        )
 
     def windows(self, before: Windows) -> Windows:
         """Return the contact windows that remain, in their order."""
@@ -133,7 +150,7 @@ def remainder_of(team: Team, loss: Loss) -> Remainder:
     for place, k in loss.kinds:
         lacking[k, place] = True
     left = replace(team, landmarks=team.landmarks[~lost[count:]], sensors=_sensors_left(team, loss))
-    return Remainder(left.only(vehicles), vehicles, numbers, blind, lacking)
+    return Remainder(left.only(vehicles), vehicles, numbers, blind, lacking, loss)
 
 
 def single_losses(team: Team) -> list[Loss]:

@@ -9,9 +9,12 @@ judged_team         a team with all that was found of it
 distance_limits     how near vehicles may come to each other and to landmarks
 findings            what speaks against flying a plan, and the verdict
 observability_checks  findings on rank and certificate
-path_checks         findings on distances, areas and limits
+path_checks         findings on distances and areas
 link_checks         findings on links lost or easily lost, hidden landmarks
 lost_parts          what can be lost, by name, and the scenario of what is left
+needed_links        whether a team needs links, and what it costs to be without
+speed_checks        findings on speeds, in the wind
+room_checks         findings on errors that leave no room
 loss_checks         findings on single points of failure
 search_checks       findings on how the plan was found
 neglect_checks      findings on errors that the filter does not estimate

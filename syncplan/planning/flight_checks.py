@@ -5,21 +5,23 @@ warning, and what happened in more than MOST_SHARE of them stops the flight.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
-from syncplan.phrases import listed, percent
+from syncplan.phrases import joined, listed, percent
 from syncplan.planning.findings import Cure, Finding, Level
 from syncplan.planning.flight_record import FlightRecord
 from syncplan.planning.judged_team import JudgedTeam
+from syncplan.planning.needed_links import without_links
 
 __all__ = [
     "LEAST_KEPT",
     "MOST_SHARE",
+    "commands_saturated",
     "lost_in_flight",
     "meetings_missed",
     "phase_not_kept",
@@ -32,6 +34,9 @@ MOST_SHARE = 0.05
 LEAST_KEPT = 0.5
 """Share of a pair's meetings below which they are over two periods apart, as for a vehicle that is
 out of contact."""
+
+MOST_SATURATED = 0.2
+"""Share of the time at a limit from which on guidance does not have its way."""
 
 MOST_NAMED, MOST_EVENTS = 3, 8
 
@@ -96,7 +101,8 @@ def phase_not_kept(judged: JudgedTeam) -> Iterator[Finding]:
     """Yield the finding that vehicles stray from their phases by more than they may.
 
     Allowed is the tolerance of a vehicle's meetings, and at most half of what a phase that is quite
-    random has. It stops the flight where an RMS error is over that.
+    random has. It stops the flight where an RMS error is over that half, or over the tolerance of
+    meetings that the team needs.
     """
     flight = judged.flight
     if flight is None:
@@ -113,11 +119,14 @@ def phase_not_kept(judged: JudgedTeam) -> Iterator[Finding]:
             f"{one.name} {one.phase_rms:.3g} s, {allowed[one.name]:.3g} s allowed" for one in off
         ]
         gone = any(one.phase_rms > allowed[one.name] for one in off)
+        random = any(one.phase_rms > _largest_phase(judged) for one in off)
+        slipped = _slipped(judged, {one.name: one.phase_rms for one in off})
+        needed, without = _without(judged, slipped)
         yield Finding(
             "phase-not-kept",
-            "stop" if gone else "warning",
+            "stop" if random or needed else "warning",
             f"phases stray (RMS) by more than {'' if gone else 'half of '}what is allowed in "
-            f"{_flown(flight)}: {listed(each, MOST_NAMED)}",
+            f"{_flown(flight)}: {listed(each, MOST_NAMED)}{without}",
             tuple(one.name for one in off),
             _steering_cure(flight),
         )
@@ -126,7 +135,8 @@ def phase_not_kept(judged: JudgedTeam) -> Iterator[Finding]:
 def meetings_missed(judged: JudgedTeam) -> Iterator[Finding]:
     """Yield the finding that pairs miss meetings that the plan's figures rest on.
 
-    It stops the flight where a pair keeps less than LEAST_KEPT of what it would on the circles.
+    It stops the flight where pairs keep less than LEAST_KEPT of what they would on the circles, and
+    the team needs them: without all these it is not observable.
     """
     flight = judged.flight
     if flight is None:
@@ -142,21 +152,67 @@ def meetings_missed(judged: JudgedTeam) -> Iterator[Finding]:
         if one.kept_share < (1.0 - MOST_SHARE) * expected.get(one.between, 0.0)
     )
     if missed:
+        numbers = {name: k for k, name in enumerate(names)}
+        gone = [pair for share, pair, _ in missed if share < LEAST_KEPT]
+        lacking = gone or [pair for _, pair, _ in missed]
+        needed, without = _without(judged, [(numbers[a], numbers[b]) for a, b in lacking])
         each = [f"{'-'.join(between)} keeps {percent(kept)}" for _, between, kept in missed]
         yield Finding(
             "meetings-missed",
-            "stop" if missed[0][0] < LEAST_KEPT else "warning",
+            "stop" if gone and needed else "warning",
             f"meetings that the plan's figures rest on are missed in {_flown(flight)}: "
-            f"{listed(each, MOST_NAMED)}",
+            f"{listed(each, MOST_NAMED)}{without}",
             tuple(dict.fromkeys(name for _, between, _ in missed for name in between)),
             _steering_cure(flight),
         )
 
 
+def commands_saturated(judged: JudgedTeam) -> Iterator[Finding]:
+    """Yield the finding that vehicles were at a limit for much of the time."""
+    flight = judged.flight
+    if flight is None or flight.saturated_share is None or flight.saturated_share <= MOST_SATURATED:
+        return
+    yield Finding(
+        "commands-saturated",
+        "warning",
+        f"commands were at a limit of speed or turn rate for {percent(flight.saturated_share)} of "
+        f"the time in {_flown(flight)}: vehicles could not do what their guidance asked",
+        cure=Cure("larger limits, slower or larger circles, or less wind"),
+    )
+
+
+def _without(judged: JudgedTeam, links: Sequence[tuple[int, int]]) -> tuple[bool, str]:
+    """Whether a team needs links, numbers a < b; and in words, what it is without them."""
+    if not links:
+        return False, ""
+    names = [*judged.scenario.vehicle_names, *judged.scenario.landmark_names]
+    which = f"without {joined([f'{names[a]}-{names[b]}' for a, b in links], MOST_NAMED)}"
+    found = without_links(judged, links)
+    if found.needed:
+        return True, f"; {which} the team is not observable"
+    cost = f", predicted RMS {found.cost}" if found.cost else ""
+    return False, f"; {which} the team is observable still{cost}"
+
+
+def _slipped(judged: JudgedTeam, phases: Mapping[str, float]) -> list[tuple[int, int]]:
+    """Links that phase errors in s, by vehicle, exceed the tolerance of."""
+    names, rate = judged.scenario.vehicle_names, judged.orbits.rate
+    return [
+        (one.a, one.b)
+        for one in judged.links
+        if max(phases.get(names[k], 0.0) for k in (one.a, one.b)) > one.tolerance / rate
+    ]
+
+
+def _largest_phase(judged: JudgedTeam) -> float:
+    """RMS error in s that any phase may have, whatever its meetings bear."""
+    return 0.5 * RANDOM_PHASE * judged.orbits.period
+
+
 def _allowed_phases(judged: JudgedTeam) -> dict[str, float]:
     """RMS error in s that the phase of each vehicle may have."""
-    least = dict.fromkeys(judged.scenario.vehicle_names, 0.5 * RANDOM_PHASE * judged.orbits.period)
     names = judged.scenario.vehicle_names
+    least = dict.fromkeys(names, _largest_phase(judged))
     for link in judged.links:
         for k in (link.a, link.b):
             least[names[k]] = min(least[names[k]], link.tolerance / judged.orbits.rate)

@@ -57,6 +57,7 @@ class FlightRecord:
     too_close_share : of trials below the separation asked; None where none is
     vehicles : of those there to the end, in order
     pairs : that meet in the plan; none in older files
+    saturated_share : of samples with a command at a limit; None in older files
     """
 
     trials: int
@@ -71,3 +72,4 @@ class FlightRecord:
     too_close_share: float | None
     vehicles: tuple[FlownVehicleRecord, ...]
     pairs: tuple[FlownPairRecord, ...] = ()
+    saturated_share: float | None = None

@@ -1,4 +1,4 @@
-"""Whether the circles can be flown: findings on distances, areas and limits."""
+"""Whether the circles can be flown: findings on distances and areas."""
 
 from collections.abc import Iterator, Sequence
 
@@ -16,7 +16,6 @@ __all__ = [
     "in_keep_out",
     "landmarks_too_close",
     "outside_area",
-    "over_limit",
     "vehicles_too_close",
 ]
 
@@ -95,28 +94,6 @@ def in_keep_out(judged: JudgedTeam) -> Iterator[Finding]:
             "it",
             (name,),
             Cure("move the circle, or change its radius"),
-        )
-
-
-def over_limit(judged: JudgedTeam) -> Iterator[Finding]:
-    """Yield the vehicles whose speed on their circle is none they can keep.
-
-    A rate above limits.turn_rate_rad_s is refused where the scenario is read.
-    """
-    limits = judged.scenario.limits
-    if limits is None or limits.speed_mps is None:
-        return
-    low, high = limits.speed_mps
-    names, speeds = judged.scenario.vehicle_names, judged.orbits.speeds.tolist()
-    for name, speed in zip(names, speeds, strict=True):
-        if low * (1.0 - TOLERANCE) <= speed <= high * (1.0 + TOLERANCE):
-            continue
-        yield Finding(
-            "over-limit",
-            "stop",
-            f"{name} has to keep {speed:.4g} m/s; limits.speed_mps allows {low:g} to {high:g}",
-            (name,),
-            Cure("change its radius, or the common rate"),
         )
 
 

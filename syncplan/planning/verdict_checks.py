@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable
 
 from syncplan.planning.findings import Finding, Verdict
 from syncplan.planning.flight_checks import (
+    commands_saturated,
     lost_in_flight,
     meetings_missed,
     phase_not_kept,
@@ -29,8 +30,12 @@ from syncplan.planning.path_checks import (
     in_keep_out,
     landmarks_too_close,
     outside_area,
-    over_limit,
     vehicles_too_close,
+)
+from syncplan.planning.room_checks import (
+    meetings_uncertain,
+    separation_uncertain,
+    start_uncertain,
 )
 from syncplan.planning.search_checks import (
     bound_missing,
@@ -39,6 +44,7 @@ from syncplan.planning.search_checks import (
     not_refined,
     search_cut_short,
 )
+from syncplan.planning.speed_checks import over_limit, strong_wind
 from syncplan.planning.start_up_checks import start_up, start_up_worse
 
 __all__ = ["CHECKS", "verdict_of"]
@@ -52,16 +58,21 @@ CHECKS: dict[str, Callable[[JudgedTeam], Iterable[Finding]]] = {
     "outside-area": outside_area,
     "in-keep-out": in_keep_out,
     "over-limit": over_limit,
+    "strong-wind": strong_wind,
     "landmark-hidden": landmarks_hidden,
     "vehicle-hidden": vehicles_hidden,
     "link-lost": lost_links,
     "link-fragile": fragile_links,
+    "meetings-uncertain": meetings_uncertain,
+    "separation-uncertain": separation_uncertain,
+    "start-uncertain": start_uncertain,
     "start-up": start_up,
     "start-up-worse": start_up_worse,
     "lost-in-flight": lost_in_flight,
     "too-close-in-flight": too_close_in_flight,
     "phase-not-kept": phase_not_kept,
     "meetings-missed": meetings_missed,
+    "commands-saturated": commands_saturated,
     "not-estimated": not_estimated,
     "expected-worse": expected_worse,
     "error-undetermined": error_undetermined,

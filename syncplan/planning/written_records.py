@@ -113,6 +113,7 @@ class _WrittenFlight(_Read):
     too_close_share: float | None
     vehicles: Many[_WrittenPhasesFlown]
     meetings_kept: Many[_WrittenMeetings] = Field(default_factory=list)
+    saturated_share: float | None = None
 
 
 class _WrittenFinding(_Read):
@@ -257,6 +258,7 @@ def _flight(given: _WrittenFlight) -> FlightRecord:
             FlownPairRecord(_two(one.between), one.meetings, one.kept_share)
             for one in given.meetings_kept
         ),
+        saturated_share=given.saturated_share,
     )
 
 

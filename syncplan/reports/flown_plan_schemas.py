@@ -1,9 +1,11 @@
 """The JSON contract of what flying has found of a plan, as the plan's own file has it."""
 
+from typing import ClassVar
+
 from pydantic import Field
 
 from syncplan.planning.flight_record import FlightRecord
-from syncplan.reports.document_base import DocumentPart
+from syncplan.reports.document_base import Document, DocumentPart
 
 __all__ = ["FlownPlan", "MeetingsFlown", "PhasesFlown", "flown_plan"]
 
@@ -29,8 +31,10 @@ class MeetingsFlown(DocumentPart):
     kept_share: float = Field(description="In which a sighting was made, of all trials'")
 
 
-class FlownPlan(DocumentPart):
+class FlownPlan(Document):
     """What flying the plan has found; the circumstances are those of the scenario."""
+
+    left_out_if_none: ClassVar[frozenset[str]] = frozenset({"saturated_share"})
 
     trials: int
     seed: int
@@ -49,6 +53,10 @@ class FlownPlan(DocumentPart):
     vehicles: list[PhasesFlown] = Field(description="Those that are there to the end")
     meetings_kept: list[MeetingsFlown] = Field(
         default_factory=list, description="Of each pair that meets; empty in older files"
+    )
+    saturated_share: float | None = Field(
+        default=None,
+        description="Share of samples with a command at a limit; missing in older files",
     )
 
 
@@ -79,4 +87,5 @@ def flown_plan(record: FlightRecord) -> FlownPlan:
             MeetingsFlown(between=one.between, meetings=one.meetings, kept_share=one.kept_share)
             for one in record.pairs
         ],
+        saturated_share=record.saturated_share,
     )

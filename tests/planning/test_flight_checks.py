@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 import syncplan
+from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.planning.findings import Finding
-from syncplan.planning.flight_checks import LEAST_KEPT, MOST_SHARE
+from syncplan.planning.flight_checks import LEAST_KEPT, MOST_SATURATED, MOST_SHARE
 from syncplan.planning.flight_record import FlightRecord, FlownPairRecord, FlownVehicleRecord
 from syncplan.planning.judged_plan import Plan
 
 GRID = "examples/scenarios/paper-grid-same.yaml"
+HARD = Path(__file__).parents[1] / "data" / "hard"
 
 WELL = FlightRecord(
     trials=50,
@@ -46,7 +48,8 @@ def levels(plan: Plan, record: FlightRecord) -> dict[str, str]:
 
 def found_of(plan: Plan, record: FlightRecord) -> list[Finding]:
     """The findings of a flight."""
-    codes = ("lost-in-flight", "too-close-in-flight", "phase-not-kept", "meetings-missed")
+    codes = ["lost-in-flight", "too-close-in-flight", "phase-not-kept", "meetings-missed"]
+    codes.append("commands-saturated")
     found = replace(plan, flight=record).verdict.findings
     return [one for one in found if one.code in codes]
 
@@ -103,6 +106,16 @@ def test_a_phase_is_kept_within_half_of_the_tolerance_of_its_meetings(
     assert levels(narrow, replace(WELL, vehicles=tuple(others))) == {}
 
 
+def test_a_phase_that_only_a_link_to_spare_cannot_bear_warns(plan: Plan) -> None:
+    first, *others = plan.links
+    assert (first.a, first.b) == (0, 1)
+    narrow = replace(plan, links=(replace(first, tolerance=1.0 * plan.orbits.rate), *others))
+    off = (replace(WELL.vehicles[0], phase_rms=1.5), *WELL.vehicles[1:])
+    (found,) = found_of(narrow, replace(WELL, vehicles=off))
+    assert (found.code, found.level) == ("phase-not-kept", "warning")
+    assert "without v1-v2 the team is observable still, predicted RMS" in found.message
+
+
 @pytest.mark.parametrize("share", PHASES)
 def test_no_phase_is_kept_that_is_half_as_spread_as_a_random_one(plan: Plan, share: float) -> None:
     anywhere = np.linspace(-0.5, 0.5, 10001) * plan.orbits.period
@@ -114,17 +127,68 @@ def test_no_phase_is_kept_that_is_half_as_spread_as_a_random_one(plan: Plan, sha
     assert found == expected("phase-not-kept", PHASES[share])
 
 
-@pytest.mark.parametrize("pair", ["v1_v2", "v3_L1"])
-def test_meetings_that_are_missed_warn_and_stop_where_most_are(plan: Plan, pair: str) -> None:
-    kept = {1.01 - MOST_SHARE: None, 0.99 - MOST_SHARE: "warning"}
-    kept |= {LEAST_KEPT + 0.01: "warning", LEAST_KEPT - 0.01: "stop", 0.0: "stop"}
+def name_of(plan: Plan, link: LinkVerdict) -> str:
+    """The names of both ends, as flown_with has them."""
+    names = [*plan.scenario.vehicle_names, *plan.scenario.landmark_names]
+    return f"{names[link.a]}_{names[link.b]}"
+
+
+def kept_all(plan: Plan) -> FlightRecord:
+    """The record of a flight in which all that meet are there, none of them missed."""
+    links = (*plan.links, *plan.landmark_links)
+    pairs = [name_of(plan, one).split("_") for one in links]
+    return replace(WELL, pairs=tuple(FlownPairRecord((a, b), 5, 1.0) for a, b in pairs))
+
+
+def missing(record: FlightRecord, name: str, share: float) -> FlightRecord:
+    """The record with that share of all meetings of one body."""
+    own = {"_".join(one.between): share for one in record.pairs if name in one.between}
+    return flown_with(record, **own)
+
+
+def test_meetings_that_nobody_needs_warn_and_their_cost_is_quoted(plan: Plan) -> None:
+    pair = "v1_v2"
+    kept = {1.01 - MOST_SHARE: None, 0.99 - MOST_SHARE: "warning", 0.0: "warning"}
+    kept |= {LEAST_KEPT + 0.01: "warning", LEAST_KEPT - 0.01: "warning"}
     for share, level in kept.items():
         found = levels(plan, flown_with(WELL, **{pair: share}))
         assert found == expected("meetings-missed", level)
     (worst,) = found_of(plan, flown_with(WELL, **{pair: 0.13, "v2_v3": 0.9}))
     a, b = pair.split("_")
     assert f"50 flights of 200 s: {a}-{b} keeps 13 %, v2-v3 keeps 90 %" in worst.message
+    assert f"; without {a}-{b} the team is observable still, predicted RMS" in worst.message
     assert worst.subjects[:2] == (a, b)
+
+
+@pytest.mark.parametrize("body", ["v1", "L1"])
+def test_meetings_that_the_team_needs_stop_where_most_are_missed(plan: Plan, body: str) -> None:
+    record = kept_all(plan)
+    kept = {0.99 - MOST_SHARE: "warning", LEAST_KEPT + 0.01: "warning"}
+    kept |= {LEAST_KEPT - 0.01: "stop", 0.0: "stop"}
+    for share, level in kept.items():
+        found = levels(plan, missing(record, body, share))
+        assert found == expected("meetings-missed", level)
+    (found_of_it,) = found_of(plan, missing(record, body, 0.1))
+    assert "the team is not observable" in found_of_it.message
+
+
+def test_links_each_of_which_can_be_spared_are_judged_together(plan: Plan) -> None:
+    record = kept_all(plan)
+    own = ["_".join(one.between) for one in record.pairs if "v1" in one.between]
+    assert len(own) == 2
+    for name in own:
+        assert levels(plan, flown_with(record, **{name: 0.0})) == {"meetings-missed": "warning"}
+    assert levels(plan, missing(record, "v1", 0.0)) == {"meetings-missed": "stop"}
+
+
+def test_the_cost_of_a_missed_landmark_is_what_its_loss_costs() -> None:
+    grazing = syncplan.plan(HARD / "grazing-landmark.json", pilot=False)
+    studied = syncplan.what_if(grazing, ["L2"])
+    before, after = (one.worst_predicted_rms for one in (studied.baseline, studied.losses[0]))
+    (found,) = found_of(grazing, missing(kept_all(grazing), "L2", 0.0))
+    assert found.level == "warning"
+    assert f"predicted RMS {before:.3g} -> {after:.3g} m of the worst vehicle" in found.message
+    assert "1.66 -> 1.82 m" in found.message
 
 
 def test_meetings_by_the_way_and_those_of_older_files_are_not_judged(plan: Plan) -> None:
@@ -143,6 +207,13 @@ def test_meetings_that_a_slow_sensor_misses_on_the_circles_are_not_asked_for(pla
     for share, level in {0.49: None, 0.4: "warning", 0.24: "stop"}.items():
         found = levels(slow, flown_with(only, v1_v2=share))
         assert found == expected("meetings-missed", level)
+
+
+def test_commands_at_their_limits_for_much_of_the_time_warn(plan: Plan) -> None:
+    assert levels(plan, replace(WELL, saturated_share=MOST_SATURATED)) == {}
+    (found,) = found_of(plan, replace(WELL, saturated_share=0.4))
+    assert (found.code, found.level) == ("commands-saturated", "warning")
+    assert "for 40 % of the time in 50 flights of 200 s" in found.message
 
 
 def test_shares_and_flights_are_worded_as_they_are(plan: Plan) -> None:
@@ -178,6 +249,12 @@ def test_a_plan_file_keeps_what_flying_has_found(plan: Plan, tmp_path: Path) -> 
     assert values["flight"]["vehicles"][0]["speed_mps"] == [3.0, 5.0]
     third = {"between": ["v3", "L1"], "meetings": 5, "kept_share": 1.0}
     assert values["flight"]["meetings_kept"][2] == third
+    # a file from before it had the time at limits; it has none when written again either
+    assert "saturated_share" not in values["flight"]
+    replace(plan, flight=replace(WELL, saturated_share=0.25)).save(tmp_path / "newer.json")
+    newer = syncplan.load_plan(tmp_path / "newer.json").flight
+    assert newer is not None
+    assert newer.saturated_share == 0.25
     # a file from before meetings were kept
     del values["flight"]["meetings_kept"]
     (tmp_path / "older.json").write_text(json.dumps(values))
