@@ -1,7 +1,8 @@
 """Recordings as one file: the files of a recording in a zip or tar archive.
 
 Whatever an archive holds, nothing is written but files of recordings, by their own names, into one
-folder, and no more than is allowed.
+folder, and no more than is allowed. Too many members are refused by their number alone: those of a
+zip archive before it is opened, those of a tar archive, which has no directory, on the way.
 """
 
 import stat
@@ -21,7 +22,12 @@ __all__ = ["holds_archive", "unpack_files"]
 MOST_BYTES = 2**30
 """Of all files together, unpacked."""
 
-MOST_MEMBERS = 10_000
+MOST_MEMBERS = 2_000
+"""Files and folders. A recording of the most robots has some 600 files, and some systems add a
+hidden one to each."""
+
+_ZIP_ENTRY = b"PK\x01\x02"
+"""What begins each entry of a zip archive's directory."""
 
 UNNAMED = "recording"
 """Folder of files that lie at an archive's top."""
@@ -62,14 +68,15 @@ def unpack_files(stream: BinaryIO, into: Path, patterns: Sequence[str], source: 
 
 
 def _unpacked(stream: BinaryIO, into: Path, patterns: Sequence[str], source: str) -> Path:
-    written: dict[str, PurePosixPath] = {}
+    home: PurePosixPath | None = None
+    written: set[str] = set()
     left = MOST_BYTES
-    for count, member in enumerate(_members(stream)):
+    for member in _members(stream, source):
         left -= member.size
-        if left < 0 or count >= MOST_MEMBERS:
+        if left < 0:
             problem = (
-                f"holds more than {MOST_BYTES // 2**20} MiB, unpacked, or {MOST_MEMBERS} files; "
-                "leave out what is no recording"
+                f"holds more than {MOST_BYTES // 2**20} MiB, unpacked; leave out what is no "
+                "recording"
             )
             raise InputError(problem, source=source)
         path = PurePosixPath(member.name.replace("\\", "/"))
@@ -79,24 +86,28 @@ def _unpacked(stream: BinaryIO, into: Path, patterns: Sequence[str], source: str
         hidden = any(part.startswith((".", "__MACOSX")) for part in path.parts)
         if hidden or not any(fnmatchcase(path.name, pattern) for pattern in patterns):
             continue
-        others = [one for one in written.values() if one != path.parent]
-        if others or path.name in written:
+        if home not in (None, path.parent) or path.name in written:
             problem = f"{member.name!r} belongs to a second recording; send one"
             raise InputError(problem, source=source)
         if not member.plain:
             raise InputError(f"{member.name!r} is no plain file; send the file", source=source)
-        written[path.name] = path.parent
-        folder = into / (path.parent.name or UNNAMED)
+        home = path.parent
+        written.add(path.name)
+        folder = into / (home.name or UNNAMED)
         folder.mkdir(exist_ok=True)
         _write(member, folder / path.name)
-    if not written:
+    if home is None:
         raise InputError(f"holds none of {', '.join(patterns)}", source=source)
     return folder
 
 
-def _members(stream: BinaryIO) -> Iterator[_ArchivedFile]:
-    """The files of an archive; those of a tar one by one, as far as it is read."""
+def _members(stream: BinaryIO, source: str) -> Iterator[_ArchivedFile]:
+    """The files of an archive; those of a tar one by one, as far as it is read.
+
+    Raises InputError where there are too many members, folders among them.
+    """
     if zipfile.is_zipfile(stream):
+        _check_count(_zip_entries(stream), source)
         with zipfile.ZipFile(stream) as archive:
             for one in archive.infolist():
                 if not one.is_dir():
@@ -111,10 +122,38 @@ def _members(stream: BinaryIO) -> Iterator[_ArchivedFile]:
         raise ValueError("it is neither a zip nor a tar archive")
     stream.seek(0)
     with tarfile.open(fileobj=stream, mode="r:*") as tar:
-        for entry in tar:
+        for count, entry in enumerate(tar, 1):
+            _check_count(count, source)
             if not entry.isdir():
                 opened = partial(tar.extractfile, entry)
                 yield _ArchivedFile(entry.name, entry.size, entry.isreg(), opened)
+
+
+def _check_count(count: int, source: str) -> None:
+    """Raise InputError if an archive of at least so many members has too many."""
+    if count > MOST_MEMBERS:
+        problem = (
+            f"holds at least {count} files and folders; allowed is up to {MOST_MEMBERS}; leave out "
+            "what is no recording"
+        )
+        raise InputError(problem, source=source)
+
+
+def _zip_entries(stream: BinaryIO) -> int:
+    """Number of entries of a zip archive's directory, by their signature.
+
+    The number that the directory states need not be true, and to open it reads all of it. In
+    compressed bytes the signature is there by chance once in 4 GiB.
+    """
+    stream.seek(0)
+    count, kept = 0, b""
+    while part := stream.read(_AT_ONCE):
+        part = kept + part
+        count += part.count(_ZIP_ENTRY)
+        # one that lies across two parts is whole in the second
+        kept = part[1 - len(_ZIP_ENTRY) :]
+    stream.seek(0)
+    return count
 
 
 def _write(member: _ArchivedFile, path: Path) -> None:

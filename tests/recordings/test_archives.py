@@ -6,7 +6,7 @@ import tarfile
 import zipfile
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,11 +15,12 @@ from hypothesis import strategies as st
 
 from syncplan.errors import InputError
 from syncplan.recordings import archives
+from syncplan.recordings.archives import MOST_MEMBERS
 from syncplan.recordings.log import Log
 from syncplan.recordings.packed_logs import pack_log, unpack_log
 from syncplan.recordings.recording_formats import load_log, read_archive
 from tests.tools.recorded_bags import write_bag
-from tests.tools.recordings import REAL, Recipe, write_csv, write_recording, zipped
+from tests.tools.recordings import REAL, Recipe, tarred, write_csv, write_recording, zipped
 
 
 @pytest.fixture(scope="module")
@@ -44,14 +45,7 @@ def _zipped(files: dict[str, bytes]) -> io.BytesIO:
 
 
 def _tarred(files: dict[str, bytes], kind: str = "") -> io.BytesIO:
-    stream, mode = io.BytesIO(), f"w:{kind}"
-    with tarfile.open(fileobj=stream, mode=cast(Any, mode)) as archive:
-        for name, content in files.items():
-            entry = tarfile.TarInfo(name)
-            entry.size = len(content)
-            archive.addfile(entry, io.BytesIO(content))
-    stream.seek(0)
-    return stream
+    return io.BytesIO(tarred(files, kind))
 
 
 def _files(folder: Path, at: str = "") -> dict[str, bytes]:
@@ -161,9 +155,59 @@ def test_what_grows_too_large_is_not_unpacked(
     monkeypatch.setattr(archives, "MOST_BYTES", 2**20)
     for name in ("odometry.csv", "words.txt"):
         assert "sent: holds more than 1 MiB, unpacked" in _refused(pack({name: bytes(2**20 + 1)}))
-    monkeypatch.setattr(archives, "MOST_MEMBERS", 3)
-    assert "or 3 files; leave out what is no" in _refused(pack({f"{k}.txt": b"" for k in range(4)}))
     assert list(tmp_path.iterdir()) == []
+
+
+def _empty(count: int) -> dict[str, bytes]:
+    return {f"hall/{k}.csv": b"" for k in range(count)}
+
+
+@pytest.mark.parametrize(
+    ("kind", "told"),
+    [("zip", "holds at least 60000 files"), ("gz", f"holds at least {MOST_MEMBERS + 1} files")],
+)
+def test_an_archive_of_empty_files_is_refused_by_their_number(
+    kind: str, told: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, run: Any
+) -> None:
+    stream = _zipped(_empty(60_000)) if kind == "zip" else _tarred(_empty(60_000), kind)
+    remedy = f"and folders; allowed is up to {MOST_MEMBERS}; leave out what is no recording"
+    assert _refused(stream) == f"sent: {told} {remedy}"
+    path = tmp_path / "sent"
+    path.write_bytes(stream.getvalue())
+    status, out, err = run("replay", str(path))
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert f"{path}: {told} {remedy}" in err
+    if kind == "zip":
+        # not even its directory is read
+        monkeypatch.delattr(zipfile.ZipFile, "infolist")
+        assert told in _refused(stream)
+
+
+@pytest.mark.parametrize("pack", [_zipped, _tarred])
+def test_folders_count_as_members(pack: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(archives, "MOST_MEMBERS", 3)
+    assert "holds none of *.dat" in _refused(pack({f"{k}.txt": b"" for k in range(3)}))
+    assert "holds at least 4 files and" in _refused(pack({f"{k}.txt": b"" for k in range(4)}))
+    stream = io.BytesIO()
+    if pack is _zipped:
+        stream = pack({f"{k}/": b"" for k in range(4)})
+    else:
+        with tarfile.open(fileobj=stream, mode="w") as archive:
+            for k in range(4):
+                entry = tarfile.TarInfo(str(k))
+                entry.type = tarfile.DIRTYPE
+                archive.addfile(entry)
+    assert "holds at least 4 files and folders" in _refused(stream)
+
+
+@pytest.mark.parametrize("at", [-3, -2, -1, 0])
+def test_entries_of_a_directory_are_counted_wherever_a_part_ends(
+    at: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stream = _zipped({"a.txt": b"", "b.txt": b"", "c.txt": b""})
+    monkeypatch.setattr(archives, "_AT_ONCE", stream.getvalue().find(b"PK\x01\x02") - at)
+    monkeypatch.setattr(archives, "MOST_MEMBERS", 2)
+    assert "holds at least 3 files" in _refused(stream)
 
 
 def test_a_size_that_is_stated_too_small_is_found_out() -> None:

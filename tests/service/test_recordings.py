@@ -37,11 +37,12 @@ from tests.tools.api_servers import done, key_of, problem, serving, speaking
 from tests.tools.processes import PATIENCE_S, wait_until
 from tests.tools.record_examples import RECORDED
 from tests.tools.recorded_bags import write_bag
-from tests.tools.recordings import Recipe, write_csv, write_recording, zipped
+from tests.tools.recordings import Recipe, tarred, write_csv, write_recording, zipped
 from tests.tools.serving import Server
 from tests.tools.survival import quick
 
 ZIP = {"content-type": "application/zip"}
+EMPTY = tarred({f"{k}.csv": b"" for k in range(3_000)}, "gz")
 SMALL = zipped({f"hall/{name}": text.encode() for name, text in RECORDED.items()})
 PACKED = PackedRecording(b"0123", '{"name": "hall"}')
 
@@ -142,10 +143,11 @@ BROKEN = RECORDED["odometry.csv"].replace("60,0.8", "60,fast")
         (zipped({"../odometry.csv": b""}), "", "'../odometry.csv' would be written elsewhere"),
         (zipped({"words.txt": b""}), "", "holds none of *.dat, *.csv"),
         (zipped({"odometry.csv": bytes(2**30 + 1)})[: 2**21], "", ""),
+        (EMPTY, "", "holds at least 2001 files and folders; allowed is up to 2000; leave out"),
         (b"no archive", "", "can't be unpacked"),
         (b"", "", "can't be unpacked"),
     ],
-    ids=["fault", "traversal", "words", "bomb", "bytes", "nothing"],
+    ids=["fault", "traversal", "words", "bomb", "empty", "bytes", "nothing"],
 )
 def test_bad_archives_are_refused_and_nothing_is_kept(
     content: bytes, path: str, told: str, ann: httpx2.Client

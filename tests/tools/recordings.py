@@ -1,17 +1,29 @@
 """Recordings of teams on circles, written as the files that `syncplan replay` reads."""
 
 import io
+import tarfile
 import zipfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 
 from syncplan.orbits.circles import Orbits, heading, position
-from syncplan.recordings.log import Log
+from syncplan.recordings.log import Log, RobotLog
 from tests.tools.serving import ROOT
 
-__all__ = ["CLOCK", "LANDMARKS", "REAL", "Recipe", "write_csv", "write_recording", "zipped"]
+__all__ = [
+    "CLOCK",
+    "LANDMARKS",
+    "REAL",
+    "Recipe",
+    "part_of",
+    "tarred",
+    "write_csv",
+    "write_recording",
+    "zipped",
+]
 
 REAL = ROOT.parent / "shared" / "data" / "mrclam6.tar.xz"
 """The recording of real robots that some tests need, beside the checkout."""
@@ -115,12 +127,50 @@ def write_csv(log: Log, folder: Path) -> Path:
     return folder
 
 
+def part_of(log: Log, begin: float, end: float) -> Log:
+    """Return a recording from one share of the time that its truth covers to another."""
+    first = max(robot.truth[0, 0] for robot in log.robots)
+    last = min(robot.truth[-1, 0] for robot in log.robots)
+    low, high = first + begin * (last - first), first + end * (last - first)
+
+    def within(robot: RobotLog) -> RobotLog:
+        seen = (robot.times >= low) & (robot.times <= high)
+        return replace(
+            robot,
+            truth=_between(robot.truth, low, high),
+            odometry=_between(robot.odometry, low, high),
+            times=robot.times[seen],
+            subjects=robot.subjects[seen],
+            bearings=robot.bearings[seen],
+            ranges=robot.ranges[seen],
+        )
+
+    return replace(log, robots=tuple(within(robot) for robot in log.robots))
+
+
+def _between(rows: np.ndarray, low: float, high: float) -> np.ndarray:
+    """Rows of times in between, and the one before them and after: values there are between."""
+    begin, end = np.searchsorted(rows[:, 0], (low, high))
+    return rows[max(begin - 1, 0) : end + 1]
+
+
 def zipped(files: dict[str, bytes]) -> bytes:
     """Return a zip archive of files by name."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in files.items():
             archive.writestr(name, content)
+    return stream.getvalue()
+
+
+def tarred(files: dict[str, bytes], kind: str = "") -> bytes:
+    """Return a tar archive of files by name, compressed by `kind`: gz, xz or bz2."""
+    stream, mode = io.BytesIO(), f"w:{kind}"
+    with tarfile.open(fileobj=stream, mode=cast(Any, mode)) as archive:
+        for name, content in files.items():
+            entry = tarfile.TarInfo(name)
+            entry.size = len(content)
+            archive.addfile(entry, io.BytesIO(content))
     return stream.getvalue()
 
 
