@@ -62,6 +62,14 @@ class ReplayRequest(JobRequest):
         default=_USUAL.bearing_bias_sigma,
         description="Of a robot's bearing bias (mounting); 0: not a state",
     )
+    bearing_walk_sigma_rad: Amount = Field(
+        default=_USUAL.bearing_walk_sigma,
+        description="Of a robot's bearing error that changes slowly; 0: not a state",
+    )
+    bearing_walk_time_s: Positive = Field(
+        default=_USUAL.bearing_walk_time,
+        description="Over which the correlation of that error falls to 1/e",
+    )
     delay_s: Annotated[float, Field(ge=-60, le=60)] = Field(
         default=_USUAL.delay, description="By how much sightings are recorded late"
     )

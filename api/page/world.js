@@ -14,6 +14,7 @@ export const WORLD = {
     { path: "sensor.detection_probability", label: "Detection probability", min: 0 },
     { path: "sensor.range_sigma_m", label: "Distance sigma", unit: "m", min: 0 },
     { path: "sensor.bearing_bias_sigma_rad", label: "Bearing bias sigma", unit: "rad", min: 0 },
+    { path: "sensor.bearing_walk", label: "Bearing walk", kind: "json" },
     { path: "heading_sigma_rad", label: "Compass sigma", unit: "rad", min: 0 },
     { path: "heading_interval_s", label: "Compass interval", unit: "s", min: 0 },
   ],

@@ -65,6 +65,8 @@ OPTIONS = {
     "speed_scale_sigma": "--speed-scale-sigma",
     "turn_rate_bias_sigma": "--turn-rate-bias-sigma-rad-s",
     "bearing_bias_sigma": "--bearing-bias-sigma-rad",
+    "bearing_walk_sigma": "--bearing-walk-sigma-rad",
+    "bearing_walk_time": "--bearing-walk-time-s",
     "delay": "--delay-s",
     "window": "--window-s",
     "start": "--start",

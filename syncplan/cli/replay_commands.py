@@ -68,6 +68,13 @@ TurnRateBiasSigma = Annotated[
 BearingBiasSigma = Annotated[
     float, typer.Option(help="Sigma of a robot's bearing bias (mounting); 0: not a state")
 ]
+BearingWalkSigma = Annotated[
+    float,
+    typer.Option(help="Sigma of a robot's bearing error that changes slowly; 0: not a state"),
+]
+BearingWalkTime = Annotated[
+    float, typer.Option(help="Time over which the correlation of that error falls to 1/e")
+]
 Delay = Annotated[
     float, typer.Option(help="By how much sightings are recorded later than they were made")
 ]
@@ -129,6 +136,8 @@ def _replay(
     speed_scale_sigma: SpeedScaleSigma = 0.05,
     turn_rate_bias_sigma_rad_s: TurnRateBiasSigma = 0.01,
     bearing_bias_sigma_rad: BearingBiasSigma = 0.0,
+    bearing_walk_sigma_rad: BearingWalkSigma = 0.0,
+    bearing_walk_time_s: BearingWalkTime = 10.0,
     delay_s: Delay = 0.0,
     start: Start = StartKind.truth,
     start_poses: Poses = None,
@@ -166,6 +175,8 @@ def _replay(
         speed_scale_sigma=speed_scale_sigma,
         turn_rate_bias_sigma=turn_rate_bias_sigma_rad_s,
         bearing_bias_sigma=bearing_bias_sigma_rad,
+        bearing_walk_sigma=bearing_walk_sigma_rad,
+        bearing_walk_time=bearing_walk_time_s,
         sample_time=sample_time_s,
         delay=delay_s,
         start=start.value,

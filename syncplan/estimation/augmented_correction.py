@@ -7,9 +7,9 @@ is read of P, and P is corrected by all of them in one sweep.
 
 import math
 
-from syncplan.arrays import Array
+from syncplan.arrays import Array, Index
 from syncplan.estimation.augmented_curvature import curved_variances
-from syncplan.estimation.augmented_frame import BIAS, GUST, SCALE, TURN, WIND, Frame
+from syncplan.estimation.augmented_frame import BIAS, GUST, SCALE, TURN, WALK, WIND, Frame
 from syncplan.estimation.augmented_rows import Sparse, dot, multiply, refer
 from syncplan.estimation.augmented_setup import (
     AugmentedReadings,
@@ -21,7 +21,14 @@ from syncplan.estimation.filter_setup import BEARING_KIND
 from syncplan.estimation.lane_filter import Lanes, compiled, inner
 from syncplan.estimation.lane_statistics import subtract_outer
 
-__all__ = ["AT_ONCE", "correct_augmented", "correct_covariance", "correct_state", "take_off"]
+__all__ = [
+    "AT_ONCE",
+    "correct_augmented",
+    "correct_covariance",
+    "correct_state",
+    "expect_shift",
+    "take_off",
+]
 
 About = tuple[Array, Array, bool]
 """Where sightings are linearised: poses (n, 3, lanes) and further states (e, lanes); and whether
@@ -61,12 +68,12 @@ def correct_augmented(
         if poses.second_order:
             curved_variances(kind, x, o, t, P, pending, setup, frame, halves, further, lanes)
         sighting_lanes(kind, places, o, t, poses.landmarks, z, slopes, innovation, lanes)
-        bias = setup.columns[o, BIAS] if kind == BEARING_KIND else -1
-        if bias >= 0:
-            _expect_bias(expected, bias - 3 * len(x), innovation, lanes)
+        shifted = kind == BEARING_KIND
+        if shifted:
+            expect_shift(expected, setup.columns[o], 3 * len(x), innovation, lanes)
         if is_off:
-            _expect_off(x, errors, o, t, bias - 3 * len(x), slopes, innovation, lanes)
-        entries = refer(slopes, o, t, bias, setup, frame, row, lanes)
+            _expect_off(x, errors, o, t, shifted, setup.columns[o], slopes, innovation, lanes)
+        entries = refer(slopes, o, t, shifted, setup, frame, row, lanes)
         u, gain = halves[0][pending], halves[1][pending]
         multiply(P, row, entries, u, lanes)
         for j in range(pending):
@@ -94,7 +101,8 @@ def _expect_off(
     errors: Array,
     o: int,
     t: int,
-    bias: int,
+    shifted: bool,
+    own: Index,
     slopes: Array,
     innovation: Array,
     lanes: Lanes,
@@ -105,17 +113,25 @@ def _expect_off(
         off = a * x[o, 0, lane] + b * x[o, 1, lane] + slopes[2, lane] * x[o, 2, lane]
         if t < len(x):
             off -= a * x[t, 0, lane] + b * x[t, 1, lane]
-        if bias >= 0:
-            off += errors[bias, lane]
+        if shifted and own[BIAS] >= 0:
+            off += errors[own[BIAS] - 3 * len(x), lane]
+        if shifted and own[WALK] >= 0:
+            off += errors[own[WALK] - 3 * len(x), lane]
         innovation[lane] -= off
 
 
 @inner
-def _expect_bias(errors: Array, bias: int, innovation: Array, lanes: Lanes) -> None:
-    """Take the bearing bias that is expected off the innovations (lanes,)."""
-    for lane in range(len(lanes)):
-        off = innovation[lane] - errors[bias, lane]
-        innovation[lane] = off - 2.0 * math.pi * math.floor((off + math.pi) / (2.0 * math.pi))
+def expect_shift(errors: Array, own: Index, first: int, innovation: Array, lanes: Lanes) -> None:
+    """Take the errors that are expected of a bearing off the innovations (lanes,).
+
+    `own` are the columns of its observer's errors, `first` that of the first of all.
+    """
+    for column in (own[BIAS], own[WALK]):
+        if column >= 0:
+            for lane in range(len(lanes)):
+                off = innovation[lane] - errors[column - first, lane]
+                turns = math.floor((off + math.pi) / (2.0 * math.pi))
+                innovation[lane] = off - 2.0 * math.pi * turns
 
 
 @inner
@@ -162,7 +178,7 @@ def correct_state(
     lanes: Lanes,
 ) -> None:
     """Add the gain, which is in P's frame, as it is now."""
-    since, age = frame
+    since, age, left = frame
     first = 3 * len(x)
     for i in range(len(x)):
         r, own = 3 * i, setup.columns[i]
@@ -197,9 +213,8 @@ def correct_state(
                 x[i, 1, lane] += since[i, 3, lane] * change
                 x[i, 2, lane] += age[0] * change
     for k in range(len(errors)):
-        left = age[2] if first + k >= setup.first_gust else 1.0
         for lane in range(len(lanes)):
-            errors[k, lane] += left * gain[first + k, lane] * innovation[lane]
+            errors[k, lane] += left[k] * gain[first + k, lane] * innovation[lane]
 
 
 @inner

@@ -1,11 +1,11 @@
-"""The extended Kalman filter with further states: wind, scales, biases and gusts beside the poses.
+"""The extended Kalman filter with further states: lasting errors beside the poses.
 
 The state stacks the poses of `batched_filter` and the errors c of a layout. Each sample:
 
     predict   v = (1 + scale) read speed,  w = read turn rate + bias
-              pose += (displacement(v, w) + T (wind + gust), T w),    gust = decay gust
-              P = F P F' + G Q G',   gusts' variances grow by their noise
-    update    as there; a bearing expects its bias too, whose entry of the row is 1
+              pose += (displacement(v, w) + T (wind + gust), T w),    errors *= decays
+              P = F P F' + G Q G',   errors that decay gain what keeps their variance
+    update    as there; a bearing expects its bias and walk too, whose entries of the row are 1
 
 A sighting that is NaN is missed: its lane's state, covariance and statistics stay as they are.
 
@@ -22,7 +22,7 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.estimation.augmented_correction import AT_ONCE, correct_augmented
-from syncplan.estimation.augmented_frame import bring_to_now
+from syncplan.estimation.augmented_frame import OWN, bring_to_now, frame_of
 from syncplan.estimation.augmented_prediction import predict_augmented
 from syncplan.estimation.augmented_rows import MOST_ENTRIES
 from syncplan.estimation.augmented_setup import (
@@ -57,7 +57,7 @@ def _compare(
             turns = np.floor((off + math.pi) / (2.0 * math.pi))
             offs[3 * i + 2, lane] = off - 2.0 * math.pi * turns
     for k in range(len(errors)):
-        true = readings.constants[k] if k < constants else readings.gusts[step, k - constants]
+        true = readings.constants[k] if k < constants else readings.changing[step, k - constants]
         for lane in range(len(lanes)):
             error_offs[k, lane] = errors[k, lane] - true[lane]
 
@@ -76,11 +76,11 @@ def _filter(
 ) -> None:
     """Take x, errors and P, lower triangle, from sample `begin` to sample `end`."""
     poses, n, size, width = setup.poses, len(x), len(P), len(lanes)
-    slopes, before = np.empty((12, width)), np.empty((7, 3, width))
+    slopes, before = np.empty((12, width)), np.empty((OWN, 3, width))
     halves = (np.empty((AT_ONCE, size, width)), np.empty((AT_ONCE, size, width)))
     row = (np.zeros(MOST_ENTRIES, dtype=np.int64), np.zeros((MOST_ENTRIES, width)))
     seen = (np.empty((3, width)), np.empty(width), np.zeros(width))
-    frame = (np.zeros((n, 6, width)), np.array([0.0, 0.0, 1.0]))
+    frame = frame_of(setup, lanes)
     error_offs = np.empty_like(errors)
     block = np.empty((3 * n, 3 * n, width))
     scratch = (np.empty((3 * n, width)), np.empty_like(block), halves[0][0], halves[1][0])

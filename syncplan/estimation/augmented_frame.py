@@ -1,43 +1,69 @@
 """The covariance with further states, brought from an earlier frame to the present.
 
 P = F P F' for the product F of all transitions since: see `augmented_prediction`. Constants do not
-move, so only rows and columns of poses change, one vehicle after another; gusts decay.
+move, so only rows and columns of poses change, one vehicle after another; what changes decays.
 """
+
+import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.estimation.augmented_setup import AugmentedSetup
 from syncplan.estimation.batched_filter import turn_block
 from syncplan.estimation.lane_filter import Lanes, compiled
 
-__all__ = ["BIAS", "GUST", "SCALE", "TURN", "WIND", "Frame", "bring_to_now"]
+__all__ = [
+    "BIAS",
+    "GUST",
+    "OWN",
+    "SCALE",
+    "TURN",
+    "WALK",
+    "WIND",
+    "Frame",
+    "bring_to_now",
+    "frame_of",
+]
 
-Frame = tuple[Array, Array]
+Frame = tuple[Array, Array, Array]
 """Where P is: (n, 6, lanes) the way of each vehicle since, in m, and its derivatives by turn-rate
-bias and by speed scale; (3,) the time since in s, the way in m that a gust of 1 m/s then has blown
-since, and the share that is left of it."""
+bias and by speed scale; (2,) the time since in s, and the way in m that a gust of 1 m/s then has
+blown since; and (e,) the share that is left of each further state, 1 of constants."""
 
-WIND, SCALE, TURN, BIAS, GUST = 0, 2, 3, 4, 5
+WIND, SCALE, TURN, BIAS, GUST, WALK = 0, 2, 3, 4, 5, 7
 """Places in a row of AugmentedSetup.columns; wind and gusts take two each."""
+
+OWN = 8
+"""Places of such a row."""
+
+
+@compiled
+def frame_of(setup: AugmentedSetup, lanes: Lanes) -> Frame:
+    """Return the frame of the present sample."""
+    n, e = len(setup.columns), len(setup.variances)
+    return np.zeros((n, 6, len(lanes))), np.zeros(2), np.ones(e)
 
 
 @compiled
 def bring_to_now(
     P: Array, setup: AugmentedSetup, frame: Frame, before: Array, lanes: Lanes
 ) -> None:
-    """Bring P into the frame of the present sample; `before` (7, 3, lanes) is scratch."""
-    since, age = frame
+    """Bring P into the frame of the present sample; `before` (OWN, 3, lanes) is scratch."""
+    since, age, left = frame
     for i in range(len(since)):
         _carry(P, 3 * i, setup.columns[i], age, since[i], before, lanes)
-    decay, begin = age[2], setup.first_gust
+    begin, first = setup.first_changing, len(P) - len(left)
     for c in range(begin, len(P)):
+        decay = left[c - first]
         for k in range(begin):
             for lane in range(len(lanes)):
                 P[c, k, lane] *= decay
         for k in range(begin, c + 1):
+            both = decay * left[k - first]
             for lane in range(len(lanes)):
-                P[c, k, lane] *= decay * decay
+                P[c, k, lane] *= both
     since[:] = 0.0
-    age[0], age[1], age[2] = 0.0, 0.0, 1.0
+    age[:] = 0.0
+    left[:] = 1.0
 
 
 @compiled
@@ -104,7 +130,7 @@ def _carry(
         _carry_column(P, r, k, own, age, since, lanes)
     turn_block(P, r, since, lanes)
     for s in range(len(own)):
-        if own[s] >= 0 and s != BIAS:
+        if own[s] >= 0 and s not in (BIAS, WALK):
             _add_errors_part(P, r, s, own[s], age, since, before[s], lanes)
 
 

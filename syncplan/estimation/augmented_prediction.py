@@ -11,7 +11,7 @@ P itself stays in the frame of an earlier sample: errors then, whose product of 
 closed form, (dx, dy) and its derivatives summed up. There prediction only adds noise, and a
 sighting's row gains entries for the errors; P is brought to the present where it is asked for.
 `augmented_frame`. This is exact, and of all that a sample takes, carrying P was most. Where gusts
-pass within a few samples, P is brought along that often.
+or other errors pass within a few samples, P is brought along that often.
 """
 
 import math
@@ -29,14 +29,16 @@ __all__ = [
     "LEAST_LEFT",
     "add_reading_noise",
     "error_of",
-    "gusts_in",
+    "gained",
+    "grow_older",
+    "kept",
     "move",
     "pass_sample",
     "predict_augmented",
 ]
 
 LEAST_LEFT = 0.1
-"""Share left of a gust below which P is brought to the present.
+"""Share left of an error below which P is brought to the present.
 
 Noise that is referred to an earlier frame is divided by its square, and rounding grows with it.
 """
@@ -99,16 +101,26 @@ def pass_sample(
     before: Array,
     lanes: Lanes,
 ) -> None:
-    """Let P's frame grow older by `time` s, and gusts decay and gain noise."""
-    age = frame[1]
-    decay, noise = gusts_in(setup, time)
-    age[0] += time
-    age[1] += time * age[2]
-    age[2] *= decay
-    if setup.first_gust < len(P):
-        if age[2] < LEAST_LEFT:
+    """Let P's frame grow older by `time` s, and errors that change decay and gain noise."""
+    least = grow_older(setup, time, frame)
+    if setup.first_changing < len(P):
+        if least < LEAST_LEFT:
             bring_to_now(P, setup, frame, before, lanes)
-        _blow(P, errors, setup.columns, age, decay, noise, lanes)
+        _change(P, errors, setup, time, frame, lanes)
+
+
+@inner
+def grow_older(setup: AugmentedSetup, time: float, frame: Frame) -> float:
+    """Let P's frame grow older by `time` s; return the least share that is left of an error."""
+    _, age, left = frame
+    gust, first, least = setup.columns[0, GUST], 3 * len(setup.columns), 1.0
+    age[0] += time
+    if gust >= 0:
+        age[1] += time * left[gust - first]
+    for k in range(setup.first_changing - first, len(left)):
+        left[k] *= kept(setup, k, time)
+        least = min(least, left[k])
+    return least
 
 
 @inner
@@ -125,36 +137,40 @@ def _lengthen(since: Array, elapsed: float, slopes: Array, time: float, lanes: L
 
 
 @inner
-def gusts_in(setup: AugmentedSetup, span: float) -> tuple[float, float]:
-    """What is left of a gust after a step, and the variance that it gains."""
-    time, decay = setup.poses.motion.time, setup.decay
-    if span == time or decay in (0.0, 1.0):
-        return decay, setup.gust_noise
-    left = decay ** (span / time)
-    return left, setup.gust_noise * (1.0 - left * left) / (1.0 - decay * decay)
+def kept(setup: AugmentedSetup, k: int, span: float) -> float:
+    """The share that is left of further state k after `span` s."""
+    time, decay = setup.poses.motion.time, setup.decays[k]
+    return float(decay if span == time or decay in (0.0, 1.0) else decay ** (span / time))
 
 
 @inner
-def _blow(
-    P: Array,
-    errors: Array,
-    columns: Index,
-    age: Array,
-    decay: float,
-    gained: float,
-    lanes: Lanes,
+def gained(setup: AugmentedSetup, k: int, span: float) -> float:
+    """The variance that further state k gains in `span` s."""
+    left = kept(setup, k, span)
+    return float(setup.variances[k] * (1.0 - left * left))
+
+
+@inner
+def _change(
+    P: Array, errors: Array, setup: AugmentedSetup, time: float, frame: Frame, lanes: Lanes
 ) -> None:
-    """Let gusts decay and gain noise, which P's frame takes for a gust larger by 1 / decay."""
+    """Let errors decay and gain noise, which P's frame takes for errors larger by 1 / left."""
+    _, age, left = frame
     first = len(P) - len(errors)
-    noise = gained / (age[2] * age[2])
-    for i in range(len(columns)):
+    for k in range(setup.first_changing - first, len(errors)):
+        decay = kept(setup, k, time)
+        noise, c = gained(setup, k, time) / (left[k] * left[k]), first + k
+        for lane in range(len(lanes)):
+            errors[k, lane] *= decay
+            P[c, c, lane] += noise
+    for i in range(len(setup.columns)):
         for axis in range(2):
-            c, r = columns[i, GUST + axis], 3 * i + axis
-            for lane in range(len(lanes)):
-                errors[c - first, lane] *= decay
-                P[c, c, lane] += noise
-                P[c, r, lane] -= noise * age[1]
-                P[r, r, lane] += noise * age[1] * age[1]
+            c, r = setup.columns[i, GUST + axis], 3 * i + axis
+            if c >= 0:
+                noise = gained(setup, c - first, time) / (left[c - first] * left[c - first])
+                for lane in range(len(lanes)):
+                    P[c, r, lane] -= noise * age[1]
+                    P[r, r, lane] += noise * age[1] * age[1]
 
 
 @inner

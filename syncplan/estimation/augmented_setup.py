@@ -10,7 +10,7 @@ import numpy as np
 from syncplan.arrays import Array, Index
 from syncplan.estimation.filter_setup import FilterSetup
 from syncplan.estimation.filter_statistics import FilterStatistics, empty_statistics
-from syncplan.orbits.error_states import ERROR_STATES, ErrorSigmas, StateLayout
+from syncplan.orbits.error_states import ERROR_STATES, StateLayout
 
 __all__ = [
     "ERROR_SERIES",
@@ -21,7 +21,6 @@ __all__ = [
     "augmented_setup_of",
     "columns_of",
     "empty_augmented_statistics",
-    "gust_decay",
     "without_errors",
 ]
 
@@ -35,21 +34,19 @@ class AugmentedSetup(NamedTuple):
     Fields
     ------
     poses : as of a filter of poses alone; its true headings are not used
-    columns : (n, 7) place in the state of each vehicle's wind x, wind y, speed scale, turn-rate
-        bias, bearing bias, gust x and gust y; -1 where there is none
+    columns : (n, 8) place in the state of each vehicle's wind x, wind y, speed scale, turn-rate
+        bias, bearing bias, gust x, gust y and bearing walk; -1 where there is none
     variances : (e,) of the further states at the start
-    first_gust : place of the first gust in the state; those after it are gusts too
-    decay : share of a gust that is left after a sample
-    gust_noise : (m/s)^2, variance that a gust gains in a sample; for a step of another length both
-        follow from these
+    first_changing : place of the first of them that is no constant; all after it change, too
+    decays : (e,) share of each that is left after a sample, 1 of constants; what it gains keeps
+        its variance as it is
     """
 
     poses: FilterSetup
     columns: Index
     variances: Array
-    first_gust: int
-    decay: float
-    gust_noise: float
+    first_changing: int
+    decays: Array
 
 
 class AugmentedReadings(NamedTuple):
@@ -61,8 +58,8 @@ class AugmentedReadings(NamedTuple):
     speeds, turn_rates : (steps, n, lanes) m/s, rad/s
     sightings : (s, lanes) in the unit of their kind; NaN where a sighting is missed
     headings : (samples + 1, n, lanes) rad, true
-    constants : (c, lanes) the true values of the further states but gusts
-    gusts : (samples + 1, e - c, lanes) m/s, true
+    constants : (c, lanes) the true values of the further states that are constant
+    changing : (samples + 1, e - c, lanes) those of the others
     """
 
     initial: Array
@@ -71,7 +68,7 @@ class AugmentedReadings(NamedTuple):
     sightings: Array
     headings: Array
     constants: Array
-    gusts: Array
+    changing: Array
 
 
 class ErrorStatistics(NamedTuple):
@@ -97,13 +94,8 @@ class AugmentedStatistics(NamedTuple):
     errors: ErrorStatistics
 
 
-def gust_decay(errors: ErrorSigmas, time: float) -> float:
-    """Return the share of a gust that is left after `time` s."""
-    return float(np.exp(-time / errors.gust_time))
-
-
 def columns_of(layout: StateLayout) -> Index:
-    """Return (n, 7) where each vehicle's errors are in the state, as AugmentedSetup has them."""
+    """Return (n, 8) where each vehicle's errors are in the state, as AugmentedSetup has them."""
     found = [
         layout.columns.get(name, np.full((layout.count, len(state.axes)), -1, dtype=np.int64))
         for name, state in ERROR_STATES.items()
@@ -111,19 +103,14 @@ def columns_of(layout: StateLayout) -> Index:
     return np.ascontiguousarray(np.concatenate(found, axis=1))
 
 
-def augmented_setup_of(
-    poses: FilterSetup, layout: StateLayout, errors: ErrorSigmas
-) -> AugmentedSetup:
+def augmented_setup_of(poses: FilterSetup, layout: StateLayout) -> AugmentedSetup:
     """Return the set-up of a filter with the states of a layout, from that of its poses."""
-    decay = gust_decay(errors, poses.motion.time)
-    changing = [place for name, place in layout.columns.items() if not ERROR_STATES[name].constant]
     return AugmentedSetup(
         poses=poses,
         columns=columns_of(layout),
         variances=np.square(layout.sigmas),
-        first_gust=int(min((place.min() for place in changing), default=layout.size)),
-        decay=decay,
-        gust_noise=errors.gust**2 * (1.0 - decay**2),
+        first_changing=layout.first_changing,
+        decays=np.exp(-poses.motion.time / layout.times),
     )
 
 
@@ -132,11 +119,10 @@ def without_errors(poses: FilterSetup) -> AugmentedSetup:
     n = len(poses.initial_variances)
     return AugmentedSetup(
         poses=poses,
-        columns=np.full((n, 7), -1, dtype=np.int64),
+        columns=np.full((n, 8), -1, dtype=np.int64),
         variances=np.zeros(0),
-        first_gust=3 * n,
-        decay=1.0,
-        gust_noise=0.0,
+        first_changing=3 * n,
+        decays=np.ones(0),
     )
 
 

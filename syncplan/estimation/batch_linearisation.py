@@ -16,15 +16,21 @@ import math
 
 import numpy as np
 
-from syncplan.arrays import Array, Index
+from syncplan.arrays import Array
 from syncplan.estimation.augmented_correction import (
     AT_ONCE,
     correct_covariance,
     correct_state,
     take_off,
 )
-from syncplan.estimation.augmented_frame import GUST, Frame, bring_to_now
-from syncplan.estimation.augmented_prediction import LEAST_LEFT, add_reading_noise, gusts_in, move
+from syncplan.estimation.augmented_frame import GUST, OWN, Frame, bring_to_now, frame_of
+from syncplan.estimation.augmented_prediction import (
+    LEAST_LEFT,
+    add_reading_noise,
+    gained,
+    grow_older,
+    move,
+)
 from syncplan.estimation.augmented_rows import dot, multiply, refer
 from syncplan.estimation.augmented_setup import AugmentedSetup
 from syncplan.estimation.batch_problem import (
@@ -34,9 +40,9 @@ from syncplan.estimation.batch_problem import (
     Trajectory,
     Window,
     add_prior_cost,
+    change,
     correct_readings,
     first_sighting,
-    gain_gusts,
     innovate,
     misfit,
 )
@@ -63,8 +69,8 @@ def linear_pass(
     """
     poses, n, size, width = setup.poses, len(path.poses), len(prior.variances), len(lanes)
     x, errors, P = path.poses.copy(), path.errors.copy(), np.zeros((size, size, width))
-    mean, frame = np.empty((size, width)), (np.zeros((n, 6, width)), np.array([0.0, 0.0, 1.0]))
-    slopes, before = np.empty((12, width)), np.empty((7, 3, width))
+    mean, frame = np.empty((size, width)), frame_of(setup, lanes)
+    slopes, before = np.empty((12, width)), np.empty((OWN, 3, width))
     speeds, turn_rates = np.empty((n, width)), np.empty((n, width))
     scratch = np.empty((AT_ONCE, size, width)), np.empty((3, width)), np.empty(width)
     found.cost[:], found.linear_cost[:] = 0.0, 0.0
@@ -79,32 +85,23 @@ def linear_pass(
     left = 0
     for k in range(len(path.speeds)):
         motion = motion_in(poses, window.begin + k + 1)
-        gusts = gusts_in(setup, motion.time)
         correct_readings(motion, window, path, k, speeds, turn_rates, found.cost, lanes)
         for i in range(n):
             move(x, errors, i, speeds, turn_rates, motion, setup.columns[i], slopes, lanes)
             _add_noise(P, mean, i, k, motion, path, frame, slopes, found.ways[k, i], lanes)
-        _grow_older(frame[1], motion.time, gusts[0])
-        if len(path.gusts[k]) and frame[1][2] < LEAST_LEFT:
-            found.frames[left], found.frame_ages[left] = frame
+        if grow_older(setup, motion.time, frame) < LEAST_LEFT:
+            found.frames[left], found.frame_ages[left], found.frame_lefts[left] = frame
             _carry_mean(mean, n, setup, frame, lanes)
             bring_to_now(P, setup, frame, before, lanes)
             left += 1
-            found.ages[k, 2] = 1.0
-        found.ages[k, 0], found.ages[k, 1] = frame[1][1], frame[1][2]
-        gain_gusts(errors, gusts, path.gusts[k], found.cost, lanes)
-        _add_gust_noise(P, mean, setup.columns, gusts[1], path.gusts[k], frame[1], lanes)
+            found.ended[k] = 1.0
+        found.blown[k], found.lefts[k] = frame[1][1], frame[2]
+        change(errors, setup, motion.time, path.changes[k], found.cost, lanes)
+        _add_changes(P, mean, setup, motion.time, path.changes[k], frame, lanes)
         _take_in(x, errors, P, mean, k, setup, window, frame, scratch, found, lanes)
     correct_state(x, errors, mean, np.ones(width), setup, frame, lanes)
     bring_to_now(P, setup, frame, before, lanes)
     return x, errors, P
-
-
-@compiled
-def _grow_older(age: Array, time: float, decay: float) -> None:
-    age[0] += time
-    age[1] += time * age[2]
-    age[2] *= decay
 
 
 @compiled
@@ -133,29 +130,33 @@ def _add_noise(
 
 
 @compiled
-def _add_gust_noise(
+def _add_changes(
     P: Array,
     mean: Array,
-    columns: Index,
-    gained: float,
+    setup: AugmentedSetup,
+    time: float,
     gains: Array,
-    age: Array,
+    frame: Frame,
     lanes: Lanes,
 ) -> None:
-    """The same of gusts, which P's frame takes for gusts larger by 1 / what is left."""
-    if len(gains) == 0:
-        return
-    first, noise = len(P) - len(gains), gained / (age[2] * age[2])
-    for i in range(len(columns)):
+    """The same of errors that change, which P's frame takes for larger by 1 / what is left."""
+    _, age, left = frame
+    first, begin = len(P) - len(left), len(P) - len(gains)
+    for k in range(begin - first, len(left)):
+        noise, c = gained(setup, k, time) / (left[k] * left[k]), first + k
+        for lane in range(len(lanes)):
+            P[c, c, lane] += noise
+            mean[c, lane] -= gains[c - begin, lane] / left[k]
+    for i in range(len(setup.columns)):
         for axis in range(2):
-            c, r = columns[i, GUST + axis], 3 * i + axis
-            for lane in range(len(lanes)):
-                P[c, c, lane] += noise
-                P[c, r, lane] -= noise * age[1]
-                P[r, r, lane] += noise * age[1] * age[1]
-                gain = gains[c - first, lane] / age[2]
-                mean[c, lane] -= gain
-                mean[r, lane] += gain * age[1]
+            c, r = setup.columns[i, GUST + axis], 3 * i + axis
+            if c >= 0:
+                share = left[c - first]
+                noise = gained(setup, c - first, time) / (share * share)
+                for lane in range(len(lanes)):
+                    P[c, r, lane] -= noise * age[1]
+                    P[r, r, lane] += noise * age[1] * age[1]
+                    mean[r, lane] += gains[c - begin, lane] / share * age[1]
 
 
 @compiled
@@ -190,9 +191,10 @@ def _take_in(
     done = first
     for s in range(first, last):
         place = s - begin
-        bias = innovate(x, errors, s, begin, setup, window, seen, innovation, lanes)
+        shifted = innovate(x, errors, s, begin, setup, window, seen, innovation, lanes)
         row = found.columns[place], found.entries[place]
-        count = refer(seen, poses.observers[s], poses.targets[s], bias, setup, frame, row, lanes)
+        o, t = poses.observers[s], poses.targets[s]
+        count = refer(seen, o, t, shifted, setup, frame, row, lanes)
         found.counts[place] = count
         u, gain, pending = us[s - done], found.gains[place], s - done
         multiply(P, row, count, u, lanes)

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.estimation.augmented_frame import BIAS
-from syncplan.estimation.augmented_prediction import gusts_in, move
+from syncplan.estimation.augmented_correction import expect_shift
+from syncplan.estimation.augmented_prediction import gained, kept, move
 from syncplan.estimation.augmented_setup import AugmentedSetup
 from syncplan.estimation.batched_filter import motion_in, sighting_lanes
 from syncplan.estimation.filter_setup import BEARING_KIND, MotionModel
@@ -27,9 +27,9 @@ __all__ = [
     "Trajectory",
     "Window",
     "add_prior_cost",
+    "change",
     "correct_readings",
     "first_sighting",
-    "gain_gusts",
     "innovate",
     "misfit",
     "trajectory_cost",
@@ -80,14 +80,14 @@ class Trajectory(NamedTuple):
     poses : (n, 3, lanes) m, m, rad, at the beginning
     errors : (e, lanes) further states at the beginning
     speeds, turn_rates : (K, n, lanes) m/s, rad/s, by which readings are too small
-    gusts : (K, g, lanes) m/s, what each of g states that are gusts gains in a sample
+    changes : (K, g, lanes) what each of g further states that change gains in a sample
     """
 
     poses: Array
     errors: Array
     speeds: Array
     turn_rates: Array
-    gusts: Array
+    changes: Array
 
 
 class Linearised(NamedTuple):
@@ -98,9 +98,10 @@ class Linearised(NamedTuple):
     columns, entries, counts : (s, MOST_ENTRIES), (s, MOST_ENTRIES, lanes), (s,) rows of sightings
     gains, pulls : (s, 3n + e, lanes) g, (s, lanes) nu / S
     ways : (K, n, 4, lanes) G's entries of x and y by speed and by turn rate
-    ages : (K, 3) how far a gust has blown, and what is left of it, when a sample's gusts come; and
-        1 where P left its frame at that sample, otherwise 0
-    frames, frame_ages : (f, n, 6, lanes), (f, 3) frames that P has left
+    blown : (K,) how far a gust has blown when a sample's gusts come
+    lefts : (K, e) what is left then of each further state
+    ended : (K,) 1 where P left its frame at that sample, otherwise 0
+    frames, frame_ages, frame_lefts : (f, n, 6, lanes), (f, 2), (f, e) frames that P has left
     cost, linear_cost : (lanes,) of the trajectory, and of the best one if all were linear
     """
 
@@ -110,9 +111,12 @@ class Linearised(NamedTuple):
     gains: Array
     pulls: Array
     ways: Array
-    ages: Array
+    blown: Array
+    lefts: Array
+    ended: Array
     frames: Array
     frame_ages: Array
+    frame_lefts: Array
     cost: Array
     linear_cost: Array
 
@@ -137,7 +141,7 @@ def trajectory_cost(
         correct_readings(motion, window, path, k, speeds, turn_rates, cost, lanes)
         for i in range(n):
             move(x, errors, i, speeds, turn_rates, motion, setup.columns[i], slopes, lanes)
-        gain_gusts(errors, gusts_in(setup, motion.time), path.gusts[k], cost, lanes)
+        change(errors, setup, motion.time, path.changes[k], cost, lanes)
         for s in range(poses.first[window.begin + k + 1], poses.first[window.begin + k + 2]):
             innovate(x, errors, s, begin, setup, window, seen, innovation, lanes)
             for lane in range(width):
@@ -199,19 +203,17 @@ def correct_readings(
 
 
 @compiled
-def gain_gusts(
-    errors: Array, gusts: tuple[float, float], gains: Array, cost: Array, lanes: Lanes
+def change(
+    errors: Array, setup: AugmentedSetup, time: float, gains: Array, cost: Array, lanes: Lanes
 ) -> None:
-    """Let gusts decay, and gain what a sample brings; add what it costs.
-
-    `gusts` are what is left of a gust after the sample, and the variance that it gains.
-    """
+    """Let errors decay for `time` s, and gain what that brings; add what it costs."""
     first = len(errors) - len(gains)
-    weight = 1.0 / gusts[1] if gusts[1] > 0.0 else 0.0
     for c in range(len(gains)):
+        left, brought = kept(setup, first + c, time), gained(setup, first + c, time)
+        weight = 1.0 / brought if brought > 0.0 else 0.0
         for lane in range(len(lanes)):
             gain = gains[c, lane]
-            errors[first + c, lane] = gusts[0] * errors[first + c, lane] + gain
+            errors[first + c, lane] = left * errors[first + c, lane] + gain
             cost[lane] += gain * gain * weight
 
 
@@ -226,8 +228,8 @@ def innovate(
     seen: Array,
     innovation: Array,
     lanes: Lanes,
-) -> int:
-    """Fill in slopes (3, lanes) and innovation (lanes,); return the column of its bias, or -1.
+) -> bool:
+    """Fill in slopes (3, lanes) and innovation (lanes,); return whether it is a bearing.
 
     The window's sightings are those from `begin` on.
     """
@@ -236,12 +238,10 @@ def innovate(
     sighting_lanes(
         kind, x, o, t, poses.landmarks, window.sightings[s - begin], seen, innovation, lanes
     )
-    bias = setup.columns[o, BIAS] if kind == BEARING_KIND else -1
-    if bias >= 0:
-        for lane in range(len(lanes)):
-            off = innovation[lane] - errors[bias - 3 * len(x), lane]
-            innovation[lane] = off - 2.0 * math.pi * math.floor((off + math.pi) / (2.0 * math.pi))
-    return bias
+    shifted = kind == BEARING_KIND
+    if shifted:
+        expect_shift(errors, setup.columns[o], 3 * len(x), innovation, lanes)
+    return bool(shifted)
 
 
 @compiled

@@ -11,9 +11,9 @@ of Control 18 (modified Bryson-Frazier smoother).
 
 import numpy as np
 
-from syncplan.arrays import Array, Index
-from syncplan.estimation.augmented_frame import GUST, SCALE, TURN, WIND
-from syncplan.estimation.augmented_prediction import gusts_in
+from syncplan.arrays import Array
+from syncplan.estimation.augmented_frame import GUST, SCALE, TURN, WIND, Frame
+from syncplan.estimation.augmented_prediction import gained
 from syncplan.estimation.augmented_setup import AugmentedSetup
 from syncplan.estimation.batch_problem import Linearised, Prior, Trajectory, Window, first_sighting
 from syncplan.estimation.batched_filter import motion_in
@@ -35,19 +35,20 @@ def smooth(
     poses, size, width = setup.poses, len(prior.variances), len(lanes)
     begin = first_sighting(setup, window)
     adjoint, share = np.zeros((size, width)), np.empty(width)
-    left = int(found.ages[:, 2].sum())
+    left = int(found.ended.sum())
     for k in range(len(path.speeds) - 1, -1, -1):
         motion = motion_in(poses, window.begin + k + 1)
         first = poses.first[window.begin + k + 1] - begin
         last = poses.first[window.begin + k + 2] - begin
         for place in range(last - 1, first - 1, -1):
             _pull(adjoint, place, found, share, lanes)
-        if len(path.gusts[k]):
-            gained = gusts_in(setup, motion.time)[1]
-            _smooth_gusts(adjoint, setup.columns, gained, found.ages[k], path.gusts[k], lanes)
-            if found.ages[k, 2] > 0.0:
+        if len(path.changes[k]):
+            since = found.blown[k], found.lefts[k]
+            _smooth_changes(adjoint, setup, motion.time, since, path.changes[k], lanes)
+            if found.ended[k] > 0.0:
                 left -= 1
-                _refer_adjoint(adjoint, setup, found.frames[left], found.frame_ages[left], lanes)
+                frame = found.frames[left], found.frame_ages[left], found.frame_lefts[left]
+                _refer_adjoint(adjoint, setup, frame, lanes)
         for i in range(len(path.poses)):
             r, way = 3 * i, found.ways[k, i]
             for lane in range(width):
@@ -82,23 +83,39 @@ def _pull(adjoint: Array, place: int, found: Linearised, share: Array, lanes: La
 
 
 @compiled
-def _smooth_gusts(
-    adjoint: Array, columns: Index, gained: float, age: Array, gains: Array, lanes: Lanes
+def _smooth_changes(
+    adjoint: Array,
+    setup: AugmentedSetup,
+    time: float,
+    since: tuple[float, Array],
+    gains: Array,
+    lanes: Lanes,
 ) -> None:
-    first = len(adjoint) - len(gains)
-    for i in range(len(columns)):
+    """What errors that change gain in a sample; `since` is how far gusts had blown, and lefts."""
+    blown, left = since
+    first, begin = len(adjoint) - len(left), len(adjoint) - len(gains)
+    for c in range(begin, len(adjoint)):
+        gains[c - begin] = adjoint[c]
+    for i in range(len(setup.columns)):
         for axis in range(2):
-            c, r = columns[i, GUST + axis], 3 * i + axis
-            for lane in range(len(lanes)):
-                pulled = (adjoint[c, lane] - age[0] * adjoint[r, lane]) / age[1]
-                gains[c - first, lane] = gained * pulled
+            c, r = setup.columns[i, GUST + axis], 3 * i + axis
+            if c >= 0:
+                for lane in range(len(lanes)):
+                    gains[c - begin, lane] -= blown * adjoint[r, lane]
+    for c in range(begin, len(adjoint)):
+        variance = gained(setup, c - first, time)
+        for lane in range(len(lanes)):
+            gains[c - begin, lane] = variance * (gains[c - begin, lane] / left[c - first])
 
 
 @compiled
-def _refer_adjoint(
-    adjoint: Array, setup: AugmentedSetup, since: Array, age: Array, lanes: Lanes
-) -> None:
+def _refer_adjoint(adjoint: Array, setup: AugmentedSetup, frame: Frame, lanes: Lanes) -> None:
     """lambda = F' lambda, into the frame that was left."""
+    since, age, left = frame
+    first = len(adjoint) - len(left)
+    for c in range(setup.first_changing, len(adjoint)):
+        for lane in range(len(lanes)):
+            adjoint[c, lane] *= left[c - first]
     for i in range(len(since)):
         r, own, way = 3 * i, setup.columns[i], since[i]
         for lane in range(len(lanes)):
@@ -112,7 +129,6 @@ def _refer_adjoint(
                 adjoint[own[WIND], lane] += age[0] * ax
                 adjoint[own[WIND + 1], lane] += age[0] * ay
             if own[GUST] >= 0:
-                gx, gy = adjoint[own[GUST], lane], adjoint[own[GUST + 1], lane]
-                adjoint[own[GUST], lane] = age[2] * gx + age[1] * ax
-                adjoint[own[GUST + 1], lane] = age[2] * gy + age[1] * ay
+                adjoint[own[GUST], lane] += age[1] * ax
+                adjoint[own[GUST + 1], lane] += age[1] * ay
             adjoint[r + 2, lane] = ah - way[1, lane] * ax + way[0, lane] * ay

@@ -87,14 +87,14 @@ def solve(
     prior if None. Less than `close_enough` is then to be gained by another step.
     """
     n, _, width = prior.poses.shape
-    K, gusts = len(speeds), 3 * n + len(setup.variances) - setup.first_gust
+    K, changing = len(speeds), 3 * n + len(setup.variances) - setup.first_changing
     poses, errors = (prior.poses, prior.errors) if start is None else start
     path = Trajectory(
         poses=poses.copy(),
         errors=errors.copy(),
         speeds=np.zeros((K, n, width)),
         turn_rates=np.zeros((K, n, width)),
-        gusts=np.zeros((K, gusts, width)),
+        changes=np.zeros((K, changing, width)),
     )
     window = Window(begin, speeds, turn_rates, sightings, np.ones(width))
     thin, kept = _thinned(setup, begin, begin + K)
@@ -182,19 +182,19 @@ class _Problem:
         n, _, width = prior.poses.shape
         first = setup.poses.first
         sightings = int(first[window.begin + K + 1] - first[window.begin + 1])
-        gusts = 3 * n + len(setup.variances) - setup.first_gust
+        changing = 3 * n + len(setup.variances) - setup.first_changing
         none = np.zeros((0, 0, 0))
         return cls(
             setup=setup,
             window=window,
             prior=prior,
-            found=_empty(setup, window.begin, K, sightings, gusts, width),
+            found=_empty(setup, window.begin, K, sightings, width),
             best=Trajectory(
                 poses=np.empty_like(prior.poses),
                 errors=np.empty_like(prior.errors),
                 speeds=np.empty((K, n, width)),
                 turn_rates=np.empty((K, n, width)),
-                gusts=np.empty((K, gusts, width)),
+                changes=np.empty((K, changing, width)),
             ),
             lanes=lanes_of(n, width),
             ended=(none, none, none),
@@ -244,11 +244,9 @@ def _searched(problem: _Problem, path: Trajectory, moving: Flags) -> Flags:
     return found
 
 
-def _empty(
-    setup: AugmentedSetup, begin: int, K: int, sightings: int, gusts: int, width: int
-) -> Linearised:
-    n, size = len(setup.columns), 3 * len(setup.columns) + len(setup.variances)
-    frames = _frames_left(setup, begin, K) if gusts else 0
+def _empty(setup: AugmentedSetup, begin: int, K: int, sightings: int, width: int) -> Linearised:
+    n, e = len(setup.columns), len(setup.variances)
+    size, frames = 3 * n + e, _frames_left(setup, begin, K)
     return Linearised(
         columns=np.zeros((sightings, MOST_ENTRIES), dtype=np.int64),
         entries=np.zeros((sightings, MOST_ENTRIES, width)),
@@ -256,19 +254,25 @@ def _empty(
         gains=np.zeros((sightings, size, width)),
         pulls=np.zeros((sightings, width)),
         ways=np.zeros((K, n, 4, width)),
-        ages=np.zeros((K, 3)),
+        blown=np.zeros(K),
+        lefts=np.zeros((K, e)),
+        ended=np.zeros(K),
         frames=np.zeros((frames, n, 6, width)),
-        frame_ages=np.zeros((frames, 3)),
+        frame_ages=np.zeros((frames, 2)),
+        frame_lefts=np.zeros((frames, e)),
         cost=np.zeros(width),
         linear_cost=np.zeros(width),
     )
 
 
 def _frames_left(setup: AugmentedSetup, begin: int, K: int) -> int:
-    """How often the covariance leaves its frame, as gusts pass."""
+    """How often the covariance leaves its frame, as errors pass."""
+    if setup.first_changing == 3 * len(setup.columns) + len(setup.variances):
+        return 0
     spans = setup.poses.spans[begin : begin + K] / setup.poses.motion.time
     left, count = 1.0, 0
-    for decay in (setup.decay**spans).tolist():
+    # the one that passes first decides
+    for decay in (setup.decays.min() ** spans).tolist():
         left *= decay
         if left < LEAST_LEFT:
             left, count = 1.0, count + 1

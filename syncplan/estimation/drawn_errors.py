@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.estimation.augmented_setup import gust_decay
 from syncplan.orbits.error_states import ERROR_STATES, ErrorState, StateLayout
 from syncplan.orbits.team import Team
 
@@ -37,8 +36,9 @@ class DrawnErrors:
             end = begin + int(np.prod(shape))
             drawn = draws[begin:end].reshape(*shape, lanes)
             sigma = state.sigma(team)[: shape[1]]
-            if not state.constant:
-                drawn = _gauss_markov(drawn, gust_decay(team.errors, team.sensors.sample_time))
+            if state.times is not None:
+                kept = np.exp(-team.sensors.sample_time / state.times(team))
+                drawn = _gauss_markov(drawn, kept[:, None, None])
             values[name] = np.multiply(drawn, sigma[:, None, None], order="C")
             begin = end
         if "speed_scale" in values:
@@ -49,6 +49,14 @@ class DrawnErrors:
         """Return each vehicle's, (n, lanes), of an error that is one number; 0 if there is none."""
         return self.values[name][0, :, 0] if name in self.values else 0.0
 
+    def shifts(self, kind: str) -> Array | float:
+        """Return what is added to each vehicle's sightings of a kind.
+
+        It broadcasts to (times, n, lanes), times as in `drift`; 0 where there is no such error.
+        """
+        shifting = [name for name in self.values if ERROR_STATES[name].shifts == kind]
+        return sum((self.values[name][:, :, 0] for name in shifting), 0.0)
+
     def drift(self) -> Array | float:
         """Return the air's velocity at each vehicle, m/s, that broadcasts to (times, n, 2, lanes).
 
@@ -57,7 +65,7 @@ class DrawnErrors:
         return sum((self.values[name] for name in ("wind", "gusts") if name in self.values), 0.0)
 
     def states(self, layout: StateLayout, steps: int, lanes: int) -> tuple[Array, Array]:
-        """Return the true constants (c, lanes) and gusts (steps + 1, g, lanes) of a layout."""
+        """Return the true constants (c, lanes) of a layout, and (steps + 1, g, lanes) of others."""
         parts: dict[bool, list[Array]] = {True: [], False: []}
         for name in layout.names:
             constant, place = ERROR_STATES[name].constant, layout.columns[name]
@@ -93,11 +101,12 @@ def _stacked(parts: list[Array], times: int, lanes: int) -> Array:
     return np.concatenate([np.zeros((times, 0, lanes)), *parts], axis=1)
 
 
-def _gauss_markov(draws: Array, decay: float) -> Array:
-    """A stationary process of unit variance along the first axis."""
+def _gauss_markov(draws: Array, decay: Array) -> Array:
+    """A stationary process of unit variance along the first axis, of which `decay` is kept."""
     found = np.multiply(draws, np.sqrt(1.0 - decay * decay), order="C")
     found[0] = draws[0]
     rows = found.reshape(len(found), -1)
+    decay = np.broadcast_to(decay, found.shape[1:]).ravel()
     left, last = np.empty(rows.shape[1]), rows[0]
     for row in rows[1:]:
         np.multiply(last, decay, out=left)

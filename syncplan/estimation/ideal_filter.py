@@ -11,8 +11,8 @@ the truth:
 
 True readings are those that lead from each true pose to the next through the true air. The last
 term of the prediction is what a sample's arc misses of the true way, next to nothing, and all that
-errors do which are not among the states. Gusts gain noise there. d is not wrapped: a heading may be
-off by more than half a turn, as the normal distribution has it.
+errors do which are not among the states. Errors that change gain noise there. d is not wrapped: a
+heading may be off by more than half a turn, as the normal distribution has it.
 
 Each step must be a sample, at which the truth is known. Lanes are as in `batched_filter`.
 
@@ -26,11 +26,20 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.estimation.augmented_correction import AT_ONCE, correct_augmented
-from syncplan.estimation.augmented_frame import GUST, SCALE, TURN, WIND, Frame, bring_to_now
+from syncplan.estimation.augmented_frame import (
+    GUST,
+    OWN,
+    SCALE,
+    TURN,
+    WIND,
+    Frame,
+    bring_to_now,
+    frame_of,
+)
 from syncplan.estimation.augmented_prediction import (
     add_reading_noise,
     error_of,
-    gusts_in,
+    kept,
     move,
     pass_sample,
 )
@@ -63,7 +72,7 @@ def _fill_truth(
             poses[i, 1, lane] = setup.poses.truth[step, i, 1]
             poses[i, 2, lane] = readings.headings[step, i, lane]
     errors[:constants] = readings.constants
-    errors[constants:] = readings.gusts[step]
+    errors[constants:] = readings.changing[step]
 
 
 @compiled
@@ -153,10 +162,11 @@ def _predict(
                 off[0][i, c, lane] += x[i, c, lane] - setup.poses.truth[step, i, c]
         add_reading_noise(P, i, motion, frame, slopes, lanes)
     pass_sample(P, off[1], setup, motion.time, frame, before, lanes)
-    decay, constants = gusts_in(setup, motion.time)[0], len(readings.constants)
+    constants = len(readings.constants)
     for k in range(constants, len(errors)):
+        decay = kept(setup, k, motion.time)
         for lane in range(len(lanes)):
-            gained = readings.gusts[step, k - constants, lane] - decay * errors[k, lane]
+            gained = readings.changing[step, k - constants, lane] - decay * errors[k, lane]
             off[1][k, lane] -= gained
     _fill_truth(true, setup, readings, step, lanes)
 
@@ -177,11 +187,11 @@ def _filter(
     poses, n, size, width = setup.poses, len(x), len(P), len(lanes)
     true, off = (np.empty_like(x), np.empty_like(errors)), (x, errors)
     read = (np.empty((n, width)), np.empty((n, width)))
-    slopes, before = np.empty((12, width)), np.empty((7, 3, width))
+    slopes, before = np.empty((12, width)), np.empty((OWN, 3, width))
     halves = (np.empty((AT_ONCE, size, width)), np.empty((AT_ONCE, size, width)))
     row = (np.zeros(MOST_ENTRIES, dtype=np.int64), np.zeros((MOST_ENTRIES, width)))
     seen = (np.empty((3, width)), np.empty(width), np.zeros(width))
-    frame = (np.zeros((n, 6, width)), np.array([0.0, 0.0, 1.0]))
+    frame = frame_of(setup, lanes)
     block = np.empty((3 * n, 3 * n, width))
     scratch = (np.empty((3 * n, width)), np.empty_like(block), halves[0][0], halves[1][0])
     # the kernel takes and leaves a whole state, and holds what it is off the truth meanwhile

@@ -279,7 +279,7 @@ def augmented_specimen(n: int) -> tuple[Any, ...]:
         sightings=readings.sightings,
         headings=np.zeros((1, n, 1)),
         constants=np.zeros((0, 1)),
-        gusts=np.zeros((1, 0, 1)),
+        changing=np.zeros((1, 0, 1)),
     )
     series = empty_series(n, 0, wanted=False), np.zeros((0, 0, 3))
     statistics = empty_augmented_statistics(n, 0, 1, series)

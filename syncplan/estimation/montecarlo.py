@@ -91,7 +91,7 @@ def run_trials(
     wide = options.filter_model.needs_truth or needs_augmented(team) or len(layout.sigmas) > 0
     run = _Run(
         readings=TrialReadings.of(team, setup, layout, options.seed),
-        augmented=augmented_setup_of(setup, layout, known.errors) if wide else None,
+        augmented=augmented_setup_of(setup, layout) if wide else None,
         options=options,
         end=first_trial + options.trials,
     )

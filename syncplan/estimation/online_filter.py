@@ -94,15 +94,15 @@ class OnlineFilter:
         self._sample = setup.poses.motion.time
         poses = setup.poses._replace(truth=np.zeros((1, n, 3)), judged_from=0)
         nothing = empty_series(n, 0, wanted=False), np.zeros((0, e, 3))
-        gusts = e - (setup.first_gust - 3 * n)
+        changing = e - (setup.first_changing - 3 * n)
         readings = AugmentedReadings(
             initial=np.array(initial, dtype=float)[..., None],
             speeds=np.zeros((2, n, 1)),
             turn_rates=np.zeros((2, n, 1)),
             sightings=np.zeros((FIRST_ROOM, 1)),
             headings=np.zeros((1, n, 1)),
-            constants=np.zeros((e - gusts, 1)),
-            gusts=np.zeros((1, gusts, 1)),
+            constants=np.zeros((e - changing, 1)),
+            changing=np.zeros((1, changing, 1)),
         )
         given = setup._replace(poses=_without_steps(poses))
         statistics = empty_augmented_statistics(n, e, 1, nothing)

@@ -13,7 +13,6 @@ from syncplan.estimation.augmented_setup import augmented_setup_of
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.online_filter import Arrived, OnlineFilter
 from syncplan.estimation.recorded_run import RecordedRun
-from syncplan.orbits.error_states import NO_ERRORS
 
 __all__ = ["RecordedStep", "online_filter_of", "steps_of"]
 
@@ -38,7 +37,7 @@ class RecordedStep(NamedTuple):
 
 def online_filter_of(run: RecordedRun, options: FilterOptions) -> OnlineFilter:
     """Return the filter of a replay's run at its start."""
-    setup = augmented_setup_of(run.setup, run.layout, NO_ERRORS)
+    setup = augmented_setup_of(run.setup, run.layout)
     stream = np.random.SeedSequence(options.seed)
     return OnlineFilter(setup, run.readings.initial[..., 0], options.filter_model, stream)
 

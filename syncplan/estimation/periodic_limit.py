@@ -7,7 +7,7 @@ With constant errors as states it depends on the start: what sightings determine
 known, its variance falling as 1 / t, and of the rest the prior is all there ever is. So the limit
 is taken from the start itself, and what falls as 1 / t is left out by extrapolation: with P_k the
 covariance after 2^k periods, 2 P_k - P_(k - 1). Where all such errors are determined it is the
-limit of poses and gusts alone, with the errors known.
+limit of poses and errors that change alone, with the errors known.
 
 Sources
 -------
@@ -81,10 +81,12 @@ def settled_from_start(system: WideSystem, start: Array) -> Array | None:
 
 
 def _wide_period_map(system: WideSystem) -> Riccati:
-    """Gusts and noise, then rows, of each sample; in the end time 0 is moved to the period's."""
+    """Changes and noise, then rows, of each sample; in the end time 0 is moved to the period's."""
     run = system.run
     identity, zero = np.eye(run.size), np.zeros((run.size, run.size))
-    carried, blown = (identity, zero) if run.gusts is None else run.gusts.transition(run.size)
+    carried, blown = identity, zero
+    if run.changing is not None:
+        carried, blown = run.changing.transition(run.size)
     vehicles = np.arange(run.count)
     poses = slice(0, 3 * run.count)
     rows, each, noise = run.laid_out(0, run.steps + 1)

@@ -38,7 +38,7 @@ from syncplan.estimation.recorded_starts import check_start, start_of
 from syncplan.estimation.replay_settings import ReplaySettings
 from syncplan.estimation.trials import MonteCarloResult, result_of, series
 from syncplan.orbits.circles import wrap
-from syncplan.orbits.error_states import NO_ERRORS, StateLayout
+from syncplan.orbits.error_states import ERROR_STATES, StateLayout
 from syncplan.recordings.log import Log
 
 __all__ = ["FilteredRun", "RecordedRun", "Seen", "filtered", "run_of"]
@@ -209,14 +209,15 @@ def _run(
     if not e:
         _, P = model.lane_filter.run(run.setup, readings, counted.poses, streams)
         return np.zeros((0, 1)), P
+    constants = run.layout.first_changing - 3 * run.layout.count
     given = AugmentedReadings(
         *readings,
         headings=np.ascontiguousarray(run.setup.truth[:, :, 2, None]),
         # what lasting errors truly are is not known
-        constants=np.zeros((e, 1)),
-        gusts=np.zeros((run.clock.samples + 1, 0, 1)),
+        constants=np.zeros((constants, 1)),
+        changing=np.zeros((run.clock.samples + 1, e - constants, 1)),
     )
-    setup = augmented_setup_of(run.setup, run.layout, NO_ERRORS)
+    setup = augmented_setup_of(run.setup, run.layout)
     _, errors, P = model.augmented_lane_filter.run(setup, given, counted, streams)
     return errors, P
 
@@ -225,9 +226,13 @@ def _layout(count: int, settings: ReplaySettings) -> StateLayout:
     """Each robot's pose, then its lasting errors, those that have a sigma."""
     columns: dict[str, Index] = {}
     sigmas: list[float] = []
+    times: list[float] = []
     for name, key in settings.lasting_errors().items():
         sigma = float(getattr(settings, key))
         if sigma > 0.0:
             columns[name] = (3 * count + len(sigmas) + np.arange(count))[:, None]
             sigmas += [sigma] * count
-    return StateLayout(tuple(columns), MappingProxyType(columns), np.array(sigmas), count)
+            times += [np.inf if ERROR_STATES[name].constant else settings.bearing_walk_time] * count
+    return StateLayout(
+        tuple(columns), MappingProxyType(columns), np.array(sigmas), np.array(times), count
+    )

@@ -6,8 +6,8 @@ AugmentedSetup, 3 n + e in all. A vehicle that reads v and w moves by
 
     (displacement((1 + scale) v, w + bias) + T (wind + gust), T (w + bias))
 
-with the displacement of `reference_filter`; a gust decays as it goes. What is sighted is that of
-syncplan.orbits.sighting_kinds, a bearing with its bias.
+with the displacement of `reference_filter`; errors that are no constants decay as they go. What is
+sighted is that of syncplan.orbits.sighting_kinds, a bearing with its bias and walk.
 
 Source: Bar-Shalom, Li, Kirubarajan (2001), 10.3.
 """
@@ -17,6 +17,7 @@ import math
 import numpy as np
 
 from syncplan.arrays import Array
+from syncplan.estimation.augmented_frame import BIAS, GUST, SCALE, TURN, WALK
 from syncplan.estimation.augmented_setup import AugmentedSetup
 from syncplan.estimation.reference_filter import displacement, displacement_jacobian
 from syncplan.orbits.circles import perpendicular, wrap
@@ -42,25 +43,25 @@ def moved_state(state: Array, speeds: Array, turn_rates: Array, setup: Augmented
     """Return the state (3n + e,) one sample later, from the readings (n,) m/s, rad/s."""
     n, motion = len(setup.columns), setup.poses.motion
     x, after = state[: 3 * n].reshape(n, 3), state.copy()
-    wind, scale, bias, _, gusts = _errors_of(state, setup)
+    wind, scale, bias, gusts = _errors_of(state, setup)
     turns = turn_rates + bias
     way = displacement(x[:, 2], (1.0 + scale) * speeds, turns, motion.time, motion.substeps)
     way += motion.time * (wind + gusts)
     after[: 3 * n] += np.column_stack([way, motion.time * turns]).ravel()
-    after[setup.first_gust :] *= setup.decay
+    after[3 * n :] *= setup.decays
     return after
 
 
 def transition_of(state: Array, speeds: Array, turn_rates: Array, setup: AugmentedSetup) -> Array:
     """Return F, the derivative (3n + e, 3n + e) of `moved_state` by the state."""
     n, time, substeps = len(setup.columns), setup.poses.motion.time, setup.poses.motion.substeps
-    _, scale, bias, _, _ = _errors_of(state, setup)
+    _, scale, bias, _ = _errors_of(state, setup)
     ahead, grown, turns = state[2 : 3 * n : 3], (1.0 + scale) * speeds, turn_rates + bias
     way = displacement(ahead, grown, turns, time, substeps)
     slopes = displacement_jacobian(ahead, grown, turns, time, substeps)
     F = np.eye(len(state))
     for i, column in enumerate(setup.columns.tolist()):
-        wind, own_scale, own_bias, gust = column[:2], column[2], column[3], column[5:]
+        wind, own_scale, own_bias, gust = column[:2], column[2], column[3], column[GUST : GUST + 2]
         x, y, psi = 3 * i, 3 * i + 1, 3 * i + 2
         F[[x, y], psi] = perpendicular(way[i])
         if own_scale >= 0:
@@ -70,8 +71,7 @@ def transition_of(state: Array, speeds: Array, turn_rates: Array, setup: Augment
         for axis, place in [*zip((x, y), wind, strict=True), *zip((x, y), gust, strict=True)]:
             if place >= 0:
                 F[axis, place] = time
-    changing = np.arange(setup.first_gust, len(state))
-    F[changing, changing] = setup.decay
+    F[range(3 * n, len(state)), range(3 * n, len(state))] = setup.decays
     return F
 
 
@@ -81,7 +81,7 @@ def predict_state(
     """Return state and covariance one sample later."""
     n, motion = len(setup.columns), setup.poses.motion
     F = transition_of(state, speeds, turn_rates, setup)
-    _, scale, bias, _, _ = _errors_of(state, setup)
+    _, scale, bias, _ = _errors_of(state, setup)
     slopes = displacement_jacobian(
         state[2 : 3 * n : 3],
         (1.0 + scale) * speeds,
@@ -96,8 +96,8 @@ def predict_state(
         G[3 * i + 2, 2 * i + 1] = motion.time
     Q = np.diag(np.tile([motion.speed_variance, motion.turn_rate_variance], n))
     after = F @ P @ F.T + G @ Q @ G.T
-    changing = np.arange(setup.first_gust, len(state))
-    after[changing, changing] += setup.gust_noise
+    further = range(3 * n, len(state))
+    after[further, further] += setup.variances * (1.0 - setup.decays**2)
     return moved_state(state, speeds, turn_rates, setup), after
 
 
@@ -118,9 +118,10 @@ def sighted(
     if target < n:
         row[t : t + 2] += slope
     row[o + 2] = what.by_heading
-    bias = int(setup.columns[observer, 4])
-    if bias >= 0 and ERROR_STATES["bearing_bias"].shifts == name:
-        value, row[bias] = value + float(state[bias]), 1.0
+    for error, place in (("bearing_bias", BIAS), ("bearing_walk", WALK)):
+        column = int(setup.columns[observer, place])
+        if column >= 0 and ERROR_STATES[error].shifts == name:
+            value, row[column] = value + float(state[column]), 1.0
     return value, row
 
 
@@ -144,7 +145,7 @@ def update_state(
     return state + u * (innovation / variance), P - np.outer(u, u) / variance, innovation, variance
 
 
-def _errors_of(state: Array, setup: AugmentedSetup) -> tuple[Array, Array, Array, Array, Array]:
-    """Each vehicle's wind (n, 2), scale, turn-rate bias, bearing bias (n,) and gusts (n, 2)."""
+def _errors_of(state: Array, setup: AugmentedSetup) -> tuple[Array, Array, Array, Array]:
+    """Each vehicle's wind (n, 2), scale, turn-rate bias (n,) and gusts (n, 2)."""
     found = np.where(setup.columns >= 0, state[setup.columns], 0.0)
-    return found[:, :2], found[:, 2], found[:, 3], found[:, 4], found[:, 5:]
+    return found[:, :2], found[:, SCALE], found[:, TURN], found[:, GUST : GUST + 2]

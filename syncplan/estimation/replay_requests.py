@@ -25,6 +25,8 @@ KEYS: Mapping[str, str] = MappingProxyType(
         "heading_sigma": "start_sigma_rad",
         "turn_rate_bias_sigma": "turn_rate_bias_sigma_rad_s",
         "bearing_bias_sigma": "bearing_bias_sigma_rad",
+        "bearing_walk_sigma": "bearing_walk_sigma_rad",
+        "bearing_walk_time": "bearing_walk_time_s",
         "sample_time": "sample_time_s",
         "delay": "delay_s",
         "window": "window_s",

@@ -10,6 +10,7 @@ from syncplan.orbits.noise import Noise
 
 __all__ = [
     "BEARING_SIGMA",
+    "BEARING_WALK_TIME",
     "GROUND_ROBOTS",
     "RANGE_SIGMA",
     "SAMPLE_TIME",
@@ -34,6 +35,9 @@ BEARING_SIGMA = 0.01
 RANGE_SIGMA = 0.4
 """Of these robots' cameras, rad and m. Distances scatter by 0.13 m, but the errors of one target
 last for seconds, and a filter that takes them for new at each sighting needs a larger sigma."""
+
+BEARING_WALK_TIME = 10.0
+"""s, over which the correlation of bearing errors that change falls to 1/e."""
 
 SAMPLE_TIME = 0.05
 WINDOW = 30.0
@@ -61,6 +65,7 @@ class ReplaySettings:
     bearing_sigma, range_sigma : rad, m
     noise : of motion readings, per sample, and of the start
     speed_scale_sigma, turn_rate_bias_sigma, bearing_bias_sigma : 1, rad/s, rad; each robot's error
+    bearing_walk_sigma, bearing_walk_time : rad, s, of each robot's bearing error that changes
         is a state of the filter where it is more than 0
     sample_time : s, between the samples at which errors are taken, to which motion noise refers
     delay : s, by which sightings are recorded later than they were made
@@ -79,6 +84,8 @@ class ReplaySettings:
     speed_scale_sigma: float = SPEED_SCALE_SIGMA
     turn_rate_bias_sigma: float = TURN_RATE_BIAS_SIGMA
     bearing_bias_sigma: float = 0.0
+    bearing_walk_sigma: float = 0.0
+    bearing_walk_time: float = BEARING_WALK_TIME
     sample_time: float = SAMPLE_TIME
     delay: float = 0.0
     start: str = "truth"
@@ -88,7 +95,7 @@ class ReplaySettings:
 
     def __post_init__(self) -> None:
         allowed = f"allowed is {LEAST_SIGMA:g} to {LARGEST_SIGMA:g}"
-        for key in ("bearing_sigma", "range_sigma", "sample_time"):
+        for key in ("bearing_sigma", "range_sigma", "sample_time", "bearing_walk_time"):
             value = getattr(self, key)
             if not LEAST_SIGMA <= value <= LARGEST_SIGMA:
                 raise InputError(f"{value:g} given; {allowed}", key=key)
@@ -117,5 +124,5 @@ class ReplaySettings:
     @staticmethod
     def lasting_errors() -> Mapping[str, str]:
         """Return the errors that a recording's filter may have as states, and their settings."""
-        names = ("speed_scale", "turn_rate_bias", "bearing_bias")
+        names = ("speed_scale", "turn_rate_bias", "bearing_bias", "bearing_walk")
         return {name: f"{name}_sigma" for name in names}

@@ -21,6 +21,7 @@ from syncplan.estimation.recorded_run import FilteredRun, RecordedRun, Seen, fil
 from syncplan.estimation.replay_results import ErrorsFromTruth, FittedError, KindCounts, Replay
 from syncplan.estimation.replay_settings import (
     BEARING_SIGMA,
+    BEARING_WALK_TIME,
     GROUND_ROBOTS,
     RANGE_SIGMA,
     SAMPLE_TIME,
@@ -64,6 +65,8 @@ def replay(
     speed_scale_sigma: float = SPEED_SCALE_SIGMA,
     turn_rate_bias_sigma: float = TURN_RATE_BIAS_SIGMA,
     bearing_bias_sigma: float = 0.0,
+    bearing_walk_sigma: float = 0.0,
+    bearing_walk_time: float = BEARING_WALK_TIME,
     sample_time: float = SAMPLE_TIME,
     delay: float = 0.0,
     start: str = "truth",
@@ -79,8 +82,9 @@ def replay(
     them), all if None; `meetings` says whether sightings between robots count, `distances` whether
     distances do, where they are recorded. `bearing_sigma` and `range_sigma` are in rad and m,
     `sample_time` in s; the sigmas of `noise`, a syncplan.orbits.noise.Noise, are per sample, and
-    GROUND_ROBOTS if None. Each robot's speed scale, turn-rate bias (rad/s) and bearing bias (rad)
-    is estimated where its sigma is more than 0. Sightings are taken to be made `delay` s before
+    GROUND_ROBOTS if None. Each robot's speed scale, turn-rate bias (rad/s), bearing bias (rad) and
+    bearing walk (rad), an error whose correlation falls to 1/e over `bearing_walk_time` s, is
+    estimated where its sigma is more than 0. Sightings are taken to be made `delay` s before
     they are recorded. `start` is "truth"; "prior", drawn about the truth by the start's sigmas and
     the `seed`; or "given", at `start_poses` (n, 3) m, m, rad: the one for recordings without truth,
     whose errors are not known. `options`, or changes of it by
@@ -105,6 +109,8 @@ def replay(
         speed_scale_sigma=speed_scale_sigma,
         turn_rate_bias_sigma=turn_rate_bias_sigma,
         bearing_bias_sigma=bearing_bias_sigma,
+        bearing_walk_sigma=bearing_walk_sigma,
+        bearing_walk_time=bearing_walk_time,
         sample_time=sample_time,
         delay=delay,
         start=start,

@@ -179,7 +179,7 @@ def _window(
     return setup._replace(poses=own), read._replace(
         headings=np.ascontiguousarray(read.headings[:1][..., lanes]),
         constants=np.ascontiguousarray(read.constants[..., lanes]),
-        gusts=np.ascontiguousarray(read.gusts[:1][..., lanes]),
+        changing=np.ascontiguousarray(read.changing[:1][..., lanes]),
     )
 
 

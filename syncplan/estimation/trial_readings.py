@@ -4,9 +4,10 @@ Trial k draws standard normal numbers from SeedSequence(seed, spawn_key=(k,)), t
 SeedSequence(seed), in this order: initial pose (n, 3), speed readings (steps, n), turn-rate
 readings (steps, n), sightings (s,) in their order; then the lasting errors that the team has, in
 the order of ERROR_STATES: wind (2,), speed scales (n,), turn-rate biases (n,), bearing biases
-(n,), gusts (steps + 1, n, 2). Where sightings are missed now and then, uniform numbers follow, one
-for each sample, observer and target with p < 1, in the order of sightings: bearing and distance
-are missed together. So a key that is added leaves all draws before its own as they were.
+(n,), gusts (steps + 1, n, 2), bearing walks (steps + 1, n). Where sightings are missed now and
+then, uniform numbers follow, one for each sample, observer and target with p < 1, in the order of
+sightings: bearing and distance are missed together. So a key that is added leaves all draws before
+its own as they were.
 
 Errors are drawn whether or not the filter estimates them. In wind and gusts headings differ from
 trial to trial: `air_motion`. Who is in view is then decided by the true heading of each trial.
@@ -149,7 +150,7 @@ class TrialReadings:
         np.multiply(turn_rates.reshape(turned.shape), noise.turn_rate_sigma, out=turned)
         read += flown.speeds * (1.0 / (1.0 + errors.own("speed_scale")))
         turned += flown.turn_rates - errors.own("turn_rate_bias")
-        constants, gusts = errors.states(self.layout, steps, lanes)
+        constants, changing = errors.states(self.layout, steps, lanes)
         return AugmentedReadings(
             initial=np.ascontiguousarray(initial),
             speeds=read,
@@ -158,7 +159,7 @@ class TrialReadings:
             # a copy even for one lane: kernels would be compiled anew for what is read-only
             headings=np.array(np.broadcast_to(flown.headings, (steps + 1, n, lanes)), order="C"),
             constants=constants,
-            gusts=gusts,
+            changing=changing,
         )
 
     def stream(self, trial: int) -> np.random.SeedSequence:
@@ -208,7 +209,8 @@ class TrialReadings:
             shifted = ERROR_STATES[name].shifts
             if shifted:
                 chosen = setup.kinds == list(SIGHTING_KINDS).index(shifted)
-                found[chosen] += values[0, :, 0][setup.observers[chosen]]
+                at = np.minimum(self._steps()[chosen], len(values) - 1)
+                found[chosen] += values[at, setup.observers[chosen], 0]
         if in_moving_air(self.team):
             step = self._steps()
             turned = flown.headings[step, setup.observers]

@@ -1,11 +1,12 @@
 """Covariance along a run whose state has errors beside the poses, referred to time 0.
 
 The recursion of syncplan.estimation.covariances, sample by sample, with further columns. Errors
-that are constant need no prediction: how they move a vehicle stands in the rows. Gusts do, since
-they change. With each vehicle's gust g in units of its own sigma, at each sample
+that are constant need no prediction: how they move a vehicle stands in the rows. Gusts and other
+Gauss-Markov processes do, since they change. With each, g, in units of its own sigma, at each
+sample
 
-    p <- p + Ts sigma g          the place, at time 0 as now
-    g <- a g + noise             a = exp(-Ts / gust time), variance 1 - a^2
+    p <- p + Ts sigma g          the place, at time 0 as now, where it is a gust
+    g <- a g + noise             a = exp(-Ts / its correlation time), variance 1 - a^2
 
 Rows are dense here: BLAS takes them in faster than elements can be gathered.
 
@@ -33,42 +34,44 @@ from syncplan.arrays import Array, Index
 from syncplan.estimation.referred_run import SYMMETRIC
 from syncplan.observability.referred_rows import WideRows, dense_rows
 
-__all__ = ["Gusts", "Sample", "WideRun", "carried_along", "considered_along"]
+__all__ = ["GaussMarkov", "Sample", "WideRun", "carried_along", "considered_along"]
 
 _SAMPLES_AT_ONCE, _ELEMENTS_AT_ONCE = 128, 4e6
 """Samples whose rows are laid out together, and elements of these at most."""
 
 
 @dataclass(frozen=True, slots=True)
-class Gusts:
-    """How gusts are carried from sample to sample.
+class GaussMarkov:
+    """How errors that change are carried from sample to sample.
 
     Attributes
     ----------
-    places : (2 n,) columns of the coordinates that they move
-    columns : (2 n,) their own
-    push : how far a unit moves a coordinate in a sample
-    kept : share of a gust that is left after a sample
+    columns : (g,) their own
+    kept : (g,) share of each that is left after a sample
+    places, drifting : (2 n,) columns of the coordinates that some of them move, and of these; none
+        where none does
+    push : (2 n,) how far a unit moves a coordinate in a sample
     """
 
-    places: Index
     columns: Index
-    push: float
-    kept: float
+    kept: Array
+    places: Index
+    drifting: Index
+    push: Array
 
     def transition(self, size: int) -> tuple[Array, Array]:
         """Return the (size, size) matrix of a prediction, and the noise that comes with it."""
         matrix, noise = np.eye(size), np.zeros((size, size))
-        matrix[self.places, self.columns] = self.push
+        matrix[self.places, self.drifting] = self.push
         matrix[self.columns, self.columns] = self.kept
         noise[self.columns, self.columns] = 1.0 - self.kept**2
         return matrix, noise
 
     def predict(self, covariance: Array) -> None:
         """Carry a covariance over one sample, in place."""
-        covariance[self.places] += self.push * covariance[self.columns]
-        covariance[self.columns] *= self.kept
-        covariance[:, self.places] += self.push * covariance[:, self.columns]
+        covariance[self.places] += self.push[:, None] * covariance[self.drifting]
+        covariance[self.columns] *= self.kept[:, None]
+        covariance[:, self.places] += self.push * covariance[:, self.drifting]
         covariance[:, self.columns] *= self.kept
         covariance[self.columns, self.columns] += 1.0 - self.kept**2
 
@@ -83,14 +86,14 @@ class WideRun:
     rows : whitened, in order of time
     first : (steps + 2,) rows of sample k are first[k] to first[k + 1]
     size : of the state; poses come first
-    gusts : None where they are no states
+    changing : its errors that change; None where there are none
     """
 
     noise: Array
     rows: WideRows
     first: Index
     size: int
-    gusts: Gusts | None
+    changing: GaussMarkov | None
 
     @property
     def count(self) -> int:
@@ -104,8 +107,8 @@ class WideRun:
 
     def predict(self, covariance: Array, noise: Array) -> None:
         """Carry a covariance to the next sample with its noise (n, 3, 3), in place."""
-        if self.gusts is not None:
-            self.gusts.predict(covariance)
+        if self.changing is not None:
+            self.changing.predict(covariance)
         poses = covariance[: 3 * self.count, : 3 * self.count]
         # a view: each vehicle's own block
         own = np.einsum("iaib->iab", poses.reshape(self.count, 3, self.count, 3))

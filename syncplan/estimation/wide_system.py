@@ -1,8 +1,8 @@
 """A team's run whose state has errors beside the poses, and the posterior bound that it gives.
 
 A vehicle at time t is off by its pose at time 0, carried by the closed-form transition, and by what
-each constant error has moved it since; gusts act through the pose. So what is known of its place is
-a quadratic form of the covariance of these few states.
+each constant error has moved it since; gusts act through the pose, and a bearing walk not at all.
+So what is known of its place is a quadratic form of the covariance of these few states.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -14,7 +14,7 @@ from syncplan.arrays import Array, Index
 from syncplan.estimation.foreseen_sightings import Foreseen
 from syncplan.estimation.referred_system import PosteriorBound, ReferredSystem
 from syncplan.estimation.start_up_index import first_samples, index_of_run, second_order_terms
-from syncplan.estimation.wide_covariances import Gusts, Sample, WideRun, carried_along
+from syncplan.estimation.wide_covariances import GaussMarkov, Sample, WideRun, carried_along
 from syncplan.observability.referred_rows import dense_rows, error_moves, wide_rows
 from syncplan.orbits.contacts import Windows
 from syncplan.orbits.error_states import ERROR_STATES, StateLayout
@@ -55,7 +55,7 @@ class WideSystem:
             rows=wide_rows(poses.team, poses.sightings, layout, poses.scale),
             first=poses.run.first,
             size=layout.size,
-            gusts=_gusts(poses.team, layout, poses.scale),
+            changing=_changing(poses.team, layout, poses.scale),
         )
         return cls(poses, layout, run)
 
@@ -158,18 +158,21 @@ class WideSystem:
         return found
 
 
-def _gusts(team: Team, layout: StateLayout, scale: float) -> Gusts | None:
-    """How the gusts of a layout are carried."""
-    changing = [name for name in layout.names if not ERROR_STATES[name].constant]
-    if not changing:
+def _changing(team: Team, layout: StateLayout, scale: float) -> GaussMarkov | None:
+    """How the errors of a layout that change are carried."""
+    columns = np.arange(layout.first_changing, layout.size)
+    if not len(columns):
         return None
-    columns = np.concatenate([layout.columns[name].ravel() for name in changing])
-    sample_time, errors = team.sensors.sample_time, team.errors
-    return Gusts(
-        places=(3 * np.arange(team.count)[:, None] + np.arange(2)).ravel(),
+    drifting = [layout.columns[name] for name in layout.names if ERROR_STATES[name].drifts]
+    places = 3 * np.arange(team.count)[:, None] + np.arange(2)
+    time, own = team.sensors.sample_time, columns - 3 * team.count
+    moving = np.concatenate([np.zeros((0, 2), dtype=np.int64), *drifting])
+    return GaussMarkov(
         columns=columns,
-        push=sample_time * errors.gust / scale,
-        kept=float(np.exp(-sample_time / errors.gust_time)),
+        kept=np.exp(-time / layout.times[own]),
+        places=np.concatenate([places[:0], *(places for _ in drifting)]).ravel(),
+        drifting=moving.ravel(),
+        push=time * layout.sigmas[moving.ravel() - 3 * team.count] / scale,
     )
 
 

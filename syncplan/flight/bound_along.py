@@ -15,6 +15,7 @@ import numpy as np
 
 from syncplan.arrays import Array, Flags
 from syncplan.estimation.augmented_correction import AT_ONCE, correct_augmented
+from syncplan.estimation.augmented_frame import OWN, frame_of
 from syncplan.estimation.augmented_prediction import predict_augmented
 from syncplan.estimation.augmented_rows import MOST_ENTRIES, Sparse, refer
 from syncplan.estimation.augmented_setup import (
@@ -63,11 +64,11 @@ def bound_lanes(
     x, errors and P are the state at the start, and scratch; `statistics` is scratch.
     """
     n, size, width, steps = len(x), len(P), len(lanes), len(readings.speeds)
-    slopes, before = np.empty((12, width)), np.empty((7, 3, width))
+    slopes, before = np.empty((12, width)), np.empty((OWN, 3, width))
     halves = (np.empty((AT_ONCE, size, width)), np.empty((AT_ONCE, size, width)))
     row = (np.zeros(MOST_ENTRIES, dtype=np.int64), np.zeros((MOST_ENTRIES, width)))
     seen = (np.empty((3, width)), np.empty(width), np.zeros(width))
-    frame = (np.zeros((n, 6, width)), np.array([0.0, 0.0, 1.0]))
+    frame = frame_of(setup, lanes)
     true, true_errors = np.empty_like(x), np.empty_like(errors)
     about, constants = (true, true_errors, True), len(readings.constants)
     here = np.empty(width)
@@ -76,14 +77,14 @@ def bound_lanes(
             along[0, i, lane] = P[3 * i, 3 * i, lane] + P[3 * i + 1, 3 * i + 1, lane]
     for step in range(1, steps + 1):
         true_errors[:constants] = readings.constants
-        true_errors[constants:] = readings.gusts[step - 1]
+        true_errors[constants:] = readings.changing[step - 1]
         true[:] = flown.path[step - 1]
         speeds, turn_rates = readings.speeds[step - 1], readings.turn_rates[step - 1]
         predict_augmented(
             true, true_errors, P, speeds, turn_rates, setup, step, frame, slopes, before, lanes
         )
         true[:] = flown.path[step]
-        true_errors[constants:] = readings.gusts[step]
+        true_errors[constants:] = readings.changing[step]
         x[:], errors[:] = 0.0, 0.0
         correct_augmented(
             x, errors, P, step, setup, readings, about, frame, seen, row, halves, statistics, lanes
@@ -95,7 +96,7 @@ def bound_lanes(
                 for axis in range(2):
                     slopes[:3] = 0.0
                     slopes[axis] = 1.0
-                    entries = refer(slopes, i, i, -1, setup, frame, row, lanes)
+                    entries = refer(slopes, i, i, False, setup, frame, row, lanes)
                     _variance(P, row, entries, here, lanes)
                 if counted[step, i]:
                     squares[i] += here
@@ -103,7 +104,7 @@ def bound_lanes(
                     along[step // every, i] = here
         if 2 * step > steps:
             for k in range(3 * n, size):
-                # a constant is the same in any frame, a gust has decayed since
-                left = frame[1][2] if k >= setup.first_gust else 1.0
+                # a constant is the same in any frame, what changes has decayed since
+                left = frame[2][k - 3 * n]
                 for lane in range(len(lanes)):
                     state_squares[k - 3 * n, lane] += left * left * P[k, k, lane]

@@ -19,7 +19,7 @@ import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.estimation.augmented_correction import AT_ONCE, correct_augmented
-from syncplan.estimation.augmented_frame import bring_to_now
+from syncplan.estimation.augmented_frame import OWN, bring_to_now, frame_of
 from syncplan.estimation.augmented_prediction import move, predict_augmented
 from syncplan.estimation.augmented_rows import MOST_ENTRIES
 from syncplan.estimation.augmented_setup import (
@@ -153,7 +153,7 @@ def compare_truly(
             turns = np.floor((off + math.pi) / (2.0 * math.pi))
             offs[3 * i + 2, lane] = there * (off - 2.0 * math.pi * turns)
     for k in range(len(errors)):
-        true = readings.constants[k] if k < constants else readings.gusts[step, k - constants]
+        true = readings.constants[k] if k < constants else readings.changing[step, k - constants]
         for lane in range(len(lanes)):
             error_offs[k, lane] = errors[k, lane] - true[lane]
 
@@ -174,11 +174,11 @@ def fly_lanes(
 ) -> None:
     """Take x, errors and P, lower triangle, from step `begin` to step `end`, flying on the way."""
     poses, n, size, width = setup.poses, len(x), len(P), len(lanes)
-    slopes, before = np.empty((12, width)), np.empty((7, 3, width))
+    slopes, before = np.empty((12, width)), np.empty((OWN, 3, width))
     halves = (np.empty((AT_ONCE, size, width)), np.empty((AT_ONCE, size, width)))
     row = (np.zeros(MOST_ENTRIES, dtype=np.int64), np.zeros((MOST_ENTRIES, width)))
     seen = (np.empty((3, width)), np.empty(width), np.zeros(width))
-    frame = (np.zeros((n, 6, width)), np.array([0.0, 0.0, 1.0]))
+    frame = frame_of(setup, lanes)
     error_offs, block = np.empty_like(errors), np.empty((3 * n, 3 * n, width))
     scratch = (np.empty((3 * n, width)), np.empty_like(block), halves[0][0], halves[1][0])
     about, compared = (x, errors, False), (error_offs, scratch, block)

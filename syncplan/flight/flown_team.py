@@ -135,14 +135,14 @@ class FlownTeam:
             reach=2.0 * float(np.mean(orbits.radii)),
             options=self.options,
         )
-        return augmented_setup_of(poses, self.layout, team.errors)
+        return augmented_setup_of(poses, self.layout)
 
     def begun(self, trials: range) -> tuple[Flown, AugmentedReadings]:
         """Return trials at time 0, and what they read, as yet no sightings."""
         n, steps, lanes = self.team.count, self.steps, len(trials)
         poses, speeds, turns, lasting = self._draws(trials)
         errors = self._errors(lasting)
-        constants, gusts = errors.states(self.layout, steps, lanes)
+        constants, changing = errors.states(self.layout, steps, lanes)
         path = np.zeros((steps + 1, n, 3, lanes))
         circles, noise = self.setup.circles, self.team.noise
         planned = np.column_stack(
@@ -158,7 +158,7 @@ class FlownTeam:
             drift=np.ascontiguousarray(drift),
             scales=own["speed_scale"],
             turn_biases=own["turn_rate_bias"],
-            bearing_biases=own["bearing_bias"],
+            bearing_shifts=np.zeros((1, n, lanes)) + errors.shifts("bearing"),
             speed_noise=np.ascontiguousarray(speeds.reshape(steps, n, lanes)),
             turn_noise=np.ascontiguousarray(turns.reshape(steps, n, lanes)),
             keys=np.stack([key_of(self.options.seed, trial) for trial in trials]),
@@ -181,7 +181,7 @@ class FlownTeam:
             sightings=np.zeros((0, lanes)),
             headings=np.zeros((1, n, lanes)),
             constants=constants,
-            gusts=gusts,
+            changing=changing,
         )
         return flown, readings
 
@@ -204,7 +204,7 @@ class FlownTeam:
         return DrawnErrors({**errors.values, "wind": np.repeat(wind, lanes, axis=3)})
 
 
-_OWN = ("speed_scale", "turn_rate_bias", "bearing_bias")
+_OWN = ("speed_scale", "turn_rate_bias")
 
 
 def team_in_flight(

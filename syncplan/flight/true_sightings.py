@@ -188,6 +188,7 @@ def _read(
     bearing_sigma, distance_sigma = eyes.sigmas[BEARING_KIND, o], eyes.sigmas[DISTANCE_KIND, o]
     b = _new_row(flown, setup, BEARING_KIND, o, t, bearing_sigma) if bearing else -1
     d = _new_row(flown, setup, DISTANCE_KIND, o, t, distance_sigma) if distance else -1
+    shifts = flown.bearing_shifts[min(step, len(flown.bearing_shifts) - 1)]
     made = eyes.detection[o] * (1.0 - mishaps.dropout)
     for lane in range(width):
         bearing_read, distance_read = np.nan, np.nan
@@ -199,7 +200,7 @@ def _read(
                 bearing_read = math.atan2(dy, dx) - flown.path[step, o, 2, lane]
                 if thrown < 2.0 * math.pi:
                     bearing_read = eyes.boresights[o] + thrown
-                bearing_read += flown.bearing_biases[o, lane] + bearing_sigma * noise[0]
+                bearing_read += shifts[o, lane] + bearing_sigma * noise[0]
                 distance_read = math.sqrt(dx * dx + dy * dy) + distance_sigma * noise[1]
                 flown.seen[o, lane] = step
                 if t < len(eyes.ranges):

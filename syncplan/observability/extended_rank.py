@@ -2,7 +2,12 @@
 
 The matrix is [P E]: P by the poses, as syncplan.observability.rank has it, E by the constant
 errors, each column in units of the error's own sigma. What a filter knows of an error beforehand,
-its prior, is left out. Gusts are no constants, so they have no column.
+its prior, is left out.
+
+Errors that change have no column. Each sample brings them something new, so to the window they are
+noise, if a correlated one: gusts as that of the motion, bearing walks as that of the readings. A
+noise whose covariance has full rank weighs the rows of [P E] but leaves their rank as it is. A walk
+so slow that it is constant over the window is a bearing bias; give it as one to see what it hides.
 
 The team's rank, `observable` and the certificate stay those of P. With the priors, rows of 1 for
 each error below E, the matrix [P E; 0 I] has full rank exactly where P has: a prior is known of

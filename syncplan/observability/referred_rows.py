@@ -15,7 +15,8 @@ one: its row is multiplied by sqrt(p).
 
 A constant error that moves a vehicle by (dp, dpsi) has the entry -g . dp + dz / dpsi dpsi for the
 observer and g . dp for the target: syncplan.orbits.error_states. These columns are in units of the
-error's own sigma.
+error's own sigma. One that changes has a column only where it is added to what is read: its value
+at the time of the sighting. The others act through the poses.
 """
 
 from dataclasses import dataclass
@@ -44,7 +45,7 @@ NEAREST = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class WideRows:
-    """Rows of sightings by poses and constant errors.
+    """Rows of sightings by poses and errors.
 
     A column may stand twice in a row, as does that of a wind common to both vehicles: the entries
     add. Where there is no such state the entry is zero and its column that of some other state.
@@ -83,9 +84,9 @@ def sighting_rows(team: Team, sightings: Sightings, scale: float | None = None) 
 def wide_rows(
     team: Team, sightings: Sightings, layout: StateLayout, scale: float | None = None
 ) -> WideRows:
-    """Return the rows of `sighting_rows` with the columns of the constant errors in a layout.
+    """Return the rows of `sighting_rows` with the columns of the errors in a layout.
 
-    Gusts are no constants and have none.
+    Gusts act through the poses and have none.
     """
     slopes = _slopes(team, sightings)
     return _wide(team, sightings, layout, slopes, _pose_rows(team, sightings, slopes, scale))
@@ -123,7 +124,7 @@ def _wide(
     kinds = np.array(list(SIGHTING_KINDS))
     for name in layout.names:
         state = ERROR_STATES[name]
-        if not state.constant:
+        if not state.constant and (not state.shifts or not slopes.weights.any()):
             continue
         place = layout.columns[name]
         shifted = slopes.weights * (kinds[sightings.kinds] == state.shifts)

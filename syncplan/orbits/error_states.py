@@ -12,12 +12,15 @@ of a constant error moves the vehicle by
                                                                       cos phi(t0) - cos phi(t)])
     bearing_bias     (each)    nothing, but adds 1 to each bearing of its observer
 
-Gusts are no constants: each vehicle has its own, a first-order Gauss-Markov process, and
-dp grows by Ts times the gust at each sample. So they have no column here; filter and posterior
-bound carry them from sample to sample.
+Others are no constants but first-order Gauss-Markov processes, which after s have kept exp(-s / T)
+of what they were, T their correlation time, each vehicle its own. They have no column here; filter
+and posterior bound carry them from sample to sample:
+
+    gusts            (each)    dp grows by Ts times the gust at each sample
+    bearing_walk     (each)    nothing, but adds 1 to each bearing of its observer
 
 A speed scale c means that a vehicle moves 1 + c times what it reads, a bias b that it turns b
-faster than it reads, a bearing bias that a bearing reads that much too large.
+faster than it reads, a bearing bias or walk that a bearing reads that much too large.
 
 Source: integration of the unicycle model along a circle, differentiated.
 """
@@ -94,20 +97,27 @@ class ErrorState:
     unit : in words
     axes : names of its components; one without a name where it is a single number
     common : whether one value holds for all vehicles
-    constant : whether it stays the same through a run
     sigma : of a team, the standard deviation of each vehicle's, (n,)
     moves : of orbits, vehicles (s,) and times (s,) s, by how much a unit of each component moves
         them until then: (axes, 3, s) m, m, rad
     shifts : name of the kind of sighting whose values it is added to; empty if none
+    times : of a team, the correlation time of each vehicle's in s, (n,); None of a constant
+    drifts : whether it moves the place, by the sample time times it at each sample
     """
 
     unit: str
     axes: tuple[str, ...]
     common: bool
-    constant: bool
     sigma: Callable[[Disturbed], Array]
     moves: Callable[[Orbits, Index, Array], Array]
     shifts: str = ""
+    times: Callable[[Disturbed], Array] | None = None
+    drifts: bool = False
+
+    @property
+    def constant(self) -> bool:
+        """Whether it stays the same through a run."""
+        return self.times is None
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,21 +126,33 @@ class StateLayout:
 
     Attributes
     ----------
-    names : of the errors, in the order of ERROR_STATES
+    names : of the errors, constants first, otherwise in the order of ERROR_STATES
     columns : by name (n, axes) the column of each vehicle's error, the same for all where it is
         common; -1 where a vehicle has none
     sigmas : (size - 3 n,) standard deviation of each further state
+    times : (size - 3 n,) s, correlation time of each; infinite of constants
     """
 
     names: tuple[str, ...]
     columns: Mapping[str, Index]
     sigmas: Array
+    times: Array
     count: int
 
     @property
     def size(self) -> int:
         """Number of states."""
         return 3 * self.count + len(self.sigmas)
+
+    @property
+    def first_changing(self) -> int:
+        """Column of the first state that is no constant; all from there on change."""
+        changing = [
+            columns[columns >= 0].min()
+            for name, columns in self.columns.items()
+            if not ERROR_STATES[name].constant
+        ]
+        return int(min(changing, default=self.size))
 
     @property
     def units(self) -> list[str]:
@@ -165,7 +187,9 @@ def layout_of(team: Disturbed, names: Sequence[str] | None = None) -> StateLayou
     count = team.orbits.count
     columns: dict[str, Index] = {}
     sigmas: list[float] = []
-    for name, state in ERROR_STATES.items():
+    times: list[float] = []
+    # constants first: those that change are carried together
+    for name, state in sorted(ERROR_STATES.items(), key=lambda item: not item[1].constant):
         sigma = state.sigma(team)
         if name not in wanted or not np.any(sigma > 0.0):
             continue
@@ -175,7 +199,11 @@ def layout_of(team: Disturbed, names: Sequence[str] | None = None) -> StateLayou
         place[has] = begin + np.arange(int(has.sum()) * axes).reshape(-1, axes)
         columns[name] = np.repeat(place, count, axis=0) if state.common else place
         sigmas += np.repeat(sigma[:1] if state.common else sigma[has], axes).tolist()
-    return StateLayout(tuple(columns), MappingProxyType(columns), np.array(sigmas), count)
+        each = np.full(count, np.inf) if state.times is None else state.times(team)
+        times += np.repeat(each[:1] if state.common else each[has], axes).tolist()
+    return StateLayout(
+        tuple(columns), MappingProxyType(columns), np.array(sigmas), np.array(times), count
+    )
 
 
 def _wind(orbits: Orbits, vehicles: Index, times: Array) -> Array:
@@ -210,6 +238,18 @@ def _no_closed_form(orbits: Orbits, vehicles: Index, times: Array) -> Array:
     raise TypeError("gusts are carried from sample to sample; they have no closed form")
 
 
+def _gust_times(team: Disturbed) -> Array:
+    return np.full(team.orbits.count, team.errors.gust_time)
+
+
+def _bearing_walk_sigmas(team: Disturbed) -> Array:
+    return team.sensors.bearing_walk_sigmas
+
+
+def _bearing_walk_times(team: Disturbed) -> Array:
+    return team.sensors.bearing_walk_times
+
+
 def _arms(orbits: Orbits, vehicles: Index, times: Array) -> tuple[Array, Array]:
     """(s, 2) m from the centre to the vehicle, at time 0 and at each of the times."""
     radii, phases = orbits.radii[vehicles][:, None], orbits.phases[vehicles]
@@ -232,15 +272,32 @@ _PLANE = ("x", "y")
 
 ERROR_STATES: Mapping[str, ErrorState] = MappingProxyType(
     {
-        "wind": ErrorState("m/s", _PLANE, True, True, _same("wind"), _wind),
-        "speed_scale": ErrorState("1", ("",), False, True, _same("speed_scale"), _speed_scale),
+        "wind": ErrorState("m/s", _PLANE, True, _same("wind"), _wind),
+        "speed_scale": ErrorState("1", ("",), False, _same("speed_scale"), _speed_scale),
         "turn_rate_bias": ErrorState(
-            "rad/s", ("",), False, True, _same("turn_rate_bias"), _turn_rate_bias
+            "rad/s", ("",), False, _same("turn_rate_bias"), _turn_rate_bias
         ),
         "bearing_bias": ErrorState(
-            "rad", ("",), False, True, _bearing_bias_sigmas, _still, shifts="bearing"
+            "rad", ("",), False, _bearing_bias_sigmas, _still, shifts="bearing"
         ),
-        "gusts": ErrorState("m/s", _PLANE, False, False, _same("gust"), _no_closed_form),
+        "gusts": ErrorState(
+            "m/s",
+            _PLANE,
+            False,
+            _same("gust"),
+            _no_closed_form,
+            times=_gust_times,
+            drifts=True,
+        ),
+        "bearing_walk": ErrorState(
+            "rad",
+            ("",),
+            False,
+            _bearing_walk_sigmas,
+            _still,
+            shifts="bearing",
+            times=_bearing_walk_times,
+        ),
     }
 )
-"""By name, in the order in which they follow the poses in the state."""
+"""By name, in the order in which they are drawn, and in which the filter's kernels have them."""

@@ -39,6 +39,10 @@ def sensors_of(scenario: Scenario) -> Sensors:
         every=np.array([scenario.samples_in(one.interval_s) for one in sensors]),
         detection=np.array([sensor.detection_probability or 1.0 for sensor in sensors]),
         bearing_bias_sigmas=np.array([one.bearing_bias_sigma_rad or 0.0 for one in sensors]),
+        bearing_walk_sigmas=np.array([one.bearing_walk_sigma for one in sensors]),
+        bearing_walk_times=np.array(
+            [one.bearing_walk.time_s if one.bearing_walk else np.inf for one in sensors]
+        ),
     )
 
 

@@ -5,7 +5,8 @@
                  place by speed scale       p(t + h) - p(t)
                  heading by turn-rate bias  h
                  place by turn-rate bias    h J R u(phi(t + h)) - (p(t + h) - p(t)) / (d omega)
-                 place by gusts             Ts (1 - a^M) / (1 - a),  a = exp(-Ts / gust time)
+                 place by gusts             Ts (1 - a^M) / (1 - a)
+                 gusts, bearing walk        a^M of themselves,  a = exp(-Ts / correlation time)
 
 with M samples in h seconds. Few entries of F depend on the circles. As factors of rows they are
 cheap to apply and to differentiate.
@@ -42,7 +43,7 @@ class Passage:
     by_place : (q, 4 n) the entries that vary, by how far each vehicle goes, (2 n,), and where it
         then is from its centre, (2 n,)
     taken, given : (q, m), (m, q) 1 at the column, and at the row, of each of these entries
-    noise : (m, m) of gusts that come up on the way
+    noise : (m, m) of gusts and walks that come up on the way
     """
 
     steady: ca.DM
@@ -69,7 +70,7 @@ class Passage:
             by_place=_sparse(np.array([*varying.values()])),
             taken=_sparse(unit[columns]),
             given=_sparse(unit[:, rows]),
-            noise=_sparse(_gust_noise(layout, span)),
+            noise=_sparse(_noise(layout, span)),
         )
 
     def moved(self, after: ca.MX, before: ca.MX) -> ca.MX:
@@ -112,23 +113,22 @@ class _Span:
 
     Attributes
     ----------
-    seconds : s
+    seconds, samples, sample_time : s, how many samples that is, and s of one
     scale : m, of positions
     rate : (n,) rad/s, of each vehicle's phase
-    kept : share of a gust that is left
     push : s, how far a gust moves a vehicle that it had at the beginning
-    spread, joint, fresh : s^2, s, 1: variance of how far later gusts move it, its covariance with
-        the gust left at the end, and the variance of that, for gusts of variance 1
+    spread, joint : s^2, s: variance of how far later gusts move it, and its covariance with the
+        gust left at the end, for gusts of variance 1
     """
 
     seconds: float
+    samples: float
+    sample_time: float
     scale: float
     rate: Array
-    kept: float
     push: float
     spread: float
     joint: float
-    fresh: float
 
     @classmethod
     def of(cls, problem: RefineProblem, seconds: float) -> "_Span":
@@ -144,14 +144,18 @@ class _Span:
         spread = fresh_each * (samples - 2.0 * once + twice) / (1.0 - kept_each) ** 2
         return cls(
             seconds=seconds,
+            samples=samples,
+            sample_time=sample_time,
             scale=problem.scale,
             rate=orbits.senses * orbits.rate,
-            kept=kept,
             push=sample_time * once,
             spread=later * sample_time**2 * spread,
             joint=later * sample_time * fresh_each * (once - twice) / (1.0 - kept_each),
-            fresh=1.0 - kept**2,
         )
+
+    def kept(self, time: float) -> float:
+        """Return the share that is left of an error with a correlation time in s."""
+        return float(float(np.exp(-self.sample_time / time)) ** self.samples)
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,7 +221,6 @@ def _by_gusts(own: _Own, span: _Span, columns: list[int]) -> list[_Entry]:
     entries = []
     for row, column in zip((own.x, own.y), columns, strict=True):
         entries.append((row, column, own.one, span.push / span.scale))
-        entries.append((column, column, own.one, span.kept - 1.0))
     return entries
 
 
@@ -227,6 +230,7 @@ _MOVES = {
     "turn_rate_bias": _by_turn_rate_bias,
     "bearing_bias": _by_nothing,
     "gusts": _by_gusts,
+    "bearing_walk": _by_nothing,
 }
 """What a unit of each error in ERROR_STATES adds to F."""
 
@@ -245,19 +249,24 @@ def _entries(layout: StateLayout, span: _Span) -> list[_Entry]:
                 for row, column, value, size in _MOVES[name](own, span, columns.tolist()):
                     unit = 1.0 if row == column else layout.sigmas[column - 3 * count]
                     entries.append((row, column, value, size * unit))
+    for column in range(layout.first_changing, layout.size):
+        left = span.kept(float(layout.times[column - 3 * count]))
+        entries.append((column, column, 4 * count, left - 1.0))
     return entries
 
 
-def _gust_noise(layout: StateLayout, span: _Span) -> Array:
-    """(m, m) what gusts that come up on the way add."""
+def _noise(layout: StateLayout, span: _Span) -> Array:
+    """(m, m) what errors that come up on the way add."""
     noise = np.zeros((layout.size, layout.size))
+    for column in range(layout.first_changing, layout.size):
+        left = span.kept(float(layout.times[column - 3 * layout.count]))
+        noise[column, column] = 1.0 - left**2
     for name in layout.names:
-        if ERROR_STATES[name].constant:
+        if not ERROR_STATES[name].drifts:
             continue
         for vehicle, columns in enumerate(layout.columns[name].tolist()):
             for axis, column in enumerate(columns):
                 row, far = 3 * vehicle + axis, layout.sigmas[column - 3 * layout.count] / span.scale
                 noise[row, row] += far**2 * span.spread
                 noise[row, column] = noise[column, row] = far * span.joint
-                noise[column, column] = span.fresh
     return noise

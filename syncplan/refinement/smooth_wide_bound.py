@@ -4,12 +4,12 @@ The coarse steps are those of syncplan.refinement.smooth_bound. There all is ref
 where sightings and noise of poses repeat every turn; the moves of constant errors grow with the
 time. So the state here is that of the moment, and its passages from step to step repeat every turn
 (syncplan.refinement.smooth_passages). Sightings tell of poses alone: a bearing of the target's
-place less the observer's, and of its heading less its bearing bias. With these `observed` (r, m)
-and what they tell K (r, r), a step goes
+place less the observer's, and of its heading less its bearing bias and walk. With these `observed`
+(r, m) and what they tell K (r, r), a step goes
 
     P <- P + motion noise
     S = P - (O P)^T (1 + K O P O^T)^-1 K O P       variances are taken here
-    P <- F S F^T + gusts
+    P <- F S F^T + noise of gusts and bearing walks
 
 Its slopes are written out, from the last step to the first: with weights B of S,
 
@@ -267,7 +267,7 @@ def _start(problem: RefineProblem, layout: StateLayout) -> ca.MX:
 def _observed(problem: RefineProblem, layout: StateLayout, run: CoarseRun) -> tuple[ca.DM, ca.DM]:
     """What sightings tell of, (r, m) by the state, and what compasses say in one step, (r', r').
 
-    The poses with headings less bearing biases, then the headings of those with a compass.
+    The poses with headings less errors of bearings, then the headings of those with a compass.
     """
     poses = np.eye(3 * layout.count, layout.size)
     for name in layout.names:

@@ -81,6 +81,8 @@ def _filter(replayed: Replay) -> ReplayFilter:
         speed_scale_sigma=settings.speed_scale_sigma,
         turn_rate_bias_sigma_rad_s=settings.turn_rate_bias_sigma,
         bearing_bias_sigma_rad=settings.bearing_bias_sigma,
+        bearing_walk_sigma_rad=settings.bearing_walk_sigma or None,
+        bearing_walk_time_s=settings.bearing_walk_time if settings.bearing_walk_sigma else None,
         delay_s=settings.delay,
         start=settings.start,
         position_sigma_m=noise.position_sigma,

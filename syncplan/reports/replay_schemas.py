@@ -77,6 +77,12 @@ class ReplayFilter(DocumentPart):
     )
     turn_rate_bias_sigma_rad_s: float | None = None
     bearing_bias_sigma_rad: float | None = None
+    bearing_walk_sigma_rad: float | None = Field(
+        default=None, description="Of the bearing error that changes slowly; null: not a state"
+    )
+    bearing_walk_time_s: float | None = Field(
+        default=None, description="Over which the correlation of that error falls to 1/e"
+    )
     delay_s: float | None = Field(
         default=None, description="By which sightings are recorded later than they were made"
     )

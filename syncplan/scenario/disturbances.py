@@ -31,7 +31,9 @@ Positive = Annotated[float, Field(gt=0, le=1e3)]
 ReadingsKind = Literal["commanded", "measured"]
 """What motion readings are in flight."""
 
-EstimableName = Literal["wind", "speed_scale", "turn_rate_bias", "bearing_bias", "gusts"]
+EstimableName = Literal[
+    "wind", "speed_scale", "turn_rate_bias", "bearing_bias", "gusts", "bearing_walk"
+]
 """An error that the filter can have as states."""
 
 ESTIMABLE: dict[EstimableName, str] = {
@@ -40,6 +42,7 @@ ESTIMABLE: dict[EstimableName, str] = {
     "turn_rate_bias": "motion.turn_rate_bias_sigma_rad_s",
     "bearing_bias": "sensor.bearing_bias_sigma_rad",
     "gusts": "wind.gust_sigma_mps",
+    "bearing_walk": "sensor.bearing_walk.sigma_rad",
 }
 """The key that says how large each is."""
 
@@ -203,7 +206,7 @@ class Filter(Section):
     estimate: Annotated[_Choice | Many[EstimableName], BeforeValidator(_choice_or_names)] = Field(
         default="auto",
         description="Errors that are states of the filter: auto and all, every one that has a "
-        "sigma; none; or a list of wind, speed_scale, turn_rate_bias, bearing_bias, gusts. What is "
+        f"sigma; none; or a list of {', '.join(ESTIMABLE)}. What is "
         "not estimated disturbs the vehicles all the same",
         examples=["auto"],
     )

@@ -256,6 +256,17 @@ def _check_team_size(formation: Formation, info: ValidationInfo) -> None:
         )
 
 
+class BearingWalk(Section):
+    """A sensor's own bearing error that changes slowly: a first-order Gauss-Markov process."""
+
+    sigma_rad: Annotated[float, Field(ge=0, le=math.pi)] = Field(
+        description="Standard deviation of the bearing error that changes", examples=[0.02]
+    )
+    time_s: Annotated[float, Field(ge=1e-3, le=1e6)] = Field(
+        description="Time over which its correlation falls to 1/e", examples=[30.0]
+    )
+
+
 class Sensor(Section):
     """What a vehicle sees of others and of landmarks, within range and field of view."""
 
@@ -299,6 +310,17 @@ class Sensor(Section):
         "such error if not given",
         examples=[0.02],
     )
+    bearing_walk: BearingWalk | None = Field(
+        default=None,
+        description="The sensor's own bearing error that changes slowly; no such error if not "
+        "given",
+        examples=[{"sigma_rad": 0.02, "time_s": 30.0}],
+    )
+
+    @property
+    def bearing_walk_sigma(self) -> float:
+        """Standard deviation in rad of the bearing error that changes slowly; 0 if none."""
+        return self.bearing_walk.sigma_rad if self.bearing_walk else 0.0
 
     @model_validator(mode="after")
     def _whole_interval(self) -> Self:

@@ -264,6 +264,7 @@ class Scenario(Result, Section):
             "turn_rate_bias": motion.turn_rate_bias_sigma_rad_s or 0.0,
             "bearing_bias": max(one.bearing_bias_sigma_rad or 0.0 for one in self.sensors),
             "gusts": wind.gust_sigma_mps,
+            "bearing_walk": max(one.bearing_walk_sigma for one in self.sensors),
         }
         return {name: sigma for name, sigma in sigmas.items() if sigma > 0.0}
 

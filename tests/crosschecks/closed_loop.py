@@ -171,7 +171,7 @@ def _every_bearing(team: Team) -> AugmentedSetup:
     n, bodies = team.count, team.count + len(team.landmarks)
     observers, targets = (one.ravel() for one in np.indices((n, bodies)))
     every = Sightings(np.ones_like(observers), observers, targets, np.zeros_like(observers))
-    return augmented_setup_of(_setup(team, every, 1, FilterOptions()), layout_of(team), team.errors)
+    return augmented_setup_of(_setup(team, every, 1, FilterOptions()), layout_of(team))
 
 
 def _bearings(team: Team, poses: Array) -> tuple[Array, Flags]:

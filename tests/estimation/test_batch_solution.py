@@ -49,7 +49,8 @@ def case_of(given: Scene, temper: tuple[float, float] = (1.0, 7.0)) -> Case:
     """The window from BEGIN on, a prior about some state and a trajectory off it."""
     setup, readings = given
     random, n, e = np.random.default_rng(4), 3, len(setup.variances)
-    poses, gusts = setup.poses, 3 * n + e - setup.first_gust
+    poses, changing = setup.poses, slice(setup.first_changing - 3 * n, None)
+    gained = setup.variances[changing] * (1.0 - setup.decays[changing] ** 2)
     variances = np.concatenate([poses.initial_variances.ravel(), setup.variances])
     off = np.sqrt(variances)[:, None] * random.normal(size=(2, 3 * n + e, 2))
     about = poses.truth[BEGIN].reshape(-1, 1) + off[0, : 3 * n]
@@ -60,7 +61,7 @@ def case_of(given: Scene, temper: tuple[float, float] = (1.0, 7.0)) -> Case:
         errors=prior.errors + off[1, 3 * n :],
         speeds=speed * random.normal(size=(SAMPLES, n, 2)),
         turn_rates=turn * random.normal(size=(SAMPLES, n, 2)),
-        gusts=np.sqrt(setup.gust_noise) * random.normal(size=(SAMPLES, gusts, 2)),
+        changes=np.sqrt(gained)[:, None] * random.normal(size=(SAMPLES, len(gained), 2)),
     )
     window = Window(
         BEGIN,
@@ -93,6 +94,7 @@ CASES = {
     "wind": lambda: scene(("wind",)),
     "bearing bias": lambda: scene(("bearing_bias",)),
     "gusts": lambda: scene(("gusts",)),
+    "bearing walk": lambda: scene(("bearing_walk",)),
     "all states": lambda: scene(ALL),
     "with a gate": lambda: scene(ALL, gate_probability=0.9),
     "steps of unequal length": lambda: unequal(scene(ALL)),
@@ -111,14 +113,14 @@ def variances_of(case: Case) -> Array:
     setup, n = case.setup, len(case.setup.columns)
     motion = setup.poses.motion
     shares = motion.time / setup.poses.spans[BEGIN:]
-    lasting = setup.decay ** (2.0 / shares)
-    gained = setup.gust_noise * (1.0 - lasting) / (1.0 - setup.decay**2)
+    changing = slice(setup.first_changing - 3 * n, None)
+    lasting = setup.decays[changing] ** (2.0 / shares[:, None])
     return np.concatenate(
         [
             case.prior.variances,
             np.repeat(motion.speed_variance * shares, n),
             np.repeat(motion.turn_rate_variance * shares, n),
-            np.repeat(gained, case.path.gusts.shape[1]),
+            (setup.variances[changing] * (1.0 - lasting)).ravel(),
         ]
     )
 
@@ -126,7 +128,7 @@ def variances_of(case: Case) -> Array:
 def rolled_out(case: Case, lane: int, flat: Array) -> tuple[Array, Array]:
     """Innovations of the window's sightings over their sigmas, and the state at its end."""
     setup, window = case.setup, case.window
-    n, e, g = len(setup.columns), len(setup.variances), case.path.gusts.shape[1]
+    n, e, g = len(setup.columns), len(setup.variances), case.path.changes.shape[1]
     sizes = [3 * n + e, SAMPLES * n, SAMPLES * n]
     state, speeds, turns, gains = np.split(flat, np.cumsum(sizes))
     speeds, turns, gains = (one.reshape(SAMPLES, -1) for one in (speeds, turns, gains))
@@ -136,7 +138,7 @@ def rolled_out(case: Case, lane: int, flat: Array) -> tuple[Array, Array]:
         motion = setup.poses.motion._replace(time=span)
         step = setup._replace(
             poses=setup.poses._replace(motion=motion),
-            decay=setup.decay ** (span / setup.poses.motion.time),
+            decays=setup.decays ** (span / setup.poses.motion.time),
         )
         read, turned = window.speeds[k, :, lane], window.turn_rates[k, :, lane]
         state = moved_state(state, read + speeds[k], turned + turns[k], step)
@@ -224,7 +226,7 @@ def test_a_step_is_that_of_dense_least_squares(name: str) -> None:
     problem = _Problem.of(case.setup, case.window, case.prior, SAMPLES)
     x, errors, P = linear_pass(*case, problem.found, problem.lanes)
     smooth(case.setup, case.window, case.prior, problem.found, problem.best, problem.lanes)
-    assert ("gusts" in name or "all" in name) <= (problem.found.ages[:, 2].sum() >= 2)
+    assert ("gusts" in name or "all" in name) <= (problem.found.ended.sum() >= 2)
     for lane in (0, 1) if name in ("all states", "with a gate") else (1,):
         plain = dense(case, lane, case.path)
         assert (plain.constant > 1.0) == (name == "with a gate")

@@ -37,7 +37,7 @@ def readings_of(team: Team, steps: int, lanes: int) -> tuple[AugmentedSetup, Aug
     seen = possible_sightings(team, find_windows(team), steps)
     poses, layout = _setup(team, seen, steps, FilterOptions()), layout_of(team)
     readings = TrialReadings.of(team, poses, layout, 3).disturbed(range(lanes))
-    return augmented_setup_of(poses, layout, team.errors), readings
+    return augmented_setup_of(poses, layout), readings
 
 
 def without_noise(team: Team) -> Team:
@@ -55,12 +55,12 @@ def strayed(team: Team, lane: int, duration: float = 40.0) -> tuple[float, float
     steps = round(duration / team.sensors.sample_time)
     setup, readings = readings_of(team, steps, lane + 1)
     start = readings.initial[..., lane].ravel()
-    state = np.concatenate([start, readings.constants[:, lane], readings.gusts[0, :, lane]])
+    state = np.concatenate([start, readings.constants[:, lane], readings.changing[0, :, lane]])
     place, turn, n = 0.0, 0.0, team.count
     for k in range(1, steps + 1):
         speeds, turns = readings.speeds[k - 1, :, lane], readings.turn_rates[k - 1, :, lane]
         state = moved_state(state, speeds, turns, setup)
-        state[setup.first_gust :] = readings.gusts[k, :, lane]
+        state[setup.first_changing :] = readings.changing[k, :, lane]
         poses = state[: 3 * n].reshape(n, 3)
         place = max(place, float(np.abs(poses[:, :2] - setup.poses.truth[k, :, :2]).max()))
         off = wrap(poses[:, 2] - readings.headings[k, :, lane])
@@ -113,7 +113,7 @@ def test_sightings_without_noise_are_what_a_filter_that_knows_all_errors_expects
         true = poses.truth[k].copy()
         for lane in range(2):
             true[:, 2] = readings.headings[k, :, lane]
-            errors = [readings.constants[:, lane], readings.gusts[k, :, lane]]
+            errors = [readings.constants[:, lane], readings.changing[k, :, lane]]
             state = np.concatenate([true.ravel(), *errors])
             for s in range(poses.first[k], poses.first[k + 1]):
                 o, t, kind = (int(one[s]) for one in (poses.observers, poses.targets, poses.kinds))
@@ -157,7 +157,7 @@ def test_errors_are_drawn_with_their_sigmas_and_gusts_with_their_correlation() -
         np.sqrt(np.mean(readings.constants**2, axis=1)) / layout.sigmas[: len(readings.constants)]
     )
     np.testing.assert_allclose(constant, 1.0, atol=0.35)
-    gusts = readings.gusts
+    gusts = readings.changing
     assert np.mean(gusts**2) == pytest.approx(0.3**2, rel=0.1)
     lagged = np.mean(gusts[20:] * gusts[:-20]) / np.mean(gusts**2)
     assert lagged == pytest.approx(np.exp(-2.0 / 4.0), abs=0.08)

@@ -10,6 +10,7 @@ import pytest
 
 from syncplan.arrays import Array
 from syncplan.estimation.augmented_filter import AUGMENTED
+from syncplan.estimation.augmented_frame import BIAS, WALK
 from syncplan.estimation.augmented_setup import (
     AugmentedReadings,
     AugmentedSetup,
@@ -47,6 +48,7 @@ CHOICES = [
     ("wind",),
     ("gusts",),
     ("bearing_bias",),
+    ("bearing_walk",),
     ("speed_scale", "turn_rate_bias"),
     tuple(ERROR_STATES),
 ]
@@ -60,7 +62,10 @@ class Scene(NamedTuple):
 
 
 def a_team(estimated: tuple[str, ...], fov: float = 2.0 * np.pi, detection: float = 0.7) -> Team:
-    """Three vehicles with every kind of sensor, the second without bearing bias or distances."""
+    """Three vehicles with every kind of sensor, the second without bearing bias or distances.
+
+    The first has no bearing walk.
+    """
     return Team(
         Orbits(
             centers=np.array([[0.0, 0.0], [60.0, 5.0], [10.0, 55.0]]),
@@ -81,6 +86,8 @@ def a_team(estimated: tuple[str, ...], fov: float = 2.0 * np.pi, detection: floa
             every=np.array([1, 3, 2]),
             detection=np.array([1.0, detection, detection]),
             bearing_bias_sigmas=np.array([0.03, 0.0, 0.02]),
+            bearing_walk_sigmas=np.array([0.0, 0.04, 0.03]),
+            bearing_walk_times=np.array([np.inf, 2.0, 0.5]),
         ),
         Noise(speed_sigma=0.3, turn_rate_sigma=0.05, position_sigma=1.0, heading_sigma=0.1),
         replace(ALL, estimated=estimated),
@@ -93,7 +100,7 @@ def scene_of(team: Team, steps: int, lanes: int, **changes: object) -> Scene:
     seen = possible_sightings(team, find_windows(team), steps)
     poses, layout = _setup(team, seen, steps, options), layout_of(team)
     readings = TrialReadings.of(team, poses, layout, 3).disturbed(range(lanes))
-    return Scene(augmented_setup_of(poses, layout, team.errors), readings)
+    return Scene(augmented_setup_of(poses, layout), readings)
 
 
 def filtered(
@@ -170,7 +177,8 @@ def test_the_transition_is_the_derivative_of_the_motion(
     found = derivative(lambda one: moved_state(one, speeds, turns, setup), state)
     np.testing.assert_allclose(F, found, atol=1e-7)
     if "gusts" in estimated:
-        assert F[-1, -1] == setup.decay < 1.0
+        gust = setup.columns[0, 5]
+        assert F[gust, gust] == np.exp(-0.1 / 4.0)
 
 
 def test_the_row_of_every_kind_is_the_derivative_of_the_sighting() -> None:
@@ -186,7 +194,8 @@ def test_the_row_of_every_kind_is_the_derivative_of_the_sighting() -> None:
         row = sighted(state, kind, observer, target, setup)[1]
         found = derivative(lambda one: sighted(one, kind, observer, target, setup)[0], state)[0]  # noqa: B023
         np.testing.assert_allclose(row, found, atol=1e-8)
-        assert row[9:].sum() == (kind == 0)
+        own = setup.columns[observer, [BIAS, WALK]]
+        assert row[9:].sum() == (kind == 0) * np.sum(own >= 0)
 
 
 def test_innovations_of_sightings_that_are_made_are_kept() -> None:
@@ -212,7 +221,7 @@ def test_steps_of_unequal_length_are_those_of_the_plain_filter() -> None:
         spans=spans,
         compared=np.where(steps % 3 == 0, steps // 3, -1),
     )
-    readings = readings._replace(headings=readings.headings[:16], gusts=readings.gusts[:16])
+    readings = readings._replace(headings=readings.headings[:16], changing=readings.changing[:16])
     state, P, statistics = filtered(Scene(setup._replace(poses=poses), readings))
     x = np.concatenate([readings.initial[..., 1].ravel(), np.zeros(len(setup.variances))])
     C, squares = covariance_at_start(setup), 0.0
@@ -223,7 +232,7 @@ def test_steps_of_unequal_length_are_those_of_the_plain_filter() -> None:
             speed_variance=motion.speed_variance * share,
             turn_rate_variance=motion.turn_rate_variance * share,
         )
-        there = augmented_setup_of(poses._replace(motion=held), layout_of(team), team.errors)
+        there = augmented_setup_of(poses._replace(motion=held), layout_of(team))
         speeds, turns = readings.speeds[k - 1, :, 1], readings.turn_rates[k - 1, :, 1]
         x, C = predict_state(x, C, speeds, turns, there)
         for s in range(poses.first[k], poses.first[k + 1]):
@@ -257,7 +266,7 @@ def test_compiled_trials_are_those_of_the_plain_filter(
         nu, S = sightings.T
         accepted = nu**2 <= setup.poses.gate * S
         nis, made = nis + np.sum(nu[accepted] ** 2 / S[accepted]), made + accepted.sum()
-        true = np.concatenate([readings.constants[:, lane], readings.gusts[k, :, lane]])
+        true = np.concatenate([readings.constants[:, lane], readings.changing[k, :, lane]])
         off = x[:9].reshape(3, 3) - setup.poses.truth[k]
         off[:, 2] = wrap(x[2:9:3] - readings.headings[k, :, lane])
         error = x[9:] - true
@@ -281,7 +290,7 @@ def test_compiled_trials_are_those_of_the_plain_filter(
     np.testing.assert_allclose(
         poses.squares[..., lane], np.sum(np.square(series), axis=0), rtol=1e-7
     )
-    assert constants + readings.gusts.shape[1] == e
+    assert constants + readings.changing.shape[1] == e
 
 
 @pytest.mark.parametrize("gust_time", [1e-3, 0.05, 0.2])
@@ -294,9 +303,22 @@ def test_gusts_that_pass_within_a_sample_or_two_are_filtered_alike(gust_time: fl
     np.testing.assert_allclose(P[..., 1], C, rtol=1e-7, atol=1e-10)
 
 
+@pytest.mark.parametrize("walk_time", [1e-3, 0.05, 0.2])
+def test_walks_that_pass_within_a_sample_or_two_are_filtered_alike(walk_time: float) -> None:
+    team = a_team(("gusts", "bearing_walk"))
+    times = np.array([np.inf, walk_time, 3.0])
+    given = scene_of(replace(team, sensors=replace(team.sensors, bearing_walk_times=times)), 25, 2)
+    state, P, _ = filtered(given)
+    *_, (_, x, C, _) = plain_steps(given, 1)
+    np.testing.assert_allclose(state[:, 1], x, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(P[..., 1], C, rtol=1e-7, atol=1e-10)
+
+
 def test_without_further_states_it_is_the_filter_of_poses() -> None:
     team = replace(a_team((), detection=1.0), errors=ErrorSigmas())
-    team = replace(team, sensors=replace(team.sensors, bearing_bias_sigmas=np.zeros(3)))
+    none = np.zeros(3)
+    sensors = replace(team.sensors, bearing_bias_sigmas=none, bearing_walk_sigmas=none)
+    team = replace(team, sensors=sensors)
     given = scene_of(team, 60, 5)
     state, P, statistics = filtered(given)
     plain = empty_statistics(3, 5, empty_series(3, 60, wanted=False))

@@ -43,7 +43,9 @@ def true_state(given: Scene, k: int, lane: int) -> Array:
     setup, readings = given
     poses = setup.poses.truth[k].copy()
     poses[:, 2] = readings.headings[k, :, lane]
-    return np.concatenate([poses.ravel(), readings.constants[:, lane], readings.gusts[k, :, lane]])
+    return np.concatenate(
+        [poses.ravel(), readings.constants[:, lane], readings.changing[k, :, lane]]
+    )
 
 
 def true_readings(given: Scene, k: int, lane: int) -> tuple[Array, Array]:

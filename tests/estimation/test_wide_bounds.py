@@ -13,6 +13,7 @@ from syncplan.estimation.referred_system import ReferredSystem
 from syncplan.estimation.wide_covariances import carried_along
 from syncplan.estimation.wide_system import WideSystem
 from syncplan.orbits.circles import position
+from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
 from syncplan.orbits.losses import Loss, remainder_of
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
@@ -60,6 +61,56 @@ def test_the_posterior_bound_equals_the_recursion_of_the_filters_model(
         _assert_close(found.errors, variances[:, 3 * n :])
     else:
         assert found.errors is None
+
+
+def test_a_bearing_walk_that_lasts_for_ever_is_a_bearing_bias(grid: Plan) -> None:
+    bias = _estimating(grid.team, ("bearing_bias",))
+    sigmas = grid.sensors.bearing_bias_sigmas
+    lasting = replace(
+        grid.sensors, bearing_walk_sigmas=sigmas, bearing_walk_times=np.full(len(sigmas), 1e15)
+    )
+    walk = replace(_estimating(grid.team, ("bearing_walk",)), sensors=lasting)
+    expected, found = (posterior_bound(team, grid.windows, 40.0) for team in (bias, walk))
+    _assert_close(found.position_variance, expected.position_variance)
+    _assert_close(found.heading_variance, expected.heading_variance)
+    assert found.errors is not None
+    assert expected.errors is not None
+    _assert_close(found.errors, expected.errors)
+
+
+def test_a_bearing_walk_of_the_moment_is_noise_of_bearings(grid: Plan) -> None:
+    # one target at a sample: of two, it would be common to both
+    time, n = grid.sensors.sample_time, grid.team.count
+    observers, first = np.unique(grid.windows.observers, return_index=True)
+    alone = find_windows(grid.team, (observers, grid.windows.targets[first]))
+    # and each made: of one that is made now and then, the bound takes a part, of its walk too
+    plain = replace(grid.sensors, detection=np.ones(n), range_sigmas=np.full(n, np.inf))
+    walking = replace(
+        plain, bearing_walk_sigmas=np.full(n, 0.04), bearing_walk_times=np.full(n, time / 800.0)
+    )
+    noisier = replace(
+        plain,
+        bearing_sigmas=np.hypot(plain.bearing_sigmas, 0.04),
+        bearing_walk_sigmas=np.zeros(n),
+    )
+    team = _estimating(grid.team, ("bearing_walk",))
+    found, expected = (
+        posterior_bound(replace(team, sensors=one), alone, 40.0) for one in (walking, noisier)
+    )
+    _assert_close(found.position_variance, expected.position_variance)
+
+
+def test_a_bearing_walk_of_nothing_changes_nothing(grid: Plan) -> None:
+    n = grid.team.count
+    still = replace(
+        grid.sensors, bearing_walk_sigmas=np.zeros(n), bearing_walk_times=np.full(n, 3.0)
+    )
+    team = _estimating(grid.team, tuple(ERROR_STATES))
+    without = replace(grid.sensors, bearing_walk_sigmas=np.zeros(n))
+    found, expected = (
+        posterior_bound(replace(team, sensors=one), grid.windows, 40.0) for one in (still, without)
+    )
+    np.testing.assert_array_equal(found.position_variance, expected.position_variance)
 
 
 def test_without_errors_the_wide_bound_is_that_of_poses_alone(grid: Plan) -> None:

@@ -200,9 +200,11 @@ def test_errors_that_trade_against_each_other_are_named_together() -> None:
     assert mode.states == ("wind x", "wind y", "turn rate bias of v1")
 
 
-def test_gusts_and_errors_not_estimated_have_no_column() -> None:
+def test_errors_that_change_or_are_not_estimated_have_no_column() -> None:
     gusts = {"wind": {"gust_sigma_mps": 0.2}}
-    assert plan(changed("paper-grid-same", **gusts), bound="never").error_verdict is None
+    walks = {"sensor": {"bearing_walk": {"sigma_rad": 0.1, "time_s": 1e6}}}
+    for changing in (gusts, walks):
+        assert plan(changed("paper-grid-same", **changing), bound="never").error_verdict is None
     left_out = _grid("paper-grid-same", "wind", "speed_scale", filter={"estimate": ["wind"]})
     made = plan(left_out, bound="never")
     assert _extended(made).state_dim == 20

@@ -44,6 +44,8 @@ def _disturbed(seed: int) -> Team:
         range_sigmas=np.array(0.3),
         compass_sigmas=np.array(0.05),
         bearing_bias_sigmas=np.where(np.arange(team.count) % 2, 0.02, 0.0),
+        bearing_walk_sigmas=np.where(np.arange(team.count) % 2, 0.0, 0.03),
+        bearing_walk_times=np.array(7.0),
     )
     return replace(team, sensors=sensors, errors=replace(ALL, estimated=tuple(ERROR_STATES)))
 
@@ -83,7 +85,7 @@ def test_columns_of_errors_are_the_derivatives_of_sightings_along_an_integrated_
                 biases = np.zeros(team.count)
                 if kind.startswith("wind"):
                     errors["wind"] = step * np.eye(2)["xy".index(kind[-1])]
-                elif kind == "bearing_bias":
+                elif kind in ("bearing_bias", "bearing_walk"):
                     biases[int(vehicle)] = step
                 elif kind in ("speed_scale", "turn_rate_bias"):
                     errors[kind] = step * (np.arange(team.count) == int(vehicle))
@@ -113,10 +115,13 @@ def test_states_follow_the_poses_in_the_order_of_the_table() -> None:
     assert layout.names == tuple(ERROR_STATES)
     labels = layout.labels([f"v{k + 1}" for k in range(n)])
     assert labels[:4] == ["wind x", "wind y", "speed scale of v1", "speed scale of v2"]
-    assert labels[-2:] == [f"gusts x of v{n}", f"gusts y of v{n}"]
+    walking = [label for label in labels if label.startswith("bearing walk")]
+    assert walking == [f"bearing walk of v{k + 1}" for k in range(n) if not k % 2]
+    assert labels[-len(walking) :] == walking
+    assert labels[-len(walking) - 2 :][:2] == [f"gusts x of v{n}", f"gusts y of v{n}"]
     biased = [label for label in labels if label.startswith("bearing bias")]
     assert biased == [f"bearing bias of v{k + 1}" for k in range(n) if k % 2]
-    assert layout.size == 3 * n + len(labels) == 3 * n + 2 + 2 * n + len(biased) + 2 * n
+    assert layout.size == 3 * n + len(labels) == 3 * n + 2 + 2 * n + n + 2 * n
     assert layout_of(team, ["wind"]).size == 3 * n + 2
 
 

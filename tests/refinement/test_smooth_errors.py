@@ -27,6 +27,7 @@ STAGE = Stage(samples=64, width=0.05, barrier=0.1, iterations=1, tolerance=1e-5,
 NOISE = {"speed_sigma_mps": 0.1, "turn_rate_sigma_rad_s": 0.01}
 
 BIASED = {"bearing_bias_sigma_rad": 0.1}
+WALKING = {"bearing_walk": {"sigma_rad": 0.1, "time_s": 20.0}}
 WIND = {"wind": {"sigma_mps": 0.5}}
 GUSTS = {"wind": {"gust_sigma_mps": 0.5}}
 SCALES = {"motion": {**NOISE, "speed_scale_sigma": 0.1}}
@@ -81,10 +82,20 @@ def test_without_errors_the_state_of_the_moment_gives_what_that_of_time_0_does()
         ({}, SCALES, 0.01),
         ({}, TURNS, 0.005),
         (BIASED, {}, 0.01),
+        (WALKING, {}, 0.03),
         (BIASED, {"heading_sigma_rad": 0.2}, 0.01),
-        (BIASED, ALL, 0.05),
+        (BIASED | WALKING, ALL, 0.05),
     ],
-    ids=["wind", "gusts", "speed scales", "turn-rate biases", "bearing biases", "compass", "all"],
+    ids=[
+        "wind",
+        "gusts",
+        "speed scales",
+        "turn-rate biases",
+        "bearing biases",
+        "bearing walks",
+        "compass",
+        "all",
+    ],
 )
 def test_the_smooth_error_with_errors_as_states_is_near_the_posterior_bound(
     sensor: dict[str, Any], changes: dict[str, Any], tolerance: float
@@ -103,7 +114,7 @@ def test_the_smooth_error_with_errors_as_states_is_near_the_posterior_bound(
 
 def test_the_gradient_with_all_errors_is_that_of_finite_differences() -> None:
     free = {"vary": ["phases", "centers", "radii"], "radius_m": [10.0, 30.0]}
-    problem = _problem(BIASED, ALL, objective="predicted_rms", **free)
+    problem = _problem(BIASED | WALKING, ALL, objective="predicted_rms", **free)
     nlp = nlp_of(replace(problem, duration=40.0), STAGE)
     circles = circles_of(problem.orbits)
     at, sides = nlp.variables_of(circles), nlp.sides_of(circles)

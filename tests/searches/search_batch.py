@@ -125,7 +125,7 @@ def compare_drawn(number: int, *, seed: int) -> Compared:
     seen, options = possible_sightings(team, made.windows, steps), FilterOptions(filter="robust")
     poses, layout = _setup(team, seen, steps, options), layout_of(team)
     readings = TrialReadings.of(team, poses, layout, seed + number).disturbed(range(1))
-    return compare(str(number), augmented_setup_of(poses, layout, team.errors), readings, steps)
+    return compare(str(number), augmented_setup_of(poses, layout), readings, steps)
 
 
 def _draw_plan(number: int, seed: int) -> Plan:

@@ -56,6 +56,11 @@ def transition(team: Team, layout: StateLayout, k: int) -> tuple[Array, Array]:
         kept = np.exp(-dt / team.errors.gust_time)
         F[own, own] = kept
         Q[own, own] = team.errors.gust**2 * (1.0 - kept**2)
+    for i, column in enumerate(layout.columns.get("bearing_walk", np.zeros((0, 1)))[:, 0]):
+        if column >= 0:
+            kept = np.exp(-dt / team.sensors.bearing_walk_times[i])
+            F[column, column] = kept
+            Q[column, column] = team.sensors.bearing_walk_sigmas[i] ** 2 * (1.0 - kept**2)
     return F, Q
 
 
@@ -87,9 +92,10 @@ def dense_run(
                 row[3 * b : 3 * b + 2] = slope
             if kind == "bearing":
                 row[3 * a + 2] = -1.0
-                biased = layout.columns.get("bearing_bias")
-                if biased is not None and biased[a, 0] >= 0:
-                    row[biased[a, 0]] = 1.0
+                for name in ("bearing_bias", "bearing_walk"):
+                    shifted = layout.columns.get(name)
+                    if shifted is not None and shifted[a, 0] >= 0:
+                        row[shifted[a, 0]] = 1.0
             row *= np.sqrt(team.sensors.detection[a]) / sigmas[s]
         sightings = np.column_stack([seen.observers[own], seen.targets[own], seen.kinds[own]])
         yield *transition(team, layout, k), H, sightings

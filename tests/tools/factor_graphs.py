@@ -17,9 +17,10 @@ import gtsam
 import numpy as np
 
 from syncplan.arrays import Array
+from syncplan.estimation import augmented_frame as frame
 from syncplan.estimation.augmented_setup import AugmentedReadings, AugmentedSetup
 from syncplan.estimation.filter_setup import COMPASS_KIND, DISTANCE_KIND
-from tests.tools.linear_systems import CONSTANT, GUST, POSE, LinearSystem
+from tests.tools.linear_systems import CONSTANT, GUST, POSE, WALK, LinearSystem
 
 __all__ = ["GraphSolution", "TrialGraph", "solve_graph"]
 
@@ -78,7 +79,9 @@ class TrialGraph:
     ) -> None:
         self.setup, self.readings, self.lane, self.steps = setup, readings, lane, steps
         self.n, self.e = len(setup.columns), len(setup.variances)
-        self.constants = setup.first_gust - 3 * self.n
+        self.constants = setup.first_changing - 3 * self.n
+        self.gusts = int(np.sum(setup.columns[:, frame.GUST] >= 0))
+        self.walks = self.e - self.constants - 2 * self.gusts
         self.graph, self.values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         self._add_errors()
         for i in range(self.n):
@@ -135,8 +138,8 @@ class TrialGraph:
 
     def _keys(self, step: int) -> list[int]:
         poses = [self._key(POSE, i, step) for i in range(self.n)]
-        gusts = (self.e - self.constants) // 2
-        return poses + [self._key(GUST, g, step) for g in range(gusts)]
+        gusts = [self._key(GUST, g, step) for g in range(self.gusts)]
+        return poses + gusts + [self._key(WALK, w, step) for w in range(self.walks)]
 
     def _key(self, letter: str, place: int, step: int = 0) -> int:
         return int(gtsam.symbol(letter, step * 1000 + place))
@@ -145,9 +148,8 @@ class TrialGraph:
         poses = [values.atPose2(self._key(POSE, i, step)) for i in range(self.n)]
         found = [value for pose in poses for value in (pose.x(), pose.y(), pose.theta() - SIDEWAYS)]
         found += [float(values.atVector(self._key(CONSTANT, c))[0]) for c in range(self.constants)]
-        gusts = (self.e - self.constants) // 2
-        for g in range(gusts):
-            found += values.atVector(self._key(GUST, g, step)).tolist()
+        for key in self._keys(step)[self.n :]:
+            found += values.atVector(key).tolist()
         return np.array(found)
 
     def _sigmas(self, system: "LinearSystem", values: gtsam.Values, step: int) -> Array:
@@ -181,23 +183,28 @@ class TrialGraph:
             key = self._key(CONSTANT, c)
             self.values.insert(key, readings.constants[c : c + 1, lane])
             self.graph.add(gtsam.PriorFactorVector(key, np.zeros(1), _noise([sigmas[c]])))
-        for g in range((self.e - self.constants) // 2):
-            own = slice(2 * g, 2 * g + 2)
+        begin = 0
+        each = [(GUST, g, 2) for g in range(self.gusts)] + [(WALK, w, 1) for w in range(self.walks)]
+        for letter, place, size in each:
+            own = slice(begin, begin + size)
             for k in range(self.steps + 1):
-                self.values.insert(self._key(GUST, g, k), readings.gusts[k, own, lane])
-            prior = _noise(sigmas[self.constants :][own].tolist())
-            self.graph.add(gtsam.PriorFactorVector(self._key(GUST, g), np.zeros(2), prior))
+                self.values.insert(self._key(letter, place, k), readings.changing[k, own, lane])
+            prior = sigmas[self.constants :][own]
+            key = self._key(letter, place)
+            self.graph.add(gtsam.PriorFactorVector(key, np.zeros(size), _noise(prior.tolist())))
+            decay = float(setup.decays[self.constants :][begin])
             for k in range(self.steps):
-                self._add_decay(self._key(GUST, g, k), self._key(GUST, g, k + 1))
+                keys = [self._key(letter, place, step) for step in (k, k + 1)]
+                self._add_decay(keys, decay, prior * np.sqrt(1.0 - decay**2))
+            begin += size
 
-    def _add_decay(self, before: int, after: int) -> None:
-        decay, noise = self.setup.decay, float(np.sqrt(self.setup.gust_noise))
-
+    def _add_decay(self, keys: list[int], decay: float, noise: Array) -> None:
         def error(values: gtsam.Values) -> tuple[Array, list[Array]]:
-            gained = values.atVector(after) - decay * values.atVector(before)
-            return gained, [-decay * np.eye(2), np.eye(2)]
+            before, after = (values.atVector(key) for key in keys)
+            one = np.eye(len(noise))
+            return after - decay * before, [-decay * one, one]
 
-        self._add([before, after], [noise, noise], error)
+        self._add(keys, noise.tolist(), error)
 
     def _add_vehicle(self, i: int) -> None:
         """The poses of a vehicle, their prior, and its steps."""
@@ -264,10 +271,15 @@ class TrialGraph:
         if kind == DISTANCE_KIND:
             self._add(keys, [sigma], _distance(keys, landmark, reading))
             return
-        bias = int(self.setup.columns[o, 4]) - 3 * n
+        shifts = []
+        bias, walk = (int(one) - 3 * n for one in self.setup.columns[o, [frame.BIAS, frame.WALK]])
         if bias >= 0:
-            keys.append(self._key(CONSTANT, bias))
-        made = _bearing(keys, landmark, bias >= 0, gtsam.Rot2(reading - SIDEWAYS))
+            shifts.append(self._key(CONSTANT, bias))
+        if walk >= 0:
+            before = self.constants + 2 * self.gusts
+            shifts.append(self._key(WALK, walk - before, k))
+        keys += shifts
+        made = _bearing(keys, landmark, shifts, gtsam.Rot2(reading - SIDEWAYS))
         self._add(keys, [sigma], made)
 
 
@@ -291,17 +303,19 @@ def _distance(keys: list[int], landmark: Array | None, reading: float) -> Factor
     return error
 
 
-def _bearing(keys: list[int], landmark: Array | None, biased: bool, reading: gtsam.Rot2) -> Factor:
-    """A bearing as GTSAM's Pose2 has it; where it is biased, the last key is that of its bias."""
+def _bearing(
+    keys: list[int], landmark: Array | None, shifts: list[int], reading: gtsam.Rot2
+) -> Factor:
+    """A bearing as GTSAM's Pose2 has it; the last keys are those of what shifts it."""
 
     def error(values: gtsam.Values) -> tuple[Array, list[Array]]:
         by_observer, by_place = np.zeros((1, 3), order="F"), np.zeros((1, 2), order="F")
         place, by_target = _place(keys, landmark, values)
         bearing = values.atPose2(keys[0]).bearing(place, by_observer, by_place)
-        bias = float(values.atVector(keys[-1])[0]) if biased else 0.0
+        bias = sum(float(values.atVector(key)[0]) for key in shifts)
         off = reading.between(bearing.compose(gtsam.Rot2(bias))).theta()
         slopes = [by_observer] + ([by_place @ by_target] if landmark is None else [])
-        return np.array([off]), slopes + ([np.ones((1, 1))] if biased else [])
+        return np.array([off]), slopes + [np.ones((1, 1)) for _ in shifts]
 
     return error
 

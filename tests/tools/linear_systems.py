@@ -10,12 +10,12 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from syncplan.arrays import Array
 
-__all__ = ["CONSTANT", "GUST", "POSE", "LinearSystem"]
+__all__ = ["CONSTANT", "GUST", "POSE", "WALK", "LinearSystem"]
 
-POSE, CONSTANT, GUST = "x", "c", "g"
+POSE, CONSTANT, GUST, WALK = "x", "c", "g", "w"
 """Letters of the variables' keys."""
 
-SIZES = {POSE: 3, CONSTANT: 1, GUST: 2}
+SIZES = {POSE: 3, CONSTANT: 1, GUST: 2, WALK: 1}
 """Numbers that a variable has."""
 
 

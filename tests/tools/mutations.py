@@ -325,6 +325,7 @@ _WORLD = (
     "wind.",
     "sensor.range_sigma",
     "sensor.bearing_bias",
+    "sensor.bearing_walk",
     "heading_sigma",
     "motion.position_random",
     "motion.angle_random",

@@ -318,6 +318,7 @@ def _true_state(setup: AugmentedSetup, truth: PlainTruth, step: int) -> Array:
             errors["turn_rate_bias"][i],
             errors["bearing_bias"][i],
             *errors["gusts"][step, i],
+            errors["bearing_walk"][step, i],
         ]
         for column, value in zip(own, values, strict=True):
             if column >= 0:

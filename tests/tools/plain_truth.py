@@ -68,7 +68,8 @@ def uniform(word: int) -> float:
 def draws_of(run: FlightRun, trial: int) -> tuple[dict[str, Array], dict[str, Array]]:
     """Return the standard normal draws of a trial by what they are of, and its lasting errors.
 
-    Errors are in their units: wind (1, 2), gusts (steps + 1, n, 2), others (n,).
+    Errors are in their units: wind (1, 2), gusts (steps + 1, n, 2), bearing walks (steps + 1, n),
+    others (n,).
     """
     team, steps, n = run.team.team, run.team.steps, run.team.team.count
     sequence = np.random.SeedSequence(run.options.seed, spawn_key=(trial,))
@@ -84,15 +85,20 @@ def draws_of(run: FlightRun, trial: int) -> tuple[dict[str, Array], dict[str, Ar
         "turn_rate_bias": (team.errors.turn_rate_bias, (n,)),
         "bearing_bias": (team.sensors.bearing_bias_sigmas, (n,)),
         "gusts": (team.errors.gust, (steps + 1, n, 2)),
+        "bearing_walk": (team.sensors.bearing_walk_sigmas, (steps + 1, n)),
     }
     errors: dict[str, Array] = {}
     for name, (sigma, shape) in shapes.items():
         some = bool(np.any(np.asarray(sigma) > 0.0))
         errors[name] = sigma * generator.standard_normal(shape) if some else np.zeros(shape)
     errors["speed_scale"] = np.maximum(errors["speed_scale"], -0.9)
-    left, gusts = math.exp(-team.sensors.sample_time / team.errors.gust_time), errors["gusts"]
-    for k in range(steps):
-        gusts[k + 1] = left * gusts[k] + math.sqrt(1.0 - left**2) * gusts[k + 1]
+    for name, time in (
+        ("gusts", team.errors.gust_time),
+        ("bearing_walk", team.sensors.bearing_walk_times),
+    ):
+        left, changing = np.exp(-team.sensors.sample_time / time), errors[name]
+        for k in range(steps):
+            changing[k + 1] = left * changing[k] + np.sqrt(1.0 - left**2) * changing[k + 1]
     if run.options.wind is not None:
         errors["wind"] = np.array([run.options.wind], dtype=float)
     return draws, errors
@@ -262,7 +268,7 @@ class PlainTruth:
         if chance < options.outliers:
             half = min(0.5 * sensors.fields_of_view[o], math.pi)
             ahead = sensors.boresights[o] + (2.0 * where - 1.0) * half
-        ahead += self.errors["bearing_bias"][o]
+        ahead += self.errors["bearing_bias"][o] + self.errors["bearing_walk"][step, o]
         readings = {BEARING: ahead + sensors.bearing_sigmas[o] * radius * math.cos(angle)}
         if DISTANCE in due:
             readings[DISTANCE] = np.hypot(*away) + sensors.range_sigmas[o] * radius * math.sin(

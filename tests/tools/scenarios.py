@@ -49,6 +49,7 @@ EVERYTHING: dict[str, dict[str, Any]] = {
     "wind": {"sigma_mps": 1.0, "gust_sigma_mps": 0.2, "gust_time_s": 7.0},
     "sensor": {
         "bearing_bias_sigma_rad": 0.02,
+        "bearing_walk": {"sigma_rad": 0.03, "time_s": 9.0},
         "range_sigma_m": 0.3,
         "detection_probability": 0.8,
         "interval_s": 0.2,
