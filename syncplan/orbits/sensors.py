@@ -27,6 +27,7 @@ class Sensors:
     compass_every : (n,) samples from one reading of the compass to the next
     every : (n,) samples from one sighting of a target to the next
     detection : (n,) share of the sightings within range and view that are made
+    false_bearings : (n,) share of the bearings made that are of nothing, anywhere in view
     bearing_bias_sigmas : (n,) rad, of an error of the sensor's bearings that is constant in a run
     """
 
@@ -40,6 +41,7 @@ class Sensors:
     compass_every: Index = field(default_factory=lambda: np.array(1))
     every: Index = field(default_factory=lambda: np.array(1))
     detection: Array = field(default_factory=lambda: np.array(1.0))
+    false_bearings: Array = field(default_factory=lambda: np.array(0.0))
     bearing_bias_sigmas: Array = field(default_factory=lambda: np.array(0.0))
 
     __repr__ = short_repr

@@ -16,6 +16,7 @@ from syncplan.scenario.specification import Scenario
 __all__ = [
     "ALTERNATIVES",
     "IN_FLIGHT_ALONE",
+    "IN_TRUTH",
     "NumericKey",
     "nearest_keys",
     "numeric_keys",
@@ -44,6 +45,9 @@ ALTERNATIVES = (
 
 IN_FLIGHT_ALONE = ("motion.lag_s",)
 """Keys of which plans and validations, whose vehicles follow their circles, know nothing."""
+
+IN_TRUTH = "truth."
+"""Before keys of the simulated world."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,19 +106,21 @@ def with_number(document: Mapping[str, Any], key: str, value: float) -> dict[str
     A section that is missing is added; of a list of sections the number is set in each. What the
     scenario gives instead of the key is left out: a random walk or the sigma of each reading.
     """
-    section, _, last = key.rpartition(".")
     number = int(value) if numeric_keys()[key].whole and float(value).is_integer() else value
-    if not section:
-        return {**document, last: number}
-    others = {
-        other.rpartition(".")[2] for pair in ALTERNATIVES if key in pair for other in pair
-    } - {last}
-    present = document.get(section) or {}
-    sections = [
-        {**{k: v for k, v in one.items() if k not in others}, last: number}
-        for one in (present if isinstance(present, list) else [present])
-    ]
-    return {**document, section: sections if isinstance(present, list) else sections[0]}
+    own = key.removeprefix(IN_TRUTH)
+    others = {other.rpartition(".")[2] for pair in ALTERNATIVES if own in pair for other in pair}
+    found: dict[str, Any] = _with(document, key.split("."), number, others)
+    return found
+
+
+def _with(present: Any, path: list[str], number: float, others: set[str]) -> Any:
+    """A section, or each of a list of them, with the number at a path and without `others`."""
+    if isinstance(present, list):
+        return [_with(one, path, number, others) for one in present]
+    section, (name, *further) = present or {}, path
+    if further:
+        return {**section, name: _with(section.get(name), further, number, others)}
+    return {**{key: one for key, one in section.items() if key not in others}, name: number}
 
 
 def _within(
