@@ -17,6 +17,7 @@ from syncplan.estimation.filter_options import (
 )
 from syncplan.estimation.filters import FilterChoice
 from syncplan.scenario.specification import Scenario
+from syncplan.scenario.truths import Truth, with_truth
 
 __all__ = ["DEFAULTS", "FilterRequest", "our_keys"]
 
@@ -47,6 +48,13 @@ class FilterRequest(JobRequest):
         "all rows of a sweep run ekf",
     )
 
+    truth: Truth | None = Field(
+        default=None,
+        description="Keys that the simulated world has in place of the scenario's own, which plan, "
+        "prediction and filter keep; beside those of the scenario's `truth`",
+        examples=[{"wind": {"gust_sigma_mps": 0.6}}],
+    )
+
     def run_options(self) -> FilterOptions:
         """Return the options of the runs."""
         return FilterOptions.of_request(self.model_dump(exclude_none=True))
@@ -61,6 +69,8 @@ class FilterRequest(JobRequest):
         check_at_most("duration_s", length, limits.run_s, " s")
         check_at_most("duration_s", length / scenario.sample_time, limits.samples, " samples")
         check_run_work(scenario, length, limits)
+        if self.truth is not None:
+            with_truth(scenario, self.truth.model_dump(exclude_none=True))
         with our_keys():
             steps_in_run(length, scenario.sample_time, scenario.period, scenario.size)
 

@@ -14,8 +14,10 @@ from syncplan.cli.arguments import (
     SubjectFile,
     Threads,
     Trials,
+    TruthKeys,
     beginning_with,
     numbers,
+    truth_of,
 )
 from syncplan.cli.console import (
     Format,
@@ -115,6 +117,7 @@ def _fly(
     mistaken: Mistaken = DEFAULTS.mistaken,
     late: Late = DEFAULTS.late,
     wind: Wind = None,
+    truth: TruthKeys = None,
     series: FlightSeries = False,
     threads: Threads = None,
     require_observable: RequireObservable = False,
@@ -142,6 +145,7 @@ def _fly(
         late=late,
         wind=_velocity(wind),
         with_series=series,
+        truth=truth_of(truth),
     )
     check_output(output, subject)
     plan = plan_of(load(subject, max_vehicles=max_vehicles or MAX_VEHICLES), pilot=False)

@@ -18,7 +18,10 @@ from syncplan.cli.arguments import (
     SubjectFile,
     Threads,
     Trials,
+    TruthKeys,
     numbers,
+    numeric_keys_from,
+    truth_of,
 )
 from syncplan.cli.console import (
     Format,
@@ -65,12 +68,6 @@ Connected = Annotated[
 ]
 
 
-def _numeric_keys(incomplete: str) -> list[str]:
-    from syncplan.scenario.dotted_keys import numeric_keys
-
-    return [key for key in numeric_keys() if key.startswith(incomplete)]
-
-
 Key = Annotated[
     str | None,
     typer.Option(
@@ -78,7 +75,7 @@ Key = Annotated[
         help="Any key of the scenario that holds a number, by its dotted name, such as "
         "sensor.range_sigma_m; --values has its values",
         show_default=False,
-        autocompletion=_numeric_keys,
+        autocompletion=numeric_keys_from,
     ),
 ]
 Values = Annotated[
@@ -102,6 +99,7 @@ def _validate(
     model: FormerOption = None,
     substeps: Substeps = DEFAULTS.substeps,
     gate: Gate = None,
+    truth: TruthKeys = None,
     series: Series = False,
     threads: Threads = None,
     require_observable: RequireObservable = False,
@@ -112,6 +110,7 @@ def _validate(
     from syncplan.estimation.trial_readings import needs_augmented
     from syncplan.planning.filter_choice import choose_filter
     from syncplan.planning.plan_files import load, plan_of
+    from syncplan.planning.subjects import in_world
     from syncplan.planning.validation import validate
     from syncplan.reports.validation_report import validation_document
     from syncplan.scenario.models import MAX_VEHICLES
@@ -125,11 +124,13 @@ def _validate(
         substeps=substeps,
         gate_probability=gate,
         with_series=series,
+        truth=truth_of(truth),
     )
     check_output(output, subject)
     flown = plan_of(load(subject, max_vehicles=max_vehicles or MAX_VEHICLES), pilot=False)
     chosen = choose_filter(flown, options).applied(options)
-    announce_compilation(chosen, [(flown.team.count, needs_augmented(flown.team))])
+    true = in_world(flown, options.truth).true_team
+    announce_compilation(chosen, [(true.count, needs_augmented(true))])
     with progress_bar("trials", trials) as progress:
         result = validate(flown, options, threads=threads, progress=progress)
     deliver_document("validation", validation_document(result), output, format_)
@@ -179,23 +180,27 @@ def _sweep(
     seed: Seed = DEFAULTS.seed,
     duration: Duration = None,
     filter_: SweepFilter = DEFAULT_CHOICE,
+    truth: TruthKeys = None,
     threads: Threads = None,
     max_vehicles: MaxVehicles = None,
     **swept: Any,
 ) -> int:
     """Vary one key: plan and validate each value, tables like the paper's Tables 1 and 2."""
     from syncplan.estimation.trial_readings import needs_augmented
+    from syncplan.planning.subjects import in_world
     from syncplan.planning.sweeps import planned_rows, validated
     from syncplan.reports.validation_report import sweep_document, validation_document
     from syncplan.scenario.loading import load_scenario
     from syncplan.scenario.models import MAX_VEHICLES
 
     varied, numbers_of_it = _swept(swept, key, values)
-    options = FilterOptions(trials=trials, seed=seed, duration=duration, filter=filter_.value)
+    options = FilterOptions(
+        trials=trials, seed=seed, duration=duration, filter=filter_.value, truth=truth_of(truth)
+    )
     check_output(output, scenario)
     loaded = load_scenario(scenario, max_vehicles=max_vehicles or MAX_VEHICLES)
     planned = planned_rows(loaded, varied.name, numbers_of_it, connected=connected)
-    teams = [row.plan.team for row in planned]
+    teams = [in_world(row.plan, options.truth).true_team for row in planned]
     announce_compilation(options, [(team.count, needs_augmented(team)) for team in teams])
     with progress_bar("trials", trials * len(planned)) as progress:
         rows = validated(varied.name, planned, options, threads=threads, progress=progress)

@@ -1,24 +1,35 @@
-"""What errors that the filter does not estimate cost: its true mean square error along the circles.
+"""What a filter is truly off by where the world is not as it takes it to be, along the circles.
 
-The filter's gains come from its own recursion, which knows nothing of these errors; its true
-covariance from syncplan.estimation.wide_covariances with all that the scenario names. Both are
-linear: they hold while errors stay small beside the distances to what is seen. Where a filter is
-so wrong that it is off by a large part of those, its tangents are taken elsewhere and its gate
-rejects sightings; the true error can then be larger or smaller, and only trials show it.
+It may leave out errors that there are, or take noise, errors and sensors for others than they are.
+The filter's gains come from its own recursion, which knows nothing of that; its true covariance
+from syncplan.estimation.wide_covariances with all that there is. Both are linear: they hold while
+errors stay small beside the distances to what is seen. Where a filter is so wrong that it is off
+by a large part of those, its tangents are taken elsewhere and its gate rejects sightings; the true
+error can then be larger or smaller, and only trials show it.
+
+A share p of bearings that are false, anywhere within the half view b, has the mean square error of
+a bearing thrown, b^2 / 3, and that of the bearing that it is not, as much: 2 p b^2 / 3; all round,
+where angles are wrapped, p pi^2 / 3.
 """
+
+from dataclasses import replace
 
 import numpy as np
 
-from syncplan.arrays import Array, Index
+from syncplan.arrays import Array
 from syncplan.estimation.referred_system import PosteriorBound, ReferredSystem
-from syncplan.estimation.wide_covariances import considered_along
+from syncplan.estimation.wide_covariances import TrueRun, considered_along
 from syncplan.estimation.wide_system import WideSystem
 from syncplan.orbits.contacts import Windows
 from syncplan.orbits.error_states import ERROR_STATES, StateLayout, layout_of
-from syncplan.orbits.sightings import steps_within
+from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, sigmas_by_kind
+from syncplan.orbits.sightings import Sightings, steps_within
 from syncplan.orbits.team import Team
 
 __all__ = ["expected_errors", "neglected_errors"]
+
+_SEEN = ("ranges", "fields_of_view", "boresights", "every", "compass_every", "detection")
+"""Attributes of sensors that say what is sighted: the world decides, whatever the filter knows."""
 
 
 def neglected_errors(team: Team) -> tuple[str, ...]:
@@ -27,29 +38,93 @@ def neglected_errors(team: Team) -> tuple[str, ...]:
     return tuple(name for name in named if name not in estimated)
 
 
-def expected_errors(team: Team, windows: Windows, duration: float) -> PosteriorBound:
-    """Return the mean square errors over `duration` s of a filter that neglects errors.
+def expected_errors(
+    team: Team, windows: Windows, duration: float, *, true: Team | None = None
+) -> PosteriorBound:
+    """Return the mean square errors over `duration` s of the filter of a team in the true world.
 
-    They are no bound but what that filter is to be expected to make of its sightings; where it
-    neglects nothing, both are the same. Its further states follow layout_of(team, ERROR_STATES).
-    Raises NoSolutionError as posterior_bound.
+    `true` is the team of that world, the same if None, and `windows` are its contacts. They are no
+    bound but what that filter is to be expected to make of its sightings; where it neglects nothing
+    and the world is as it takes it, both are the same. Its further states follow
+    layout_of(true, ERROR_STATES). Raises NoSolutionError as posterior_bound.
     """
-    poses = ReferredSystem.along(team, windows, steps_within(duration, team.sensors.sample_time))
-    own = WideSystem.widened(poses, layout_of(team))
-    whole = WideSystem.widened(poses, layout_of(team, tuple(ERROR_STATES)))
-    held = _places(own.layout, whole.layout)
+    world = team if true is None else true
+    seen = {name: getattr(world.sensors, name) for name in _SEEN}
+    filtered = replace(team, sensors=replace(team.sensors, **seen))
+    steps = steps_within(duration, team.sensors.sample_time)
+    poses = ReferredSystem.along(filtered, windows, steps)
+    own = WideSystem.widened(poses, layout_of(filtered))
+    there = replace(filtered, noise=world.noise, errors=world.errors)
+    true_poses = ReferredSystem.along(there, windows, steps)
+    layout = layout_of(world, tuple(ERROR_STATES), filtered=filtered)
+    whole = WideSystem.widened(true_poses, layout)
+    truth = _true_run(own, whole, _variances(poses.sightings, filtered, world))
+    start = np.zeros((truth.size, truth.size))
+    size = layout.size
+    start[:size, :size] = whole.with_errors(true_poses.start)
+    place = np.arange(3 * team.count, size)
+    start[place, place] = _shares(world, layout) ** 2
 
     def carried(covariance: Array) -> PosteriorBound:
-        starts = own.with_errors(covariance), whole.with_errors(covariance)
-        return whole.carried(considered_along(own.run, whole.run, held, starts))
+        along = considered_along(own.run, truth, (own.with_errors(covariance), start))
+        return whole.carried(one[:size, :size] for one in along)
 
     return poses.from_start(carried)
 
 
-def _places(own: StateLayout, whole: StateLayout) -> Index:
-    """(own.size,) where the states of a layout are in one with more errors."""
-    held = np.arange(own.size)
-    for name in own.names:
-        has = own.columns[name] >= 0
-        held[own.columns[name][has]] = whole.columns[name][has]
-    return held
+def _true_run(own: WideSystem, whole: WideSystem, variances: Array) -> TrueRun:
+    """The true run of a filter; what changes otherwise than it takes it to is followed."""
+    changing, layout = own.run.changing, own.layout
+    alike = all(_changes_alike(layout, whole.layout, name) for name in layout.names)
+    held, followed = np.arange(layout.size), np.arange(layout.first_changing, layout.size)
+    for name in layout.names:
+        if alike or ERROR_STATES[name].constant:
+            has = layout.columns[name] >= 0
+            held[layout.columns[name][has]] = whole.layout.columns[name][has]
+    if alike or changing is None:
+        return TrueRun(whole.run, variances, held, followed[:0], None)
+    held[followed] = whole.layout.size + np.arange(len(followed))
+    estimates = replace(
+        changing,
+        columns=held[changing.columns],
+        drifting=held[changing.drifting],
+        push=-changing.push,
+        driven=False,
+    )
+    return TrueRun(whole.run, variances, held, followed, estimates)
+
+
+def _changes_alike(own: StateLayout, whole: StateLayout, name: str) -> bool:
+    """Whether an error of the filter is constant, or in truth changes as the filter has it."""
+    if ERROR_STATES[name].constant:
+        return True
+    return name in whole.names and np.array_equal(_course(own, name), _course(whole, name))
+
+
+def _course(layout: StateLayout, name: str) -> Array:
+    """(2, n, axes) sigma and correlation time of an error; 0 where a vehicle has none."""
+    place = layout.columns[name] - 3 * layout.count
+    return np.where(place >= 0, np.stack([layout.sigmas, layout.times])[:, place], 0.0)
+
+
+def _variances(sightings: Sightings, filtered: Team, world: Team) -> Array:
+    """(s,) of the noise of each sighting, over the variance that the filter takes for true."""
+    kinds, observers = sightings.kinds, sightings.observers
+    taken = sigmas_by_kind(filtered.sensors, kinds, observers)
+    variances = (sigmas_by_kind(world.sensors, kinds, observers) / taken) ** 2
+    shares = world.sensors.false_bearings[observers]
+    shares[kinds != list(SIGHTING_KINDS).index("bearing")] = 0.0
+    half = np.minimum(0.5 * world.sensors.fields_of_view[observers], np.pi)
+    thrown = np.where(half < np.pi, 2.0, 1.0) * half**2 / 3.0
+    return np.asarray(variances + shares * (thrown / taken**2 - variances))
+
+
+def _shares(world: Team, layout: StateLayout) -> Array:
+    """(f,) true sigma of each further state, over the layout's."""
+    sigmas = np.zeros(len(layout.sigmas))
+    for name in layout.names:
+        columns = layout.columns[name] - 3 * layout.count
+        has = columns >= 0
+        true = np.broadcast_to(ERROR_STATES[name].sigma(world)[:, None], columns.shape)
+        sigmas[columns[has]] = true[has]
+    return sigmas / layout.sigmas

@@ -31,6 +31,7 @@ REQUEST_KEYS: Mapping[str, str] = MappingProxyType(
         "substeps": "substeps",
         "gate_probability": "gate_probability",
         "with_series": "series",
+        "truth": "truth",
     }
 )
 """Key of each option in requests to the service."""
@@ -51,6 +52,8 @@ class FilterOptions:
     gate_probability : of the innovation gate: the share of a consistent filter's bearings that it
         accepts; None for no gate
     with_series : whether errors and sigmas over time are kept
+    truth : keys of the scenario that the simulated world has in place of its own, section by
+        section as in the scenario's `truth`, over which they go
     model : former name of `filter`: `arc` for ekf, `euler` for paper; not kept
     """
 
@@ -63,6 +66,7 @@ class FilterOptions:
     substeps: int = 10
     gate_probability: float | None = None
     with_series: bool = False
+    truth: Mapping[str, Any] | None = None
     model: str | None = None
 
     def __post_init__(self) -> None:
@@ -77,6 +81,9 @@ class FilterOptions:
             raise InputError(problem, key="filter")
         if self.substeps < 1:
             raise InputError(f"{self.substeps} given, at least 1 is needed", key="substeps")
+        if not isinstance(self.truth, Mapping | None):
+            problem = f"{self.truth!r}: give keys of the scenario, such as {{'wind': {{...}}}}"
+            raise InputError(problem, key="truth")
         gate = self.gate_probability
         if gate is not None and not 0.0 < gate < 1.0:
             raise InputError(f"{gate} is not between 0 and 1", key="gate_probability")
@@ -124,6 +131,7 @@ class FilterChanges(TypedDict, total=False):
     substeps: int
     gate_probability: float | None
     with_series: bool
+    truth: Mapping[str, Any] | None
     model: str | None
 
 

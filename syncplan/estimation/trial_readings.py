@@ -6,8 +6,9 @@ readings (steps, n), sightings (s,) in their order; then the lasting errors that
 the order of ERROR_STATES: wind (2,), speed scales (n,), turn-rate biases (n,), bearing biases
 (n,), gusts (steps + 1, n, 2), bearing walks (steps + 1, n). Where sightings are missed now and
 then, uniform numbers follow, one for each sample, observer and target with p < 1, in the order of
-sightings: bearing and distance are missed together. So a key that is added leaves all draws before
-its own as they were.
+sightings: bearing and distance are missed together. Where bearings may be false, another one
+follows for each sighting: below the share of false ones it says where in view the bearing points.
+So a key that is added leaves all draws before its own as they were.
 
 Errors are drawn whether or not the filter estimates them. In wind and gusts headings differ from
 trial to trial: `air_motion`. Who is in view is then decided by the true heading of each trial.
@@ -65,9 +66,15 @@ def has_misses(team: Team) -> bool:
     return bool(np.any(team.sensors.detection < 1.0))
 
 
+def has_false_bearings(team: Team) -> bool:
+    """Return whether bearings are false now and then."""
+    return bool(np.any(team.sensors.false_bearings > 0.0))
+
+
 def needs_augmented(team: Team) -> bool:
     """Return whether a filter of poses alone, with all trials alike but for readings, won't do."""
-    return len(layout_of(team).sigmas) > 0 or in_moving_air(team) or has_misses(team)
+    unlike = in_moving_air(team) or has_misses(team) or has_false_bearings(team)
+    return len(layout_of(team).sigmas) > 0 or unlike
 
 
 def possible_sightings(team: Team, windows: Windows, steps: int) -> Sightings:
@@ -138,7 +145,7 @@ class TrialReadings:
     def disturbed(self, trials: range) -> AugmentedReadings:
         """Return noisy readings of trials with all their lasting errors, and what is true."""
         steps, n, lanes = len(self.setup.truth) - 1, self.team.count, len(trials)
-        poses, speeds, turn_rates, sightings, lasting, detected = self._draws(trials)
+        poses, speeds, turn_rates, sightings, lasting, *made = self._draws(trials)
         errors = DrawnErrors.of(self.team, steps, lasting)
         flown = self._flown(errors)
         noise = self.team.noise
@@ -155,7 +162,7 @@ class TrialReadings:
             initial=np.ascontiguousarray(initial),
             speeds=read,
             turn_rates=turned,
-            sightings=self._sighted(flown, errors, sightings, detected),
+            sightings=self._sighted(flown, errors, sightings, *made),
             # a copy even for one lane: kernels would be compiled anew for what is read-only
             headings=np.array(np.broadcast_to(flown.headings, (steps + 1, n, lanes)), order="C"),
             constants=constants,
@@ -167,11 +174,15 @@ class TrialReadings:
         return filter_stream(self.seed, trial)
 
     def _draws(self, trials: range) -> list[Array]:
-        """Draws of poses, speeds, turn rates, sightings, errors, misses, each (d, lanes)."""
+        """Draws of poses, speeds, turn rates, sightings, errors, misses, false bearings.
+
+        Each is (d, lanes).
+        """
         steps, n = len(self.setup.truth) - 1, self.team.count
         errors = error_draws(self.team, steps)
         normal = (3 * n, steps * n, steps * n, len(self.sightings), errors)
-        sizes = (*normal, int(self._groups()[-1]) + 1 if self._misses() else 0)
+        missed = int(self._groups()[-1]) + 1 if self._misses() else 0
+        sizes = (*normal, missed, len(self.sightings) if has_false_bearings(self.team) else 0)
         draws, total = np.empty((len(trials), sum(sizes))), sum(normal)
         for trial, row in zip(trials, draws, strict=True):
             sequence = np.random.SeedSequence(self.seed, spawn_key=(trial,))
@@ -199,7 +210,7 @@ class TrialReadings:
         )
 
     def _sighted(
-        self, flown: AirMotion, errors: DrawnErrors, noise: Array, detected: Array
+        self, flown: AirMotion, errors: DrawnErrors, noise: Array, detected: Array, false: Array
     ) -> Array:
         """(s, lanes) what is read; NaN where it is out of view or missed."""
         setup = self.setup
@@ -219,12 +230,25 @@ class TrialReadings:
                 found[self._out_of_view(turned)] = np.nan
             turned *= turns_by_kind(setup.kinds)[:, None]
             found += turned
+        if len(false):
+            self._mislead(found, noise, false)
         if len(detected):
             shares = self.team.sensors.detection[setup.observers]
             found[(detected[self._groups()] >= shares[:, None]) & self._missable()[:, None]] = (
                 np.nan
             )
         return found
+
+    def _mislead(self, found: Array, noise: Array, draws: Array) -> None:
+        """Put bearings anywhere in view in place of the share that is false, with their noise."""
+        sensors, observers = self.team.sensors, self.setup.observers
+        shares = sensors.false_bearings[observers]
+        shares[self.setup.kinds != list(SIGHTING_KINDS).index("bearing")] = 0.0
+        half = np.minimum(0.5 * sensors.fields_of_view[observers], np.pi)
+        row, lane = np.nonzero((draws < shares[:, None]) & np.isfinite(found))
+        where = 2.0 * draws[row, lane] / shares[row] - 1.0
+        seen = sensors.boresights[observers[row]] + half[row] * where
+        found[row, lane] = seen + self.sigmas[row] * noise[row, lane]
 
     def _out_of_view(self, turned: Array) -> Flags:
         """(s, lanes) whether the target is beside the field of view of a heading so far turned."""

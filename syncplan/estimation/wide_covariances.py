@@ -16,6 +16,9 @@ covariance; what its errors truly are, with those of the whole state and rows H 
     C <- (1 - K H) C (1 - K H)^T + K K^T
 
 for any gain (Joseph): the consider analysis of Schmidt, with the filter's gains instead of others.
+Where rows are noisier than the filter takes them for, K K^T has the noise's variances between. What
+changes in another way than the filter takes it to, as gusts of another strength or memory, stands
+there twice: as it truly is and, as the filter goes on with it, as estimated.
 
 Sources
 -------
@@ -34,7 +37,7 @@ from syncplan.arrays import Array, Index
 from syncplan.estimation.referred_run import SYMMETRIC
 from syncplan.observability.referred_rows import WideRows, dense_rows
 
-__all__ = ["GaussMarkov", "Sample", "WideRun", "carried_along", "considered_along"]
+__all__ = ["GaussMarkov", "Sample", "TrueRun", "WideRun", "carried_along", "considered_along"]
 
 _SAMPLES_AT_ONCE, _ELEMENTS_AT_ONCE = 128, 4e6
 """Samples whose rows are laid out together, and elements of these at most."""
@@ -51,6 +54,7 @@ class GaussMarkov:
     places, drifting : (2 n,) columns of the coordinates that some of them move, and of these; none
         where none does
     push : (2 n,) how far a unit moves a coordinate in a sample
+    driven : whether noise keeps their variance up; estimates of them just decay
     """
 
     columns: Index
@@ -58,6 +62,7 @@ class GaussMarkov:
     places: Index
     drifting: Index
     push: Array
+    driven: bool = True
 
     def transition(self, size: int) -> tuple[Array, Array]:
         """Return the (size, size) matrix of a prediction, and the noise that comes with it."""
@@ -73,7 +78,8 @@ class GaussMarkov:
         covariance[self.columns] *= self.kept[:, None]
         covariance[:, self.places] += self.push * covariance[:, self.drifting]
         covariance[:, self.columns] *= self.kept
-        covariance[self.columns, self.columns] += 1.0 - self.kept**2
+        if self.driven:
+            covariance[self.columns, self.columns] += 1.0 - self.kept**2
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,6 +137,48 @@ class WideRun:
 
 
 @dataclass(frozen=True, slots=True)
+class TrueRun:
+    """What truly happens along a filter's run.
+
+    Attributes
+    ----------
+    run : noise, rows and errors that there are, rows over the sigmas that the filter takes for true
+    variances : (s,) of each row's noise
+    held : (size of the filter's state,) where in the true covariance each of its states is
+    followed : states of the filter that stand, as estimated, behind those of `run`
+    estimates : how these are carried; None where there are none
+    """
+
+    run: WideRun
+    variances: Array
+    held: Index
+    followed: Index
+    estimates: GaussMarkov | None
+
+    @property
+    def size(self) -> int:
+        """Size of the true covariance."""
+        return self.run.size + len(self.followed)
+
+    def predict(self, covariance: Array, noise: Array) -> None:
+        """Carry the true covariance to the next sample with its noise, in place."""
+        self.run.predict(covariance, noise)
+        if self.estimates is not None:
+            self.estimates.predict(covariance)
+
+    def rows(self, true: Array, own: Array) -> Array:
+        """Return rows (m, size) of true errors, those of the true run and of the filter's given."""
+        return np.hstack([true, -own[:, self.followed]]) if len(self.followed) else true
+
+    def gains(self, own: Array) -> Array:
+        """Return the filter's gains (m, its size) for the true errors: estimates grow by them."""
+        gains = np.zeros((len(own), self.size))
+        gains[:, self.held] = own
+        gains[:, self.run.size :] *= -1.0
+        return gains
+
+
+@dataclass(frozen=True, slots=True)
 class Sample:
     """A sample of a run, its rows taken in.
 
@@ -179,30 +227,30 @@ def carried_along(run: WideRun, covariance: Array, *, keep_until: int = -1) -> I
 
 
 def considered_along(
-    own: WideRun, whole: WideRun, held: Index, covariances: tuple[Array, Array]
+    own: WideRun, truth: TrueRun, covariances: tuple[Array, Array]
 ) -> Iterator[Array]:
-    """Yield the (size, size) true covariance after each sample of a filter that leaves errors out.
+    """Yield the true covariance after each sample of a filter whose run is `own`.
 
-    `own` is the filter's run, `whole` the one with all errors, and `held` where in its state those
-    of the filter are; `covariances` are the filter's and the true one at time 0. What is yielded is
-    changed in place with the next sample. Raises LinAlgError as carried_along.
+    `covariances` are the filter's and the true one at time 0. What is yielded is changed in place
+    with the next sample. Raises LinAlgError as carried_along.
     """
     trusted, true = (one.copy() for one in covariances)
+    whole = truth.run
     for start in range(0, own.steps + 1, whole.at_once):
         end = min(start + whole.at_once, own.steps + 1)
         rows, each, noise = own.laid_out(start, end)
-        wide, _, _ = whole.laid_out(start, end)
+        wide, _, true_noise = whole.laid_out(start, end)
+        wide, variances = truth.rows(wide, rows), truth.variances[int(own.first[start]) :]
         for k, sighted in enumerate(each, start):
             if k:
                 own.predict(trusted, noise[k - start])
-                whole.predict(true, noise[k - start])
+                truth.predict(true, true_noise[k - start])
             if sighted.stop > sighted.start:
                 factor, gain = _factored(rows[sighted], trusted)
                 half = _solved(factor, gain)
                 trusted -= half.T @ half
-                gains = np.zeros((len(gain), whole.size))
-                gains[:, held] = np.linalg.solve(factor.T, half)
-                _take_in(true, wide[sighted], gains)
+                gains = truth.gains(_solved(factor.T, half))
+                _take_in(true, wide[sighted], gains, variances[sighted])
             yield true
 
 
@@ -218,11 +266,11 @@ def _solved(factor: Array, sides: Array) -> Array:
     return np.asarray(np.linalg.solve(factor, sides), dtype=float)
 
 
-def _take_in(covariance: Array, rows: Array, gains: Array) -> None:
-    """C <- (1 - K H) C (1 - K H)^T + K K^T in place, with the transposed gain K^T (m, size)."""
+def _take_in(covariance: Array, rows: Array, gains: Array, variances: Array) -> None:
+    """C <- (1 - K H) C (1 - K H)^T + K R K^T in place, with the transposed gain K^T (m, size)."""
     seen = rows @ covariance
     innovation = seen @ rows.T
-    innovation.reshape(-1)[:: len(rows) + 1] += 1.0
+    innovation.reshape(-1)[:: len(rows) + 1] += variances
     taken = gains.T @ (seen - 0.5 * innovation @ gains)
     covariance -= taken
     covariance -= taken.T

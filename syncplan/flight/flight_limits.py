@@ -1,14 +1,16 @@
 """What vehicles can do in flight: least and largest airspeed, largest turn rate, separation."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from syncplan.arrays import Array, short_repr
 from syncplan.orbits.circles import Orbits
+from syncplan.orbits.team import Team
 from syncplan.scenario.specification import Scenario
 
-__all__ = ["DEFAULT_SPEEDS", "DEFAULT_TURNS", "FlightLimits"]
+__all__ = ["DEFAULT_SPEEDS", "DEFAULT_TURNS", "FlightLimits", "FlownWorld"]
 
 DEFAULT_SPEEDS = (0.0, 2.0)
 """Least and largest airspeed, in times the plan's speed, where the scenario has no limit."""
@@ -47,3 +49,24 @@ class FlightLimits:
         if given is not None and given.turn_rate_rad_s is not None:
             turns = given.turn_rate_rad_s
         return cls(least, most, turns * ones, scenario.separation)
+
+
+@dataclass(frozen=True, slots=True)
+class FlownWorld:
+    """What truly flies, and how it obeys.
+
+    Attributes
+    ----------
+    team, limits : of the vehicles
+    lag : s, time constant of their response to commands
+    measured : whether motion readings are measured
+    """
+
+    team: Team
+    limits: FlightLimits
+    lag: float
+    measured: bool
+
+    def mean_left(self, time: float) -> float:
+        """Return the mean share of a difference that is left over a sample of `time` s."""
+        return self.lag / time * -math.expm1(-time / self.lag) if self.lag > 0.0 else 0.0

@@ -74,6 +74,7 @@ class Eyes(NamedTuple):
     half_views, boresights : (n,) rad
     every : (K, n) samples from one sighting of a kind to the next
     sigmas : (K, n) of each kind, infinite where it is not measured
+    taken : (K, n) what the filter takes these for
     detection : (n,) share of sightings that are made
     landmarks : (m, 2) m
     corners : (c, 2) m, of all obstacles
@@ -85,6 +86,7 @@ class Eyes(NamedTuple):
     boresights: Array
     every: Index
     sigmas: Array
+    taken: Array
     detection: Array
     landmarks: Array
     corners: Array

@@ -15,7 +15,7 @@ from syncplan.estimation.drawn_errors import DrawnErrors, error_draws
 from syncplan.estimation.filter_setup import build_setup
 from syncplan.flight.anchors import Anchors, anchors_of
 from syncplan.flight.flight_events import FlightEvents, Hold
-from syncplan.flight.flight_limits import FlightLimits
+from syncplan.flight.flight_limits import FlightLimits, FlownWorld
 from syncplan.flight.flight_options import GUIDANCES, FlightOptions
 from syncplan.flight.flight_setup import (
     Circles,
@@ -56,14 +56,16 @@ class FlownTeam:
 
     Attributes
     ----------
-    team, windows : that fly, and the plan's contact windows
-    limits : of the vehicles
+    team, windows : that fly as the filter takes them, and the plan's contact windows
+    true_team : as they truly are
+    limits : of the vehicles, as whoever steers knows them
     layout : of the filter's states
     setup : of the closed loop
     options, events : of the flight
     """
 
     team: Team
+    true_team: Team
     windows: Windows
     limits: FlightLimits
     layout: StateLayout
@@ -144,7 +146,7 @@ class FlownTeam:
         errors = self._errors(lasting)
         constants, changing = errors.states(self.layout, steps, lanes)
         path = np.zeros((steps + 1, n, 3, lanes))
-        circles, noise = self.setup.circles, self.team.noise
+        circles, noise = self.setup.circles, self.true_team.noise
         planned = np.column_stack(
             [position(self.team.orbits, 0.0), heading(self.team.orbits, 0.0)]
         )[..., None]
@@ -188,7 +190,7 @@ class FlownTeam:
     def _draws(self, trials: range) -> list[Array]:
         """Draws of poses, speeds, turn rates, lasting errors, each (d, lanes)."""
         steps, n = self.steps, self.team.count
-        sizes = (3 * n, steps * n, steps * n, error_draws(self.team, steps))
+        sizes = (3 * n, steps * n, steps * n, error_draws(self.true_team, steps))
         draws = np.empty((len(trials), sum(sizes)))
         for trial, row in zip(trials, draws, strict=True):
             sequence = np.random.SeedSequence(self.options.seed, spawn_key=(trial,))
@@ -196,7 +198,7 @@ class FlownTeam:
         return np.split(draws.T, np.cumsum(sizes)[:-1])
 
     def _errors(self, draws: Array) -> DrawnErrors:
-        errors = DrawnErrors.of(self.team, self.steps, draws)
+        errors = DrawnErrors.of(self.true_team, self.steps, draws)
         if self.options.wind is None:
             return errors
         wind = np.array(self.options.wind)[None, None, :, None]
@@ -211,14 +213,14 @@ def team_in_flight(
     team: Team,
     windows: Windows,
     limits: FlightLimits,
-    response: tuple[float, bool],
+    world: FlownWorld,
     steps: int,
     options: FlightOptions,
     events: FlightEvents,
+    lag: float,
 ) -> FlownTeam:
-    """Return the set-up of a flight; `response` is lag in s, and whether readings are measured."""
-    orbits, time = team.orbits, team.sensors.sample_time
-    lag, measured = response
+    """Return the set-up of a flight of a team in a world; `lag` in s is what guidance counts on."""
+    orbits, time, true = team.orbits, team.sensors.sample_time, world.team
     anchors = anchors_of(team, windows, limits.separation)
     setup = FlightSetup(
         circles=Circles(
@@ -229,26 +231,26 @@ def team_in_flight(
             float(orbits.rate),
         ),
         response=Response(
-            np.array(limits.least_speeds, dtype=float),
-            np.array(limits.most_speeds, dtype=float),
-            np.array(limits.most_turn_rates, dtype=float),
-            left=math.exp(-time / lag) if lag > 0.0 else 0.0,
-            mean_left=lag / time * -math.expm1(-time / lag) if lag > 0.0 else 0.0,
-            measured=measured,
-            speed_sigma=team.noise.speed_sigma,
-            turn_rate_sigma=team.noise.turn_rate_sigma,
+            np.array(world.limits.least_speeds, dtype=float),
+            np.array(world.limits.most_speeds, dtype=float),
+            np.array(world.limits.most_turn_rates, dtype=float),
+            left=math.exp(-time / world.lag) if world.lag > 0.0 else 0.0,
+            mean_left=world.mean_left(time),
+            measured=world.measured,
+            speed_sigma=true.noise.speed_sigma,
+            turn_rate_sigma=true.noise.turn_rate_sigma,
         ),
-        eyes=_eyes(team),
-        mishaps=_mishaps(team, options, events),
+        eyes=_eyes(true, team),
+        mishaps=_mishaps(true, options, events),
         law=_law(team, limits, lag, options),
         contact=_contact(team, anchors, options),
         time=float(time),
         steps=steps,
     )
-    return FlownTeam(team, windows, limits, layout_of(team), setup, options, events)
+    return FlownTeam(team, true, windows, limits, layout_of(team), setup, options, events)
 
 
-def _eyes(team: Team) -> Eyes:
+def _eyes(team: Team, taken: Team) -> Eyes:
     sensors = team.sensors
     corners = [np.asarray(one, dtype=float) for one in team.obstacles]
     return Eyes(
@@ -258,6 +260,9 @@ def _eyes(team: Team) -> Eyes:
         every=np.ascontiguousarray(samples_between(sensors), dtype=np.int64),
         sigmas=np.stack(
             [np.array(kind.sigmas(sensors), dtype=float) for kind in SIGHTING_KINDS.values()]
+        ),
+        taken=np.stack(
+            [np.array(one.sigmas(taken.sensors), dtype=float) for one in SIGHTING_KINDS.values()]
         ),
         detection=np.array(sensors.detection, dtype=float),
         landmarks=np.array(team.landmarks, dtype=np.float64).reshape(-1, 2),
@@ -291,7 +296,7 @@ def _mishaps(team: Team, options: FlightOptions, events: FlightEvents) -> Mishap
         held_from=held[0],
         held_until=held[1],
         dropout=float(options.dropout),
-        outliers=float(options.outliers),
+        outliers=min(options.outliers + float(team.sensors.false_bearings.max()), 1.0),
         mistaken=float(options.mistaken),
         late=options.late,
     )

@@ -13,16 +13,19 @@ from syncplan.estimation.filter_options import steps_in_run
 from syncplan.estimation.filter_setup import judged_from
 from syncplan.estimation.trials import Accuracy, accuracy
 from syncplan.flight.flight_events import FlightEvents, events_of
-from syncplan.flight.flight_limits import FlightLimits
+from syncplan.flight.flight_limits import FlightLimits, FlownWorld
 from syncplan.flight.flight_measures import Meetings, meetings_of
 from syncplan.flight.flight_options import FlightChanges, FlightOptions, flight_options_with
 from syncplan.flight.flight_results import FlightResult, joined_flights
 from syncplan.flight.flights import fly_trials
 from syncplan.flight.flown_team import FlownTeam, team_in_flight
+from syncplan.orbits.contacts import find_windows
 from syncplan.planning.filter_choice import FilterChoice, asked_filter
 from syncplan.planning.flight_record import FlightRecord, FlownPairRecord, FlownVehicleRecord
 from syncplan.planning.judged_plan import Plan
-from syncplan.planning.subjects import PlanSubject, planned
+from syncplan.planning.judgement import bound_is_affordable
+from syncplan.planning.predicted_errors import expected_in_world
+from syncplan.planning.subjects import PlanSubject, in_world, planned
 from syncplan.results import Result
 from syncplan.runtime.blas import single_threaded_blas
 
@@ -103,6 +106,8 @@ class Flight(Result):
     accuracy : RMS errors of the estimates by vehicle, against the truth as flown
     bound : (n,) m, of the bound along the paths flown, over the second half; NaN for a vehicle that
         is gone by then
+    expected : (n,) m, what the filter is expected to make of the true world along the circles;
+        None where the scenario has no truth, or not computed
     coverage : (n,) share of coordinates within three sigma
     anees, nis : consistency figures, with intervals from the spread over trials
     """
@@ -111,6 +116,7 @@ class Flight(Result):
     result: FlightResult
     accuracy: Accuracy
     bound: Array
+    expected: Array | None
     coverage: Array
     anees: Consistency
     nis: Consistency
@@ -228,6 +234,7 @@ def fly(
     `options`, or changes of it by name, say how: trials=100, seed=0, duration=None (s, the
     scenario's), guidance="track" (or "mpc", or "none" for open loop), filter="auto" (the
     scenario's, or robust), gate_probability=None, with_series=False; what goes wrong:
+    truth=None (keys of the simulated world, beside those of the scenario's truth);
     lose=("v3@60",), hold=("v2@100:20",), dropout=0, outliers=0, mistaken=0, late=0; and wind=None
     (m/s; drawn by the scenario's sigma). The same seed gives the same bytes on any number of
     threads. `progress` is called with the number of trials done. Raises InputError naming the
@@ -244,22 +251,28 @@ def flight_run(
 ) -> FlightRun:
     """Return the set-up of a flight, whose parts fly_part flies and conclude_flight joins."""
     chosen = flight_options_with(options, changes)
-    plan = planned(subject, pilot=False)
-    scenario = plan.scenario
+    plan = in_world(planned(subject, pilot=False), chosen.truth)
+    scenario, true = plan.scenario, plan.scenario.in_truth
     duration = scenario.duration_s if chosen.duration is None else chosen.duration
     steps = steps_in_run(duration, plan.sensors.sample_time, plan.orbits.period, plan.team.count)
     choice = asked_filter(scenario, chosen) or ROBUST_IN_FLIGHT
     chosen = replace(chosen, filter=choice.name)
     limits = FlightLimits.of(scenario, plan.orbits)
-    motion = scenario.motion
+    world = FlownWorld(
+        plan.true_team,
+        limits if true is scenario else FlightLimits.of(true, plan.orbits),
+        true.motion.lag_s or 0.0,
+        true.motion.readings == "measured",
+    )
     team = team_in_flight(
         plan.team,
         plan.windows,
         limits,
-        (motion.lag_s or 0.0, motion.readings == "measured"),
+        world,
         steps,
         chosen,
         events_of(chosen, scenario, duration),
+        scenario.motion.lag_s or 0.0,
     )
     return FlightRun(plan, duration, chosen, choice.reason, limits, team)
 
@@ -301,7 +314,16 @@ def conclude_flight(run: FlightRun, parts: Sequence[FlightResult]) -> Flight:
         result=result,
         accuracy=accuracy(found),
         bound=np.sqrt(result.figures.bound_squares.mean(axis=0)),
+        expected=_expected(run),
         coverage=coverage(found.covered.mean(axis=0), found.coverage_samples),
         anees=anees(found.nees, 3 * run.plan.team.count),
         nis=nis(found.nis_sums, found.accepted, gate),
     )
+
+
+def _expected(run: FlightRun) -> Array | None:
+    """What is expected of the estimates in a world that differs, along circles flown exactly."""
+    plan, true = run.plan, run.team.true_team
+    if true is plan.team or not bound_is_affordable(plan.team, run.duration):
+        return None
+    return expected_in_world(plan.team, true, find_windows(true), run.duration)

@@ -87,8 +87,12 @@ class Navigator:
         stream = filter_stream(seed, 0)
         self._filter = OnlineFilter(self._setup, begin, FILTERS[run.options.filter], stream)
         self._lanes = lanes_of(n, 1)
-        response = run.team.setup.response
-        self._bounds = response.least_speeds, response.most_speeds, response.most_turn_rates
+        limits = run.limits
+        self._bounds = (
+            np.array(limits.least_speeds, dtype=float),
+            np.array(limits.most_speeds, dtype=float),
+            np.array(limits.most_turn_rates, dtype=float),
+        )
         self._moved, self._sought = np.zeros((n, 2, 1)), np.zeros((n, 1), dtype=np.int64)
         self._heard = np.zeros((n, 1), dtype=np.int64)
         self._commands = np.stack([orbits.speeds, orbits.turn_rates], axis=1)[..., None]

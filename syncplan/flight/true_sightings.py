@@ -154,7 +154,7 @@ def _read_compass(
 ) -> None:
     """Record what vehicle o reads of its own heading."""
     sigma = flight.eyes.sigmas[COMPASS_KIND, o]
-    s = _new_row(flown, setup, COMPASS_KIND, o, o, sigma)
+    s = _new_row(flown, setup, COMPASS_KIND, o, o, flight.eyes.taken[COMPASS_KIND, o])
     for lane in range(len(lanes)):
         words = words_at(flown.keys[lane], step, o, o)
         noise = normal_pair(words[0], words[1])[0]
@@ -186,8 +186,9 @@ def _read(
     (o, t), (bearing, distance) = pair, due
     eyes, mishaps, width = flight.eyes, flight.mishaps, away.shape[1]
     bearing_sigma, distance_sigma = eyes.sigmas[BEARING_KIND, o], eyes.sigmas[DISTANCE_KIND, o]
-    b = _new_row(flown, setup, BEARING_KIND, o, t, bearing_sigma) if bearing else -1
-    d = _new_row(flown, setup, DISTANCE_KIND, o, t, distance_sigma) if distance else -1
+    taken = eyes.taken[BEARING_KIND, o], eyes.taken[DISTANCE_KIND, o]
+    b = _new_row(flown, setup, BEARING_KIND, o, t, taken[0]) if bearing else -1
+    d = _new_row(flown, setup, DISTANCE_KIND, o, t, taken[1]) if distance else -1
     shifts = flown.bearing_shifts[min(step, len(flown.bearing_shifts) - 1)]
     made = eyes.detection[o] * (1.0 - mishaps.dropout)
     for lane in range(width):

@@ -178,10 +178,13 @@ class StateLayout:
         return texts
 
 
-def layout_of(team: Disturbed, names: Sequence[str] | None = None) -> StateLayout:
+def layout_of(
+    team: Disturbed, names: Sequence[str] | None = None, *, filtered: Disturbed | None = None
+) -> StateLayout:
     """Return where the states of a team are, those of the errors that its filter estimates.
 
-    `names` are others to have as states; those without a sigma are left out.
+    `names` are others to have as states; those without a sigma are left out. Constants that the
+    filter of the team `filtered` estimates have the sigmas that it takes for true.
     """
     wanted = team.errors.estimated if names is None else names
     count = team.orbits.count
@@ -191,6 +194,9 @@ def layout_of(team: Disturbed, names: Sequence[str] | None = None) -> StateLayou
     # constants first: those that change are carried together
     for name, state in sorted(ERROR_STATES.items(), key=lambda item: not item[1].constant):
         sigma = state.sigma(team)
+        if filtered is not None and state.constant and name in filtered.errors.estimated:
+            own = state.sigma(filtered)
+            sigma = np.where(own > 0.0, own, sigma)
         if name not in wanted or not np.any(sigma > 0.0):
             continue
         has = np.ones(1, dtype=bool) if state.common else sigma > 0.0

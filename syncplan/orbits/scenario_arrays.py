@@ -1,5 +1,7 @@
 """A scenario as arrays: radii, sensors and noise, and with its circles the team."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from syncplan.arrays import Array
@@ -11,7 +13,7 @@ from syncplan.orbits.team import Team
 from syncplan.scenario.disturbances import Wind
 from syncplan.scenario.specification import Scenario, per_vehicle
 
-__all__ = ["obstacles_of", "radii_of", "sensors_of", "team_of"]
+__all__ = ["obstacles_of", "radii_of", "sensors_of", "team_of", "true_team_of"]
 
 
 def radii_of(scenario: Scenario) -> Array:
@@ -60,6 +62,19 @@ def team_of(scenario: Scenario, orbits: Orbits) -> Team:
         ),
         errors=_errors_of(scenario),
         obstacles=obstacles_of(scenario),
+    )
+
+
+def true_team_of(scenario: Scenario, team: Team) -> Team:
+    """Return the team of the simulated world, of a scenario whose own team is given."""
+    if scenario.truth is None:
+        return team
+    true = team_of(scenario.in_truth, team.orbits)
+    false = np.full(team.count, scenario.truth.false_bearings or 0.0)
+    return replace(
+        true,
+        sensors=replace(true.sensors, false_bearings=false),
+        errors=replace(true.errors, estimated=team.errors.estimated),
     )
 
 

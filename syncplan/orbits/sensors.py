@@ -27,6 +27,7 @@ class Sensors:
     compass_every : (n,) samples from one reading of the compass to the next
     every : (n,) samples from one sighting of a target to the next
     detection : (n,) share of the sightings within range and view that are made
+    false_bearings : (n,) share of the bearings made that are of nothing, anywhere in view
     bearing_bias_sigmas : (n,) rad, of an error of the sensor's bearings that is constant in a run
     bearing_walk_sigmas, bearing_walk_times : (n,) rad, s, of one that is a first-order Gauss-Markov
         process: its standard deviation, and the time over which its correlation falls to 1/e
@@ -42,6 +43,7 @@ class Sensors:
     compass_every: Index = field(default_factory=lambda: np.array(1))
     every: Index = field(default_factory=lambda: np.array(1))
     detection: Array = field(default_factory=lambda: np.array(1.0))
+    false_bearings: Array = field(default_factory=lambda: np.array(0.0))
     bearing_bias_sigmas: Array = field(default_factory=lambda: np.array(0.0))
     bearing_walk_sigmas: Array = field(default_factory=lambda: np.array(0.0))
     bearing_walk_times: Array = field(default_factory=lambda: np.array(np.inf))

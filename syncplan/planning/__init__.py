@@ -31,6 +31,7 @@ plan_files          plans read back and judged afresh
 filter_choice       which filter runs on a plan, and why
 subjects            what a function takes as a plan
 validation          Monte Carlo of a plan beside its bound
+stress_tests        the same in worlds that are worse than the scenario states
 swept_keys          the keys that a sweep may vary
 sweeps              one key varied
 loss_study          every loss judged afresh

@@ -9,6 +9,7 @@ from syncplan.observability.rank import Observability
 from syncplan.observability.unobservable_modes import UnobservableMode
 from syncplan.orbits.contacts import Windows
 from syncplan.orbits.losses import Loss
+from syncplan.orbits.scenario_arrays import true_team_of
 from syncplan.orbits.separation import Approach
 from syncplan.orbits.team import Team, WithTeam
 from syncplan.placement.centers import Placement
@@ -85,3 +86,8 @@ class JudgedTeam(WithTeam):
     centres_placed: bool = False
     start_up: StartUp | None = None
     flight: FlightRecord | None = None
+
+    @property
+    def true_team(self) -> Team:
+        """The team of the simulated world: its own, or with the scenario's truth."""
+        return true_team_of(self.scenario, self.team)

@@ -13,7 +13,14 @@ from syncplan.orbits.contacts import Windows
 from syncplan.orbits.error_states import layout_of
 from syncplan.orbits.team import Team
 
-__all__ = ["Neglect", "PredictedState", "Prediction", "neglect_of", "predicted_states"]
+__all__ = [
+    "Neglect",
+    "PredictedState",
+    "Prediction",
+    "expected_in_world",
+    "neglect_of",
+    "predicted_states",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +99,17 @@ def predicted_states(
             strict=True,
         )
     )
+
+
+def expected_in_world(team: Team, true: Team, windows: Windows, duration: float) -> Array | None:
+    """Return (n,) m what the filter of a team makes of the true world, second half of a run.
+
+    `windows` are the contacts there. None where that is not computed.
+    """
+    try:
+        return expected_errors(team, windows, duration, true=true).rms_second_half()
+    except NoSolutionError:
+        return None
 
 
 def neglect_of(team: Team, windows: Windows, duration: float) -> Neglect | None:

@@ -1,6 +1,7 @@
 """What a function takes as a plan: a plan, or whatever a plan can be made of."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,9 @@ from syncplan.planning.judgement import BoundChoice
 from syncplan.planning.plan_files import Loaded, load, loaded_from, plan_of
 from syncplan.scenario.models import MAX_VEHICLES
 from syncplan.scenario.specification import Scenario
+from syncplan.scenario.truths import with_truth
 
-__all__ = ["PlanSubject", "load_plan", "planned"]
+__all__ = ["PlanSubject", "in_world", "load_plan", "planned"]
 
 PlanSubject = Plan | Scenario | str | Path | Mapping[str, Any]
 """A plan; a scenario, which is planned; or a file or a mapping that holds one or the other."""
@@ -35,6 +37,16 @@ def planned(subject: PlanSubject, *, bound: BoundChoice = "auto", pilot: bool = 
         f"is a {type(subject).__name__}; give a Plan, a Scenario, the path of a file or a mapping",
         key="subject",
     )
+
+
+def in_world(plan: Plan, truth: Mapping[str, Any] | None) -> Plan:
+    """Return a plan in a simulated world with these keys too, beside its scenario's truth.
+
+    Raises InputError naming the key at fault.
+    """
+    if not truth:
+        return plan
+    return replace(plan, scenario=with_truth(plan.scenario, truth))
 
 
 def load_plan(

@@ -147,9 +147,14 @@ def swept_key(name: str) -> SweptKey:
     for one in _KEYS:
         if name in (one.name, one.request, one.key):
             return one
-    from syncplan.scenario.dotted_keys import IN_FLIGHT_ALONE, nearest_keys, numeric_keys
+    from syncplan.scenario.dotted_keys import (
+        IN_FLIGHT_ALONE,
+        IN_TRUTH,
+        nearest_keys,
+        numeric_keys,
+    )
 
-    if name in IN_FLIGHT_ALONE:
+    if name.removeprefix(IN_TRUTH) in IN_FLIGHT_ALONE:
         problem = f"{name!r} can't be swept: it matters in flight alone"
         raise InputError(f"{problem}; change it in the scenario and run 'syncplan fly'", key="name")
     found = numeric_keys().get(name)

@@ -21,18 +21,21 @@ from syncplan.estimation.montecarlo import run_trials
 from syncplan.estimation.outlying_trials import TrialErrors, trial_errors
 from syncplan.estimation.trial_readings import possible_sightings
 from syncplan.estimation.trials import Accuracy, MonteCarloResult, accuracy, merge
+from syncplan.orbits.contacts import Windows, find_windows
 from syncplan.orbits.sightings import Sightings
+from syncplan.orbits.team import Team
 from syncplan.planning.filter_choice import choose_filter
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.judgement import bound_is_affordable
 from syncplan.planning.predicted_errors import (
     PredictedState,
     Prediction,
+    expected_in_world,
     neglect_of,
     predicted_states,
 )
 from syncplan.planning.start_up import StartTrials, concluded
-from syncplan.planning.subjects import PlanSubject, planned
+from syncplan.planning.subjects import PlanSubject, in_world, planned
 from syncplan.results import Result
 from syncplan.runtime.blas import single_threaded_blas
 
@@ -57,7 +60,7 @@ class Validation(Result):
     predicted_over_time : (steps + 1, e) the bound of each further state, in its unit; None where
         there are none, no series was asked for, or it is not computed
     expected : (n,) m, what the filter is expected to make of it, as it does not estimate errors
-        that the scenario names; None where it estimates all, or not computed
+        that the scenario names, or the world differs from it; None otherwise, or not computed
     coverage : (n,) share of coordinates within three sigma
     anees, nis : consistency figures, with intervals from the spread over trials
     """
@@ -124,6 +127,7 @@ class TrialRun:
     Attributes
     ----------
     plan : the plan that is flown
+    true_team, windows : of the simulated world, and its contacts
     duration, steps : s, and whole samples in it
     sightings : who sees whom at k = 1..steps
     options : as validate takes them, the filter chosen
@@ -131,6 +135,8 @@ class TrialRun:
     """
 
     plan: Plan
+    true_team: Team
+    windows: Windows
     duration: float
     steps: int
     sightings: Sightings
@@ -156,7 +162,8 @@ def validate(
     `options`, or changes of it by name, say which filter and how many trials: trials=200, seed=0,
     duration=None (s, the scenario's), filter="auto" (ekf where the start-up index clears it, robust
     where not; or any name of the table of filters, `paper` with `substeps`=10 in a sample),
-    gate_probability=None, with_series=False. The same seed gives the same bytes on any number of
+    gate_probability=None, with_series=False, truth=None (keys of the simulated world, beside those
+    of the scenario's truth). The same seed gives the same bytes on any number of
     threads. `progress` is called with the number of trials done. Raises InputError naming the
     argument at fault.
     """
@@ -171,13 +178,17 @@ def trial_run(
 ) -> TrialRun:
     """Return the set-up of a validation, whose parts run_part runs and conclude joins."""
     chosen = options_with(options, changes)
-    flown = planned(subject, pilot=False)
+    flown = in_world(planned(subject, pilot=False), chosen.truth)
     length = flown.scenario.duration_s if chosen.duration is None else chosen.duration
     sample_time, period = flown.sensors.sample_time, flown.orbits.period
     steps = steps_in_run(length, sample_time, period, flown.team.count)
-    sightings = possible_sightings(flown.team, flown.windows, steps)
+    true = flown.true_team
+    windows = flown.windows if true is flown.team else find_windows(true)
+    sightings = possible_sightings(true, windows, steps)
     choice = choose_filter(flown, chosen)
-    return TrialRun(flown, length, steps, sightings, choice.applied(chosen), choice.reason)
+    return TrialRun(
+        flown, true, windows, length, steps, sightings, choice.applied(chosen), choice.reason
+    )
 
 
 @single_threaded_blas
@@ -191,10 +202,11 @@ def run_part(
 ) -> MonteCarloResult:
     """Return `trials` trials of a validation from `first_trial` on, a multiple of CHUNK_TRIALS."""
     return run_trials(
-        run.plan.team,
+        run.true_team,
         run.sightings,
         run.steps,
         replace(run.options, trials=trials),
+        believed=run.plan.team,
         first_trial=first_trial,
         threads=threads,
         progress=progress,
@@ -220,7 +232,7 @@ def conclude(run: TrialRun, parts: Sequence[MonteCarloResult]) -> Validation:
             "finite; smaller sigmas or a shorter sample time may help"
         )
     found, (prediction, over_time) = accuracy(result), _prediction(run)
-    expected = None if prediction.neglect is None else prediction.neglect.expected
+    expected = _expected(run, prediction)
     return Validation(
         plan=_with_own_trials(run, found, prediction.rms if expected is None else expected),
         duration=run.duration,
@@ -255,6 +267,14 @@ def _with_own_trials(run: TrialRun, found: Accuracy, predicted: Array | None) ->
     start_up = replace(flown.start_up, filter=run.options.filter)
     start_up = concluded(start_up, trials, flown.team, flown.windows, length)
     return replace(flown, start_up=start_up)
+
+
+def _expected(run: TrialRun, prediction: Prediction) -> Array | None:
+    """What the filter is to be expected to make of the world, where that is not the prediction."""
+    team, neglect = run.plan.team, prediction.neglect
+    if run.true_team is team or prediction.rms is None:
+        return None if neglect is None else neglect.expected
+    return expected_in_world(team, run.true_team, run.windows, run.duration)
 
 
 def _prediction(run: TrialRun) -> tuple[Prediction, Array | None]:

@@ -24,6 +24,7 @@ plan_report         plans
 loss_report         what losses do to a plan
 sites_report        choices of landmark sites
 state_errors_report  errors of states that are no poses
+truth_report        how a simulated world differs, and what that was expected to cost
 validation_notes    what the figures of a validation mean
 validation_report   validations and sweeps
 replay_notes        what the figures of a replay mean

@@ -7,6 +7,7 @@ from syncplan.flight.flight_options import GUIDANCES
 from syncplan.flight.flying import Flight
 from syncplan.phrases import listed, percent
 from syncplan.reports.flight_schemas import FlightDocument
+from syncplan.reports.truth_report import truth_note
 
 __all__ = ["notes_of"]
 
@@ -16,6 +17,7 @@ def notes_of(flight: Flight, report: FlightDocument) -> list[str]:
     return [
         f"guidance {report.guidance}: {GUIDANCES[report.guidance].sentence} Vehicles start where "
         "initial_sigma puts them, about the plan, and their estimates at the plan",
+        *_of_truth(report),
         *_of_conditions(flight),
         *_of_holds(flight),
         *_of_vehicles(report),
@@ -23,6 +25,16 @@ def notes_of(flight: Flight, report: FlightDocument) -> list[str]:
         *_of_filter(flight, report),
         *_of_guidance(report),
     ]
+
+
+def _of_truth(report: FlightDocument) -> Iterator[str]:
+    """How the simulated world differs from the scenario."""
+    own = report.overall
+    note = truth_note(
+        report.truth, report.expected_rms_m, own.rms_second_half_m, own.predicted_rms_m
+    )
+    if note is not None:
+        yield note
 
 
 def _of_conditions(flight: Flight) -> Iterator[str]:

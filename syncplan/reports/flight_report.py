@@ -26,6 +26,7 @@ from syncplan.reports.flight_schemas import (
 )
 from syncplan.reports.flight_series_report import flight_over_time
 from syncplan.reports.run_schemas import FilterRecord
+from syncplan.reports.truth_report import expected_in_truth, keys_in_truth
 from syncplan.reports.validation_report import spread_of
 from syncplan.reports.verdict_schemas import plan_verdict
 
@@ -42,6 +43,8 @@ def flight_document(flight: Flight) -> FlightDocument:
     document = FlightDocument(
         version=__version__,
         name=plan.scenario.name,
+        truth=keys_in_truth(plan),
+        expected_rms_m=expected_in_truth(plan, flight.expected),
         verdict=plan_verdict(plan.verdict),
         trials=result.trials,
         seed=found.seed,

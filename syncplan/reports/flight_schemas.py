@@ -1,12 +1,12 @@
 """The JSON contract of flights."""
 
-from typing import ClassVar, Literal
+from typing import Literal
 
 from pydantic import Field
 
 from syncplan.reports.document_base import DocumentPart
 from syncplan.reports.flight_series_schemas import FlightOverTime
-from syncplan.reports.run_schemas import Errors, FilterRecord, RunReport, Spread
+from syncplan.reports.run_schemas import Errors, FilterRecord, Spread, TrueWorldReport
 from syncplan.reports.verdict_schemas import PlanVerdict
 from syncplan.scenario.disturbances import ReadingsKind
 
@@ -156,10 +156,8 @@ class VehicleModel(DocumentPart):
     readings: ReadingsKind
 
 
-class FlightDocument(RunReport):
+class FlightDocument(TrueWorldReport):
     """Many flights of a plan, in closed loop."""
-
-    left_out_if_none: ClassVar[frozenset[str]] = frozenset({"series", "errors"})
 
     verdict: PlanVerdict = Field(description="Of the plan that was flown")
     trials: int

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, JsonValue
 
 from syncplan.errors import InputError
 from syncplan.estimation.filters import FilterName, MotionName
@@ -14,12 +14,15 @@ from syncplan.reports.verdict_schemas import PlanVerdict
 __all__ = [
     "ErrorFigures",
     "Errors",
+    "ExpectedErrors",
     "FilterRecord",
     "RunReport",
     "Series",
     "Spread",
     "SweepReport",
     "SweepRow",
+    "TrueKey",
+    "TrueWorldReport",
     "ValidationDocument",
     "VehicleFigures",
     "VehicleSeries",
@@ -148,10 +151,46 @@ class RunReport(VersionedDocument):
         return True
 
 
-class ValidationDocument(RunReport):
-    """A Monte Carlo run of the filter on a plan."""
+class TrueKey(DocumentPart):
+    """A key of the scenario of which the simulated world differs."""
 
-    left_out_if_none: ClassVar[frozenset[str]] = frozenset({"series", "errors"})
+    key: str = Field(examples=["wind.gust_sigma_mps"])
+    assumed: JsonValue = Field(
+        description="The scenario's value, which plan, prediction and filter take for true; null "
+        "where it gives none, a list where vehicles differ",
+        examples=[0.2],
+    )
+    true: JsonValue = Field(description="The simulated world's value", examples=[0.6])
+
+
+class ExpectedErrors(DocumentPart):
+    """RMS position error to be expected, second half: per vehicle and over all."""
+
+    overall: float
+    vehicles: dict[str, float]
+
+
+class TrueWorldReport(RunReport):
+    """A report of a run in a simulated world."""
+
+    left_out_if_none: ClassVar[frozenset[str]] = frozenset(
+        {"series", "errors", "truth", "expected_rms_m"}
+    )
+
+    truth: list[TrueKey] | None = Field(
+        default=None,
+        description="Keys of which the simulated world differs; absent where the scenario and the "
+        "request give no truth",
+    )
+    expected_rms_m: ExpectedErrors | None = Field(
+        default=None,
+        description="What the filter is to be expected to make of that world along the circles, by "
+        "a linear recursion; absent where there is no truth, or it was not computed",
+    )
+
+
+class ValidationDocument(TrueWorldReport):
+    """A Monte Carlo run of the filter on a plan."""
 
     verdict: PlanVerdict | None = Field(
         default=None, description="Of the plan that was flown; null in older files"

@@ -27,6 +27,7 @@ from syncplan.reports.run_schemas import (
     VehicleSeries,
 )
 from syncplan.reports.state_errors_report import series_of_states, state_errors_of
+from syncplan.reports.truth_report import expected_in_truth, keys_in_truth, truth_note
 from syncplan.reports.validation_notes import notes_on
 from syncplan.reports.verdict_schemas import plan_verdict
 
@@ -41,9 +42,13 @@ def validation_document(validation: Validation) -> ValidationDocument:
     plan = validation.plan
     result, overall = validation.result, _overall(validation)
     anees = spread_of(validation.anees)
+    truth, expected = keys_in_truth(plan), expected_in_truth(plan, validation.expected)
+    differs = truth_note(truth, expected, overall.rms_second_half_m, overall.predicted_rms_m)
     return ValidationDocument(
         version=__version__,
         name=plan.scenario.name,
+        truth=truth,
+        expected_rms_m=expected,
         verdict=plan_verdict(plan.verdict),
         trials=result.trials,
         seed=result.seed,
@@ -65,7 +70,7 @@ def validation_document(validation: Validation) -> ValidationDocument:
         anees=anees,
         nis=spread_of(validation.nis),
         series=_series(validation) if result.branches else None,
-        notes=notes_on(validation, overall, anees),
+        notes=[*filter(None, [differs]), *notes_on(validation, overall, anees)],
     )
 
 

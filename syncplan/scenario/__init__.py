@@ -11,6 +11,7 @@ rules                conditions between keys that JSON Schema cannot state
 polygon_rules        conditions on areas and obstacles
 models               the sections of a scenario: circles, formation, sensor
 disturbances         what disturbs vehicles and readings, what of it the filter estimates
+truths               what the simulated world has in place of the scenario's own
 formations           shapes by name, their centres and neighbours
 specification        the scenario as a whole
 dotted_keys          every key that holds a number: unit, limits, words

@@ -64,7 +64,7 @@ def _choice_or_names(value: Any) -> Any:
     return value
 
 
-_WALKS = {
+WALKS = {
     "position_random_walk_m_sqrt_s": "speed_sigma_mps",
     "angle_random_walk_rad_sqrt_s": "turn_rate_sigma_rad_s",
 }
@@ -128,7 +128,7 @@ class Motion(Section):
         if not isinstance(keys, dict):
             return keys
         keys = dict(keys)
-        for walk, sigma in _WALKS.items():
+        for walk, sigma in WALKS.items():
             if keys.get(walk) is not None:
                 keys.setdefault(sigma, None)
             elif sigma in keys and keys[sigma] is None:
@@ -137,7 +137,7 @@ class Motion(Section):
 
     @model_validator(mode="after")
     def _one_noise(self) -> Self:
-        for walk, sigma in _WALKS.items():
+        for walk, sigma in WALKS.items():
             if getattr(self, walk) is not None and getattr(self, sigma) is not None:
                 raise fault(walk, f"can't be combined with {sigma}; give one of the two")
         return self

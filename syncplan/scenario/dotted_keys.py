@@ -16,6 +16,7 @@ from syncplan.scenario.specification import Scenario
 __all__ = [
     "ALTERNATIVES",
     "IN_FLIGHT_ALONE",
+    "IN_TRUTH",
     "NumericKey",
     "nearest_keys",
     "numeric_keys",
@@ -44,6 +45,9 @@ ALTERNATIVES = (
 
 IN_FLIGHT_ALONE = ("motion.lag_s",)
 """Keys of which plans and validations, whose vehicles follow their circles, know nothing."""
+
+IN_TRUTH = "truth."
+"""Before keys of the simulated world."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +107,8 @@ def with_number(document: Mapping[str, Any], key: str, value: float) -> dict[str
     scenario gives instead of the key is left out: a random walk or the sigma of each reading.
     """
     number = int(value) if numeric_keys()[key].whole and float(value).is_integer() else value
-    others = {other.rpartition(".")[2] for pair in ALTERNATIVES if key in pair for other in pair}
+    own = key.removeprefix(IN_TRUTH)
+    others = {other.rpartition(".")[2] for pair in ALTERNATIVES if own in pair for other in pair}
     found: dict[str, Any] = _with(document, key.split("."), number, others)
     return found
 

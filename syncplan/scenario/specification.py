@@ -42,13 +42,13 @@ from syncplan.scenario.rules import (
     check_samples,
     check_shared_circles,
 )
+from syncplan.scenario.truths import CompassSigma, Truth, true_world
 
 __all__ = ["Scenario", "per_vehicle"]
 
 T = TypeVar("T")
 
 Duration = Annotated[float, Field(gt=0, le=1e9)]
-CompassSigma = Annotated[float, Field(ge=1e-6, le=math.pi)]
 
 
 class Scenario(Result, Section):
@@ -81,6 +81,12 @@ class Scenario(Result, Section):
         default=None, description="What the filter estimates beside the poses"
     )
     initial_sigma: InitialSigma = Field(default_factory=InitialSigma)
+    truth: Truth | None = Field(
+        default=None,
+        description="What the simulated world has in place of the scenario's own noise, errors, "
+        "sensors and limits, which plan, prediction and filter keep; nothing if not given",
+        examples=[{"wind": {"gust_sigma_mps": 0.6}}],
+    )
     duration_s: Duration = Field(
         default=200.0, description="Length of the run that errors are predicted for", examples=[200]
     )
@@ -169,6 +175,8 @@ class Scenario(Result, Section):
             check_links(formation.links or [], self.vehicle_names, self.centers, radii, ranges)
         if formation.placed and isinstance(orbit.direction, list):
             check_shared_circles(orbit.direction, self.vehicle_names, self.centers, radii)
+        if self.truth is not None:
+            true_world(self, self.truth, self.size)
         return self
 
     # --- what follows from the keys -----------------------------------------------------------
@@ -275,6 +283,11 @@ class Scenario(Result, Section):
         if isinstance(wanted, list):
             return [name for name in self.error_sigmas if name in wanted]
         return [] if wanted == "none" else list(self.error_sigmas)
+
+    @property
+    def in_truth(self) -> "Scenario":
+        """The scenario of the simulated world, which has the truth's keys in place of its own."""
+        return self if self.truth is None else true_world(self, self.truth, self.size)
 
     @property
     def _polygons(self) -> dict[str, Polygon]:

@@ -6,7 +6,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from syncplan.flight.flight_events import FlightEvents
-from syncplan.flight.flight_limits import FlightLimits
+from syncplan.flight.flight_limits import FlightLimits, FlownWorld
 from syncplan.flight.flight_options import FlightOptions
 from syncplan.flight.flown_team import FlownTeam, team_in_flight
 from syncplan.orbits.contacts import find_windows
@@ -79,12 +79,14 @@ class Flying:
 def flown_of(course: Course, made: Plan, how: Flying) -> FlownTeam:
     """Return the set-up of flights of a course's plan."""
     team = replace(made.team, errors=course.errors(how.air))
+    limits = FlightLimits.of(made.scenario, made.orbits)
     return team_in_flight(
         team,
         find_windows(team),
-        FlightLimits.of(made.scenario, made.orbits),
-        (how.lag, how.readings == "measured"),
+        limits,
+        FlownWorld(team, limits, how.lag, how.readings == "measured"),
         round(how.duration / team.sensors.sample_time),
         FlightOptions(trials=how.trials, seed=how.seed),
         FlightEvents(),
+        how.lag,
     )

@@ -58,6 +58,7 @@ def test_defaults_are_those_of_the_library_the_command_line_and_the_service() ->
         "substeps": 10,
         "gate_probability": None,
         "with_series": False,
+        "truth": None,
         "model": None,
     }
     assert ValidationRequest().run_options() == FilterOptions()

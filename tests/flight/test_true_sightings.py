@@ -101,6 +101,7 @@ def _behind(*obstacles: np.ndarray[Any, np.dtype[np.float64]]) -> Eyes:
         boresights=none,
         every=np.zeros((3, 0), dtype=np.int64),
         sigmas=np.zeros((3, 0)),
+        taken=np.zeros((3, 0)),
         detection=none,
         landmarks=np.zeros((0, 2)),
         corners=corners,

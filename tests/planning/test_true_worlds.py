@@ -1,0 +1,92 @@
+"""Validations and flights in a world that differs from the scenario."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from syncplan.estimation.bounds import posterior_bound
+from syncplan.estimation.considered_errors import expected_errors
+from syncplan.flight.flying import fly
+from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import plan
+from syncplan.planning.subjects import in_world
+from syncplan.planning.validation import validate
+from syncplan.reports.flight_report import flight_document
+from syncplan.reports.validation_report import validation_document
+from tests.tools.scenarios import changed
+
+SMALL: dict[str, Any] = {
+    "motion": {"speed_scale_sigma": 0.01, "turn_rate_bias_sigma_rad_s": 0.002},
+    "wind": {"sigma_mps": 0.3, "gust_sigma_mps": 0.05, "gust_time_s": 7.0},
+    "sensor": {"bearing_bias_sigma_rad": 0.01, "range_sigma_m": 0.3, "interval_s": 0.2},
+    "initial_sigma": {"position_m": 1.0, "heading_rad": 0.03},
+    "duration_s": 60.0,
+}
+
+
+@pytest.fixture(scope="module")
+def made() -> Plan:
+    return plan(changed("paper-grid-same", **SMALL), bound="always", pilot=False)
+
+
+def test_what_is_expected_is_the_bound_where_the_world_is_as_it_is_taken(made: Plan) -> None:
+    bound = posterior_bound(made.team, made.windows, 60.0)
+    found = expected_errors(made.team, made.windows, 60.0, true=made.team)
+    np.testing.assert_allclose(found.position_variance, bound.position_variance, rtol=1e-7)
+
+
+def test_gusts_that_are_followed_as_estimates_give_what_errors_of_gusts_give(made: Plan) -> None:
+    truth = {"wind": {"gust_time_s": 7.0 * (1.0 + 1e-12)}}
+    true = in_world(made, truth).true_team
+    assert true.errors.gust_time != made.team.errors.gust_time
+    bound = posterior_bound(made.team, made.windows, 60.0)
+    found = expected_errors(made.team, made.windows, 60.0, true=true)
+    np.testing.assert_allclose(found.position_variance, bound.position_variance, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "truth",
+    [
+        {"wind": {"gust_sigma_mps": 0.1}},
+        {"wind": {"gust_sigma_mps": 0.0}},
+        {"sensor": {"bearing_sigma_rad": 0.2, "range_sigma_m": 0.6}},
+        {"false_bearings": 0.01},
+    ],
+    ids=lambda truth: "-".join(truth),
+)
+def test_trials_in_a_world_find_what_is_expected_and_not_what_is_predicted(
+    made: Plan, truth: dict[str, Any]
+) -> None:
+    result = validate(made, trials=60, seed=3, filter="ekf", truth=truth)
+    assert result.expected is not None
+    assert result.predicted is not None
+    found, expected, predicted = (
+        float(np.sqrt(np.mean(one**2)))
+        for one in (result.accuracy.late_position, result.expected, result.predicted)
+    )
+    assert found == pytest.approx(expected, rel=0.06)
+    assert abs(np.log(expected / predicted)) > 0.1
+    report = validation_document(result).as_json()
+    assert report["truth"]
+    assert report["expected_rms_m"]["overall"] == pytest.approx(expected)
+
+
+def test_a_truth_of_the_scenarios_own_values_changes_nothing(made: Plan) -> None:
+    own = validate(made, trials=4, seed=3, filter="ekf")
+    same = validate(made, trials=4, seed=3, filter="ekf", truth={"wind": {"sigma_mps": 0.3}})
+    np.testing.assert_array_equal(same.accuracy.late_position, own.accuracy.late_position)
+    assert "truth" not in validation_document(own).as_json()
+    assert validation_document(same).truth == []
+
+
+def test_vehicles_fly_in_the_true_world_by_a_filter_that_knows_the_other(made: Plan) -> None:
+    plain = fly(made, trials=2, seed=1, filter="ekf")
+    true = fly(made, trials=2, seed=1, filter="ekf", truth={"sensor": {"bearing_sigma_rad": 0.3}})
+    assert true.run.team.team is made.team
+    assert true.run.team.setup.eyes.sigmas[0, 0] == 0.3
+    assert true.run.team.setup.eyes.taken[0, 0] == made.sensors.bearing_sigmas[0]
+    assert true.anees.value > 1.3 * plain.anees.value
+    assert flight_document(true).truth is not None
+    assert flight_document(true).expected_rms_m is not None
+    assert flight_document(plain).truth is None
