@@ -70,7 +70,7 @@ check-all: postgresql $(VENV)/.crosschecks check
 	docker/steps.sh
 
 # the longest first
-SEARCHES := survival contract upgrade sight-lines equipment clearances refinements robust counterexamples phases thrown flights holds start-up predictions batch recording losses lost consistency neglect
+SEARCHES := survival contract upgrade sight-lines equipment clearances refinements robust counterexamples phases thrown flights holds start-up predictions batch recording losses lost consistency neglect truth
 
 search-survival:        ARGUMENTS = 3 $(SEED)
 search-upgrade:         ARGUMENTS = 1 $(SEED)
@@ -93,6 +93,7 @@ search-sight-lines:     ARGUMENTS = 1500 $(SEED)
 search-contract:        ARGUMENTS = 500 $(SEED)
 search-losses:          ARGUMENTS = 40 $(SEED)
 search-lost:            ARGUMENTS = 8 $(SEED) --trials 30 --slack 0.1
+search-truth:           ARGUMENTS = 2 $(SEED) --trials 60
 search-counterexamples: ARGUMENTS = 10000 $(SEED)
 
 .PHONY: $(SEARCHES:%=search-%)

@@ -14,6 +14,7 @@ from api.limits import RequestLimits, check_trials
 from api.plan_texts import loaded_plan
 from syncplan.estimation.filters import MotionName
 from syncplan.planning.plan_files import Loaded
+from syncplan.planning.stress_tests import joined_worlds, stress_runs, stress_worlds
 from syncplan.planning.validation import TrialRun, Validation
 from syncplan.reports.run_schemas import ValidationDocument
 
@@ -37,13 +38,20 @@ class ValidationRequest(FilterRequest):
         examples=[0.999],
     )
     series: bool = Field(default=False, description="Add errors and sigmas over time")
+    stress: bool = Field(
+        default=False,
+        description="Validate in worse worlds too: each stated sigma doubled, one by one and all, "
+        "20 % of the sightings missed, 1 % of the bearings false",
+    )
 
     def work(self, subject: JobSubject, limits: RequestLimits) -> int:
         """Return the number of trials; raises InputError if it exceeds a limit."""
         assert isinstance(subject, Loaded)
-        check_trials(self.trials, subject.scenario.size, limits)
-        self.check_run(subject.scenario, limits)
-        return self.trials
+        scenario = subject.scenario
+        self.check_run(scenario, limits)
+        trials = self.trials * (1 + len(stress_worlds(scenario)) if self.stress else 1)
+        check_trials(trials, scenario.size, limits)
+        return trials
 
 
 @lru_cache(maxsize=2)
@@ -52,19 +60,25 @@ def _runs(spec: JobSpec) -> list[TrialRun]:
     from syncplan.planning.validation import trial_run
 
     assert spec.plan is not None
-    options = ValidationRequest.model_validate_json(spec.request).run_options()
-    return [trial_run(plan_of(loaded_plan(spec.plan), pilot=False), options)]
+    request = ValidationRequest.model_validate_json(spec.request)
+    plan, options = plan_of(loaded_plan(spec.plan), pilot=False), request.run_options()
+    if request.stress:
+        return list(stress_runs(plan, options).values())
+    return [trial_run(plan, options)]
 
 
 def _report(spec: JobSpec, concluded: Sequence[Validation]) -> JobReport:
     from syncplan.estimation.trial_archive import pack
-    from syncplan.reports.validation_report import validation_document
+    from syncplan.reports.validation_report import stress_document, validation_document
     from syncplan.runtime.files import as_text
 
-    (validation,) = concluded
-    return JobReport(
-        as_text(validation_document(validation).as_json()), trials=pack(validation.result)
-    )
+    nominal, *others = concluded
+    if others:
+        worlds = ["", *stress_worlds(nominal.plan.scenario)]
+        report = stress_document(joined_worlds(worlds, concluded))
+    else:
+        report = validation_document(nominal)
+    return JobReport(as_text(report.as_json()), trials=pack(nominal.result))
 
 
 VALIDATION = JobKind(

@@ -14,10 +14,8 @@ from syncplan.cli.arguments import (
     SubjectFile,
     Threads,
     Trials,
-    TruthKeys,
     beginning_with,
     numbers,
-    truth_of,
 )
 from syncplan.cli.console import (
     Format,
@@ -28,6 +26,7 @@ from syncplan.cli.console import (
 )
 from syncplan.cli.filter_arguments import DEFAULT_CHOICE, Choice, Gate
 from syncplan.cli.required_verdicts import RequireGo, RequireObservable, verdict_status
+from syncplan.cli.truth_option import TruthKeys, truth_of
 from syncplan.errors import InputError
 from syncplan.flight.flight_options import DEFAULT_GATE, GUIDANCES, FlightOptions
 

@@ -9,9 +9,17 @@ from syncplan.cli.console import say
 if TYPE_CHECKING:
     from syncplan.planning.findings import Verdict
     from syncplan.planning.judged_plan import Plan
+    from syncplan.planning.stress_tests import StressTest
     from syncplan.reports.verdict_schemas import PlanVerdict
 
-__all__ = ["RequireGo", "RequireObservable", "say_verdict", "verdict_status"]
+__all__ = [
+    "RequireGo",
+    "RequireObservable",
+    "RequireRobust",
+    "robust_status",
+    "say_verdict",
+    "verdict_status",
+]
 
 NOT_MET = 3
 
@@ -23,6 +31,22 @@ RequireObservable = Annotated[
 RequireGo = Annotated[
     bool, typer.Option("--require-go", help="Exit with 3 if a finding stops the flight")
 ]
+
+
+RequireRobust = Annotated[
+    bool,
+    typer.Option(
+        "--require-robust",
+        help="Exit with 3 if in some world of --stress the error is over 2.2 times that as stated",
+    ),
+]
+
+
+def robust_status(test: "StressTest") -> int:
+    """Return the exit status of a plan that is to be robust: 3 if it is not."""
+    for one in test.findings:
+        say(f"{one.message} (--require-robust)")
+    return NOT_MET if test.findings else 0
 
 
 def verdict_status(plan: "Plan", *, observable: bool, go: bool) -> int:

@@ -18,10 +18,7 @@ from syncplan.cli.arguments import (
     SubjectFile,
     Threads,
     Trials,
-    TruthKeys,
     numbers,
-    numeric_keys_from,
-    truth_of,
 )
 from syncplan.cli.console import (
     Format,
@@ -31,7 +28,14 @@ from syncplan.cli.console import (
     progress_bar,
 )
 from syncplan.cli.filter_arguments import DEFAULT_CHOICE, Choice, Gate
-from syncplan.cli.required_verdicts import RequireGo, RequireObservable, verdict_status
+from syncplan.cli.required_verdicts import (
+    RequireGo,
+    RequireObservable,
+    RequireRobust,
+    robust_status,
+    verdict_status,
+)
+from syncplan.cli.truth_option import TruthKeys, numeric_keys_from, truth_of
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filters import FORMER_NAMES
@@ -60,6 +64,14 @@ FormerOption = Annotated[
     typer.Option("--model", help="Former --filter: arc is ekf, euler is paper", hidden=True),
 ]
 Substeps = Annotated[int, typer.Option(help="Euler sub-steps per sample of the filter paper")]
+Stress = Annotated[
+    bool,
+    typer.Option(
+        "--stress",
+        help="Validate in worse worlds too: each stated sigma doubled, one by one and all, 20 % of "
+        "the sightings missed, 1 % of the bearings false",
+    ),
+]
 Connected = Annotated[
     bool,
     typer.Option(
@@ -104,15 +116,18 @@ def _validate(
     threads: Threads = None,
     require_observable: RequireObservable = False,
     require_go: RequireGo = False,
+    stress: Stress = False,
+    require_robust: RequireRobust = False,
     max_vehicles: MaxVehicles = None,
 ) -> int:
     """Run the filter on a plan: Monte Carlo errors beside the bound, and consistency."""
     from syncplan.estimation.trial_readings import needs_augmented
     from syncplan.planning.filter_choice import choose_filter
     from syncplan.planning.plan_files import load, plan_of
+    from syncplan.planning.stress_tests import stress_worlds, stressed
     from syncplan.planning.subjects import in_world
     from syncplan.planning.validation import validate
-    from syncplan.reports.validation_report import validation_document
+    from syncplan.reports.validation_report import stress_document, validation_document
     from syncplan.scenario.models import MAX_VEHICLES
 
     options = FilterOptions(
@@ -131,10 +146,19 @@ def _validate(
     chosen = choose_filter(flown, options).applied(options)
     true = in_world(flown, options.truth).true_team
     announce_compilation(chosen, [(true.count, needs_augmented(true))])
-    with progress_bar("trials", trials) as progress:
-        result = validate(flown, options, threads=threads, progress=progress)
-    deliver_document("validation", validation_document(result), output, format_)
-    return verdict_status(result.plan, observable=require_observable, go=require_go)
+    status = 0
+    if stress or require_robust:
+        worlds = len(stress_worlds(flown.scenario)) + 1
+        with progress_bar("trials", worlds * trials) as progress:
+            test = stressed(flown, options, threads=threads, progress=progress)
+        result, report = test.nominal, stress_document(test)
+        status = robust_status(test) if require_robust else 0
+    else:
+        with progress_bar("trials", trials) as progress:
+            result = validate(flown, options, threads=threads, progress=progress)
+        report = validation_document(result)
+    deliver_document("validation", report, output, format_)
+    return status or verdict_status(result.plan, observable=require_observable, go=require_go)
 
 
 def _with_options_of_swept_keys(command: Callable[..., int]) -> Callable[..., int]:

@@ -13,6 +13,7 @@ from syncplan.cli.state_tables import (
     further_states_table,
     merits_line,
 )
+from syncplan.cli.stress_tables import stress_table
 from syncplan.cli.verdict_lines import show_findings, show_verdict
 from syncplan.estimation.filters import FORMER_NAMES
 from syncplan.phrases import listed
@@ -119,6 +120,9 @@ def show_validation(report: ValidationDocument, console: Console) -> None:
     further = found_states_table(report)
     if further is not None:
         console.print(further)
+    worlds = stress_table(report)
+    if worlds is not None:
+        console.print(worlds)
     far, lost = report.overall.share_over_3_predicted, report.overall.share_over_10_predicted
     if far is not None and lost is not None:
         console.print(

@@ -10,8 +10,12 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Unpack
 
+import numpy as np
+
 from syncplan.estimation.filter_options import FilterChanges, FilterOptions, options_with
+from syncplan.phrases import listed
 from syncplan.planning.filter_choice import choose_filter
+from syncplan.planning.findings import MOST_NAMED, Cure, Finding
 from syncplan.planning.subjects import PlanSubject, in_world, planned
 from syncplan.planning.validation import TrialRun, Validation, conclude, run_part, trial_run
 from syncplan.scenario.dotted_keys import IN_TRUTH, numeric_keys
@@ -22,13 +26,16 @@ __all__ = [
     "StressTest",
     "StressedRow",
     "doubled_sigmas",
-    "stress",
+    "joined_worlds",
     "stress_runs",
     "stress_worlds",
     "stressed",
 ]
 
 FACTOR, MISSED, FALSE = 2.0, 0.2, 0.01
+
+MOST_HARM = 2.0 * 1.1
+"""Where all is linear, all sigmas doubled double the error; some more counts as no more."""
 
 ALL_SIGMAS, MISSES, FALSE_BEARINGS = "all sigmas doubled", "20 % missed", "1 % false bearings"
 
@@ -51,6 +58,13 @@ class StressedRow:
     validation: Validation
     harm: float
 
+    @property
+    def expected(self) -> float | None:
+        """RMS error of all vehicles to be expected, second half, in m; None if not computed."""
+        each = self.validation.expected
+        each = self.validation.predicted if each is None else each
+        return None if each is None else float(np.sqrt(np.mean(each**2)))
+
 
 @dataclass(frozen=True, slots=True)
 class StressTest:
@@ -58,6 +72,24 @@ class StressTest:
 
     nominal: Validation
     rows: tuple[StressedRow, ...]
+
+    @property
+    def fragile(self) -> tuple[StressedRow, ...]:
+        """The worlds that cost more than in proportion: over MOST_HARM times the error."""
+        return tuple(row for row in self.rows if row.harm > MOST_HARM)
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """The finding that some world costs more than in proportion; none where none does."""
+        if not self.fragile:
+            return ()
+        each = [f"{row.world}: {row.harm:.3g} times the error" for row in self.fragile]
+        message = (
+            f"stated values that are wrong cost over {MOST_HARM:g} times the error that they are "
+            f"stated for: {listed(each, MOST_NAMED)}"
+        )
+        cure = Cure("state sigmas as large as they may be, or estimate what is not")
+        return (Finding("not-robust", "warning", message, cure=cure),)
 
 
 def doubled_sigmas(scenario: Scenario) -> dict[str, dict[str, Any]]:
@@ -89,6 +121,7 @@ def _doubled(value: Any, path: list[str]) -> Any:
 
 def stress_worlds(scenario: Scenario) -> Mapping[str, dict[str, Any]]:
     """Return the truth of each world of a stress test, by what is worse there."""
+    scenario = scenario.in_truth
     each = doubled_sigmas(scenario)
     together: dict[str, Any] = {}
     for truth in each.values():
@@ -114,11 +147,11 @@ def stress_runs(
     chosen = options_with(options, changes)
     flown = in_world(planned(subject, pilot=False), chosen.truth)
     chosen = choose_filter(flown, chosen).applied(chosen)
-    worlds = {"": {}, **stress_worlds(flown.scenario.in_truth)}
+    worlds = {"": {}, **stress_worlds(flown.scenario)}
     return {name: trial_run(in_world(flown, truth), chosen) for name, truth in worlds.items()}
 
 
-def stressed(worlds: Sequence[str], results: Sequence[Validation]) -> StressTest:
+def joined_worlds(worlds: Sequence[str], results: Sequence[Validation]) -> StressTest:
     """Return the stress test of validations in these worlds, the first that as stated."""
     nominal, *others = results
     least = _late(nominal)
@@ -129,7 +162,7 @@ def stressed(worlds: Sequence[str], results: Sequence[Validation]) -> StressTest
     return StressTest(nominal, tuple(sorted(rows, key=lambda row: row.harm, reverse=True)))
 
 
-def stress(
+def stressed(
     subject: PlanSubject,
     options: FilterOptions | None = None,
     *,
@@ -148,7 +181,7 @@ def stress(
         before = len(found) * run.trials
         done = None if progress is None else _later(progress, before)
         found.append(conclude(run, [run_part(run, 0, run.trials, threads=threads, progress=done)]))
-    return stressed(list(runs), found)
+    return joined_worlds(list(runs), found)
 
 
 def _later(progress: Callable[[int], None], before: int) -> Callable[[int], None]:

@@ -232,6 +232,14 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "consistency_figure.consistency_spec",
             takes=_subject_in_style,
         ),
+        "stress": Figure(
+            "Stress",
+            "By how much the error grows in worlds that are worse than the scenario states.",
+            "run",
+            "stress_figure.stress_spec",
+            part="stress",
+            why_not="the report has no worse worlds (validate --stress adds them)",
+        ),
         "tracks": Figure(
             "Tracks",
             "True and estimated paths of a trial over the planned circles, with the filter's own "

@@ -14,6 +14,7 @@ flight_series_report  flights over time as documents
 flight_report       flights as documents
 loss_schemas        of what losses do to a plan
 state_error_schemas  of errors of states that are no poses
+truth_schemas       of worlds that differ from the scenario
 run_schemas         of validations and sweeps
 replay_schemas      of replays
 consistency_words   ANEES and NIS in words

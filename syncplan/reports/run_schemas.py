@@ -2,26 +2,26 @@
 
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, Field, JsonValue
+from pydantic import AfterValidator, Field
 
 from syncplan.errors import InputError
 from syncplan.estimation.filters import FilterName, MotionName
 from syncplan.planning.swept_keys import swept_key
 from syncplan.reports.document_base import Document, DocumentPart, VersionedDocument
 from syncplan.reports.state_error_schemas import StateErrorFigures, StateErrorSeries
+from syncplan.reports.truth_schemas import ExpectedErrors, TrueKey
 from syncplan.reports.verdict_schemas import PlanVerdict
 
 __all__ = [
     "ErrorFigures",
     "Errors",
-    "ExpectedErrors",
     "FilterRecord",
     "RunReport",
     "Series",
     "Spread",
+    "StressedWorld",
     "SweepReport",
     "SweepRow",
-    "TrueKey",
     "TrueWorldReport",
     "ValidationDocument",
     "VehicleFigures",
@@ -151,25 +151,6 @@ class RunReport(VersionedDocument):
         return True
 
 
-class TrueKey(DocumentPart):
-    """A key of the scenario of which the simulated world differs."""
-
-    key: str = Field(examples=["wind.gust_sigma_mps"])
-    assumed: JsonValue = Field(
-        description="The scenario's value, which plan, prediction and filter take for true; null "
-        "where it gives none, a list where vehicles differ",
-        examples=[0.2],
-    )
-    true: JsonValue = Field(description="The simulated world's value", examples=[0.6])
-
-
-class ExpectedErrors(DocumentPart):
-    """RMS position error to be expected, second half: per vehicle and over all."""
-
-    overall: float
-    vehicles: dict[str, float]
-
-
 class TrueWorldReport(RunReport):
     """A report of a run in a simulated world."""
 
@@ -189,8 +170,25 @@ class TrueWorldReport(RunReport):
     )
 
 
+class StressedWorld(DocumentPart):
+    """A world that is worse in one way than the scenario states."""
+
+    world: str = Field(examples=["wind.gust_sigma_mps doubled"])
+    truth: list[TrueKey] = Field(description="Keys of which it differs from the scenario")
+    rms_second_half_m: float = Field(description="Over all vehicles")
+    harm: float = Field(description="That over the one of the world as stated")
+    expected_rms_m: float | None = Field(
+        description="What was to be expected, by a linear recursion; null where not computed"
+    )
+    anees: Spread
+
+
 class ValidationDocument(TrueWorldReport):
     """A Monte Carlo run of the filter on a plan."""
+
+    left_out_if_none: ClassVar[frozenset[str]] = frozenset(
+        {"series", "errors", "truth", "expected_rms_m", "stress"}
+    )
 
     verdict: PlanVerdict | None = Field(
         default=None, description="Of the plan that was flown; null in older files"
@@ -208,6 +206,11 @@ class ValidationDocument(TrueWorldReport):
     )
     anees: Spread = Field(description="Of the poses alone")
     nis: Spread
+    stress: list[StressedWorld] | None = Field(
+        default=None,
+        description="Worlds that are worse than the scenario states, the most harmful first; "
+        "absent unless asked for",
+    )
     series: Series | None = None
     notes: list[str]
 

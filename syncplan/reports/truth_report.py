@@ -7,7 +7,7 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.phrases import listed
 from syncplan.planning.judged_plan import Plan
-from syncplan.reports.run_schemas import ExpectedErrors, TrueKey
+from syncplan.reports.truth_schemas import ExpectedErrors, TrueKey
 from syncplan.scenario.truths import changed_keys
 
 __all__ = ["expected_in_truth", "keys_in_truth", "truth_note"]

@@ -11,6 +11,8 @@ from syncplan.arrays import Array
 from syncplan.estimation.consistency import Consistency
 from syncplan.estimation.outlying_trials import TrialErrors
 from syncplan.estimation.trials import Accuracy, MonteCarloResult, series
+from syncplan.planning.findings import Verdict
+from syncplan.planning.stress_tests import StressTest
 from syncplan.planning.sweeps import ValidatedRow
 from syncplan.planning.swept_keys import swept_key
 from syncplan.planning.validation import Validation
@@ -20,6 +22,7 @@ from syncplan.reports.run_schemas import (
     FilterRecord,
     Series,
     Spread,
+    StressedWorld,
     SweepReport,
     SweepRow,
     ValidationDocument,
@@ -31,7 +34,7 @@ from syncplan.reports.truth_report import expected_in_truth, keys_in_truth, trut
 from syncplan.reports.validation_notes import notes_on
 from syncplan.reports.verdict_schemas import plan_verdict
 
-__all__ = ["series_of", "spread_of", "sweep_document", "validation_document"]
+__all__ = ["series_of", "spread_of", "stress_document", "sweep_document", "validation_document"]
 
 _FACTORS = (3.0, 10.0)
 """Multiples of the bound that the shares of trials are over."""
@@ -72,6 +75,24 @@ def validation_document(validation: Validation) -> ValidationDocument:
         series=_series(validation) if result.branches else None,
         notes=[*filter(None, [differs]), *notes_on(validation, overall, anees)],
     )
+
+
+def stress_document(test: StressTest) -> ValidationDocument:
+    """Return the report of a stress test: of the world as stated, with what others did."""
+    report = validation_document(test.nominal)
+    verdict = Verdict((*test.nominal.plan.verdict.findings, *test.findings))
+    worlds = [
+        StressedWorld(
+            world=row.world,
+            truth=keys_in_truth(row.validation.plan) or [],
+            rms_second_half_m=float(row.validation.accuracy.overall().late_position),
+            harm=row.harm,
+            expected_rms_m=row.expected,
+            anees=spread_of(row.validation.anees),
+        )
+        for row in test.rows
+    ]
+    return report.model_copy(update={"verdict": plan_verdict(verdict), "stress": worlds})
 
 
 def sweep_document(

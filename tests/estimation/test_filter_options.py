@@ -39,7 +39,7 @@ EVERY = FilterOptions(
 def test_keywords_requests_and_options_have_the_same_names() -> None:
     names = [field.name for field in fields(FilterOptions)]
     assert list(get_type_hints(FilterChanges)) == names == [*REQUEST_KEYS, "model"]
-    assert {*REQUEST_KEYS.values(), "model"} == set(ValidationRequest.model_fields)
+    assert {*REQUEST_KEYS.values(), "model", "stress"} == set(ValidationRequest.model_fields)
 
 
 def test_a_request_holds_every_option_and_gives_it_back() -> None:
