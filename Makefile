@@ -70,7 +70,7 @@ check-all: postgresql $(VENV)/.crosschecks check
 	docker/steps.sh
 
 # the longest first
-SEARCHES := survival contract upgrade sight-lines equipment clearances refinements robust counterexamples phases thrown flights holds start-up predictions batch recording losses lost consistency neglect truth
+SEARCHES := survival contract upgrade sight-lines equipment clearances refinements robust counterexamples phases thrown flights holds start-up predictions batch tuning recording losses lost consistency neglect truth
 
 search-survival:        ARGUMENTS = 3 $(SEED)
 search-upgrade:         ARGUMENTS = 1 $(SEED)

@@ -78,8 +78,10 @@ def _print_tuning(report: ReplayDocument, console: Console) -> None:
     if report.tuning is None:
         return
     before, after = report.tuning.before.model_dump(), report.tuning.after.model_dump()
+    refused = "" if report.tuning.accepted is not False else ", and refused"
     table = FittedTable(
-        f"fitted to the first {report.tuning.fitted_s:.1f} s", ("assumed", "before", "after")
+        f"fitted to the first {report.tuning.fitted_s:.1f} s{refused}",
+        ("assumed", "before", "after"),
     )
     for key, value in before.items():
         table.add_row(key, f"{value:.4g}", f"{after[key]:.4g}")

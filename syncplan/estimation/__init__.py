@@ -62,7 +62,10 @@ recorded_readings  a recording's readings at their own times
 recorded_run       a recording as a run of the filter
 online_replay      a recording through the filter step by step
 recorded_observability  when a recording's sightings determined all poses
-replay_tuning      sigmas and delay from a recording's innovations
+lasting_innovations  whether errors of a recording's sightings last
+withheld_sightings  how well settings predict sightings that the filter is not given
+fitted_settings    the table of what is fitted
+replay_tuning      sigmas and delay from a recording's sightings, and whether they are worth it
 replay_results     what a replay found
 replays            the filter on a recording
 replay_requests    the same as requests name it

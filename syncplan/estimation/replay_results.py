@@ -6,6 +6,7 @@ from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.estimation.consistency import Consistency
 from syncplan.estimation.filter_options import FilterOptions
+from syncplan.estimation.lasting_innovations import Lasting
 from syncplan.estimation.recorded_observability import SeenOverTime
 from syncplan.estimation.recorded_readings import Clock, LeftOut
 from syncplan.estimation.replay_settings import ReplaySettings
@@ -27,12 +28,14 @@ class KindCounts:
     used, rejected : number that the gate accepted, and that it did not
     left_out : those that the filter was not given
     nis : of the used ones
+    lasting : how their innovations add up
     """
 
     used: int
     rejected: int
     left_out: LeftOut
     nis: Consistency
+    lasting: Lasting
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +91,8 @@ class Replay(Result):
     counts : by name of the kind of sighting, of the kinds that were asked for
     lasting_errors : as the filter has them at the end
     seen : what windows of the sightings determined; None where none is judged
-    tuning : how sigmas and delay were fitted to what came before; None where they were not
+    tuning : how sigmas and delay were fitted to what came before, and whether the fit was taken;
+        None where they were not
     """
 
     log: Log

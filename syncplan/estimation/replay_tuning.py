@@ -1,4 +1,4 @@
-"""Sigmas and delay of a recording's sensors, from the innovations of its first third.
+"""Sigmas and delay of a recording's sensors, fitted to its first third and judged on the rest.
 
 The likelihood of what was seen, given what was seen before, is that of the filter's innovations:
 each has density N(nu; 0, S), and one that the gate rejects that of a reading that may be anything.
@@ -10,28 +10,44 @@ No truth is needed but for a start at it. In turn
     distance                     the best of many, the rest held
 
 Errors of sightings that last give innovations that are alike for seconds, which a likelihood of
-white ones does not see: the sum of k of them then scatters by more than root k. Where it does over
-blocks of BLOCK_S, by observer and target, the kind's sigma grows by as much.
+white ones does not see: where sums over blocks scatter more (`lasting_innovations`), the kind's
+sigma grows by as much. A likelihood of innovations is no judge either: what a fit is worth is seen
+on sightings of the rest that the filter is not given (`withheld_sightings`).
 
-Where the start is given, the rest starts where the filter with the fitted settings was then, as
-well known as its least known robot.
+What was given is the other candidate: the fit is taken where the rest's withheld sightings are
+likelier with it, beyond chance, and predicted no worse, or better where innovations are not white;
+otherwise it is refused, and the rest runs with what was given. It must be so beside what was given
+with the fitted delay, too: a right delay predicts bearings of robots that turn so much better that
+it would hide wrong sigmas.
 
-Source: Bar-Shalom, Li, Kirubarajan (2001), 5.4 (innovations) and 11.3; Nelder, Mead (1965).
+Where the start is given, the rest starts where the filter with the same settings was then, as well
+known as its least known robot.
+
+Source: Bar-Shalom, Li, Kirubarajan (2001), 11.3; Nelder, Mead (1965).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.errors import InputError, NoSolutionError
+from syncplan.estimation.consistency import recorded_nis
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filters import FILTERS
+from syncplan.estimation.fitted_settings import point_of, settings_at
+from syncplan.estimation.lasting_innovations import lasting_of
 from syncplan.estimation.recorded_run import FilteredRun, RecordedRun, filtered, run_of
 from syncplan.estimation.replay_settings import ReplaySettings
 from syncplan.estimation.trials import series
+from syncplan.estimation.withheld_sightings import (
+    WILD,
+    FitVerdict,
+    Predictions,
+    judged,
+    predictions_of,
+)
 from syncplan.orbits.bearings import BEARING
 from syncplan.orbits.distances import DISTANCE
 from syncplan.orbits.sighting_kinds import place_of
@@ -45,93 +61,81 @@ FIT_SHARE = 1.0 / 3.0
 MOST_RUNS = 200
 """Of the filter: of scans, both simplexes and what follows."""
 
+TURNS = 3
+"""A sighting is withheld in one of so many runs."""
+
 DELAYS = np.linspace(-0.5, 0.5, 11)
 RANGE_SIGMAS = np.geomspace(0.005, 5.0, 19)
 FEWEST_SIGHTINGS = 50
-WILD = 0.01
-"""Share of the readings that may be anything."""
-
-BLOCK_S = 10.0
-SURE = 3.0
-"""Standard errors beyond which innovations count as alike."""
-
-DELAY_UNIT = 0.25
-"""s: what the simplex takes for as far as a sigma e times as large."""
-
 STEP = 0.4
-RUNS_OF_SIMPLEX = 80
-OF_MOTION = ("speed_sigma", "turn_rate_sigma")
-LEAST = 1e-4
+RUNS_OF_SIMPLEX = 70
+MOTION = ("speed_sigma", "turn_rate_sigma")
 
 Progress = Callable[[int], None]
 
 
 @dataclass(frozen=True, slots=True)
 class Tuning:
-    """Settings fitted to the beginning of a recording.
+    """Settings fitted to the beginning of a recording, and whether they are worth it on the rest.
 
     Attributes
     ----------
-    before, after : settings
+    before, after : settings as given, and as fitted
+    used : of the two, those of the rest, for the rest
     duration : s, that was fitted to
     runs : of the filter
-    gain, gain_on_rest : by which the log-likelihood of a sighting grew, on average: of those
-        fitted to, and of the later ones
+    gain : by which the log-likelihood of a withheld sighting grew, on average over those that were
+        fitted to
+    verdict, beside_delay : on the rest: what the fit is worth beside what was given, and beside
+        that with no more than the fitted delay
     bearing_growth, range_growth : by what sigmas are larger as errors of sightings last, at least
         1; 1 for a kind that is not used
     """
 
     before: ReplaySettings
     after: ReplaySettings
+    used: ReplaySettings
     duration: float
     runs: int
     gain: float
-    gain_on_rest: float
+    verdict: FitVerdict
+    beside_delay: FitVerdict
     bearing_growth: float
     range_growth: float
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the rest runs with what was fitted."""
+        return self.verdict.is_better and self.beside_delay.is_better
 
 
 def tuned(
     log: Log, settings: ReplaySettings, options: FilterOptions, progress: Progress | None = None
 ) -> Tuning:
-    """Return settings whose sigmas and delay fit the first third of a recording.
+    """Return settings whose sigmas and delay fit the first third of a recording, and their worth.
 
     `progress` is called with the number of filter runs so far, MOST_RUNS at most. Raises InputError
     where too little was seen.
     """
     fit = _Fit(log, settings, options, progress)
-    first = fit.kinds[0]
-    key = "bearing_sigma" if first == BEARING_PLACE else "range_sigma"
-    # one kind alone: distances have errors that last longest
-    alone = replace(fit.settings, distances=first != BEARING_PLACE)
-    delays = [settings.delay, *(settings.delay + one for one in DELAYS.tolist() if one)]
-    costs = [fit.cost(replace(alone, delay=one)) for one in delays]
-    alone = replace(alone, delay=delays[int(np.argmin(costs))])
-    alone = fit.simplex(alone, (key, "speed_sigma", "turn_rate_sigma", "delay"))
-    growth = {first: fit.growth(alone, first)}
-    # what lasting errors of sightings explain, motion need not
-    alone = _at(alone, (key,), _point(alone, (key,)) + np.log(growth[first]))
-    alone = fit.simplex(alone, ("speed_sigma", "turn_rate_sigma"))
-    found = replace(alone, distances=settings.distances)
+    growth = dict.fromkeys((BEARING_PLACE, DISTANCE_PLACE), 1.0)
+    found = fit.of_motion_and(fit.kinds[0], growth)
     if len(fit.kinds) > 1:
-        trials = [replace(found, range_sigma=one) for one in RANGE_SIGMAS.tolist()]
-        found = trials[int(np.argmin([fit.cost(one) for one in trials]))]
-        growth[DISTANCE_PLACE] = fit.growth(found, DISTANCE_PLACE)
-        found = replace(found, range_sigma=found.range_sigma * growth[DISTANCE_PLACE])
-    rest: dict[str, Any] = {"portion": (FIT_SHARE, 1.0)}
-    before_rest, after_rest = replace(settings, **rest), replace(found, **rest)
-    if settings.start == "given":
-        end = fit.end(found)
-        before_rest, after_rest = end.as_start_of(before_rest), end.as_start_of(after_rest)
+        found = fit.of_distances(found, growth)
+    late = replace(fit.settings, delay=found.delay)
+    given, delayed, fitted = (fit.rest(one) for one in (fit.settings, late, found))
+    verdict, beside_delay = fit.verdicts((given, delayed), fitted)
     return Tuning(
         before=settings,
-        after=after_rest,
+        after=found,
+        used=fitted if verdict.is_better and beside_delay.is_better else given,
         duration=fit.duration,
         runs=fit.runs,
-        gain=fit.cost(fit.settings) - fit.cost(found),
-        gain_on_rest=fit.cost(before_rest) - fit.cost(after_rest),
-        bearing_growth=growth.get(BEARING_PLACE, 1.0),
-        range_growth=growth.get(DISTANCE_PLACE, 1.0),
+        gain=fit.gain(found),
+        verdict=verdict,
+        beside_delay=beside_delay,
+        bearing_growth=growth[BEARING_PLACE],
+        range_growth=growth[DISTANCE_PLACE],
     )
 
 
@@ -157,7 +161,7 @@ class _End:
 
 
 class _Fit:
-    """Runs of the filter on the beginning of a recording, counted."""
+    """Runs of the filter on a recording, counted."""
 
     def __init__(
         self,
@@ -179,15 +183,79 @@ class _Fit:
             raise InputError(problem, source=log.name)
         self.farthest = max(float(np.nanmax(one.ranges, initial=1.0)) for one in log.robots)
 
+    def of_motion_and(self, kind: int, growth: dict[int, float]) -> ReplaySettings:
+        """Settings fitted to one kind alone; its growth is set.
+
+        Errors of distances last longest, so motion is not fitted to them if there are bearings.
+        """
+        key = "bearing_sigma" if kind == BEARING_PLACE else "range_sigma"
+        alone = replace(self.settings, distances=kind != BEARING_PLACE)
+        delays = [alone.delay, *(alone.delay + one for one in DELAYS.tolist() if one)]
+        costs = [self.cost(replace(alone, delay=one)) for one in delays]
+        alone = replace(alone, delay=delays[int(np.argmin(costs))])
+        alone = self.simplex(alone, (key, *MOTION, "delay"))
+        growth[kind] = self.growth(alone, kind)
+        # what lasting errors of sightings explain, motion need not
+        alone = settings_at(alone, (key,), point_of(alone, (key,)) + np.log(growth[kind]))
+        alone = self.simplex(alone, MOTION)
+        return replace(alone, distances=self.settings.distances)
+
+    def of_distances(self, found: ReplaySettings, growth: dict[int, float]) -> ReplaySettings:
+        """Settings with the sigma of distances fitted as well; their growth is set."""
+        trials = [replace(found, range_sigma=one) for one in RANGE_SIGMAS.tolist()]
+        found = trials[int(np.argmin([self.cost(one) for one in trials]))]
+        growth[DISTANCE_PLACE] = self.growth(found, DISTANCE_PLACE)
+        return replace(found, range_sigma=found.range_sigma * growth[DISTANCE_PLACE])
+
+    def rest(self, settings: ReplaySettings) -> ReplaySettings:
+        """The settings for what was not fitted to."""
+        later = replace(settings, portion=(FIT_SHARE, 1.0))
+        if settings.start != "given":
+            return later
+        return self.end(settings).as_start_of(later)
+
+    def verdicts(
+        self, rivals: Sequence[ReplaySettings], fitted: ReplaySettings
+    ) -> list[FitVerdict]:
+        """What fitted settings are worth on the rest, beside each of others."""
+        found = self.of(fitted)
+        white = found is not None and self.is_white(fitted)
+        return [judged(self.of(one), found, white=white) for one in rivals]
+
+    def of(self, settings: ReplaySettings) -> Predictions | None:
+        """All predictions; None where the filter diverges."""
+        try:
+            return self.predictions(settings, tuple(range(TURNS)))
+        except (InputError, NoSolutionError):
+            return None
+
+    def is_white(self, settings: ReplaySettings) -> bool:
+        """Whether innovations are those of white noise: sums over blocks, and NIS."""
+        run, made = self.run(settings)
+        if any(lasting_of(run, made, kind).lasts for kind in self.kinds):
+            return False
+        result, gate = made.result, self.options.gate_probability
+        nis = recorded_nis(float(result.nis_sums[0]), int(result.accepted[0]), gate)
+        return nis.verdict == "consistent"
+
     def run(
         self, settings: ReplaySettings, *, with_series: bool = False
     ) -> tuple[RecordedRun, FilteredRun]:
         """The filter's run with settings."""
-        self.runs += 1
-        if self.progress is not None:
-            self.progress(min(self.runs, MOST_RUNS))
+        self.count(1)
         run = run_of(self.log, settings, self.options)
         return run, filtered(run, replace(self.options, with_series=with_series))
+
+    def count(self, runs: int) -> None:
+        """Count further runs of the filter."""
+        self.runs += runs
+        if self.progress is not None:
+            self.progress(min(self.runs, MOST_RUNS))
+
+    def predictions(self, settings: ReplaySettings, turns: tuple[int, ...]) -> Predictions:
+        """What settings predict of the sightings that the turns withhold."""
+        self.count(len(turns))
+        return predictions_of(self.log, settings, self.options, turns, TURNS, self.farthest)
 
     def end(self, settings: ReplaySettings) -> _End:
         """Where the filter with settings is at the end."""
@@ -200,7 +268,7 @@ class _Fit:
         )
 
     def cost(self, settings: ReplaySettings) -> float:
-        """The mean negative log-likelihood of a sighting; infinite where the filter diverges."""
+        """The mean negative log-likelihood of innovations; infinite where the filter diverges."""
         try:
             run, made = self.run(settings)
         except (InputError, NoSolutionError):
@@ -213,65 +281,28 @@ class _Fit:
         total += float(np.sum(np.log(WILD / wild[~used])))
         return -total / max(len(used), 1)
 
-    def simplex(self, start: ReplaySettings, keys: tuple[str, ...]) -> ReplaySettings:
-        """The settings near `start` of the least cost, in the named sigmas and the delay."""
+    def gain(self, after: ReplaySettings) -> float:
+        """What fitted settings are worth on what they were fitted to."""
+        return judged(self.of(self.settings), self.of(after), white=True).gain
+
+    def simplex(self, start: ReplaySettings, names: tuple[str, ...]) -> ReplaySettings:
+        """The settings near `start` of the least cost, in the named ones."""
         from scipy.optimize import minimize
 
-        def cost(point: Array) -> float:
-            try:
-                return self.cost(_at(start, keys, point))
-            except InputError:
-                return np.inf
-
-        begin = _point(start, keys)
+        begin = point_of(start, names)
         found = minimize(
-            cost,
+            lambda point: self.cost(settings_at(start, names, point)),
             begin,
             method="Nelder-Mead",
             options={
-                "initial_simplex": np.vstack([begin, begin + STEP * np.eye(len(keys))]),
+                "initial_simplex": np.vstack([begin, begin + STEP * np.eye(len(names))]),
                 "maxfev": RUNS_OF_SIMPLEX,
                 "xatol": 0.05,
                 "fatol": 1e-3,
             },
         )
-        return _at(start, keys, found.x)
+        return settings_at(start, names, found.x)
 
     def growth(self, settings: ReplaySettings, kind: int) -> float:
         """By what the sigma of a kind is larger as errors of its sightings last, at least 1."""
-        run, made = self.run(settings)
-        seen, used = run.sightings, (made.weights > 0.0) & (run.sightings.kinds == kind)
-        if not used.any():
-            return 1.0
-        scaled = (made.innovations * np.sqrt(made.weights))[used]
-        block = (seen.times[used] // BLOCK_S).astype(np.int64)
-        blocks = np.column_stack([seen.observers[used], seen.targets[used], block])
-        _, number = np.unique(blocks, axis=0, return_inverse=True)
-        sums = np.bincount(number.ravel(), scaled)
-        ratio = float(np.sum(sums**2) / np.sum(scaled**2))
-        # of white innovations the ratio is 1, give or take root of 2 / blocks
-        return float(np.sqrt(ratio)) if ratio > 1.0 + SURE * np.sqrt(2.0 / len(sums)) else 1.0
-
-
-def _point(settings: ReplaySettings, keys: tuple[str, ...]) -> Array:
-    """Logarithms of sigmas, and the delay in its unit."""
-    return np.array(
-        [
-            settings.delay / DELAY_UNIT
-            if key == "delay"
-            else np.log(max(getattr(settings.noise if key in OF_MOTION else settings, key), LEAST))
-            for key in keys
-        ]
-    )
-
-
-def _at(settings: ReplaySettings, keys: tuple[str, ...], point: Array) -> ReplaySettings:
-    """The settings at a point; raises InputError where a value is out of all bounds."""
-    given = dict(zip(keys, point.tolist(), strict=True))
-    values = {
-        key: value * DELAY_UNIT if key == "delay" else float(np.exp(value))
-        for key, value in given.items()
-    }
-    noise = {key: values.pop(key) for key in OF_MOTION if key in values}
-    changes: dict[str, Any] = {**values, "noise": replace(settings.noise, **noise)}
-    return replace(settings, **changes)
+        return lasting_of(*self.run(settings), kind).growth

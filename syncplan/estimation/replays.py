@@ -15,6 +15,7 @@ from syncplan.errors import InputError
 from syncplan.estimation.consistency import coverage, recorded_anees, recorded_nis
 from syncplan.estimation.filter_options import FilterChanges, FilterOptions, options_with
 from syncplan.estimation.filters import FOR_RECORDINGS
+from syncplan.estimation.lasting_innovations import lasting_of
 from syncplan.estimation.recorded_observability import seen_over_time
 from syncplan.estimation.recorded_readings import longest_gap
 from syncplan.estimation.recorded_run import FilteredRun, RecordedRun, Seen, filtered, run_of
@@ -87,14 +88,14 @@ def replay(
     estimated where its sigma is more than 0. Sightings are taken to be made `delay` s before
     they are recorded. `start` is "truth"; "prior", drawn about the truth by the start's sigmas and
     the `seed`; or "given", at `start_poses` (n, 3) m, m, rad: the one for recordings without truth,
-    whose errors are not known. `options`, or changes of it by
-    name, choose the filter: a sighting counts while it is within the gate of `gate_probability`,
-    0.999 if not given, where 1 accepts all; `with_series` keeps errors and sigmas over time. The
-    sightings of each `window` s are judged by rank and certificate, none where it is 0. `tune`
-    fits sigmas and delay to the first third, beginning with those given, and runs on the rest. A
-    recording is one trial: `trials` and `duration` have no effect. `progress` is called with the
-    number of sightings so far. Raises InputError naming the argument or the robot at fault, and
-    NoSolutionError where the filter diverges.
+    whose errors are not known. `options`, or changes of it by name, choose the filter: a sighting
+    counts while it is within the gate of `gate_probability`, 0.999 if not given, where 1 accepts
+    all; `with_series` keeps errors and sigmas over time. The sightings of each `window` s are
+    judged by rank and certificate, none where it is 0. `tune` fits sigmas and delay to the first
+    third, beginning with those given, and runs on the rest: with those given where the fit is no
+    better there. A recording is one trial: `trials` and `duration` have no effect. `progress` is
+    called with the number of sightings so far. Raises InputError naming the argument or the robot
+    at fault, and NoSolutionError where the filter diverges.
     """
     if noise is None:
         position_sigma, heading_sigma = START_SIGMAS.get(start, START_SIGMAS["truth"])
@@ -129,8 +130,8 @@ def replay_with(
     tuning: Tuning | None = None,
     progress: Seen | None = None,
 ) -> Replay:
-    """Return the replay that settings ask for, or those that were fitted; see `replay`."""
-    settings = settings if tuning is None else tuning.after
+    """Return the replay that settings ask for, or those that tuning chose; see `replay`."""
+    settings = settings if tuning is None else tuning.used
     run = run_of(log, settings, options)
     # without truth, estimates are what there is to report
     kept = replace(options, with_series=options.with_series or not run.has_truth)
@@ -145,6 +146,7 @@ def replay_with(
             rejected=len(squares) - used,
             left_out=left_out,
             nis=recorded_nis(float(squares.sum()), used, gate),
+            lasting=lasting_of(run, found, place),
         )
     return Replay(
         log=log,

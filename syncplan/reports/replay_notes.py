@@ -3,8 +3,10 @@
 import numpy as np
 
 from syncplan.arrays import Array
+from syncplan.estimation.consistency import Consistency
+from syncplan.estimation.lasting_innovations import BLOCK_S
 from syncplan.estimation.recorded_readings import longest_gap
-from syncplan.estimation.replay_results import Replay
+from syncplan.estimation.replay_results import KindCounts, Replay
 from syncplan.estimation.replay_tuning import Tuning
 from syncplan.phrases import listed
 from syncplan.reports.consistency_words import interval_words
@@ -27,6 +29,9 @@ MOST_BEARING_RAD = 6.5
 """Beyond a turn, with a little to spare."""
 
 MOST_NAMED = 8
+
+LEAST_FLOOR = 0.9
+"""Of a sigma: what lasting errors leave to be gained above it is nothing."""
 
 OTHER_CAUSES = "clocks, units or places do not fit"
 
@@ -57,20 +62,34 @@ def _truth_notes(replayed: Replay) -> list[str]:
 def _tuning_notes(tuning: Tuning | None) -> list[str]:
     if tuning is None:
         return []
+    verdict, kept = tuning.verdict, "the rest runs with those that were given"
     notes = [
         f"sigmas and delay are fitted to the first {tuning.duration:.1f} s, without truth; figures "
         "are of the rest"
     ]
-    if tuning.after.start == "given":
+    if tuning.used.start == "given":
         notes.append(
             "the rest starts where the filter was at the end of what sigmas were fitted to, as "
             "well known as its least known robot"
         )
-    if tuning.gain_on_rest < 0.0:
+    if not np.isfinite(verdict.gain):
+        if not tuning.accepted:
+            notes.append(f"the fit is refused, {kept}: the filter diverges with it")
+        return notes
+    if verdict.is_better and not tuning.accepted:
         notes.append(
-            "those that were given explain the rest better: the recording changes on its way, or "
-            "its first third shows too little"
+            f"the fit is refused, {kept}: a delay of {tuning.after.delay:.3g} s does as much by "
+            "itself; state it if sightings are that late"
         )
+        return notes
+    worth = (
+        f"sightings of the rest that the filter is not given are likelier by {verdict.gain:.3f} ± "
+        f"{verdict.gain_sigma:.3f} in the logarithm, and over {BLOCK_S:g} s they differ from "
+        f"predictions {verdict.error_ratio:.3f} ± {verdict.error_ratio_sigma:.3f} times as much"
+    )
+    if not verdict.white:
+        worth += "; innovations are not white, so likelier alone is not enough"
+    notes.append(worth if tuning.accepted else f"the fit is refused, {kept}: with it, {worth}")
     return notes
 
 
@@ -121,28 +140,49 @@ def _observability_notes(replayed: Replay) -> list[str]:
 
 def _consistency_notes(replayed: Replay) -> list[str]:
     settings = replayed.settings
-    notes = [] if replayed.from_truth is None else _error_notes(spread_of(replayed.anees))
+    notes = []
+    if replayed.from_truth is not None:
+        lasts = any(one.lasting.lasts for one in replayed.counts.values())
+        notes = _error_notes(spread_of(replayed.anees), replayed.nis, lasts=lasts)
     assumed = {
         "bearing": f"{settings.bearing_sigma:g} rad",
         "distance": f"{settings.range_sigma:g} m",
     }
     for name, count in replayed.counts.items():
         nis = spread_of(count.nis)
+        found, few = f"(NIS {interval_words(nis)})", f"their sigma may be less than {assumed[name]}"
         if nis.verdict == "optimistic":
             notes.append(
-                f"{name}s scatter more than the filter expects (NIS {interval_words(nis)}): their "
-                f"sigma may be more than {assumed[name]}"
+                f"{name}s scatter more than the filter expects {found}: their sigma may be more "
+                f"than {assumed[name]}"
+            )
+        elif nis.verdict == "conservative" and count.lasting.lasts:
+            notes.append(
+                f"{name}s scatter less than the filter expects {found}, but their errors last: "
+                f"sums over {BLOCK_S:g} s are {np.sqrt(count.lasting.ratio):.1f} times those of "
+                f"errors that do not; {_floor_words(count, few)}"
             )
         elif nis.verdict == "conservative":
-            notes.append(
-                f"{name}s scatter less than the filter expects (NIS {interval_words(nis)}): their "
-                f"sigma may be less than {assumed[name]}"
-            )
+            notes.append(f"{name}s scatter less than the filter expects {found}: {few}")
     return notes
 
 
-def _error_notes(anees: Spread) -> list[str]:
+def _floor_words(count: KindCounts, few: str) -> str:
+    """How far lasting errors let a sigma fall."""
+    floor = np.sqrt(count.nis.value * count.lasting.ratio)
+    if floor < LEAST_FLOOR:
+        return f"{few}, but no less than {floor:.1g} times that"
+    return "a smaller sigma would make the filter surer than it is"
+
+
+def _error_notes(anees: Spread, nis: Consistency, *, lasts: bool) -> list[str]:
     """What the ANEES shows."""
+    if anees.verdict == "optimistic" and nis.verdict != "optimistic" and lasts:
+        return [
+            f"the filter makes larger errors than its sigmas say (ANEES {interval_words(anees)}) "
+            f"though its innovations fit (NIS {nis.value:.2f}): the mark of sightings whose errors "
+            "last; larger sigmas of sightings make up for that, smaller ones do not"
+        ]
     if anees.verdict == "optimistic":
         return [
             f"the filter makes larger errors than its sigmas say (ANEES {interval_words(anees)}): "

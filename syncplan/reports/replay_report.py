@@ -121,11 +121,20 @@ def _tuning(tuning: Tuning) -> TuningRecord:
         runs=tuning.runs,
         before=_sigmas(tuning.before),
         after=_sigmas(tuning.after),
-        gain=tuning.gain,
-        gain_on_rest=tuning.gain_on_rest,
+        accepted=tuning.accepted,
+        gain=_finite(tuning.gain),
+        gain_on_rest=_finite(tuning.verdict.gain),
+        gain_on_rest_sigma=tuning.verdict.gain_sigma,
+        error_ratio=_finite(tuning.verdict.error_ratio),
+        error_ratio_sigma=tuning.verdict.error_ratio_sigma,
+        white=tuning.verdict.white,
         bearing_growth=tuning.bearing_growth,
         range_growth=tuning.range_growth,
     )
+
+
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None
 
 
 def _sigmas(settings: ReplaySettings) -> Sigmas:

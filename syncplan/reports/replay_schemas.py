@@ -152,17 +152,42 @@ class Sigmas(DocumentPart):
 
 
 class TuningRecord(DocumentPart):
-    """How sigmas and delay were fitted to the beginning of a recording, without its truth."""
+    """How sigmas and delay were fitted to the beginning of a recording, without its truth.
+
+    Gains are in the log-likelihood of a sighting that the filter is not given, on average.
+    """
 
     fitted_s: float = Field(description="Length of what was fitted to; figures are of the rest")
     runs: int = Field(description="Of the filter")
+    accepted: bool | None = Field(
+        default=None,
+        description="Whether the rest ran with what was fitted; with what was given if false. Null "
+        "in older files, where it always did",
+    )
     before: Sigmas
     after: Sigmas
-    gain: float = Field(
-        description="By which the log-likelihood of a sighting grew, on average over those fitted "
-        "to; the last enlargement of sigmas costs some of it"
+    gain: float | None = Field(
+        description="Over those fitted to; null where the filter diverges with what was given"
     )
-    gain_on_rest: float = Field(description="The same over the rest")
+    gain_on_rest: float | None = Field(
+        description="Over the rest, which the fit has not seen; null where the filter diverges"
+    )
+    gain_on_rest_sigma: float | None = Field(
+        default=None, description="Standard error of that; null in older files"
+    )
+    error_ratio: float | None = Field(
+        default=None,
+        description="RMS by which withheld sightings of the rest differ from predictions on "
+        "average over 10 s, fitted over given; null where the filter diverges, and in older files",
+    )
+    error_ratio_sigma: float | None = Field(
+        default=None, description="Standard error of that; null in older files"
+    )
+    white: bool | None = Field(
+        default=None,
+        description="Whether innovations of the rest are white, by NIS and sums over 10 s; if not, "
+        "only a smaller error makes a fit acceptable. Null in older files",
+    )
     bearing_growth: float = Field(
         description="By what the sigma of a bearing is larger as its errors last; at least 1"
     )

@@ -255,7 +255,8 @@ def test_sigmas_and_delay_are_found_without_truth(long: Log) -> None:
     assert after.noise.speed_sigma == pytest.approx(0.3, rel=0.3)
     assert after.noise.turn_rate_sigma == pytest.approx(0.05, rel=0.5)
     assert (found.bearing_growth, found.range_growth) == (1.0, 1.0)
-    assert min(found.gain, found.gain_on_rest) > 0.5
+    assert min(found.gain, found.verdict.gain) > 0.5
+    assert found.accepted
     assert found.runs <= MOST_RUNS
     # where robots truly are does not count, but for the start
     moved = changed(recorded, _truth_moved)
@@ -291,7 +292,9 @@ def test_a_replay_that_is_tuned_reports_the_rest(long: Log, tmp_path: Path, run:
     assert found.duration == pytest.approx(end * 2.0 / 3.0, abs=0.11)
     document = replay_document(found)
     assert document.tuning is not None
-    assert document.tuning.after.bearing_sigma_rad == document.filter.bearing_sigma_rad
+    tuning = document.tuning
+    chosen = tuning.after if tuning.accepted else tuning.before
+    assert chosen.bearing_sigma_rad == document.filter.bearing_sigma_rad
     assert document.tuning.before.bearing_sigma_rad == 0.01
     assert "fitted to the first 40.0 s, without truth; figures are of the rest" in document.notes[0]
     folder = write_recording(tmp_path / "brief", replace(ODD, duration=20.0), seed=2)

@@ -146,7 +146,7 @@ def test_fitted_sigmas_begin_the_rest_where_the_filter_was(known: Log, has_truth
     assert tuning is not None
     assert tuning.runs <= MOST_RUNS
     assert tuning.after.bearing_sigma == pytest.approx(0.02, rel=0.3)
-    assert tuning.gain_on_rest > 0.0
+    assert tuning.verdict.gain > 0.0
     assert replayed.duration == pytest.approx(26.0, abs=0.1)
     assert tuning.after.delay == pytest.approx(0.0, abs=0.03)
     noise = replace(replayed.noise, position_sigma=0.01, heading_sigma=0.01)
