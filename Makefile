@@ -70,7 +70,7 @@ check-all: postgresql $(VENV)/.crosschecks check
 	docker/steps.sh
 
 # the longest first
-SEARCHES := survival contract upgrade sight-lines equipment clearances refinements robust counterexamples phases thrown flights holds start-up predictions batch tuning recording losses lost consistency neglect truth
+SEARCHES := survival contract upgrade sight-lines equipment clearances refinements robust counterexamples phases thrown flights holds windy start-up predictions batch tuning recording losses lost consistency neglect truth
 
 search-survival:        ARGUMENTS = 3 $(SEED)
 search-upgrade:         ARGUMENTS = 1 $(SEED)
@@ -84,6 +84,7 @@ search-batch:           ARGUMENTS = 8 $(SEED)
 search-flights:         ARGUMENTS = 32 $(SEED) --draws 2 --losses 32 --plain 1 \
                         --teams 'same,side camera' --spare 1 --alike 0.1 --threads 1
 search-holds:           ARGUMENTS = 8 $(SEED)
+search-windy:           ARGUMENTS = 24 $(SEED) --most 1
 search-recording:       ARGUMENTS = 2
 search-consistency:     ARGUMENTS = 20 $(SEED)
 search-clearances:      ARGUMENTS = 6 $(SEED)

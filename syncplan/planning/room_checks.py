@@ -94,7 +94,7 @@ def meetings_uncertain(judged: JudgedTeam) -> Iterator[Finding]:
     )
     if unsure and without_links(judged, [(a, b) for _, a, b in unsure]).needed:
         names = [*judged.scenario.vehicle_names, *judged.scenario.landmark_names]
-        each = [f"{names[a]}-{names[b]} by {share:.2g} sigma" for share, a, b in unsure]
+        each = [f"{names[a]}-{names[b]} by {share:.3g} sigma" for share, a, b in unsure]
         yield Finding(
             "meetings-uncertain",
             "warning",

@@ -59,7 +59,7 @@ def over_limit(judged: JudgedTeam) -> Iterator[Finding]:
             (name,),
             Cure("change its radius, or the common rate"),
         )
-    yield from _over_limit_in_wind(_air_sigma(judged), high, sorted(kept, reverse=True))
+    yield from _over_limit_in_wind(_air_sigma(judged), high, sorted(kept, key=lambda one: -one[0]))
 
 
 def strong_wind(judged: JudgedTeam) -> Iterator[Finding]:
