@@ -158,6 +158,7 @@ class FlownTeam:
             drift=np.ascontiguousarray(drift),
             scales=own["speed_scale"],
             turn_biases=own["turn_rate_bias"],
+            clock_offsets=own["clock_offset"],
             bearing_shifts=np.zeros((1, n, lanes)) + errors.shifts("bearing"),
             speed_noise=np.ascontiguousarray(speeds.reshape(steps, n, lanes)),
             turn_noise=np.ascontiguousarray(turns.reshape(steps, n, lanes)),
@@ -204,7 +205,7 @@ class FlownTeam:
         return DrawnErrors({**errors.values, "wind": np.repeat(wind, lanes, axis=3)})
 
 
-_OWN = ("speed_scale", "turn_rate_bias")
+_OWN = ("speed_scale", "turn_rate_bias", "clock_offset")
 
 
 def team_in_flight(
