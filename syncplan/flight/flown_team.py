@@ -152,10 +152,9 @@ class FlownTeam:
         path[0] = planned - sigmas[:, None] * poses.reshape(n, 3, lanes)
         start = np.stack([circles.rate * circles.radii, circles.rate * circles.senses], axis=1)
         own = {name: np.zeros((n, lanes)) + errors.own(name) for name in _OWN}
-        drift = np.zeros((1, 1, 2, lanes)) + errors.drift()
         flown = Flown(
             path=path,
-            drift=np.ascontiguousarray(drift),
+            drift=np.ascontiguousarray(np.zeros((1, 1, 2, lanes)) + errors.drift()),
             scales=own["speed_scale"],
             turn_biases=own["turn_rate_bias"],
             clock_offsets=own["clock_offset"],
