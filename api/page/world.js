@@ -23,6 +23,7 @@ export const WORLD = {
     { path: "motion.angle_random_walk_rad_sqrt_s", label: "Angle random walk", unit: "rad/√s", min: 0 },
     { path: "motion.speed_scale_sigma", label: "Speed scale sigma", min: 0 },
     { path: "motion.turn_rate_bias_sigma_rad_s", label: "Turn-rate bias sigma", unit: "rad/s", min: 0 },
+    { path: "motion.clock_offset_sigma_s", label: "Clock offset sigma", unit: "s", min: 0 },
   ],
   "Wind or current": [
     { path: "wind.sigma_mps", label: "Wind sigma", unit: "m/s", min: 0 },

@@ -35,6 +35,7 @@ extended_filter    the extended Kalman filter of poses
 augmented_frame    the covariance with further states, in an earlier frame
 augmented_prediction  its prediction with further states
 augmented_rows     rows of sightings in that frame
+augmented_clocks   sightings whose stamps are off
 augmented_curvature  second-order noise with further states
 augmented_correction  its correction with further states
 augmented_statistics  its statistics with further states

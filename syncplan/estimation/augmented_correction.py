@@ -8,15 +8,15 @@ is read of P, and P is corrected by all of them in one sweep.
 import math
 
 from syncplan.arrays import Array, Index
+from syncplan.estimation.augmented_clocks import sight_as_stamped
 from syncplan.estimation.augmented_curvature import curved_variances
-from syncplan.estimation.augmented_frame import BIAS, GUST, SCALE, TURN, WALK, WIND, Frame
+from syncplan.estimation.augmented_frame import BIAS, CLOCK, GUST, SCALE, TURN, WALK, WIND, Frame
 from syncplan.estimation.augmented_rows import Sparse, dot, multiply, refer
 from syncplan.estimation.augmented_setup import (
     AugmentedReadings,
     AugmentedSetup,
     AugmentedStatistics,
 )
-from syncplan.estimation.batched_filter import sighting_lanes
 from syncplan.estimation.filter_setup import BEARING_KIND
 from syncplan.estimation.lane_filter import Lanes, compiled, inner
 from syncplan.estimation.lane_statistics import subtract_outer
@@ -56,24 +56,24 @@ def correct_augmented(
 ) -> None:
     """Correct state and P by the sightings of a step, one after another, and count them.
 
-    `seen` are scratch for a sighting's slopes (3, lanes), innovation (lanes,) and, zero at first,
+    `seen` are scratch for a sighting's slopes (4, lanes), innovation (lanes,) and, zero at first,
     second-order variance (lanes,), `row` for its row, `halves` for u and gain,
     (AT_ONCE, 3n + e, lanes) each.
     """
     poses, pending = setup.poses, 0
     places, expected, is_off = about
+    at, read = (places, expected), (readings.speeds[step - 1], readings.turn_rates[step - 1])
     for s in range(poses.first[step], poses.first[step + 1]):
         o, t, z, kind = poses.observers[s], poses.targets[s], readings.sightings[s], poses.kinds[s]
         slopes, innovation, further = seen
         if poses.second_order:
             curved_variances(kind, x, o, t, P, pending, setup, frame, halves, further, lanes)
-        sighting_lanes(kind, places, o, t, poses.landmarks, z, slopes, innovation, lanes)
-        shifted = kind == BEARING_KIND
-        if shifted:
+        sight_as_stamped(kind, at, o, t, z, setup, read, slopes, innovation, lanes)
+        if kind == BEARING_KIND:
             expect_shift(expected, setup.columns[o], 3 * len(x), innovation, lanes)
         if is_off:
-            _expect_off(x, errors, o, t, shifted, setup.columns[o], slopes, innovation, lanes)
-        entries = refer(slopes, o, t, shifted, setup, frame, row, lanes)
+            _expect_off(x, errors, o, t, kind, setup.columns[o], slopes, innovation, lanes)
+        entries = refer(slopes, o, t, kind, setup, frame, row, lanes)
         u, gain = halves[0][pending], halves[1][pending]
         multiply(P, row, entries, u, lanes)
         for j in range(pending):
@@ -101,7 +101,7 @@ def _expect_off(
     errors: Array,
     o: int,
     t: int,
-    shifted: bool,
+    kind: int,
     own: Index,
     slopes: Array,
     innovation: Array,
@@ -113,10 +113,12 @@ def _expect_off(
         off = a * x[o, 0, lane] + b * x[o, 1, lane] + slopes[2, lane] * x[o, 2, lane]
         if t < len(x):
             off -= a * x[t, 0, lane] + b * x[t, 1, lane]
-        if shifted and own[BIAS] >= 0:
+        if kind == BEARING_KIND and own[BIAS] >= 0:
             off += errors[own[BIAS] - 3 * len(x), lane]
-        if shifted and own[WALK] >= 0:
+        if kind == BEARING_KIND and own[WALK] >= 0:
             off += errors[own[WALK] - 3 * len(x), lane]
+        if own[CLOCK] >= 0:
+            off += slopes[3, lane] * errors[own[CLOCK] - 3 * len(x), lane]
         innovation[lane] -= off
 
 

@@ -43,9 +43,9 @@ def curved_variances(
     east, north = np.zeros((MOST_ENTRIES, width)), np.zeros((MOST_ENTRIES, width))
     slopes = np.zeros((3, width))
     slopes[0] = 1.0
-    refer(slopes, observer, target, False, setup, frame, (columns, east), lanes)
+    refer(slopes, observer, target, -1, setup, frame, (columns, east), lanes)
     slopes[0], slopes[1] = 0.0, 1.0
-    count = refer(slopes, observer, target, False, setup, frame, (columns, north), lanes)
+    count = refer(slopes, observer, target, -1, setup, frame, (columns, north), lanes)
     spread = np.zeros((3, width))
     _spread(P, columns, east, north, count, spread, lanes)
     for j in range(pending):

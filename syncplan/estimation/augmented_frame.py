@@ -13,6 +13,7 @@ from syncplan.estimation.lane_filter import Lanes, compiled
 
 __all__ = [
     "BIAS",
+    "CLOCK",
     "GUST",
     "OWN",
     "SCALE",
@@ -29,10 +30,10 @@ Frame = tuple[Array, Array, Array]
 bias and by speed scale; (2,) the time since in s, and the way in m that a gust of 1 m/s then has
 blown since; and (e,) the share that is left of each further state, 1 of constants."""
 
-WIND, SCALE, TURN, BIAS, GUST, WALK = 0, 2, 3, 4, 5, 7
+WIND, SCALE, TURN, BIAS, GUST, WALK, CLOCK = 0, 2, 3, 4, 5, 7, 8
 """Places in a row of AugmentedSetup.columns; wind and gusts take two each."""
 
-OWN = 8
+OWN = 9
 """Places of such a row."""
 
 
@@ -130,7 +131,7 @@ def _carry(
         _carry_column(P, r, k, own, age, since, lanes)
     turn_block(P, r, since, lanes)
     for s in range(len(own)):
-        if own[s] >= 0 and s not in (BIAS, WALK):
+        if own[s] >= 0 and s not in (BIAS, WALK, CLOCK):
             _add_errors_part(P, r, s, own[s], age, since, before[s], lanes)
 
 

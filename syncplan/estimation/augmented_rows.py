@@ -6,21 +6,23 @@ observer
     heading  h_psi - h_x Y + h_y X      scale  h_x X_s + h_y Y_s     gust  blown h
     bias     h_x X_b + h_y Y_b + h_psi t                             wind  t h
     bearing bias   1, of a bearing                                   bearing walk  what is left
+    clock    d reading / dt: `augmented_clocks`
 
 and for the target likewise, with -h_x and -h_y; of a common wind, which moves both alike, nothing
 is left. Where these states are columns of P: `augmented_setup`; the frame: `augmented_frame`.
 """
 
 from syncplan.arrays import Array, Index
-from syncplan.estimation.augmented_frame import BIAS, GUST, SCALE, TURN, WALK, WIND, Frame
+from syncplan.estimation.augmented_frame import BIAS, CLOCK, GUST, SCALE, TURN, WALK, WIND, Frame
 from syncplan.estimation.augmented_setup import AugmentedSetup
+from syncplan.estimation.filter_setup import BEARING_KIND
 from syncplan.estimation.lane_filter import Lanes, inner
 
 __all__ = ["MOST_ENTRIES", "Sparse", "dot", "multiply", "refer"]
 
-MOST_ENTRIES = 18
+MOST_ENTRIES = 21
 """Of a row: three of each pose, two of the wind, four of each vehicle's errors, a bearing's bias
-and walk; and a multiple of three."""
+and walk, a clock offset; and a multiple of three."""
 
 Sparse = tuple[Index, Array]
 """A row: columns (MOST_ENTRIES,) and entries (MOST_ENTRIES, lanes)."""
@@ -31,7 +33,7 @@ def refer(
     slopes: Array,
     o: int,
     t: int,
-    shifted: bool,
+    kind: int,
     setup: AugmentedSetup,
     frame: Frame,
     row: Sparse,
@@ -39,17 +41,21 @@ def refer(
 ) -> int:
     """Fill in the row in P's frame; return how many entries it has, a multiple of three.
 
-    `shifted` is whether the observer's bearing errors are part of what is read.
+    `kind` is that of the sighting, -1 of a function of poses that is none. The slopes are by the
+    observer's pose and, the fourth, by its clock offset where it has one.
     """
     columns, entries = row
     since, age, left = frame
     count = _refer_vehicle(slopes, o, 1.0, 1.0, setup.columns[o], since[o], age, row, 0, lanes)
     bias, walk = setup.columns[o, BIAS], setup.columns[o, WALK]
-    if shifted and bias >= 0:
+    if kind == BEARING_KIND and bias >= 0:
         columns[count], entries[count] = bias, 1.0
         count += 1
-    if shifted and walk >= 0:
+    if kind == BEARING_KIND and walk >= 0:
         columns[count], entries[count] = walk, left[walk - 3 * len(since)]
+        count += 1
+    if kind >= 0 and setup.columns[o, CLOCK] >= 0:
+        columns[count], entries[count] = setup.columns[o, CLOCK], slopes[3]
         count += 1
     if t >= len(since) or t == o:
         for axis in range(2):

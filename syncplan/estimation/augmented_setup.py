@@ -34,8 +34,8 @@ class AugmentedSetup(NamedTuple):
     Fields
     ------
     poses : as of a filter of poses alone; its true headings are not used
-    columns : (n, 8) place in the state of each vehicle's wind x, wind y, speed scale, turn-rate
-        bias, bearing bias, gust x, gust y and bearing walk; -1 where there is none
+    columns : (n, 9) place in the state of each vehicle's wind x, wind y, speed scale, turn-rate
+        bias, bearing bias, gust x, gust y, bearing walk and clock offset; -1 where there is none
     variances : (e,) of the further states at the start
     first_changing : place of the first of them that is no constant; all after it change, too
     decays : (e,) share of each that is left after a sample, 1 of constants; what it gains keeps
@@ -95,7 +95,7 @@ class AugmentedStatistics(NamedTuple):
 
 
 def columns_of(layout: StateLayout) -> Index:
-    """Return (n, 8) where each vehicle's errors are in the state, as AugmentedSetup has them."""
+    """Return (n, 9) where each vehicle's errors are in the state, as AugmentedSetup has them."""
     found = [
         layout.columns.get(name, np.full((layout.count, len(state.axes)), -1, dtype=np.int64))
         for name, state in ERROR_STATES.items()
@@ -119,7 +119,7 @@ def without_errors(poses: FilterSetup) -> AugmentedSetup:
     n = len(poses.initial_variances)
     return AugmentedSetup(
         poses=poses,
-        columns=np.full((n, 8), -1, dtype=np.int64),
+        columns=np.full((n, 9), -1, dtype=np.int64),
         variances=np.zeros(0),
         first_changing=3 * n,
         decays=np.ones(0),

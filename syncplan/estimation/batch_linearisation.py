@@ -17,6 +17,7 @@ import math
 import numpy as np
 
 from syncplan.arrays import Array
+from syncplan.estimation.augmented_clocks import Read
 from syncplan.estimation.augmented_correction import (
     AT_ONCE,
     correct_covariance,
@@ -72,7 +73,7 @@ def linear_pass(
     mean, frame = np.empty((size, width)), frame_of(setup, lanes)
     slopes, before = np.empty((12, width)), np.empty((OWN, 3, width))
     speeds, turn_rates = np.empty((n, width)), np.empty((n, width))
-    scratch = np.empty((AT_ONCE, size, width)), np.empty((3, width)), np.empty(width)
+    scratch = np.empty((AT_ONCE, size, width)), np.empty((4, width)), np.empty(width)
     found.cost[:], found.linear_cost[:] = 0.0, 0.0
     add_prior_cost(prior, path, found.cost, lanes)
     for k in range(size):
@@ -98,7 +99,8 @@ def linear_pass(
         found.blown[k], found.lefts[k] = frame[1][1], frame[2]
         change(errors, setup, motion.time, path.changes[k], found.cost, lanes)
         _add_changes(P, mean, setup, motion.time, path.changes[k], frame, lanes)
-        _take_in(x, errors, P, mean, k, setup, window, frame, scratch, found, lanes)
+        read = speeds, turn_rates
+        _take_in(x, errors, P, mean, k, setup, window, read, frame, scratch, found, lanes)
     correct_state(x, errors, mean, np.ones(width), setup, frame, lanes)
     bring_to_now(P, setup, frame, before, lanes)
     return x, errors, P
@@ -179,6 +181,7 @@ def _take_in(
     k: int,
     setup: AugmentedSetup,
     window: Window,
+    read: Read,
     frame: Frame,
     scratch: tuple[Array, Array, Array],
     found: Linearised,
@@ -191,10 +194,10 @@ def _take_in(
     done = first
     for s in range(first, last):
         place = s - begin
-        shifted = innovate(x, errors, s, begin, setup, window, seen, innovation, lanes)
+        kind = innovate(x, errors, s, begin, setup, window, read, seen, innovation, lanes)
         row = found.columns[place], found.entries[place]
         o, t = poses.observers[s], poses.targets[s]
-        count = refer(seen, o, t, shifted, setup, frame, row, lanes)
+        count = refer(seen, o, t, kind, setup, frame, row, lanes)
         found.counts[place] = count
         u, gain, pending = us[s - done], found.gains[place], s - done
         multiply(P, row, count, u, lanes)

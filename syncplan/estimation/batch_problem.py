@@ -13,10 +13,11 @@ from typing import NamedTuple
 import numpy as np
 
 from syncplan.arrays import Array, Index
+from syncplan.estimation.augmented_clocks import Read, sight_as_stamped
 from syncplan.estimation.augmented_correction import expect_shift
 from syncplan.estimation.augmented_prediction import gained, kept, move
 from syncplan.estimation.augmented_setup import AugmentedSetup
-from syncplan.estimation.batched_filter import motion_in, sighting_lanes
+from syncplan.estimation.batched_filter import motion_in
 from syncplan.estimation.filter_setup import BEARING_KIND, MotionModel
 from syncplan.estimation.lane_filter import Lanes, compiled
 
@@ -132,8 +133,9 @@ def trajectory_cost(
     poses, n, width = setup.poses, len(path.poses), len(lanes)
     x, errors, cost = path.poses.copy(), path.errors.copy(), np.zeros(width)
     slopes = np.empty((12, width))
-    seen, innovation = np.empty((3, width)), np.empty(width)
+    seen, innovation = np.empty((4, width)), np.empty(width)
     speeds, turn_rates = np.empty((n, width)), np.empty((n, width))
+    read = speeds, turn_rates
     begin = first_sighting(setup, window)
     add_prior_cost(prior, path, cost, lanes)
     for k in range(len(path.speeds)):
@@ -143,7 +145,7 @@ def trajectory_cost(
             move(x, errors, i, speeds, turn_rates, motion, setup.columns[i], slopes, lanes)
         change(errors, setup, motion.time, path.changes[k], cost, lanes)
         for s in range(poses.first[window.begin + k + 1], poses.first[window.begin + k + 2]):
-            innovate(x, errors, s, begin, setup, window, seen, innovation, lanes)
+            innovate(x, errors, s, begin, setup, window, read, seen, innovation, lanes)
             for lane in range(width):
                 off = innovation[lane] * innovation[lane]
                 off /= poses.variances[s] * window.temper[lane]
@@ -225,23 +227,22 @@ def innovate(
     begin: int,
     setup: AugmentedSetup,
     window: Window,
+    read: Read,
     seen: Array,
     innovation: Array,
     lanes: Lanes,
-) -> bool:
-    """Fill in slopes (3, lanes) and innovation (lanes,); return whether it is a bearing.
+) -> int:
+    """Fill in slopes (4, lanes) and innovation (lanes,); return the kind of the sighting.
 
     The window's sightings are those from `begin` on.
     """
     poses = setup.poses
     o, t, kind = poses.observers[s], poses.targets[s], poses.kinds[s]
-    sighting_lanes(
-        kind, x, o, t, poses.landmarks, window.sightings[s - begin], seen, innovation, lanes
-    )
-    shifted = kind == BEARING_KIND
-    if shifted:
+    measured = window.sightings[s - begin]
+    sight_as_stamped(kind, (x, errors), o, t, measured, setup, read, seen, innovation, lanes)
+    if kind == BEARING_KIND:
         expect_shift(errors, setup.columns[o], 3 * len(x), innovation, lanes)
-    return bool(shifted)
+    return int(kind)
 
 
 @compiled

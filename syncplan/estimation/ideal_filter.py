@@ -190,7 +190,7 @@ def _filter(
     slopes, before = np.empty((12, width)), np.empty((OWN, 3, width))
     halves = (np.empty((AT_ONCE, size, width)), np.empty((AT_ONCE, size, width)))
     row = (np.zeros(MOST_ENTRIES, dtype=np.int64), np.zeros((MOST_ENTRIES, width)))
-    seen = (np.empty((3, width)), np.empty(width), np.zeros(width))
+    seen = (np.empty((4, width)), np.empty(width), np.zeros(width))
     frame = frame_of(setup, lanes)
     block = np.empty((3 * n, 3 * n, width))
     scratch = (np.empty((3 * n, width)), np.empty_like(block), halves[0][0], halves[1][0])

@@ -51,6 +51,7 @@ WIDE_UP_TO = 60
 """Largest team filtered in wide lanes; above they gain nothing and cost sixteenfold memory."""
 
 KERNEL_FILES = (
+    "augmented_clocks.py",
     "augmented_correction.py",
     "augmented_curvature.py",
     "augmented_frame.py",

@@ -17,10 +17,10 @@ import math
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.estimation.augmented_frame import BIAS, GUST, SCALE, TURN, WALK
+from syncplan.estimation.augmented_frame import BIAS, CLOCK, GUST, SCALE, TURN, WALK
 from syncplan.estimation.augmented_setup import AugmentedSetup
 from syncplan.estimation.reference_filter import displacement, displacement_jacobian
-from syncplan.orbits.circles import perpendicular, wrap
+from syncplan.orbits.circles import perpendicular, unit, wrap
 from syncplan.orbits.error_states import ERROR_STATES
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 
@@ -32,6 +32,9 @@ __all__ = [
     "transition_of",
     "update_state",
 ]
+
+Read = tuple[Array, Array]
+"""Speeds and turn rates (n,) that are read, m/s and rad/s."""
 
 
 def covariance_at_start(setup: AugmentedSetup) -> Array:
@@ -102,31 +105,68 @@ def predict_state(
 
 
 def sighted(
-    state: Array, kind: int, observer: int, target: int, setup: AugmentedSetup
+    state: Array,
+    kind: int,
+    observer: int,
+    target: int,
+    setup: AugmentedSetup,
+    read: Read | None = None,
 ) -> tuple[float, Array]:
     """Return what a sighting is expected to be and its derivative (3n + e,) by the state.
 
     `kind` is its place in SIGHTING_KINDS; targets from n on are landmarks. Angles are not wrapped.
+    `read`, speeds and turn rates (n,) at the time, is needed where a clock offset is a state.
     """
     n, o, t = len(setup.columns), 3 * observer, 3 * target
     name, what = list(SIGHTING_KINDS.items())[kind]
-    place = state[t : t + 2] if target < n else setup.poses.landmarks[target - n]
-    q = place - state[o : o + 2]
-    value, row = float(what.measured(q, state[o + 2])), np.zeros(len(state))
+    clock = int(setup.columns[observer, CLOCK])
+    span = float(state[clock]) if clock >= 0 else 0.0
+    here, own_rate = _later(state, observer, span, setup, read)
+    there, rate = here, own_rate
+    if target < n:
+        there, rate = _later(state, target, span, setup, read)
+    place = there[:2] if target < n else setup.poses.landmarks[target - n]
+    q = place - here[:2]
+    value, row = float(what.measured(q, here[2])), np.zeros(len(state))
     slope = what.slopes(q[:, None], np.ones(1))[:, 0]
     row[o : o + 2] -= slope
     if target < n:
         row[t : t + 2] += slope
     row[o + 2] = what.by_heading
-    for error, place in (("bearing_bias", BIAS), ("bearing_walk", WALK)):
-        column = int(setup.columns[observer, place])
+    if clock >= 0:
+        gone = (rate[:2] if target < n else 0.0) - own_rate[:2]
+        row[clock] = slope @ gone + what.by_heading * own_rate[2]
+    for error, column_of in (("bearing_bias", BIAS), ("bearing_walk", WALK)):
+        column = int(setup.columns[observer, column_of])
         if column >= 0 and ERROR_STATES[error].shifts == name:
             value, row[column] = value + float(state[column]), 1.0
     return value, row
 
 
+def _later(
+    state: Array, i: int, span: float, setup: AugmentedSetup, read: Read | None
+) -> tuple[Array, Array]:
+    """Vehicle i's pose (3,) a short while later, by what it reads, and how it changes then."""
+    pose = state[3 * i : 3 * i + 3]
+    if read is None:
+        return pose, np.zeros(3)
+    wind, scale, bias, gusts = (one[i] for one in _errors_of(state, setup))
+    speed, turn = (1.0 + scale) * read[0][i], read[1][i] + bias
+    halfway, then = unit(pose[2] + 0.5 * turn * span), unit(pose[2] + turn * span)
+    air = wind + gusts
+    return (
+        np.append(pose[:2] + span * (speed * halfway + air), pose[2] + turn * span),
+        np.append(speed * then + air, turn),
+    )
+
+
 def update_state(
-    state: Array, P: Array, s: int, reading: float, setup: AugmentedSetup
+    state: Array,
+    P: Array,
+    s: int,
+    reading: float,
+    setup: AugmentedSetup,
+    read: Read | None = None,
 ) -> tuple[Array, Array, float, float]:
     """Return state, covariance, innovation and its variance after sighting s of the set-up.
 
@@ -134,7 +174,8 @@ def update_state(
     """
     poses = setup.poses
     kind = int(poses.kinds[s])
-    expected, h = sighted(state, kind, int(poses.observers[s]), int(poses.targets[s]), setup)
+    o, t = int(poses.observers[s]), int(poses.targets[s])
+    expected, h = sighted(state, kind, o, t, setup, read)
     u = P @ h
     variance = max(float(h @ u), 0.0) + float(poses.variances[s])
     innovation = reading - expected

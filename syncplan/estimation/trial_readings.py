@@ -4,11 +4,11 @@ Trial k draws standard normal numbers from SeedSequence(seed, spawn_key=(k,)), t
 SeedSequence(seed), in this order: initial pose (n, 3), speed readings (steps, n), turn-rate
 readings (steps, n), sightings (s,) in their order; then the lasting errors that the team has, in
 the order of ERROR_STATES: wind (2,), speed scales (n,), turn-rate biases (n,), bearing biases
-(n,), gusts (steps + 1, n, 2), bearing walks (steps + 1, n). Where sightings are missed now and
-then, uniform numbers follow, one for each sample, observer and target with p < 1, in the order of
-sightings: bearing and distance are missed together. Where bearings may be false, another one
-follows for each sighting: below the share of false ones it says where in view the bearing points.
-So a key that is added leaves all draws before its own as they were.
+(n,), gusts (steps + 1, n, 2), bearing walks (steps + 1, n), clock offsets (n,). Where sightings
+are missed now and then, uniform numbers follow, one for each sample, observer and target with
+p < 1, in the order of sightings: bearing and distance are missed together. Where bearings may be
+false, another one follows for each sighting: below the share of false ones it says where in view
+the bearing points. So a key that is added leaves all draws before its own as they were.
 
 Errors are drawn whether or not the filter estimates them. In wind and gusts headings differ from
 trial to trial: `air_motion`. Who is in view is then decided by the true heading of each trial.
@@ -23,7 +23,7 @@ from syncplan.estimation.air_motion import AirMotion, motion_in_air
 from syncplan.estimation.augmented_setup import AugmentedReadings
 from syncplan.estimation.drawn_errors import DrawnErrors, error_draws
 from syncplan.estimation.filter_setup import FilterSetup, Readings
-from syncplan.orbits.circles import wrap
+from syncplan.orbits.circles import unit, wrap
 from syncplan.orbits.contacts import BOUNDARY_SLACK, Windows, find_windows
 from syncplan.orbits.error_states import ERROR_STATES, StateLayout, layout_of
 from syncplan.orbits.sighting_kinds import (
@@ -215,7 +215,8 @@ class TrialReadings:
         """(s, lanes) what is read; NaN where it is out of view or missed."""
         setup = self.setup
         found = np.multiply(noise, self.sigmas[:, None], order="C")
-        found += self.sightings[:, None]
+        late = "clock_offset" in errors.values
+        found += self._taken_later(flown, errors) if late else self.sightings[:, None]
         for name, values in errors.values.items():
             shifted = ERROR_STATES[name].shifts
             if shifted:
@@ -228,8 +229,9 @@ class TrialReadings:
             turned -= setup.truth[step, setup.observers, 2, None]
             if np.any(self.team.sensors.fields_of_view < FULL_VIEW):
                 found[self._out_of_view(turned)] = np.nan
-            turned *= turns_by_kind(setup.kinds)[:, None]
-            found += turned
+            if not late:
+                turned *= turns_by_kind(setup.kinds)[:, None]
+                found += turned
         if len(false):
             self._mislead(found, noise, false)
         if len(detected):
@@ -249,6 +251,35 @@ class TrialReadings:
         where = 2.0 * draws[row, lane] / shares[row] - 1.0
         seen = sensors.boresights[observers[row]] + half[row] * where
         found[row, lane] = seen + self.sigmas[row] * noise[row, lane]
+
+    def _taken_later(self, flown: AirMotion, errors: DrawnErrors) -> Array:
+        """(s, lanes) sightings without noise, by clocks that are off, each by its own.
+
+        Places are those of the circles; headings go on as in the last sample. What is in view is
+        that at the time of the stamp.
+        """
+        setup, orbits, time = self.setup, self.team.orbits, self.team.sensors.sample_time
+        observers, targets, count = setup.observers, setup.targets, self.team.count
+        among, step = np.where(targets < count, targets, observers), self._steps()
+        offsets = np.asarray(errors.own("clock_offset"))[observers]
+        found = np.empty(offsets.shape)
+        for lane, later in enumerate(offsets.T):
+            at = step + later / time
+            ahead = flown.headings[..., min(lane, flown.headings.shape[-1] - 1)]
+            psi = ahead[step, observers]
+            turned = psi - ahead[step - 1, observers]
+            there, here = (
+                orbits.centers[own]
+                + orbits.radii[own, None]
+                * unit(orbits.phases[own] + orbits.senses[own] * orbits.rate * time * at)
+                for own in (among, observers)
+            )
+            if len(setup.landmarks):
+                fixed = setup.landmarks[np.maximum(targets - count, 0)]
+                there = np.where((targets < count)[:, None], there, fixed)
+            heading = psi + (at - step) * turned
+            found[:, lane] = measured_by_kind(setup.kinds, (there - here).T, heading)
+        return found
 
     def _out_of_view(self, turned: Array) -> Flags:
         """(s, lanes) whether the target is beside the field of view of a heading so far turned."""

@@ -67,7 +67,7 @@ def bound_lanes(
     slopes, before = np.empty((12, width)), np.empty((OWN, 3, width))
     halves = (np.empty((AT_ONCE, size, width)), np.empty((AT_ONCE, size, width)))
     row = (np.zeros(MOST_ENTRIES, dtype=np.int64), np.zeros((MOST_ENTRIES, width)))
-    seen = (np.empty((3, width)), np.empty(width), np.zeros(width))
+    seen = (np.empty((4, width)), np.empty(width), np.zeros(width))
     frame = frame_of(setup, lanes)
     true, true_errors = np.empty_like(x), np.empty_like(errors)
     about, constants = (true, true_errors, True), len(readings.constants)
@@ -96,7 +96,7 @@ def bound_lanes(
                 for axis in range(2):
                     slopes[:3] = 0.0
                     slopes[axis] = 1.0
-                    entries = refer(slopes, i, i, False, setup, frame, row, lanes)
+                    entries = refer(slopes, i, i, -1, setup, frame, row, lanes)
                     _variance(P, row, entries, here, lanes)
                 if counted[step, i]:
                     squares[i] += here

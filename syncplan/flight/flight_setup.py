@@ -184,7 +184,7 @@ class Flown(NamedTuple):
     ------
     path : (steps + 1, n, 3, lanes) m, m, rad, as truly flown up to the present step
     drift : (1 or steps + 1, 1 or n, 2, lanes) m/s, velocity of the air, held over a sample
-    scales, turn_biases : (n, lanes) true lasting errors
+    scales, turn_biases, clock_offsets : (n, lanes) true lasting errors
     bearing_shifts : (1 or steps + 1, n, lanes) rad, those of bearings, added up
     speed_noise, turn_noise : (steps, n, lanes) standard normal
     keys : (lanes, 2) unsigned, of the noise of sightings
@@ -203,6 +203,7 @@ class Flown(NamedTuple):
     drift: Array
     scales: Array
     turn_biases: Array
+    clock_offsets: Array
     bearing_shifts: Array
     speed_noise: Array
     turn_noise: Array

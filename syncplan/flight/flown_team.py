@@ -154,12 +154,12 @@ class FlownTeam:
         path[0] = planned - sigmas[:, None] * poses.reshape(n, 3, lanes)
         start = np.stack([circles.rate * circles.radii, circles.rate * circles.senses], axis=1)
         own = {name: np.zeros((n, lanes)) + errors.own(name) for name in _OWN}
-        drift = np.zeros((1, 1, 2, lanes)) + errors.drift()
         flown = Flown(
             path=path,
-            drift=np.ascontiguousarray(drift),
+            drift=np.ascontiguousarray(np.zeros((1, 1, 2, lanes)) + errors.drift()),
             scales=own["speed_scale"],
             turn_biases=own["turn_rate_bias"],
+            clock_offsets=own["clock_offset"],
             bearing_shifts=np.zeros((1, n, lanes)) + errors.shifts("bearing"),
             speed_noise=np.ascontiguousarray(speeds.reshape(steps, n, lanes)),
             turn_noise=np.ascontiguousarray(turns.reshape(steps, n, lanes)),
@@ -206,7 +206,7 @@ class FlownTeam:
         return DrawnErrors({**errors.values, "wind": np.repeat(wind, lanes, axis=3)})
 
 
-_OWN = ("speed_scale", "turn_rate_bias")
+_OWN = ("speed_scale", "turn_rate_bias", "clock_offset")
 
 
 def team_in_flight(

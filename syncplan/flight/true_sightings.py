@@ -7,6 +7,9 @@ pair that meets in any lane is recorded for all of them, as NaN where there is n
 Numbers of a sighting are those of its key: two normal ones for bearing and distance, one that
 decides whether it is made, one that decides whether it is false. A compass has those of its own
 vehicle as target.
+
+A vehicle whose clock is off by delta reads what is there delta later, when all go on as in the last
+sample; who is in sight is decided by the stamp.
 """
 
 import math
@@ -158,7 +161,9 @@ def _read_compass(
     for lane in range(len(lanes)):
         words = words_at(flown.keys[lane], step, o, o)
         noise = normal_pair(words[0], words[1])[0]
-        sightings[s, lane] = flown.path[step, o, 2, lane] + sigma * noise
+        later = flown.clock_offsets[o, lane] / flight.time
+        turned = later * (flown.path[step, o, 2, lane] - flown.path[step - 1, o, 2, lane])
+        sightings[s, lane] = flown.path[step, o, 2, lane] + turned + sigma * noise
 
 
 @inner
@@ -197,8 +202,19 @@ def _read(
             words = words_at(flown.keys[lane], step, o, t)
             if uniform(words[2]) < made:
                 noise = normal_pair(words[0], words[1])
-                dx, dy, thrown = _misread(flight, flown.path, step, words[3], pair, away, lane)
-                bearing_read = math.atan2(dy, dx) - flown.path[step, o, 2, lane]
+                dx, dy, thrown, shown = _misread(
+                    flight, flown.path, step, words[3], pair, away, lane
+                )
+                psi, later = flown.path[step, o, 2, lane], flown.clock_offsets[o, lane]
+                if later != 0.0:
+                    later /= flight.time
+                    gone_x, gone_y, turned = _further(flown.path, step, o, later, lane)
+                    psi += turned
+                    dx, dy = dx - gone_x, dy - gone_y
+                    if shown < len(eyes.ranges):
+                        gone_x, gone_y, _ = _further(flown.path, step, shown, later, lane)
+                        dx, dy = dx + gone_x, dy + gone_y
+                bearing_read = math.atan2(dy, dx) - psi
                 if thrown < 2.0 * math.pi:
                     bearing_read = eyes.boresights[o] + thrown
                 bearing_read += shifts[o, lane] + bearing_sigma * noise[0]
@@ -213,6 +229,17 @@ def _read(
 
 
 @inner
+def _further(path: Array, step: int, i: int, later: float, lane: int) -> tuple[float, float, float]:
+    """How far vehicle i goes on in `later` samples, m, and turns, rad, as in the last sample."""
+    dx = path[step, i, 0, lane] - path[step - 1, i, 0, lane]
+    dy = path[step, i, 1, lane] - path[step - 1, i, 1, lane]
+    turn = path[step, i, 2, lane] - path[step - 1, i, 2, lane]
+    # from the middle of the last sample to the middle of what follows
+    cos, sin = math.cos(0.5 * turn * (1.0 + later)), math.sin(0.5 * turn * (1.0 + later))
+    return later * (cos * dx - sin * dy), later * (sin * dx + cos * dy), later * turn
+
+
+@inner
 def _misread(
     flight: FlightSetup,
     path: Array,
@@ -221,8 +248,8 @@ def _misread(
     pair: tuple[int, int],
     away: Array,
     lane: int,
-) -> tuple[float, float, float]:
-    """The way to what is truly sighted, and the direction in view of a false bearing, or 7.
+) -> tuple[float, float, float, int]:
+    """The way to what is truly sighted, the direction in view of a false bearing, or 7, and what.
 
     What is taken for the target is the next vehicle, by number, that is in sight as well.
     """
@@ -231,7 +258,7 @@ def _misread(
     where = (float(word & LOW_HALF) + 0.5) / 4294967296.0
     dx, dy = away[0, lane], away[1, lane]
     if chance < mishaps.outliers:
-        return dx, dy, (2.0 * where - 1.0) * min(eyes.half_views[o], math.pi)
+        return dx, dy, (2.0 * where - 1.0) * min(eyes.half_views[o], math.pi), t
     if chance < mishaps.outliers + mishaps.mistaken:
         n = len(eyes.ranges)
         for ahead in range(1, n):
@@ -241,5 +268,5 @@ def _misread(
             x, y = pose[other, 0, lane] - pose[o, 0, lane], pose[other, 1, lane] - pose[o, 1, lane]
             within = x * x + y * y <= eyes.ranges[o] ** 2
             if within and _in_view(eyes, o, pose, x, y, lane):
-                return x, y, 7.0
-    return dx, dy, 7.0
+                return x, y, 7.0, other
+    return dx, dy, 7.0, t

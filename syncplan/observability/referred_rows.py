@@ -15,8 +15,10 @@ one: its row is multiplied by sqrt(p).
 
 A constant error that moves a vehicle by (dp, dpsi) has the entry -g . dp + dz / dpsi dpsi for the
 observer and g . dp for the target: syncplan.orbits.error_states. These columns are in units of the
-error's own sigma. One that changes has a column only where it is added to what is read: its value
-at the time of the sighting. The others act through the poses.
+error's own sigma. A clock offset has dz / dt of its observer's sightings, g . (v_t - v_o) +
+dz / dpsi w_o with velocities v over ground and the observer's turn rate w_o. One that changes has
+a column only where it is added to what is read: its value at the time of the sighting. The others
+act through the poses.
 """
 
 from dataclasses import dataclass
@@ -121,7 +123,10 @@ def _wide(
     bodies = np.column_stack([observers, among])
     columns = [(3 * bodies[:, :, None] + np.arange(3)).reshape(-1, 6)]
     times = np.asarray(sightings.steps * team.sensors.sample_time, dtype=float)
-    kinds = np.array(list(SIGHTING_KINDS))
+    kinds, none = np.array(list(SIGHTING_KINDS)), np.zeros(len(sightings.steps))
+    # what is no sighting has no weights, and is not read by any clock
+    delays = slopes.weights.any() and any(ERROR_STATES[name].delays for name in layout.names)
+    rates = _rates(team, sightings, slopes) if delays else none
     for name in layout.names:
         state = ERROR_STATES[name]
         if not state.constant and (not state.shifts or not slopes.weights.any()):
@@ -134,6 +139,7 @@ def _wide(
             if sign < 0.0:
                 entry += (slopes.by_heading * moves[:, 2]).T
                 entry += shifted[:, None]
+                entry += (rates if state.delays else none)[:, None]
             else:
                 entry[targets >= count] = 0.0
             own = place[vehicles]
@@ -142,6 +148,20 @@ def _wide(
             entries.append(entry)
             columns.append(np.where(has, own, 3 * vehicles[:, None]))
     return WideRows(np.concatenate(entries, axis=1), np.concatenate(columns, axis=1))
+
+
+def _rates(team: Team, sightings: Sightings, slopes: _Slopes) -> Array:
+    """(s,) how sightings change with time, over their sigmas."""
+    orbits = team.orbits
+    tau = sightings.steps * (orbits.rate * team.sensors.sample_time)
+    _, cosine, sine = body_paths(orbits, team.landmarks)
+    there, here = (
+        np.cos(tau) * sine[own].T - np.sin(tau) * cosine[own].T
+        for own in (sightings.targets, sightings.observers)
+    )
+    along = np.sum(slopes.by_place * (there - here), axis=0)
+    turning = orbits.senses[sightings.observers] * slopes.by_heading
+    return np.asarray(orbits.rate * (along + turning))
 
 
 def _pose_rows(team: Team, sightings: Sightings, slopes: _Slopes, scale: float | None) -> Array:

@@ -11,6 +11,7 @@ of a constant error moves the vehicle by
                                dp = J (s R u(phi(t)) - R / (d omega) [sin phi(t) - sin phi(t0),
                                                                       cos phi(t0) - cos phi(t)])
     bearing_bias     (each)    nothing, but adds 1 to each bearing of its observer
+    clock_offset     (each)    nothing, but adds dz/dt to each sighting z of its observer
 
 Others are no constants but first-order Gauss-Markov processes, which after s have kept exp(-s / T)
 of what they were, T their correlation time, each vehicle its own. They have no column here; filter
@@ -20,7 +21,9 @@ and posterior bound carry them from sample to sample:
     bearing_walk     (each)    nothing, but adds 1 to each bearing of its observer
 
 A speed scale c means that a vehicle moves 1 + c times what it reads, a bias b that it turns b
-faster than it reads, a bearing bias or walk that a bearing reads that much too large.
+faster than it reads, a bearing bias or walk that a bearing reads that much too large. With a clock
+offset sightings stamped t were taken that much later: the observer has moved on by its velocity and
+turned by its rate, each target has moved on by its own velocity.
 
 Source: integration of the unicycle model along a circle, differentiated.
 """
@@ -57,6 +60,7 @@ class ErrorSigmas:
     gust_time : s, over which their correlation falls to 1/e
     speed_scale : of the share by which speed readings are wrong
     turn_rate_bias : rad/s
+    clock_offset : s, of a vehicle's stamps
     estimated : names in ERROR_STATES that are states of the filter
     """
 
@@ -65,6 +69,7 @@ class ErrorSigmas:
     gust_time: float = 10.0
     speed_scale: float = 0.0
     turn_rate_bias: float = 0.0
+    clock_offset: float = 0.0
     estimated: tuple[str, ...] = ()
 
 
@@ -103,6 +108,7 @@ class ErrorState:
     shifts : name of the kind of sighting whose values it is added to; empty if none
     times : of a team, the correlation time of each vehicle's in s, (n,); None of a constant
     drifts : whether it moves the place, by the sample time times it at each sample
+    delays : whether it is added to the time of what is sighted
     """
 
     unit: str
@@ -113,6 +119,7 @@ class ErrorState:
     shifts: str = ""
     times: Callable[[Disturbed], Array] | None = None
     drifts: bool = False
+    delays: bool = False
 
     @property
     def constant(self) -> bool:
@@ -304,6 +311,7 @@ ERROR_STATES: Mapping[str, ErrorState] = MappingProxyType(
             shifts="bearing",
             times=_bearing_walk_times,
         ),
+        "clock_offset": ErrorState("s", ("",), False, _same("clock_offset"), _still, delays=True),
     }
 )
 """By name, in the order in which they are drawn, and in which the filter's kernels have them."""

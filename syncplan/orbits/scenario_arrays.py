@@ -91,5 +91,6 @@ def _errors_of(scenario: Scenario) -> ErrorSigmas:
         gust_time=wind.gust_time_s,
         speed_scale=motion.speed_scale_sigma or 0.0,
         turn_rate_bias=motion.turn_rate_bias_sigma_rad_s or 0.0,
+        clock_offset=motion.clock_offset_sigma_s or 0.0,
         estimated=tuple(scenario.estimated),
     )

@@ -232,7 +232,7 @@ _MOVES = {
     "gusts": _by_gusts,
     "bearing_walk": _by_nothing,
 }
-"""What a unit of each error in ERROR_STATES adds to F."""
+"""What a unit of each error in ERROR_STATES adds to F, but for clock offsets: they are left out."""
 
 
 def _entries(layout: StateLayout, span: _Span) -> list[_Entry]:

@@ -60,9 +60,12 @@ def smooth_wide_rms(
 ) -> WideRms:
     """Return the RMS position bounds of circles (4, n), scaled.
 
-    The states are those that the team's filter estimates; `seen` is the team at the run's times.
+    The states are those that the team's filter estimates, but for clock offsets, which would make
+    each observer see its targets elsewhere: exact verdicts have them. `seen` is the team at the
+    run's times.
     """
-    layout = layout_of(problem.team)
+    estimated = problem.team.errors.estimated
+    layout = layout_of(problem.team, [name for name in estimated if not ERROR_STATES[name].delays])
     span = 2.0 * np.pi / (len(run.times.angles) * problem.orbits.rate)
     onward, begun = (Passage.of(problem, layout, share * span) for share in (1.0, 0.5))
     at = ca.MX.sym("X", 4, problem.orbits.count)

@@ -32,7 +32,13 @@ ReadingsKind = Literal["commanded", "measured"]
 """What motion readings are in flight."""
 
 EstimableName = Literal[
-    "wind", "speed_scale", "turn_rate_bias", "bearing_bias", "gusts", "bearing_walk"
+    "wind",
+    "speed_scale",
+    "turn_rate_bias",
+    "bearing_bias",
+    "gusts",
+    "bearing_walk",
+    "clock_offset",
 ]
 """An error that the filter can have as states."""
 
@@ -43,6 +49,7 @@ ESTIMABLE: dict[EstimableName, str] = {
     "bearing_bias": "sensor.bearing_bias_sigma_rad",
     "gusts": "wind.gust_sigma_mps",
     "bearing_walk": "sensor.bearing_walk.sigma_rad",
+    "clock_offset": "motion.clock_offset_sigma_s",
 }
 """The key that says how large each is."""
 
@@ -106,6 +113,14 @@ class Motion(Section):
         description="Standard deviation of the bias of a vehicle's turn-rate readings, constant "
         "in a run, each vehicle its own; no such error if not given",
         examples=[0.005],
+    )
+
+    clock_offset_sigma_s: Sigma | None = Field(
+        default=None,
+        description="Standard deviation of a vehicle's clock: what it stamps as sighted at a time "
+        "was sighted so much later, constant in a run, each vehicle its own; no such error if not "
+        "given",
+        examples=[0.05],
     )
 
     lag_s: Annotated[float, Field(ge=0, le=1e3)] | None = Field(

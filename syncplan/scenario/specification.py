@@ -273,6 +273,7 @@ class Scenario(Result, Section):
             "bearing_bias": max(one.bearing_bias_sigma_rad or 0.0 for one in self.sensors),
             "gusts": wind.gust_sigma_mps,
             "bearing_walk": max(one.bearing_walk_sigma for one in self.sensors),
+            "clock_offset": motion.clock_offset_sigma_s or 0.0,
         }
         return {name: sigma for name, sigma in sigmas.items() if sigma > 0.0}
 

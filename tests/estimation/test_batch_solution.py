@@ -148,7 +148,9 @@ def rolled_out(case: Case, lane: int, flat: Array) -> tuple[Array, Array]:
                 int(one[s])
                 for one in (setup.poses.kinds, setup.poses.observers, setup.poses.targets)
             )
-            nu = window.sightings[s - first[BEGIN + 1], lane] - sighted(state, kind, o, t, setup)[0]
+            made = read + speeds[k], turned + turns[k]
+            expected = sighted(state, kind, o, t, setup, made)[0]
+            nu = window.sightings[s - first[BEGIN + 1], lane] - expected
             nu = nu if kind == DISTANCE_KIND else float(wrap(nu))
             innovations.append(nu / np.sqrt(setup.poses.variances[s] * window.temper[lane]))
     return np.array(innovations), state

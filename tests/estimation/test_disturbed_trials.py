@@ -107,6 +107,7 @@ def test_along_the_readings_in_wind_one_strays_by_fourth_order_in_the_sample_tim
 
 def test_sightings_without_noise_are_what_a_filter_that_knows_all_errors_expects() -> None:
     team = without_noise(a_team(tuple(ERROR_STATES), fov=np.radians(250.0)))
+    team = replace(team, errors=replace(team.errors, clock_offset=0.0))
     setup, readings = readings_of(team, 30, 2)
     poses, checked = setup.poses, 0
     for k in range(1, 31):
@@ -124,6 +125,34 @@ def test_sightings_without_noise_are_what_a_filter_that_knows_all_errors_expects
                     assert abs(off if kind == 1 else float(wrap(off))) < 1e-9
                     checked += 1
     assert checked > 100
+
+
+def test_a_sighting_reads_what_is_there_when_the_observers_clock_shows_its_stamp() -> None:
+    team = without_noise(a_team(("clock_offset",)))
+    errors = ErrorSigmas(clock_offset=0.2, estimated=("clock_offset",))
+    plain = replace(team.sensors, bearing_bias_sigmas=np.zeros(3), bearing_walk_sigmas=np.zeros(3))
+    team = replace(team, errors=errors, sensors=plain)
+    setup, readings = readings_of(team, 30, 2)
+    poses, off, most = setup.poses, [], 0.0
+    for k in range(1, 31):
+        for s in range(poses.first[k], poses.first[k + 1]):
+            o, t, kind = (int(one[s]) for one in (poses.observers, poses.targets, poses.kinds))
+            then = 0.1 * k + readings.constants[o, 1]
+            places = np.concatenate([position(team.orbits, then), team.landmarks])
+            psi, q = heading(team.orbits, then)[o], places[t] - places[o]
+            there = (np.arctan2(q[1], q[0]) - psi, np.hypot(*q), psi)[kind]
+            state = np.concatenate([poses.truth[k].ravel(), readings.constants[:, 1]])
+            read = readings.speeds[k - 1, :, 1], readings.turn_rates[k - 1, :, 1]
+            expected, _ = sighted(state, kind, o, t, setup, read)
+            still, _ = sighted(np.append(state[:9], np.zeros(3)), kind, o, t, setup, read)
+            compass = 0.1 if kind == 2 else 1e-9
+            reading = float(readings.sightings[s, 1])
+            gaps = [reading - there, expected - there, still - there]
+            gaps = [abs(gap if kind == 1 else float(wrap(gap))) for gap in gaps]
+            assert gaps[0] < compass * 5.0
+            off.append(gaps[1])
+            most = max(most, gaps[2])
+    assert max(off) < 0.02 < 0.2 < most
 
 
 def test_without_wind_headings_are_tangents_and_speeds_are_those_of_the_circles() -> None:
@@ -157,17 +186,28 @@ def test_errors_are_drawn_with_their_sigmas_and_gusts_with_their_correlation() -
         np.sqrt(np.mean(readings.constants**2, axis=1)) / layout.sigmas[: len(readings.constants)]
     )
     np.testing.assert_allclose(constant, 1.0, atol=0.35)
-    gusts = readings.changing
+    gusts, walks = np.split(readings.changing, [6], axis=1)
     assert np.mean(gusts**2) == pytest.approx(0.3**2, rel=0.1)
     lagged = np.mean(gusts[20:] * gusts[:-20]) / np.mean(gusts**2)
     assert lagged == pytest.approx(np.exp(-2.0 / 4.0), abs=0.08)
+    for k, (sigma, time) in enumerate([(0.04, 2.0), (0.03, 0.5)]):
+        walk = walks[:, k]
+        assert np.mean(walk**2) == pytest.approx(sigma**2, rel=0.2)
+        lagged = np.mean(walk[5:] * walk[:-5]) / np.mean(walk**2)
+        assert lagged == pytest.approx(np.exp(-0.5 / time), abs=0.1)
 
 
 def test_a_key_that_is_added_leaves_all_draws_before_its_own() -> None:
     team = a_team(())
     plain = replace(team, errors=ErrorSigmas())
     plain = replace(
-        plain, sensors=replace(plain.sensors, detection=np.ones(3), bearing_bias_sigmas=np.zeros(3))
+        plain,
+        sensors=replace(
+            plain.sensors,
+            detection=np.ones(3),
+            bearing_bias_sigmas=np.zeros(3),
+            bearing_walk_sigmas=np.zeros(3),
+        ),
     )
     _, quiet = readings_of(plain, 30, 3)
     biased = replace(
@@ -282,7 +322,7 @@ def test_an_archive_from_before_there_were_further_states_loads() -> None:
 def test_a_filter_that_knows_of_errors_is_consistent_and_one_that_does_not_is_sure_and_wrong() -> (
     None
 ):
-    team = replace(a_team(("wind", "speed_scale", "turn_rate_bias", "bearing_bias", "gusts")))
+    team = a_team(tuple(ERROR_STATES))
     small = replace(team, noise=Noise(0.1, 0.01, 0.3, 0.03))
     seen = possible_sightings(small, find_windows(small), 300)
     options = FilterOptions(trials=160, seed=2)
@@ -305,6 +345,8 @@ def test_constant_errors_that_are_not_estimated_disturb_the_filter_of_poses() ->
     seen = possible_sightings(team, find_windows(team), 100)
     found = run_trials(team, seen, 100, FilterOptions(trials=64, seed=2))
     quiet = replace(team, errors=ErrorSigmas())
-    quiet = replace(quiet, sensors=replace(quiet.sensors, bearing_bias_sigmas=np.zeros(3)))
+    none = np.zeros(3)
+    sensors = replace(quiet.sensors, bearing_bias_sigmas=none, bearing_walk_sigmas=none)
+    quiet = replace(quiet, sensors=sensors)
     calm = run_trials(quiet, seen, 100, FilterOptions(trials=64, seed=2))
     assert anees(found.nees, 9).value > 1.3 * anees(calm.nees, 9).value

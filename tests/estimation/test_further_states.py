@@ -10,7 +10,7 @@ import pytest
 
 from syncplan.arrays import Array
 from syncplan.estimation.augmented_filter import AUGMENTED
-from syncplan.estimation.augmented_frame import BIAS, WALK
+from syncplan.estimation.augmented_frame import BIAS, CLOCK, WALK
 from syncplan.estimation.augmented_setup import (
     AugmentedReadings,
     AugmentedSetup,
@@ -41,7 +41,13 @@ from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.team import Team
 
 ALL = ErrorSigmas(
-    wind=0.8, gust=0.3, gust_time=4.0, speed_scale=0.05, turn_rate_bias=0.02, estimated=()
+    wind=0.8,
+    gust=0.3,
+    gust_time=4.0,
+    speed_scale=0.05,
+    turn_rate_bias=0.02,
+    clock_offset=0.05,
+    estimated=(),
 )
 CHOICES = [
     (),
@@ -49,6 +55,7 @@ CHOICES = [
     ("gusts",),
     ("bearing_bias",),
     ("bearing_walk",),
+    ("clock_offset",),
     ("speed_scale", "turn_rate_bias"),
     tuple(ERROR_STATES),
 ]
@@ -130,7 +137,8 @@ def plain_steps(given: Scene, lane: int) -> Iterator[tuple[int, Array, Array, Ar
         x, C = predict_state(x, C, speeds, turns, setup)
         made = []
         for s in range(setup.poses.first[k], setup.poses.first[k + 1]):
-            x, C, nu, S = update_state(x, C, s, float(readings.sightings[s, lane]), setup)
+            z = float(readings.sightings[s, lane])
+            x, C, nu, S = update_state(x, C, s, z, setup, (speeds, turns))
             made.append((nu, S))
         yield k, x, C, np.reshape(made, (-1, 2))
 
@@ -183,7 +191,10 @@ def test_the_transition_is_the_derivative_of_the_motion(
 
 def test_the_row_of_every_kind_is_the_derivative_of_the_sighting() -> None:
     setup = scene_of(a_team(tuple(ERROR_STATES)), 10, 1).setup
-    state = some_state(setup)
+    state, read = some_state(setup), (np.array([8.0, 6.0, 7.0]), np.array([0.4, -0.4, 0.4]))
+    # what an offset does times what other errors do is left out
+    clocks = setup.columns[:, CLOCK]
+    state[clocks] = 0.0
     for kind, (observer, target) in [
         (0, (0, 1)),
         (0, (2, 4)),
@@ -191,11 +202,15 @@ def test_the_row_of_every_kind_is_the_derivative_of_the_sighting() -> None:
         (1, (0, 3)),
         (2, (1, 1)),
     ]:
-        row = sighted(state, kind, observer, target, setup)[1]
-        found = derivative(lambda one: sighted(one, kind, observer, target, setup)[0], state)[0]  # noqa: B023
+        row = sighted(state, kind, observer, target, setup, read)[1]
+        found = derivative(
+            lambda one: sighted(one, kind, observer, target, setup, read)[0],  # noqa: B023
+            state,
+        )[0]
         np.testing.assert_allclose(row, found, atol=1e-8)
         own = setup.columns[observer, [BIAS, WALK]]
-        assert row[9:].sum() == (kind == 0) * np.sum(own >= 0)
+        assert np.delete(row[9:], clocks - 9).sum() == (kind == 0) * np.sum(own >= 0)
+        assert row[clocks[observer]] != 0.0 == row[np.delete(clocks, observer)].sum()
 
 
 def test_innovations_of_sightings_that_are_made_are_kept() -> None:
@@ -236,7 +251,8 @@ def test_steps_of_unequal_length_are_those_of_the_plain_filter() -> None:
         speeds, turns = readings.speeds[k - 1, :, 1], readings.turn_rates[k - 1, :, 1]
         x, C = predict_state(x, C, speeds, turns, there)
         for s in range(poses.first[k], poses.first[k + 1]):
-            x, C, *_ = update_state(x, C, s, float(readings.sightings[s, 1]), there)
+            z = float(readings.sightings[s, 1])
+            x, C, *_ = update_state(x, C, s, z, there, (speeds, turns))
         if k % 3 == 0:
             squares += (x[0] - poses.truth[k // 3, 0, 0]) ** 2
     np.testing.assert_allclose(state[:, 1], x, rtol=1e-8, atol=1e-8)

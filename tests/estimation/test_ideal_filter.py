@@ -54,7 +54,7 @@ def true_readings(given: Scene, k: int, lane: int) -> tuple[Array, Array]:
     before, time = true_state(given, k - 1, lane), setup.poses.motion.time
     own = np.where(setup.columns >= 0, before[setup.columns], 0.0)
     way = np.diff(setup.poses.truth[k - 1 : k + 1, :, :2], axis=0)[0]
-    way = way - time * (own[:, :2] + own[:, 5:])
+    way = way - time * (own[:, :2] + own[:, 5:7])
     ahead = readings.headings[k - 1, :, lane]
     turn = wrap(readings.headings[k, :, lane] - ahead)
     along = np.sum(way * unit(ahead + 0.5 * turn), axis=1) / np.sinc(turn / (2.0 * np.pi))
@@ -81,7 +81,7 @@ def plain_steps(given: Scene, lane: int) -> Iterator[tuple[int, Array, Array, Ar
         made = []
         for s in range(poses.first[k], poses.first[k + 1]):
             o, t, kind = (int(one[s]) for one in (poses.observers, poses.targets, poses.kinds))
-            expected, h = sighted(after, kind, o, t, setup)
+            expected, h = sighted(after, kind, o, t, setup, (read[:n], read[n:]))
             u, nu = P @ h, float(readings.sightings[s, lane]) - expected
             S = float(h @ u) + float(poses.variances[s])
             nu = (nu if kind == 1 else float(wrap(nu))) - float(h @ off)

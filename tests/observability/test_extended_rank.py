@@ -254,9 +254,11 @@ def _flown(orbits: Orbits, layout: StateLayout, state: Array, times: Array) -> A
 def _readings(assessed: Assessment, layout: StateLayout, state: Array) -> Array:
     """(s,) what is measured on the paths from a state."""
     team, seen = assessed.team, assessed.sightings
-    times, place = np.unique(seen.steps, return_inverse=True)
-    seconds = np.asarray(times * team.sensors.sample_time, dtype=float)
-    flown = _flown(team.orbits, layout, state, seconds)
+    seconds = np.asarray(seen.steps * team.sensors.sample_time, dtype=float)
+    if "clock_offset" in layout.columns:
+        seconds = seconds + state[layout.columns["clock_offset"][seen.observers, 0]]
+    times, place = np.unique(seconds, return_inverse=True)
+    flown = _flown(team.orbits, layout, state, times)
     still = np.broadcast_to(team.landmarks[:, None], (len(team.landmarks), len(times), 2))
     places = np.concatenate([flown[:, :, :2], still])
     q = places[seen.targets, place] - places[seen.observers, place]

@@ -16,7 +16,7 @@ from syncplan.orbits.team import Team
 from tests.tools.draws import draw_team, sightings_of
 
 CONSTANT = [name for name, state in ERROR_STATES.items() if state.constant]
-ALL = ErrorSigmas(wind=0.8, gust=0.2, speed_scale=0.02, turn_rate_bias=0.005)
+ALL = ErrorSigmas(wind=0.8, gust=0.2, speed_scale=0.02, turn_rate_bias=0.005, clock_offset=0.1)
 
 
 def _flown(orbits: Orbits, errors: dict[str, Array], time: float) -> Array:
@@ -82,6 +82,7 @@ def test_columns_of_errors_are_the_derivatives_of_sightings_along_an_integrated_
             values = []
             for step in (h, -h):
                 errors: dict[str, Array] = {}
+                then = time
                 biases = np.zeros(team.count)
                 if kind.startswith("wind"):
                     errors["wind"] = step * np.eye(2)["xy".index(kind[-1])]
@@ -89,7 +90,9 @@ def test_columns_of_errors_are_the_derivatives_of_sightings_along_an_integrated_
                     biases[int(vehicle)] = step
                 elif kind in ("speed_scale", "turn_rate_bias"):
                     errors[kind] = step * (np.arange(team.count) == int(vehicle))
-                values.append(_measured(team, s, seen, _flown(orbits, errors, time), biases))
+                elif kind == "clock_offset" and int(vehicle) == seen.observers[s]:
+                    then = time + step
+                values.append(_measured(team, s, seen, _flown(orbits, errors, then), biases))
             change = values[0] - values[1]
             if name != "distance":
                 change = float(wrap(change))
@@ -112,7 +115,8 @@ def test_rows_by_poses_are_those_of_a_team_without_errors() -> None:
 def test_states_follow_the_poses_in_the_order_of_the_table() -> None:
     team = _disturbed(2)
     layout, n = layout_of(team), team.count
-    assert layout.names == tuple(ERROR_STATES)
+    changing = [name for name in ERROR_STATES if name not in CONSTANT]
+    assert layout.names == (*CONSTANT, *changing)
     labels = layout.labels([f"v{k + 1}" for k in range(n)])
     assert labels[:4] == ["wind x", "wind y", "speed scale of v1", "speed scale of v2"]
     walking = [label for label in labels if label.startswith("bearing walk")]
@@ -121,7 +125,7 @@ def test_states_follow_the_poses_in_the_order_of_the_table() -> None:
     assert labels[-len(walking) - 2 :][:2] == [f"gusts x of v{n}", f"gusts y of v{n}"]
     biased = [label for label in labels if label.startswith("bearing bias")]
     assert biased == [f"bearing bias of v{k + 1}" for k in range(n) if k % 2]
-    assert layout.size == 3 * n + len(labels) == 3 * n + 2 + 2 * n + n + 2 * n
+    assert layout.size == 3 * n + len(labels) == 3 * n + 2 + 2 * n + n + n + 2 * n
     assert layout_of(team, ["wind"]).size == 3 * n + 2
 
 

@@ -1,13 +1,14 @@
 """Search for predictions that a Monte Carlo refutes, with lasting errors and further sensors.
 
     python -m tests.searches.search_predictions [DRAWS [SEED]] [--trials N] [--processes N]
-        [--median SHARE] [--ninety SHARE]
+        [--median SHARE] [--ninety SHARE] [--strays]
 
 Part of `make check-all`. Scenarios of 2 to 8 vehicles are drawn with every key of the world as it
 is now and then: random walks, slow cameras, misses, distances, compasses, wind, gusts, scales and
-biases; positions and headings are determined, and known within 2 m at the start. The filter has all
-errors as states. Each scenario is planned, then validated. Fails where the median of error over
-prediction is further from 1 than `--median`, or more than a tenth are further than `--ninety`.
+biases, and with `--strays` bearing walks and clock offsets; positions and headings are determined,
+and known within 2 m at the start. The filter has all errors as states. Each scenario is planned,
+then validated. Fails where the median of error over prediction is further from 1 than `--median`,
+or more than a tenth are further than `--ninety`.
 """
 
 import argparse
@@ -23,7 +24,7 @@ from syncplan.planning.judged_plan import Plan
 from syncplan.planning.planner import plan
 from syncplan.planning.validation import validate
 from syncplan.scenario.loading import scenario_from
-from tests.tools.scenario_draws import draw_document, with_world
+from tests.tools.scenario_draws import draw_document, with_strays, with_world
 
 __all__ = ["Prediction", "draw_world", "main", "search_one"]
 
@@ -54,12 +55,14 @@ class Prediction:
     keys: str
 
 
-def draw_world(number: int, seed: int) -> Plan:
+def draw_world(number: int, seed: int, *, strays: bool = False) -> Plan:
     """Return the plan of the `number`-th scenario of a seed whose poses are determined."""
     generator = np.random.default_rng([seed, number, 15015])
     while True:
         sigma = float(generator.uniform(0.3, LARGEST_SIGMA_M))
         document = with_world(draw_document(generator, sigma), generator)
+        if strays:
+            document = with_strays(document, generator)
         try:
             made = plan(scenario_from(document), bound="always")
         except (InputError, NoSolutionError):
@@ -68,9 +71,9 @@ def draw_world(number: int, seed: int) -> Plan:
             return made
 
 
-def search_one(number: int, *, seed: int, trials: int) -> Prediction:
+def search_one(number: int, *, seed: int, trials: int, strays: bool = False) -> Prediction:
     """Return what the `number`-th scenario of a seed came to."""
-    made = draw_world(number, seed)
+    made = draw_world(number, seed, strays=strays)
     flown = validate(made, trials=trials, seed=seed + 1, threads=1)
     expected = _expected(made)
     found = float(flown.accuracy.overall().late_position)
@@ -101,9 +104,10 @@ def main(
     processes: int | None = None,
     median: float = MEDIAN,
     ninety: float = NINETY,
+    strays: bool = False,
 ) -> bool:
     """Print what became of the draws; return whether the predictions held."""
-    search = partial(search_one, seed=seed, trials=trials)
+    search = partial(search_one, seed=seed, trials=trials, strays=strays)
     with ProcessPoolExecutor(processes) as pool:
         found = list(pool.map(search, range(draws)))
     off = np.array([one.ratio for one in found])
@@ -128,4 +132,5 @@ if __name__ == "__main__":
     arguments.add_argument("--processes", type=int)
     arguments.add_argument("--median", type=float, default=MEDIAN)
     arguments.add_argument("--ninety", type=float, default=NINETY)
+    arguments.add_argument("--strays", action="store_true")
     sys.exit(not main(**vars(arguments.parse_args())))

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.orbits.circles import heading, position
+from syncplan.orbits.circles import heading, position, wrap
 from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.error_states import StateLayout
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, sigmas_by_kind
@@ -83,8 +83,12 @@ def dense_run(
             a, b, kind = int(seen.observers[s]), int(seen.targets[s]), names[seen.kinds[s]]
             q = bodies[b] - bodies[a]
             rho = np.hypot(*q)
+            clock = int(layout.columns.get("clock_offset", np.full((a + 1, 1), -1))[a, 0])
+            if clock >= 0:
+                row[clock] = _rate(team, k * team.sensors.sample_time, a, b, kind)
             if kind == "compass":
-                row[3 * a + 2] = 1.0 / sigmas[s]
+                row[3 * a + 2] = 1.0
+                row /= sigmas[s]
                 continue
             slope = q / rho if kind == "distance" else np.array([-q[1], q[0]]) / rho**2
             row[3 * a : 3 * a + 2] = -slope
@@ -99,6 +103,17 @@ def dense_run(
             row *= np.sqrt(team.sensors.detection[a]) / sigmas[s]
         sightings = np.column_stack([seen.observers[own], seen.targets[own], seen.kinds[own]])
         yield *transition(team, layout, k), H, sightings
+
+
+def _rate(team: Team, time: float, a: int, b: int, kind: str) -> float:
+    """How fast a sighting changes, by finite differences."""
+    step, read = 1e-4, []
+    for at in (time + step, time - step):
+        bodies = np.concatenate([position(team.orbits, at), team.landmarks])
+        q, psi = bodies[b] - bodies[a], heading(team.orbits, at)[a]
+        read.append(float(SIGHTING_KINDS[kind].measured(q, psi)))
+    gone = read[0] - read[1]
+    return (gone if kind == "distance" else float(wrap(gone))) / (2.0 * step)
 
 
 def dense_covariances(team: Team, layout: StateLayout, steps: int) -> Iterator[Array]:

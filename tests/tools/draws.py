@@ -121,6 +121,14 @@ def draw_equipped_team(generator: np.random.Generator) -> Team:
         + size * (generator.uniform(-2.0, 2.0, 2) + generator.uniform(-0.5, 0.5, (3, 2)))
         for _ in range(int(generator.choice([0, 0, 1, 2])))
     ]
+    # drawn last: all before stay as they were
+    sensors = replace(
+        sensors,
+        bearing_walk_sigmas=some(10.0 ** generator.uniform(-3.0, -1.0, count), 0.0),
+        bearing_walk_times=10.0 ** generator.uniform(0.0, 2.0, count) / team.orbits.rate,
+    )
+    clock = float(generator.choice([0.0, 10.0 ** generator.uniform(-3.0, -1.0)]))
+    errors = replace(errors, clock_offset=clock / team.orbits.rate)
     return replace(team, sensors=sensors, errors=errors, obstacles=tuple(triangles))
 
 

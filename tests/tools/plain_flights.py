@@ -186,6 +186,7 @@ class _Filter:
         """Take in the motion readings of a sample."""
         speeds, turn_rates = truth.speeds[self.at], truth.turn_rates[self.at]
         self.state, self.P = predict_state(self.state, self.P, speeds, turn_rates, self.setup)
+        self.read = speeds, turn_rates
         self.at += 1
 
     def correct(self, sightings: list[Sighting]) -> None:
@@ -193,7 +194,9 @@ class _Filter:
         for one in sightings:
             variance = _variance(one, self.team) + self._curvature(one)
             setup = _with(self.setup, one, variance)
-            self.state, self.P, *_ = update_state(self.state, self.P, 0, one.reading, setup)
+            self.state, self.P, *_ = update_state(
+                self.state, self.P, 0, one.reading, setup, self.read
+            )
 
     def _curvature(self, one: Sighting) -> float:
         """Variance of the second-order term of normal errors a along and b across the line."""
@@ -319,6 +322,7 @@ def _true_state(setup: AugmentedSetup, truth: PlainTruth, step: int) -> Array:
             errors["bearing_bias"][i],
             *errors["gusts"][step, i],
             errors["bearing_walk"][step, i],
+            errors["clock_offset"][i],
         ]
         for column, value in zip(own, values, strict=True):
             if column >= 0:
@@ -346,7 +350,8 @@ def _bounds(run: FlightRun, truth: PlainTruth, trues: Array) -> Array:
         speeds, turn_rates = truth.speeds[step - 1], truth.turn_rates[step - 1]
         _, P = predict_state(trues[step - 1], P, speeds, turn_rates, setup)
         for one in truth.sightings[step]:
-            _, h = sighted(trues[step], one.kind, one.observer, one.target, setup)
+            read = speeds, turn_rates
+            _, h = sighted(trues[step], one.kind, one.observer, one.target, setup, read)
             u = P @ h
             P = P - np.outer(u, u) / (h @ u + _variance(one, run.team.team))
         diagonal = P.diagonal()[: 3 * n]

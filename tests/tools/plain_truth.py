@@ -86,6 +86,7 @@ def draws_of(run: FlightRun, trial: int) -> tuple[dict[str, Array], dict[str, Ar
         "bearing_bias": (team.sensors.bearing_bias_sigmas, (n,)),
         "gusts": (team.errors.gust, (steps + 1, n, 2)),
         "bearing_walk": (team.sensors.bearing_walk_sigmas, (steps + 1, n)),
+        "clock_offset": (team.errors.clock_offset, (n,)),
     }
     errors: dict[str, Array] = {}
     for name, (sigma, shape) in shapes.items():
@@ -254,6 +255,7 @@ class PlainTruth:
         radius = math.sqrt(-2.0 * math.log(uniform(drawn[0])))
         angle, psi = 2.0 * math.pi * uniform(drawn[1]), self.path[step, o, 2]
         if t == o:
+            psi = self._later(o, o, step)[2]
             reading = psi + sensors.compass_sigmas[o] * radius * math.cos(angle)
             self.sightings[step].append(Sighting(o, o, COMPASS, float(reading)))
             return
@@ -263,7 +265,8 @@ class PlainTruth:
         shown = t
         if options.outliers <= chance < options.outliers + options.mistaken:
             shown = self._mistaken_for(o, t, step)
-        away = self.place(shown, step) - self.path[step, o, :2]
+        psi = self._later(o, o, step)[2]
+        away = self._later(shown, o, step)[:2] - self._later(o, o, step)[:2]
         ahead = math.atan2(away[1], away[0]) - psi
         if chance < options.outliers:
             half = min(0.5 * sensors.fields_of_view[o], math.pi)
@@ -276,6 +279,16 @@ class PlainTruth:
             )
         self.sightings[step] += [Sighting(o, t, kind, float(readings[kind])) for kind in due]
         self.seen[step, [body for body in (o, t) if body < self.team.count]] = True
+
+    def _later(self, body: int, o: int, step: int) -> Array:
+        """A body's pose when vehicle o's clock shows the time of a step."""
+        if body >= self.team.count:
+            return np.append(self.place(body, step), 0.0)
+        before, now = self.path[step - 1, body], self.path[step, body]
+        samples = self.errors["clock_offset"][o] / self.team.sensors.sample_time
+        gone, turn = now - before, 0.5 * (1.0 + samples) * (now[2] - before[2])
+        turned = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+        return np.append(now[:2] + samples * turned @ gone[:2], now[2] + samples * gone[2])
 
     def _mistaken_for(self, o: int, t: int, step: int) -> int:
         """The next vehicle, by number, that is in sight too; the target itself if there is none."""

@@ -7,7 +7,13 @@ import numpy as np
 from syncplan.arrays import Array
 from tests.tools.draws import draw_tree
 
-__all__ = ["draw_centers", "draw_document", "draw_landmarks", "with_world"]
+__all__ = [
+    "draw_centers",
+    "draw_document",
+    "draw_landmarks",
+    "with_strays",
+    "with_world",
+]
 
 HEADING_RAD_A_METRE = 0.02
 
@@ -106,3 +112,17 @@ def with_world(document: dict[str, Any], generator: np.random.Generator) -> dict
             drawn = sigma * float(generator.uniform(0.5, 1.5))
             made[section] = {**made.get(section, {}), key: drawn}
     return made
+
+
+def with_strays(document: dict[str, Any], generator: np.random.Generator) -> dict[str, Any]:
+    """Return a scenario's values with a bearing walk, clock offsets, or both."""
+    which = int(generator.integers(1, 4))
+    sensor, motion = dict(document["sensor"]), dict(document["motion"])
+    if which & 1:
+        sensor["bearing_walk"] = {
+            "sigma_rad": float(generator.uniform(0.02, 0.08)),
+            "time_s": float(10.0 ** generator.uniform(0.0, 2.0)),
+        }
+    if which & 2:
+        motion["clock_offset_sigma_s"] = float(generator.uniform(0.03, 0.2))
+    return {**document, "sensor": sensor, "motion": motion}

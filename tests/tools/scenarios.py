@@ -45,7 +45,11 @@ def shared_circles(per_circle: int) -> dict[str, Any]:
 
 
 EVERYTHING: dict[str, dict[str, Any]] = {
-    "motion": {"speed_scale_sigma": 0.02, "turn_rate_bias_sigma_rad_s": 0.005},
+    "motion": {
+        "speed_scale_sigma": 0.02,
+        "turn_rate_bias_sigma_rad_s": 0.005,
+        "clock_offset_sigma_s": 0.05,
+    },
     "wind": {"sigma_mps": 1.0, "gust_sigma_mps": 0.2, "gust_time_s": 7.0},
     "sensor": {
         "bearing_bias_sigma_rad": 0.02,
