@@ -260,10 +260,12 @@ class BearingWalk(Section):
     """A sensor's own bearing error that changes slowly: a first-order Gauss-Markov process."""
 
     sigma_rad: Annotated[float, Field(ge=0, le=math.pi)] = Field(
-        description="Standard deviation of the bearing error that changes", examples=[0.02]
+        default=0.0,
+        description="Standard deviation of the bearing error that changes",
+        examples=[0.02],
     )
     time_s: Annotated[float, Field(ge=1e-3, le=1e6)] = Field(
-        description="Time over which its correlation falls to 1/e", examples=[30.0]
+        default=10.0, description="Time over which its correlation falls to 1/e", examples=[30.0]
     )
 
 

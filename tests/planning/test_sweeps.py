@@ -123,7 +123,11 @@ def _numbers(scenario: Scenario) -> dict[str, list[Any]]:
             found |= {f"{key}.{inner}": [one] for inner, one in value.items()}
         elif isinstance(value, list) and value and isinstance(value[0], dict):
             for inner in {name for one in value for name in one}:
-                found[f"{key}.{inner}"] = [one.get(inner) for one in value]
+                each = [one.get(inner) for one in value]
+                if isinstance(each[0], dict):
+                    found |= {f"{key}.{inner}.{k}": [one[k] for one in each] for k in each[0]}
+                else:
+                    found[f"{key}.{inner}"] = each
         else:
             found[key] = [value]
     return found

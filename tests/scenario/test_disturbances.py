@@ -75,7 +75,6 @@ def test_a_walk_stands_in_place_of_the_default_of_the_sigma_alone() -> None:
         ({"sensor": {"detection_probability": 0.0}}, "sensor.detection_probability", "greater"),
         ({"sensor": {"detection_probability": 1.1}}, "sensor.detection_probability", "less"),
         ({"sensor": {"range_sigma_m": 0.0}}, "sensor.range_sigma_m", "0.000001"),
-        ({"sensor": {"bearing_walk": {"sigma_rad": 0.1}}}, "sensor.bearing_walk.time_s", "missing"),
         (
             {"sensor": {"bearing_walk": {"sigma_rad": 0.1, "time_s": 0.0}}},
             "sensor.bearing_walk.time_s",
