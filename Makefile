@@ -78,6 +78,7 @@ search-equipment:       ARGUMENTS = 2 $(SEED)
 search-thrown:          ARGUMENTS = 40 $(SEED)
 search-robust:          ARGUMENTS = 24 $(SEED)
 search-start-up:        ARGUMENTS = 40 $(SEED) --trials 100 --missed 0.4 --wrong 0.2
+search-tuning:          ARGUMENTS = whole
 search-predictions:     ARGUMENTS = 16 $(SEED) --trials 100 --median 0.06 --ninety 0.15
 search-neglect:         ARGUMENTS = 12 $(SEED) --most 0.2
 search-batch:           ARGUMENTS = 8 $(SEED)

@@ -77,14 +77,15 @@ def _estimates(report: ReplayDocument) -> FittedTable:
 def _print_tuning(report: ReplayDocument, console: Console) -> None:
     if report.tuning is None:
         return
-    before, after = report.tuning.before.model_dump(), report.tuning.after.model_dump()
+    before, after = report.tuning.before.as_json(), report.tuning.after.as_json()
     refused = "" if report.tuning.accepted is not False else ", and refused"
     table = FittedTable(
         f"fitted to the first {report.tuning.fitted_s:.1f} s{refused}",
         ("assumed", "before", "after"),
     )
-    for key, value in before.items():
-        table.add_row(key, f"{value:.4g}", f"{after[key]:.4g}")
+    for key in after | before:
+        values = (before.get(key), after.get(key))
+        table.add_row(key, *("" if one is None else f"{one:.4g}" for one in values))
     console.print(table)
 
 

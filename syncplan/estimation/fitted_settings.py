@@ -51,12 +51,14 @@ FITTED: Mapping[str, FittedSetting] = MappingProxyType(
         "range_sigma": FittedSetting(of_noise=False, least=1e-4, largest=1e3),
         "speed_sigma": FittedSetting(of_noise=True, least=1e-4, largest=1e3),
         "turn_rate_sigma": FittedSetting(of_noise=True, least=1e-4, largest=1e2),
+        "bearing_walk_sigma": FittedSetting(of_noise=False, least=1e-4, largest=1.0),
+        "bearing_walk_time": FittedSetting(of_noise=False, least=0.1, largest=1e3),
         "delay": FittedSetting(
             of_noise=False, least=-LARGEST_DELAY, largest=LARGEST_DELAY, unit=0.25
         ),
     }
 )
-"""By name: rad, m, m/s and rad/s per sample, s."""
+"""By name: rad, m, m/s and rad/s per sample, rad, s, s."""
 
 
 def point_of(settings: ReplaySettings, names: Sequence[str]) -> Array:

@@ -65,8 +65,8 @@ class ReplaySettings:
     bearing_sigma, range_sigma : rad, m
     noise : of motion readings, per sample, and of the start
     speed_scale_sigma, turn_rate_bias_sigma, bearing_bias_sigma : 1, rad/s, rad; each robot's error
-    bearing_walk_sigma, bearing_walk_time : rad, s, of each robot's bearing error that changes
         is a state of the filter where it is more than 0
+    bearing_walk_sigma, bearing_walk_time : rad, s; the same of the bearing error that changes
     sample_time : s, between the samples at which errors are taken, to which motion noise refers
     delay : s, by which sightings are recorded later than they were made
     start : kind of start, one of START_SIGMAS

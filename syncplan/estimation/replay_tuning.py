@@ -9,6 +9,8 @@ No truth is needed but for a start at it. In turn
     motion                       again, as the sigma of a bearing has grown
     distance                     the best of many, the rest held
 
+    bearing, its walk            by the simplex, beside the better of what was given and that fit
+
 Errors of sightings that last give innovations that are alike for seconds, which a likelihood of
 white ones does not see: where sums over blocks scatter more (`lasting_innovations`), the kind's
 sigma grows by as much. A likelihood of innovations is no judge either: what a fit is worth is seen
@@ -18,7 +20,8 @@ What was given is the other candidate: the fit is taken where the rest's withhel
 likelier with it, beyond chance, and predicted no worse, or better where innovations are not white;
 otherwise it is refused, and the rest runs with what was given. It must be so beside what was given
 with the fitted delay, too: a right delay predicts bearings of robots that turn so much better that
-it would hide wrong sigmas.
+it would hide wrong sigmas. A bearing walk is fitted to the better of the two and judged likewise,
+beside both: its time is that of the errors which white sigmas can only grow for.
 
 Where the start is given, the rest starts where the filter with the same settings was then, as well
 known as its least known robot.
@@ -58,8 +61,8 @@ __all__ = ["FIT_SHARE", "MOST_RUNS", "Tuning", "tuned"]
 FIT_SHARE = 1.0 / 3.0
 """Of the recording, from its beginning, that is fitted to."""
 
-MOST_RUNS = 200
-"""Of the filter: of scans, both simplexes and what follows."""
+MOST_RUNS = 300
+"""Of the filter: of scans, all simplexes and what follows."""
 
 TURNS = 3
 """A sighting is withheld in one of so many runs."""
@@ -70,6 +73,9 @@ FEWEST_SIGHTINGS = 50
 STEP = 0.4
 RUNS_OF_SIMPLEX = 70
 MOTION = ("speed_sigma", "turn_rate_sigma")
+WALK = ("bearing_sigma", "bearing_walk_sigma", "bearing_walk_time")
+WALK_SIGMA = 0.03
+"""rad, where a fit of the walk begins unless one was given."""
 
 Progress = Callable[[int], None]
 
@@ -118,22 +124,31 @@ def tuned(
     where too little was seen.
     """
     fit = _Fit(log, settings, options, progress)
-    growth = dict.fromkeys((BEARING_PLACE, DISTANCE_PLACE), 1.0)
+    none = dict.fromkeys((BEARING_PLACE, DISTANCE_PLACE), 1.0)
+    growth = dict(none)
     found = fit.of_motion_and(fit.kinds[0], growth)
     if len(fit.kinds) > 1:
         found = fit.of_distances(found, growth)
-    late = replace(fit.settings, delay=found.delay)
-    given, delayed, fitted = (fit.rest(one) for one in (fit.settings, late, found))
-    verdict, beside_delay = fit.verdicts((given, delayed), fitted)
+    given, late = fit.settings, replace(fit.settings, delay=found.delay)
+    verdicts = fit.verdicts((given, late), found)
+    if BEARING_PLACE in fit.kinds:
+        rivals = (given, late, found) if all(one.is_better for one in verdicts) else (given,)
+        walking = fit.of_walk(rivals[-1])
+        others = fit.verdicts(rivals, walking)
+        if all(one.is_better for one in others):
+            # bearings have the walk in place of a sigma that grows
+            growth = growth | {BEARING_PLACE: 1.0} if len(rivals) > 1 else none
+            found, verdicts = walking, others
+    accepted = all(one.is_better for one in verdicts)
     return Tuning(
         before=settings,
         after=found,
-        used=fitted if verdict.is_better and beside_delay.is_better else given,
+        used=fit.rest(found if accepted else given),
         duration=fit.duration,
         runs=fit.runs,
         gain=fit.gain(found),
-        verdict=verdict,
-        beside_delay=beside_delay,
+        verdict=verdicts[0],
+        beside_delay=verdicts[:2][-1],
         bearing_growth=growth[BEARING_PLACE],
         range_growth=growth[DISTANCE_PLACE],
     )
@@ -207,6 +222,12 @@ class _Fit:
         growth[DISTANCE_PLACE] = self.growth(found, DISTANCE_PLACE)
         return replace(found, range_sigma=found.range_sigma * growth[DISTANCE_PLACE])
 
+    def of_walk(self, best: ReplaySettings) -> ReplaySettings:
+        """Settings with a bearing walk, and the sigma beside it, fitted to bearings alone."""
+        sigma = best.bearing_walk_sigma or WALK_SIGMA
+        alone = replace(best, distances=False, bearing_walk_sigma=sigma)
+        return replace(self.simplex(alone, WALK), distances=best.distances)
+
     def rest(self, settings: ReplaySettings) -> ReplaySettings:
         """The settings for what was not fitted to."""
         later = replace(settings, portion=(FIT_SHARE, 1.0))
@@ -218,9 +239,10 @@ class _Fit:
         self, rivals: Sequence[ReplaySettings], fitted: ReplaySettings
     ) -> list[FitVerdict]:
         """What fitted settings are worth on the rest, beside each of others."""
-        found = self.of(fitted)
-        white = found is not None and self.is_white(fitted)
-        return [judged(self.of(one), found, white=white) for one in rivals]
+        after = self.rest(fitted)
+        found = self.of(after)
+        white = found is not None and self.is_white(after)
+        return [judged(self.of(self.rest(one)), found, white=white) for one in rivals]
 
     def of(self, settings: ReplaySettings) -> Predictions | None:
         """All predictions; None where the filter diverges."""

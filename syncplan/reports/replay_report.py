@@ -143,6 +143,8 @@ def _sigmas(settings: ReplaySettings) -> Sigmas:
         range_sigma_m=settings.range_sigma,
         speed_sigma_mps=settings.noise.speed_sigma,
         turn_rate_sigma_rad_s=settings.noise.turn_rate_sigma,
+        bearing_walk_sigma_rad=settings.bearing_walk_sigma or None,
+        bearing_walk_time_s=settings.bearing_walk_time if settings.bearing_walk_sigma else None,
         delay_s=settings.delay,
     )
 

@@ -22,6 +22,10 @@ __all__ = [
 ]
 
 
+WALK = frozenset({"bearing_walk_sigma_rad", "bearing_walk_time_s"})
+"""Keys of a bearing walk."""
+
+
 class RobotFigures(Document):
     """Errors of one robot of a recording: a single trial, RMS over the samples after time 0.
 
@@ -59,11 +63,13 @@ class RobotFigures(Document):
     )
 
 
-class ReplayFilter(DocumentPart):
+class ReplayFilter(Document):
     """What the filter assumes of a recording; sigmas of motion are per sample.
 
     What is null in older files was not part of the filter then.
     """
+
+    left_out_if_none: ClassVar[frozenset[str]] = WALK
 
     model: str | None = Field(default=None, description="Name of the filter", examples=["ekf"])
     bearing_sigma_rad: float
@@ -78,7 +84,7 @@ class ReplayFilter(DocumentPart):
     turn_rate_bias_sigma_rad_s: float | None = None
     bearing_bias_sigma_rad: float | None = None
     bearing_walk_sigma_rad: float | None = Field(
-        default=None, description="Of the bearing error that changes slowly; null: not a state"
+        default=None, description="Of the bearing error that changes slowly; not there: not a state"
     )
     bearing_walk_time_s: float | None = Field(
         default=None, description="Over which the correlation of that error falls to 1/e"
@@ -141,17 +147,25 @@ class SeenRecord(DocumentPart):
     )
 
 
-class Sigmas(DocumentPart):
+class Sigmas(Document):
     """What a replay fits; sigmas of motion are per sample."""
+
+    left_out_if_none: ClassVar[frozenset[str]] = WALK
 
     bearing_sigma_rad: float
     range_sigma_m: float
     speed_sigma_mps: float
     turn_rate_sigma_rad_s: float
+    bearing_walk_sigma_rad: float | None = Field(
+        default=None, description="Of the bearing error that changes slowly; not there: not a state"
+    )
+    bearing_walk_time_s: float | None = Field(
+        default=None, description="Over which the correlation of that error falls to 1/e"
+    )
     delay_s: float
 
 
-class TuningRecord(DocumentPart):
+class TuningRecord(Document):
     """How sigmas and delay were fitted to the beginning of a recording, without its truth.
 
     Gains are in the log-likelihood of a sighting that the filter is not given, on average.

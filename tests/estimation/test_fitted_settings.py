@@ -13,7 +13,8 @@ from syncplan.estimation.fitted_settings import FITTED, point_of, settings_at
 from syncplan.estimation.lasting_innovations import BLOCK_S, lasting_of
 from syncplan.estimation.recorded_run import filtered, run_of
 from syncplan.estimation.replay_settings import ReplaySettings
-from syncplan.estimation.replays import OPTIONS, replay
+from syncplan.estimation.replay_tuning import FIT_SHARE
+from syncplan.estimation.replays import OPTIONS, replay, replay_with
 from syncplan.estimation.trials import series
 from syncplan.estimation.withheld_sightings import UNTOLD, Predictions, judged, predictions_of
 from syncplan.orbits.circles import wrap
@@ -52,6 +53,24 @@ def lasting(tmp_path_factory: pytest.TempPathFactory) -> Log:
         block = ((robot.times - robot.times[0]) // BLOCK_S).astype(int)
         errors = 0.05 * random.standard_normal((block[-1] + 1, 10))
         return replace(robot, bearings=robot.bearings + errors[block, robot.subjects % 10])
+
+    return replace(log, robots=tuple(off(robot) for robot in log.robots))
+
+
+@pytest.fixture(scope="module")
+def walking(tmp_path_factory: pytest.TempPathFactory) -> Log:
+    """Bearings with errors of a robot that walk, 0.1 rad and 5 s; and 0.02 rad beside."""
+    folder = tmp_path_factory.mktemp("walking") / "recording"
+    recipe = replace(RECIPE, duration=300.0, bearing_sigma=0.02)
+    log = load_log(write_recording(folder, recipe, seed=6))
+    random = np.random.default_rng(2)
+
+    def off(robot: RobotLog) -> RobotLog:
+        times, row = np.unique(robot.times, return_inverse=True)
+        errors = 0.1 * random.standard_normal(len(times))
+        for k, kept in enumerate(np.exp(-np.diff(times) / 5.0)):
+            errors[k + 1] = kept * errors[k] + np.sqrt(1.0 - kept**2) * errors[k + 1]
+        return replace(robot, bearings=robot.bearings + errors[row])
 
     return replace(log, robots=tuple(off(robot) for robot in log.robots))
 
@@ -183,6 +202,30 @@ def test_a_fit_to_errors_that_last_does_no_harm(lasting: Log) -> None:
     begin = round(tuning.duration / 0.1)
     given = np.sqrt(np.mean(series(known.result).position_rms[begin:] ** 2))
     assert float(found.accuracy.overall().position) <= 1.02 * given
+
+
+def test_a_bearing_walk_is_fitted_and_taken_where_it_is_better(white: Log, walking: Log) -> None:
+    found = replay(walking, tune=True, **_given(settings(0.02)))
+    tuning = found.tuning
+    assert tuning is not None
+    assert tuning.accepted
+    after = tuning.after
+    assert after.bearing_sigma == pytest.approx(0.02, rel=0.25)
+    assert after.bearing_walk_sigma == pytest.approx(0.1, rel=0.4)
+    assert 2.0 < after.bearing_walk_time < 12.0
+    assert tuning.bearing_growth == 1.0
+    assert found.settings.bearing_walk_sigma == after.bearing_walk_sigma
+    record = replay_document(found).as_json()["tuning"]
+    assert record["after"]["bearing_walk_sigma_rad"] == after.bearing_walk_sigma
+    assert "bearing_walk_sigma_rad" not in record["before"]
+    rest = replace(settings(0.02, window=0.0), portion=(FIT_SHARE, 1.0))
+    plain = replay_with(walking, rest, OPTIONS)
+    assert found.accuracy.overall().position < plain.accuracy.overall().position
+    # nothing walks here
+    still = replay(white, tune=True, **_given(settings(0.05))).tuning
+    assert still is not None
+    assert not still.accepted
+    assert still.after.bearing_walk_sigma == 0.0
 
 
 def _given(chosen: ReplaySettings) -> dict[str, Any]:

@@ -762,6 +762,21 @@ def test_one_set_of_settings_finds_real_robots(
     assert -0.12 < min(scales) < max(scales) < 0.0
 
 
+@pytest.mark.parametrize("landmarks", [[7, 15], None])
+@pytest.mark.parametrize("distances", [False, True])
+def test_a_bearing_walk_makes_the_filter_of_real_robots_more_consistent(
+    landmarks: list[int] | None, distances: bool, real: Log
+) -> None:
+    chosen: dict[str, Any] = {"landmarks": landmarks, "distances": distances, "window": 0.0}
+    plain = replay(real, **chosen)
+    walking = replay(
+        real, bearing_sigma=0.0065, bearing_walk_sigma=0.025, bearing_walk_time=3.0, **chosen
+    )
+    assert walking.accuracy.overall().position <= plain.accuracy.overall().position
+    for before, after in ((plain.anees, walking.anees), (plain.nis, walking.nis)):
+        assert abs(after.value - 1.0) < abs(before.value - 1.0)
+
+
 def _copy(folder: Path, tmp_path: Path) -> Path:
     target = tmp_path / "recording"
     target.mkdir()

@@ -75,11 +75,13 @@ def draw_small(number: int, seed: int) -> Plan:
     motion = {
         "speed_scale_sigma": some(0.003, 0.01),
         "turn_rate_bias_sigma_rad_s": some(0.0005, 0.002),
+        "clock_offset_sigma_s": some(0.02, 0.1),
     }
     sensor = {
         "bearing_sigma_rad": some(0.01, 0.05),
         "bearing_bias_sigma_rad": some(0.003, 0.01),
         "range_sigma_m": some(0.2, 0.6),
+        "bearing_walk": {"sigma_rad": some(0.01, 0.03), "time_s": some(4.0, 20.0)},
     }
     made = {
         **document,
