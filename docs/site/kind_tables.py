@@ -14,7 +14,7 @@ from syncplan.estimation.filters import FILTERS
 from syncplan.exporting.format_table import ALL, FORMATS
 from syncplan.planning.swept_keys import SWEPT_KEYS
 from syncplan.plotting.figure_table import FIGURES, SUBJECTS
-from syncplan.scenario.dotted_keys import numeric_keys
+from syncplan.scenario.dotted_keys import IN_FLIGHT_ALONE, IN_TRUTH, numeric_keys
 from syncplan.scenario.objectives import OBJECTIVES
 
 __all__ = ["TABLES", "renew", "with_tables"]
@@ -71,7 +71,14 @@ def _swept_keys() -> str:
 
 
 def _numeric_keys() -> str:
-    rows = [(f"`{key}`", one.unit, one.allowed, one.meaning) for key, one in numeric_keys().items()]
+    known = numeric_keys()
+    scenarios = {*known, *IN_FLIGHT_ALONE}
+    # keys of the truth are those of the scenario, but for some of its own
+    rows = [
+        (f"`{key}`", one.unit, one.allowed, one.meaning)
+        for key, one in known.items()
+        if not key.startswith(IN_TRUTH) or key.removeprefix(IN_TRUTH) not in scenarios
+    ]
     return _table(("key", "unit", "allowed", "what it is"), rows)
 
 

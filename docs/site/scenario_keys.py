@@ -48,10 +48,15 @@ def described_keys(schema: Schema) -> Iterator[tuple[str, list[list[str]]]]:
     """Yield (section, rows) with key, type, unit, default, meaning and example in Markdown."""
     definitions = schema["$defs"]
     yield "Top level", _rows(schema, definitions)
-    for name, described in schema["properties"].items():
-        section = _section(described)
-        if section is not None:
-            yield f"`{name}`", _rows(definitions[section], definitions)
+    named, parts = set(), [schema]
+    for part in parts:
+        for name, described in part["properties"].items():
+            section = _section(described)
+            # keys of the truth are those of the section that has their name
+            if section is not None and name not in named:
+                named.add(name)
+                parts.append(definitions[section])
+                yield f"`{name}`", _rows(definitions[section], definitions)
 
 
 def unit_of(key: str) -> str:
@@ -79,10 +84,10 @@ def _row(key: str, described: Schema, required: bool, definitions: Schema) -> li
 
 def _section(described: Schema) -> str | None:
     """The model behind a key whose value is a section, or a list of them."""
-    for one in (described, *described.get("anyOf", ()), *described.get("oneOf", ())):
-        if "$ref" in one:
-            return str(one["$ref"].rpartition("/")[2])
-    return None
+    if "$ref" in described:
+        return str(described["$ref"].rpartition("/")[2])
+    each = map(_section, (*described.get("anyOf", ()), *described.get("oneOf", ())))
+    return next(filter(None, each), None)
 
 
 def _kind(described: Schema) -> str:

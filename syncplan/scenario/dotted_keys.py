@@ -170,6 +170,7 @@ def _allowed(number: Mapping[str, Any]) -> str:
             ("minimum", "at least"),
             ("exclusiveMinimum", "more than"),
             ("maximum", "at most"),
+            ("exclusiveMaximum", "less than"),
         )
         if limit in number
     ]

@@ -105,6 +105,6 @@ def test_errors_widen_the_state_whether_estimated_or_not() -> None:
         )
         work = work_of(made)
         assert work is not None
-        # poses, wind, scales, biases and gusts
-        size = 18 + 2 + 6 + 6 + 12
+        # poses, wind, scales, biases, clocks and gusts
+        size = 18 + 2 + 6 + 6 + 6 + 12
         assert work.pass_work == pytest.approx(before.pass_work * (size / 18.0) ** 2)
