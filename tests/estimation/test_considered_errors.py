@@ -45,7 +45,7 @@ def test_the_true_error_equals_that_of_the_filters_own_recursion(
     np.testing.assert_allclose(found.heading_variance, poses[..., 2], rtol=1e-9)
     assert found.errors is not None
     np.testing.assert_allclose(found.errors, variances[:, 3 * n :], rtol=1e-8, atol=1e-15)
-    assert neglected_errors(team) == tuple(name for name in ALL if name not in names)
+    assert neglected_errors(team) == tuple(name for name in whole.names if name not in names)
 
 
 def test_a_filter_that_neglects_nothing_meets_its_bound(grid: Plan) -> None:
