@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from syncplan.arrays import Array, Flags
 from syncplan.errors import InputError
+from syncplan.estimation.augmented_frame import GUST
 from syncplan.estimation.augmented_setup import AugmentedSetup, augmented_setup_of
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.montecarlo import _setup
@@ -117,7 +118,7 @@ class _Pilots:
         columns = self._setup.columns
         errors = np.where(columns >= 0, self._states[:, columns], 0.0)
         time = step * self._flown.setup.time
-        wind = errors[..., :2] + errors[..., 5:]
+        wind = errors[..., :2] + errors[..., GUST : GUST + 2]
         commands = self._law.commands(time, self.poses, wind, self._moved)
         self.expected = self._response.follow(commands)
         return commands.reshape(-1, 2)

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Index
+from syncplan.estimation.augmented_frame import GUST
 from syncplan.estimation.augmented_setup import AugmentedSetup
 from syncplan.flight.flight_setup import Contact
 from syncplan.orbits.circles import Orbits, cross, dot, perpendicular, phase, position, unit, wrap
@@ -78,8 +79,8 @@ def moved_circles(contact: Contact, setup: AugmentedSetup, P: Array, unseen: Ind
         for k, sign in ((i, 1.0), (anchor, -1.0)):
             if k < len(columns):
                 h[3 * k : 3 * k + 2] = sign * toward
-                if columns[k, 5] >= 0:
-                    h[columns[k, 5:]] = sign * contact.gust_lead * toward
+                if columns[k, GUST] >= 0:
+                    h[columns[k, GUST : GUST + 2]] = sign * contact.gust_lead * toward
         # two vehicles drift alike with the wind, a landmark does not
         if anchor >= len(columns) and columns[i, 0] >= 0:
             h[columns[i, :2]] = contact.lead * toward

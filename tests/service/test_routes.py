@@ -259,6 +259,7 @@ def test_a_job_is_accepted_with_its_defaults_filled_in(cat: httpx2.Client) -> No
         "filter": "auto",
         "substeps": 10,
         "series": False,
+        "stress": False,
     }
     assert (job.started_at, job.ended_at, job.result, job.error) == (None, None, None, None)
     assert cat.get(answer.headers["location"]).content == answer.content
