@@ -144,11 +144,11 @@ def _validate(
     check_output(output, subject)
     flown = plan_of(load(subject, max_vehicles=max_vehicles or MAX_VEHICLES), pilot=False)
     chosen = choose_filter(flown, options).applied(options)
-    true = in_world(flown, options.truth).true_team
-    announce_compilation(chosen, [(true.count, needs_augmented(true))])
+    there = in_world(flown, options.truth)
+    announce_compilation(chosen, [(there.team.count, needs_augmented(there.true_team))])
     status = 0
     if stress or require_robust:
-        worlds = len(stress_worlds(flown.scenario)) + 1
+        worlds = len(stress_worlds(there.scenario)) + 1
         with progress_bar("trials", worlds * trials) as progress:
             test = stressed(flown, options, threads=threads, progress=progress)
         result, report = test.nominal, stress_document(test)
