@@ -63,14 +63,19 @@ class FilterRequest(JobRequest):
         """Return the length in s of each run of a scenario."""
         return scenario.duration_s if self.duration_s is None else self.duration_s
 
+    def in_world(self, scenario: Scenario) -> Scenario:
+        """Return the scenario with the request's truth beside its own; raises the fault of it."""
+        if self.truth is None:
+            return scenario
+        return with_truth(scenario, self.truth.model_dump(exclude_none=True))
+
     def check_run(self, scenario: Scenario, limits: RequestLimits) -> None:
         """Raise InputError if a run of a scenario is too long, or too short to be measured."""
         length = self.length(scenario)
         check_at_most("duration_s", length, limits.run_s, " s")
         check_at_most("duration_s", length / scenario.sample_time, limits.samples, " samples")
         check_run_work(scenario, length, limits)
-        if self.truth is not None:
-            with_truth(scenario, self.truth.model_dump(exclude_none=True))
+        self.in_world(scenario)
         with our_keys():
             steps_in_run(length, scenario.sample_time, scenario.period, scenario.size)
 

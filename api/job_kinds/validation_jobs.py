@@ -49,7 +49,8 @@ class ValidationRequest(FilterRequest):
         assert isinstance(subject, Loaded)
         scenario = subject.scenario
         self.check_run(scenario, limits)
-        trials = self.trials * (1 + len(stress_worlds(scenario)) if self.stress else 1)
+        world = self.in_world(scenario)
+        trials = self.trials * (1 + len(stress_worlds(world)) if self.stress else 1)
         check_trials(trials, scenario.size, limits)
         return trials
 
