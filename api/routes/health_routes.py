@@ -43,13 +43,15 @@ async def healthz() -> Health:
     responses=problem_responses(406, 503),
 )
 def readyz(service: CurrentService) -> Health:
-    """The database can be written to, and a process that runs jobs has its heartbeat."""
+    """The database can be written to, and the processes that compute and run jobs are alive."""
     service.database.check()
     try:
         service.database.check_writing()
     except DBAPIError as error:
         detail = failure_of(error).detail
         raise Unavailable(f"{detail}; what is stored can be read") from error
+    if not service.pool.ready:
+        raise Unavailable("the processes that compute are starting; try again")
     silent_s = service.silent_s()
     if silent_s > service.settings.dead_after_s:
         raise Unavailable(f"no heartbeat for {silent_s:.0f} s; other workers take over its jobs")

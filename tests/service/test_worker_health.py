@@ -4,10 +4,14 @@ import contextlib
 import sqlite3
 from collections.abc import Iterator
 from pathlib import Path
+from unittest.mock import Mock
 
 import httpx2
 import pytest
 
+from api.computing.pool import Pool
+from api.problems import Unavailable
+from api.routes.health_routes import readyz
 from tests.tools.api_servers import key_of, problem
 from tests.tools.processes import wait_until
 from tests.tools.serving import QUICK, Process, free_port, running, settings_of
@@ -62,3 +66,14 @@ def test_a_worker_without_a_heartbeat_is_not_ready(http: httpx2.Client, folder: 
         wait_until(lambda: http.get("/readyz").status_code == 503)
         assert http.get("/healthz").status_code == 200
     wait_until(lambda: http.get("/readyz").status_code == 200)
+
+
+def test_a_service_whose_processes_are_starting_is_not_ready() -> None:
+    pool = Pool(1, background=False)
+    service = Mock(pool=pool, silent_s=lambda: 0.0)
+    service.settings.dead_after_s = 1.0
+    with contextlib.closing(pool):
+        with pytest.raises(Unavailable, match="starting"):
+            readyz(service)
+        wait_until(lambda: pool.ready)
+        assert readyz(service).status == "ok"
