@@ -10,11 +10,14 @@ import httpx2
 import pytest
 
 from api.responses import Job, StoredPlan
+from syncplan.planning.stress_tests import stressed
+from syncplan.reports.validation_report import stress_document
+from syncplan.runtime.files import as_text
 from syncplan.scenario.loading import load_scenario
 from syncplan.scenario.specification import Scenario
 from tests.tools.api_servers import Event, events_of, operations_of, problem, serving, speaking
 from tests.tools.processes import wait_until
-from tests.tools.scenarios import BAD_FILES, FILES, document
+from tests.tools.scenarios import BAD_FILES, FILES, document, small
 from tests.tools.serving import Server
 
 NOBODY = "01a1fd95-df6b-7a20-9383-c20e93a41e86"
@@ -304,6 +307,17 @@ def test_a_validation_leaves_a_report_and_its_trials(ann: httpx2.Client) -> None
     assert trials.content.startswith(b"PK")
     told = problem(ann.post(f"{at}/cancel"), 409)
     assert "succeeded" in told.detail
+
+
+def test_a_stress_test_leaves_the_report_of_the_library_to_the_byte(ann: httpx2.Client) -> None:
+    made = planned(ann, landmarks_m=LANDMARKS)["id"]
+    asked = {"trials": 2, "truth": {"sensor": {"bearing_sigma_rad": 0.15}}}
+    body = {**asked, "stress": True}
+    at = ann.post(f"/v1/plans/{made}/validations", json=body).headers["location"]
+    job = ended(ann, at)
+    test = stressed(small(landmarks_m=LANDMARKS), **asked)
+    assert job.progress.done == job.progress.total == 2 * (1 + len(test.rows))
+    assert ann.get(f"{at}/result").text == as_text(stress_document(test).as_json())
 
 
 def test_a_refinement_leaves_a_plan_that_names_its_parent(ann: httpx2.Client) -> None:
