@@ -80,7 +80,8 @@ class Pool:
         self._idle_since: dict[str, float] = {}
         self._extra = 0
         self._children = 0
-        self._ready = False
+        self.ready = False
+        """Whether a process has been ready for tasks since the pool began."""
         self._closed = False
         lock = threading.RLock()
         self._work = threading.Condition(lock)
@@ -92,11 +93,6 @@ class Pool:
         self._threads.append(threading.Thread(target=self._watch, daemon=True, name="deadlines"))
         for thread in self._threads:
             thread.start()
-
-    @property
-    def ready(self) -> bool:
-        """Whether a child process has been ready for tasks since the pool began."""
-        return self._ready
 
     def depth(self) -> PoolDepth:
         """Return how much work there is now."""
@@ -313,7 +309,7 @@ class Pool:
         finally:
             with self._work:
                 self._starting.discard(child)
-        self._ready = True
+        self.ready = True
         return child
 
     def _run(self, ticket: Ticket, child: Child | None) -> Child | None:

@@ -34,6 +34,7 @@ export const WORLD = {
     { path: "obstacles_m", label: "Polygons that block sight", unit: "m", kind: "json" },
     { path: "keep_out_m", label: "Polygons that block paths", unit: "m", kind: "json" },
   ],
+  "A simulated world that differs": [{ path: "truth", label: "Keys that are true instead", kind: "json" }],
   "Errors that the filter estimates": [{ path: "filter.estimate", label: "Estimated errors", kind: "choice" }],
 };
 

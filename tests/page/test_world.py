@@ -18,6 +18,7 @@ WORLD: dict[str, Any] = {
     "motion": {"position_random_walk_m_sqrt_s": 0.03, "angle_random_walk_rad_sqrt_s": 0.003},
     "filter": {"estimate": ["wind"]},
     "obstacles_m": [[[35, 200], [40, 200], [40, 210]]],
+    "truth": {"wind": {"sigma_mps": 1.0}},
     "duration_s": 60,
 }
 
@@ -59,7 +60,7 @@ def test_a_scenario_of_the_world_opens_its_groups_and_keeps_its_keys(visit: Visi
     visit.settle()
     kept = downloaded(page)
     assert kept["wind"]["sigma_mps"] == 0.5
-    for key in ("heading_sigma_rad", "filter", "obstacles_m"):
+    for key in ("heading_sigma_rad", "filter", "obstacles_m", "truth"):
         assert kept[key] == WORLD[key]
     polygons = page.get_by_label("Polygons that block sight")
     polygons.fill("[[[35, 20")
@@ -68,6 +69,9 @@ def test_a_scenario_of_the_world_opens_its_groups_and_keeps_its_keys(visit: Visi
     visit.settle()
     assert downloaded(page)["obstacles_m"] == [[[35, 200], [40, 200], [40, 220]]]
     expect(page.get_by_text("is no JSON yet")).to_have_count(0)
+    page.get_by_label("Keys that are true instead").fill('{"wind": {"sigma_mps": 2}}')
+    visit.settle()
+    assert downloaded(page)["truth"] == {"wind": {"sigma_mps": 2}}
     page.get_by_label("Estimated errors").select_option("none")
     visit.settle()
     expect(page.locator("#workspace")).to_contain_text("Expected RMS error")
