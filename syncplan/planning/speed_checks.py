@@ -72,11 +72,11 @@ def strong_wind(judged: JudgedTeam) -> Iterator[Finding]:
     yield Finding(
         "strong-wind",
         "warning",
-        f"wind and gusts of {sigma:.3g} m/s (sigma) are over half the ground speed of "
-        f"{listed(names, MOST_NAMED)}, from {speeds.min():.3g} m/s on: what is predicted supposes "
-        "small deviations from circles",
+        f"wind and gusts have a sigma of {sigma:.3g} m/s, over half the ground speed of "
+        f"{listed(names, MOST_NAMED)} (from {speeds.min():.3g} m/s): predictions assume small "
+        "deviations from the circles",
         tuple(names),
-        Cure("faster circles, or flights of the plan (fly), which suppose no small deviations"),
+        Cure("faster circles, or a check with fly, which does not assume this"),
     )
 
 
@@ -111,20 +111,20 @@ def _over_limit_in_wind(
     ]
     stops = [one for one in over if one[2] < strongest]
     air = (
-        f"in wind and gusts of up to {strongest:.3g} m/s, which {percent(EXCEEDED)} exceed; "
-        f"limits.speed_mps allows {high:g}"
+        f"the wind and gusts stated, which exceed {strongest:.3g} m/s in {percent(EXCEEDED)} of "
+        f"cases; limits.speed_mps allows {high:g}"
     )
     cure = Cure("a higher largest airspeed, slower circles, or less wind")
     if stops:
         each = [
-            f"{name} needs {speed + strongest:.3g} m/s and comes round in time in "
+            f"{name} needs {speed + strongest:.3g} m/s and completes its turns in time in "
             f"{percent(_share_below(most, sigma))} of winds"
             for speed, name, most in stops
         ]
         yield Finding(
             "over-limit",
             "stop",
-            f"airspeeds do not do {air}: {listed(each, MOST_NAMED)}",
+            f"the airspeeds are too low for {air}: {listed(each, MOST_NAMED)}",
             tuple(name for _, name, _ in stops),
             cure,
         )
@@ -137,7 +137,7 @@ def _over_limit_in_wind(
         yield Finding(
             "over-limit",
             "warning",
-            f"vehicles fall behind against the wind and catch up with it {air}: "
+            f"vehicles fall behind upwind and catch up downwind in {air}: "
             f"{listed(each, MOST_NAMED)}",
             tuple(name for _, name, _ in over),
             cure,
