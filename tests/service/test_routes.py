@@ -311,7 +311,7 @@ def test_a_validation_leaves_a_report_and_its_trials(ann: httpx2.Client) -> None
 
 def test_a_stress_test_leaves_the_report_of_the_library_to_the_byte(ann: httpx2.Client) -> None:
     made = planned(ann, landmarks_m=LANDMARKS)["id"]
-    asked = {"trials": 2, "truth": {"sensor": {"bearing_sigma_rad": 0.15}}}
+    asked: dict[str, Any] = {"trials": 2, "truth": {"sensor": {"bearing_sigma_rad": 0.15}}}
     body = {**asked, "stress": True}
     at = ann.post(f"/v1/plans/{made}/validations", json=body).headers["location"]
     job = ended(ann, at)
