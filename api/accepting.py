@@ -14,8 +14,6 @@ from collections.abc import Callable, Iterator
 
 from api.seldom_logs import SeldomLog
 
-__all__ = ["accept_connections"]
-
 _AT_ONCE = 64
 """Connections that are taken before others have their turn."""
 

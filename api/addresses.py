@@ -3,8 +3,6 @@
 import ipaddress
 from functools import lru_cache
 
-__all__ = ["is_this_machine", "network_of"]
-
 _ONE_SITE = 64
 """Bits of an IPv6 address that one site shares: it may take any of the addresses behind them."""
 

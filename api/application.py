@@ -14,8 +14,6 @@ from api.service import Ending
 from api.settings import Settings
 from syncplan import __version__
 
-__all__ = ["without_routes"]
-
 UPLOADS = "/v1/recordings"
 """Where bodies may be larger than elsewhere."""
 

@@ -8,8 +8,6 @@ from importlib.resources import files
 
 from api.page_tables import tables_script
 
-__all__ = ["PAGE", "PLOTLY", "TABLES", "Asset", "find_asset"]
-
 PAGE = "index.html"
 PLOTLY = "plotly.min.js"
 TABLES = "tables.js"

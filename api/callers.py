@@ -9,12 +9,10 @@ from fastapi import Depends, Request
 from starlette.requests import ClientDisconnect
 
 from api.computing.child import ChildGoneError, OutOfMemoryError, TooSlowError
-from api.computing.pool import GivenUpError, OwnerBusyError, PoolFullError, Ticket
+from api.computing.tickets import GivenUpError, OwnerBusyError, PoolFullError, Ticket
 from api.problems import TooManyRequests, TooMuchWork, Unavailable
 from api.security import CurrentOwner
 from api.service import CurrentService, Service
-
-__all__ = ["Caller", "CurrentCaller", "computed"]
 
 _RETRY_AFTER_S = 2.0
 

@@ -8,15 +8,6 @@ from typing import Protocol
 from api.seldom_logs import SeldomLog
 from api.settings import Settings
 
-__all__ = [
-    "LARGEST_RESERVE",
-    "NEVER",
-    "ConnectionLimits",
-    "Connections",
-    "Guest",
-    "limits_of_connections",
-]
-
 LARGEST_RESERVE = 64
 """Connections beyond the limits that are held open for a moment, in case they are probes."""
 

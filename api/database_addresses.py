@@ -6,8 +6,6 @@ from pathlib import Path
 from sqlalchemy.engine import URL, make_url
 from sqlalchemy.exc import ArgumentError
 
-__all__ = ["checked_address", "sqlite_address"]
-
 _POSTGRES = {"postgres", "postgresql", "postgresql+psycopg"}
 
 

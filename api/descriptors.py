@@ -2,8 +2,6 @@
 
 import sys
 
-__all__ = ["raise_limit"]
-
 _ENOUGH = 65_536
 """Far above what any limit of the service needs; some systems allow a thousand million."""
 _UNKNOWN = 1024

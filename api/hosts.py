@@ -15,8 +15,6 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from api.addresses import is_this_machine
 from api.problems import ForeignPage, WrongHost
 
-__all__ = ["LocalOnly", "host_name", "names_here"]
-
 _LOCAL = frozenset({"localhost"})
 _LONGEST_SHOWN = 80
 _LONGEST = 320

@@ -15,8 +15,6 @@ from api.problems import KeyReused
 from api.service import Service
 from api.storage.kept_answers import Answer, AnswerTakenError, find_answer, keep_answer
 
-__all__ = ["Call", "CurrentCall", "EmptyCall", "IdempotencyKey", "answer_once", "call_of"]
-
 T = TypeVar("T")
 
 _LONG = 2**20

@@ -14,8 +14,6 @@ from opentelemetry.trace import NonRecordingSpan, SpanContext, StatusCode, Trace
 from opentelemetry.trace.propagation.tracecontext import TraceContextTextMapPropagator
 from opentelemetry.util.types import AttributeValue
 
-__all__ = ["current_traceparent", "record_span", "spans_wanted"]
-
 _FORM = TraceContextTextMapPropagator()
 _LOW_64 = 2**64 - 1
 

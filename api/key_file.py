@@ -8,8 +8,6 @@ from pathlib import Path
 from api.keys import ApiKey, keys_of_lines
 from syncplan.errors import InputError
 
-__all__ = ["KeyFile"]
-
 _LARGEST_BYTES = 2**20
 
 _log = logging.getLogger("api.keys")

@@ -11,8 +11,6 @@ from api.addresses import network_of
 from api.problems import KeysThrottled
 from api.seldom_logs import SeldomLog
 
-__all__ = ["KeyThrottle"]
-
 _MINUTE_S = 60.0
 _MOST_ADDRESSES = 10_000
 _MOST_PROVEN = 10_000

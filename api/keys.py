@@ -6,8 +6,6 @@ from collections.abc import Iterable
 
 from pydantic import BaseModel, ConfigDict, SecretStr
 
-__all__ = ["ApiKey", "check_keys", "keys_of_lines", "parsed_keys"]
-
 SHORTEST_KEY = 16
 _KEY = re.compile(r"[!-+\--~]+")
 _NAME = re.compile(r"[A-Za-z0-9._-]{1,64}")

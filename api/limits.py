@@ -7,16 +7,6 @@ from syncplan.flight.flight_options import GuidanceModel
 from syncplan.planning.expected_work import ExpectedWork, work_of
 from syncplan.scenario.specification import Scenario
 
-__all__ = [
-    "RequestLimits",
-    "check_at_most",
-    "check_flights",
-    "check_replay_work",
-    "check_run_work",
-    "check_size",
-    "check_trials",
-]
-
 _REMEDY = "use a shorter range_m, a longer sample_time_s, a shorter run or fewer vehicles"
 MOST_BOUND_WORK = 5e10
 """Most work of a plan's bound: a core does 0.3e9 to 4e9 a second, and a request has 20 s."""

@@ -16,15 +16,6 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from api.security_headers import with_security
 
-__all__ = [
-    "PROBES",
-    "JsonLines",
-    "RequestLog",
-    "configure_logs",
-    "current_request_id",
-    "route_template",
-]
-
 REQUEST_LOGGER = "api.requests"
 PROBES = frozenset({"/healthz", "/readyz", "/metrics"})
 """Paths that machines poll: logged only at level debug while they succeed."""

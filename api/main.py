@@ -36,8 +36,6 @@ from api.watching.job_readings import JobReadings
 from api.watching.pool_readings import PoolReadings
 from api.watching.readings_cache import Cached
 
-__all__ = ["create_app"]
-
 _DESCRIPTION = """Plans of synchronised circular orbits that let a team of robots localise itself:
 initial poses and phases at once, refinement and Monte Carlo as jobs that survive."""
 

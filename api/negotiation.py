@@ -8,8 +8,6 @@ from fastapi import Request
 
 from api.problems import ServiceError
 
-__all__ = ["ARCHIVES", "accepts", "body_kind", "check_archive"]
-
 _TOKEN = r"[!#$%&'*+.^_`|~0-9A-Za-z-]+"
 _RANGE = re.compile(rf"({_TOKEN})/({_TOKEN})", re.ASCII)
 _PARAMETER = re.compile(rf'({_TOKEN})=({_TOKEN}|"[^"]*")', re.ASCII)

@@ -31,8 +31,6 @@ from api.responses import JobEvent
 from api.service import limits_of
 from api.settings import Settings
 
-__all__ = ["document_operations", "operations"]
-
 _JSON, _YAML, _EVENTS = "application/json", "application/yaml", "text/event-stream"
 
 Tree = dict[str, Any]

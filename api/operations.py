@@ -11,8 +11,6 @@ from api.responses import StoredPlan
 from syncplan.planning.plan_files import PlanFile
 from syncplan.scenario.specification import Scenario
 
-__all__ = ["ANSWERS", "BODIES", "FOLLOWING", "HEADERS", "REQUEST_ID", "RESULTS", "SENT", "Body"]
-
 
 @dataclass(frozen=True, slots=True)
 class Body:

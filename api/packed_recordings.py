@@ -7,8 +7,6 @@ from dataclasses import asdict, dataclass, replace
 from syncplan.errors import InputError
 from syncplan.recordings.overviews import Overview
 
-__all__ = ["PackedRecording", "overview_of_text", "packed_recording"]
-
 
 @dataclass(frozen=True, slots=True)
 class PackedRecording:

@@ -11,8 +11,6 @@ from syncplan.reports.job_contract import STATES, has_ended
 from syncplan.scenario.dotted_keys import ALTERNATIVES, numeric_keys
 from syncplan.scenario.objectives import OBJECTIVES
 
-__all__ = ["tables_script"]
-
 
 def tables_script() -> str:
     """Return the tables as JavaScript: names and words, in the order of the page."""

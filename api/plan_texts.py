@@ -11,8 +11,6 @@ if TYPE_CHECKING:
     from syncplan.planning.judged_plan import Plan
     from syncplan.planning.plan_files import Loaded
 
-__all__ = ["PlanText", "Syntax", "as_plan_text", "loaded_body", "loaded_plan"]
-
 Syntax = Literal["json", "yaml"]
 
 

@@ -18,8 +18,6 @@ from api.addresses import network_of
 from api.connections import NEVER, Connections
 from api.refusals import LARGEST_HEAD_BYTES, Refusal
 
-__all__ = ["HttpProtocol"]
-
 PROBES = frozenset({b"/healthz", b"/readyz"})
 """What is answered in the reserve of connections as well."""
 

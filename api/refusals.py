@@ -10,18 +10,6 @@ from api.connections import ConnectionLimits
 from api.problems.problem_document import MEDIA_TYPE, Problem, title_of
 from api.security_headers import with_security
 
-__all__ = [
-    "ENDING",
-    "LARGEST_HEAD_BYTES",
-    "LARGE_FRAMING",
-    "LARGE_HEAD",
-    "UNREADABLE",
-    "Refusal",
-    "crowd",
-    "late_body",
-    "late_head",
-]
-
 LARGEST_HEAD_BYTES = 64 * 2**10
 """Most that may come before the head of a request ends."""
 

@@ -10,21 +10,6 @@ from api.storage.recording_records import RecordingRow
 from syncplan.reports.job_contract import JobKindName, JobState
 from syncplan.reports.plan_schemas import PlanDocument
 
-__all__ = [
-    "FigureValues",
-    "Job",
-    "JobEvent",
-    "JobPage",
-    "PlanPage",
-    "PlanSummary",
-    "Preview",
-    "Recording",
-    "RecordingPage",
-    "StoredPlan",
-    "job_answer",
-    "recording_answer",
-]
-
 _ID = "019a2b3c-4d5e-7f60-8123-456789abcdef"
 _TIME = "2026-05-01T09:00:00.000000Z"
 

@@ -19,8 +19,6 @@ from api.problems import Unauthorized
 from api.settings import Settings
 from syncplan.errors import InputError
 
-__all__ = ["LOCAL_OWNER", "CurrentKey", "CurrentOwner", "Keyring", "refuse_exposure"]
-
 LOCAL_OWNER = "local"
 """Who owns everything while no keys are configured."""
 

@@ -2,8 +2,6 @@
 
 from collections.abc import Iterable
 
-__all__ = ["ALWAYS", "UNLESS_GIVEN", "with_security"]
-
 HeaderPair = tuple[bytes, bytes]
 
 ALWAYS: tuple[HeaderPair, ...] = (

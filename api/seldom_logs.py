@@ -4,8 +4,6 @@ import logging
 import time
 from dataclasses import dataclass
 
-__all__ = ["SeldomLog"]
-
 
 @dataclass(slots=True)
 class _Silence:

@@ -21,8 +21,6 @@ from api.service import Ending
 from api.shares import Place
 from api.watching.connection_readings import ConnectionReadings
 
-__all__ = ["LimitedServer", "serve_until_told", "served_beside"]
-
 _GRACE_S = 5
 _TICKS_BETWEEN_LOOKS = 2
 """Of a tenth of a second each."""

@@ -18,8 +18,6 @@ from api.storage.plan_reader import PlanReader
 from api.storage.plan_writer import PlanWriter
 from api.uploads import Uploads
 
-__all__ = ["CurrentService", "CurrentWatch", "Ending", "Service", "limits_of", "service_of"]
-
 Ending = Event
 """Set once the server is about to end, so that what would go on for long comes to its end too."""
 

@@ -16,8 +16,6 @@ from syncplan.errors import InputError
 from syncplan.runtime.cores import usable_cores
 from syncplan.runtime.memory import usable_memory
 
-__all__ = ["ApiKey", "Settings", "load_settings"]
-
 PREFIX = "SYNCPLAN_"
 _SECRET = {"api_keys"}
 _VALUE_LENGTH = 100

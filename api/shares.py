@@ -18,8 +18,6 @@ from typing import Any
 
 from api.settings import Settings
 
-__all__ = ["ALONE", "ConnectionTable", "Enrolment", "Place", "Share", "divided"]
-
 _DIVIDED = (
     "max_connections",
     "max_connections_per_address",

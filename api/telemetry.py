@@ -13,8 +13,6 @@ from api.logs import PROBES
 from api.settings import Settings
 from syncplan.errors import InputError
 
-__all__ = ["OFF", "export_spans", "telemetry_options"]
-
 EXPORTERS = ("opentelemetry.sdk", "opentelemetry.exporter.otlp.proto.http")
 REMEDY = "pip install 'syncplan[telemetry]'"
 OFF: TelemetryConfig = {

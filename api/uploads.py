@@ -7,8 +7,6 @@ from contextlib import contextmanager
 
 from api.problems import TooManyRequests
 
-__all__ = ["Uploads"]
-
 MOST = 4
 MOST_OF_OWNER = 2
 _RETRY_AFTER_S = 5.0

@@ -16,8 +16,6 @@ from api.watching.job_readings import JobReadings
 from api.watching.pool_readings import PoolReadings
 from api.watching.readings_cache import Cached
 
-__all__ = ["create_worker_app"]
-
 
 def create_worker_app(
     settings: Settings, database: Database, worker: Worker, counts: JobCounts

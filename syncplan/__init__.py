@@ -104,7 +104,7 @@ _HOME = {
     "NoGoError": "errors",
     "NoSolutionError": "errors",
     "Plan": "planning.judged_plan",
-    "Replay": "estimation.replays",
+    "Replay": "estimation.replay_results",
     "Scenario": "scenario.specification",
     "SyncplanError": "errors",
     "Validation": "planning.validation",
@@ -126,7 +126,8 @@ _MODULES = {"figures": "plotting.plotly_figures"}
 if TYPE_CHECKING:
     from syncplan.client.service_client import Client
     from syncplan.errors import InputError, NoGoError, NoSolutionError, SyncplanError
-    from syncplan.estimation.replays import Replay, replay
+    from syncplan.estimation.replay_results import Replay
+    from syncplan.estimation.replays import replay
     from syncplan.exporting.formats import export
     from syncplan.flight.flying import Flight, fly
     from syncplan.flight.navigator import Navigator

@@ -3,16 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-__all__ = [
-    "Fault",
-    "InputError",
-    "NoGoError",
-    "NoSolutionError",
-    "ProcessEndedError",
-    "SyncplanError",
-]
-
-
 MOST_LINES = 10
 """Most faults that are worded one a line."""
 

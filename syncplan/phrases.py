@@ -2,8 +2,6 @@
 
 from collections.abc import Sequence
 
-__all__ = ["joined", "listed", "percent"]
-
 
 def listed(phrases: Sequence[str], most: int) -> str:
     """Return at most so many of the phrases and the number of the rest: "v1, v2 and 3 more"."""

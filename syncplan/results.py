@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 else:
     DataFrame = Any
 
-__all__ = ["Result"]
-
 _PRESENTATIONS = "syncplan.reports.presentations"
 
 

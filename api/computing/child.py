@@ -15,16 +15,6 @@ from syncplan.errors import Fault, InputError, NoGoError, NoSolutionError, Proce
 from syncplan.runtime.child_processes import ChildProcess, connect_to_parent
 from syncplan.runtime.memory import limit_memory
 
-__all__ = [
-    "Child",
-    "ChildGoneError",
-    "ChildNotStartedError",
-    "OutOfMemoryError",
-    "TaskFailedError",
-    "TooSlowError",
-    "serve",
-]
-
 GRACE_S = 5.0
 """How long a task that was asked to end may take to end (s) before its process is killed."""
 

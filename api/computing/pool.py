@@ -28,8 +28,6 @@ from api.computing.turns import Turns
 from api.job_kinds.job_tasks import Progress
 from syncplan.errors import InputError, NoGoError, NoSolutionError
 
-__all__ = ["GivenUpError", "OwnerBusyError", "Pool", "PoolFullError", "Ticket"]
-
 LARGEST_GROWTH_BYTES = 48 * 2**20
 """A child that has grown by more than this since its first task is replaced."""
 PATIENCE_S = 1.0

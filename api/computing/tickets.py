@@ -11,8 +11,6 @@ from typing import Any
 from api.computing.child import Child, TooSlowError
 from api.job_kinds.job_tasks import Progress
 
-__all__ = ["GivenUpError", "OwnerBusyError", "PoolFullError", "Ticket"]
-
 LEAST_RUN_S = 2.0
 """A task that nobody waits for any more may run for so long (s) before its process is killed.
 

@@ -4,8 +4,6 @@ import contextlib
 import signal
 from collections.abc import Iterator
 
-__all__ = ["Alarm", "TimeUp"]
-
 _AGAIN_S = 2.0
 _LEAST_S = 0.001
 

@@ -14,8 +14,6 @@ from collections import Counter, deque
 from collections.abc import Iterator
 from typing import Generic, TypeVar
 
-__all__ = ["Turns"]
-
 T = TypeVar("T")
 
 _OWNERS_REMEMBERED = 10_000

@@ -6,8 +6,6 @@ from starlette.types import Receive, Scope, Send
 from api.following.followed_job import Follower
 from api.following.job_watch import JobWatch
 
-__all__ = ["EventStream"]
-
 _HEADERS = {"cache-control": "no-cache", "x-accel-buffering": "no"}
 """No store between here and the client keeps events back."""
 

@@ -11,8 +11,6 @@ from fastapi.sse import format_sse_event
 from api.storage.events import JobHead
 from syncplan.reports.job_contract import has_ended
 
-__all__ = ["MOST_RECENT", "FollowedJob", "Follower", "sent"]
-
 MOST_RECENT = 50
 """Events of a job that are kept for those who follow it; older ones are read again."""
 

@@ -24,8 +24,6 @@ from api.security import Keyring
 from api.storage.database import Database, unavailable
 from api.storage.events import JobHead, events_after, heads_of, newest_events
 
-__all__ = ["JobWatch"]
-
 P = ParamSpec("P")
 R = TypeVar("R")
 

@@ -19,8 +19,6 @@ from syncplan.estimation.filters import FilterChoice
 from syncplan.scenario.specification import Scenario
 from syncplan.scenario.truths import Truth, with_truth
 
-__all__ = ["DEFAULTS", "FilterRequest", "our_keys"]
-
 DEFAULTS = FilterOptions()
 
 

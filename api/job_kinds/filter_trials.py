@@ -8,8 +8,6 @@ from api.job_kinds.job_tasks import TrialMethod, TrialProgress
 if TYPE_CHECKING:
     from syncplan.planning.validation import TrialRun, Validation
 
-__all__ = ["FILTER_TRIALS"]
-
 
 def _computed(run: "TrialRun", first: int, trials: int, progress: TrialProgress) -> bytes:
     from syncplan.estimation.trial_archive import pack

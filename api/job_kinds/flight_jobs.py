@@ -29,8 +29,6 @@ from syncplan.scenario.specification import Scenario
 if TYPE_CHECKING:
     from syncplan.flight.flying import Flight, FlightRun
 
-__all__ = ["FLIGHT", "FlightRequest"]
-
 MOST_EVENTS = 1000
 
 USUAL = FlightOptions()

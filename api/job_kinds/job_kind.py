@@ -14,8 +14,6 @@ from syncplan.recordings.overviews import Overview
 from syncplan.reports.job_contract import JobKindName
 from syncplan.scenario.quantities import Section
 
-__all__ = ["JobKind", "JobOperation", "JobRequest", "JobSubject"]
-
 JobSubject = Loaded | Overview | None
 """What a job is about: a stored plan, a stored recording in short, or neither."""
 

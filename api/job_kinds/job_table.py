@@ -11,8 +11,6 @@ from api.job_kinds.sweep_jobs import SWEEP
 from api.job_kinds.validation_jobs import VALIDATION
 from syncplan.reports.job_contract import JobKindName
 
-__all__ = ["JOB_KINDS", "plurals"]
-
 JOB_KINDS: Mapping[JobKindName, JobKind] = MappingProxyType(
     {kind.name: kind for kind in (REFINEMENT, VALIDATION, FLIGHT, SWEEP, REPLAY)}
 )

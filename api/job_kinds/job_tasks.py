@@ -10,19 +10,6 @@ from typing import Generic, Protocol, TypeVar
 from api.plan_texts import PlanText
 from syncplan.reports.job_contract import JobKindName
 
-__all__ = [
-    "Batch",
-    "EarlierWork",
-    "FinishedStart",
-    "JobReport",
-    "JobSpec",
-    "Progress",
-    "TrialMethod",
-    "TrialProgress",
-    "TrialTask",
-    "WholeTask",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class FinishedStart:

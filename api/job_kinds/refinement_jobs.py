@@ -15,8 +15,6 @@ from syncplan.scenario.chunked_validation import Many
 from syncplan.scenario.objectives import ObjectiveName
 from syncplan.scenario.refine_options import Bounds, Variable
 
-__all__ = ["REFINEMENT", "RefinementRequest"]
-
 
 class RefinementRequest(JobRequest):
     """What a refinement changes of the options in the plan's scenario; see its refine section."""

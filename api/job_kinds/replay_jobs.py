@@ -22,8 +22,6 @@ from syncplan.reports.replay_schemas import ReplayDocument
 from syncplan.scenario.chunked_validation import Many
 from syncplan.scenario.quantities import Name
 
-__all__ = ["REPLAY", "ReplayRequest"]
-
 _USUAL = ReplaySettings()
 
 Positive = Annotated[float, Field(ge=1e-6, le=1e6)]

@@ -24,8 +24,6 @@ from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.quantities import fault
 from syncplan.scenario.specification import Scenario
 
-__all__ = ["SWEEP", "SweepRequest"]
-
 _SWEPT = {one.request: one for one in SWEPT_KEYS.values()}
 """What a sweep may vary, by the name of its list in requests."""
 

@@ -18,8 +18,6 @@ from syncplan.planning.stress_tests import joined_worlds, stress_runs, stress_wo
 from syncplan.planning.validation import TrialRun, Validation
 from syncplan.reports.run_schemas import ValidationDocument
 
-__all__ = ["VALIDATION", "ValidationRequest"]
-
 
 class ValidationRequest(FilterRequest):
     """A Monte Carlo run of the filter on a plan."""

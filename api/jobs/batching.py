@@ -6,8 +6,6 @@ from itertools import pairwise
 from api.job_kinds.job_tasks import Batch
 from syncplan.estimation.trials import CHUNK_TRIALS
 
-__all__ = ["batches_of"]
-
 SHORTEST_S = 1.0
 
 

@@ -16,8 +16,6 @@ from api.jobs.queue import JobQueue
 from api.settings import Settings
 from api.storage.database import Database, patiently
 
-__all__ = ["Runtime", "current", "in_transaction", "use"]
-
 T = TypeVar("T")
 
 

@@ -25,8 +25,6 @@ from api.storage.kept_answers import forget_answers
 from api.storage.plan_records import forget_plans
 from api.storage.recording_records import forget_recordings
 
-__all__ = ["Guard"]
-
 _SWEEP_EVERY_S = 20.0
 _SWEPT_AT_ONCE = 20
 

@@ -16,7 +16,7 @@ from api.computing.child import (
     TaskFailedError,
     TooSlowError,
 )
-from api.computing.pool import GivenUpError, PoolFullError, Ticket
+from api.computing.tickets import GivenUpError, PoolFullError, Ticket
 from api.jobs.dbos_runtime import current, in_transaction
 from api.jobs.part_watch import WatchedPart
 from api.jobs.queue import VERSION
@@ -24,8 +24,6 @@ from api.storage import job_records, part_records
 from api.storage.database import patiently
 from api.storage.part_records import PartHistory
 from syncplan.errors import InputError, NoSolutionError
-
-__all__ = ["MOST_ATTEMPTS", "MOST_DEATHS", "Part", "Submit", "computed"]
 
 MOST_DEATHS = 5
 """How many children may end while they compute one part."""

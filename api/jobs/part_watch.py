@@ -11,12 +11,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-from api.computing.pool import Ticket
+from api.computing.tickets import Ticket
 from api.job_kinds.job_tasks import FinishedStart
 from api.storage import batch_records, part_records
 from api.storage.database import Database, unavailable
-
-__all__ = ["PartWatch", "WatchedPart"]
 
 _LOOK_EVERY_S = 0.5
 _NOTE_EVERY_S = 5.0

@@ -15,18 +15,6 @@ from api.jobs.serialization import JSON_ROWS, refuse_pickles
 from api.storage.database import unavailable
 from syncplan import __version__
 
-__all__ = [
-    "APPLICATION",
-    "BATCH_WORKFLOW",
-    "BEGIN_WORKFLOW",
-    "CONCLUDE_WORKFLOW",
-    "PARTS_QUEUE",
-    "VERSION",
-    "JobQueue",
-    "batch_id",
-    "conclusion_id",
-]
-
 APPLICATION = "syncplan"
 PARTS_QUEUE = "syncplan-work"
 

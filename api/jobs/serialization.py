@@ -13,8 +13,6 @@ from dbos import DBOSPortableJSONSerializer, Serializer
 # not public: `refuse_pickles` sees whether they still mean what they did
 from dbos._serialization import DefaultSerializer, deserialize_value
 
-__all__ = ["JSON_ROWS", "RefusedRowError", "refuse_pickles"]
-
 JSON_ROWS: Serializer = DBOSPortableJSONSerializer()
 """How rows are written."""
 

@@ -19,8 +19,6 @@ from api.storage.database import Database
 from api.storage.job_records import ANY_VERSION
 from api.storage.waiting_jobs import WaitingJob, begin_anew, jobs_that_wait
 
-__all__ = ["StrandedJobs"]
-
 _ACTIVE = ["ENQUEUED", "PENDING", "DELAYED"]
 _BROKEN = ["ERROR", "MAX_RECOVERY_ATTEMPTS_EXCEEDED", "CANCELLED"]
 _ID_LENGTH = 36

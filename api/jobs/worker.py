@@ -21,8 +21,6 @@ from api.jobs.serialization import JSON_ROWS
 from api.settings import Settings
 from api.storage.database import Database, unavailable
 
-__all__ = ["Worker"]
-
 _POLL_S = 0.25
 _DBOS_CONNECTIONS = 10
 _AGAIN_S = 2.0

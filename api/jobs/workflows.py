@@ -17,7 +17,7 @@ import asyncio
 from dbos import DBOS
 from sqlalchemy import Connection
 
-from api.computing.pool import Ticket
+from api.computing.tickets import Ticket
 from api.job_kinds.job_table import JOB_KINDS
 from api.job_kinds.job_tasks import EarlierWork, JobReport, Progress, TrialTask
 from api.jobs.batching import batches_of
@@ -38,8 +38,6 @@ from api.storage.clock import moment, new_id
 from api.storage.job_queries import BegunJob
 from api.storage.part_records import BEGINNING, CONCLUSION, PartHistory
 from api.storage.plan_records import add_plan
-
-__all__ = ["begin_job", "compute_batch", "conclude_job"]
 
 _BEYOND_OWN_LIMIT = 2.0
 """A job computed whole may take so many times as long as it may be asked to, at least."""

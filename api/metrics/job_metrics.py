@@ -4,8 +4,6 @@ from prometheus_client.registry import Collector
 
 from api.metrics.metric_table import as_counter, as_histogram
 
-__all__ = ["JobTally"]
-
 
 class JobTally:
     """Counts of the jobs that this process ended, and of the parts that it computed."""

@@ -11,8 +11,6 @@ from prometheus_client.samples import Sample
 
 from api.metrics.metric_table import METRICS
 
-__all__ = ["Collected", "counted", "merged", "own"]
-
 Collected = Sequence[Metric]
 """The metrics of a process at one moment."""
 

@@ -6,8 +6,6 @@ from typing import Literal
 
 from prometheus_client import Counter, Histogram
 
-__all__ = ["METRICS", "MetricEntry", "as_counter", "as_histogram"]
-
 REQUEST_S = (
     0.001,
     0.002,

@@ -12,8 +12,6 @@ from api.metrics.job_metrics import JobTally
 from api.metrics.merging import Collected
 from api.metrics.metric_table import METRICS, as_counter, as_histogram
 
-__all__ = ["Metrics", "Readings", "Source"]
-
 Readings = Mapping[str, Mapping[tuple[str, ...], float]]
 """Values of counters and gauges by name, and by the values of their labels in order."""
 

@@ -7,8 +7,6 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from api.logs import route_template
 from api.metrics.registry import Metrics
 
-__all__ = ["RequestMetrics"]
-
 
 class RequestMetrics:
     """ASGI middleware that counts and times requests.

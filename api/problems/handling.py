@@ -19,8 +19,6 @@ from api.problems.openapi_problems import document_problems
 from api.problems.problem_document import MEDIA_TYPE, Problem, printable, title_of
 from api.problems.table import TABLE, FailedRequest, Logged, failure_of
 
-__all__ = ["install_handlers"]
-
 _MOST_DIGITS = 18
 """Digits of a length beyond any limit, and short enough to be read."""
 

@@ -6,8 +6,6 @@ from fastapi import FastAPI
 
 from api.problems.problem_document import MEDIA_TYPE, FaultEntry, Problem, title_of
 
-__all__ = ["REFERENCE", "document_problems", "problem_responses"]
-
 REFERENCE = "#/components/schemas/{model}"
 """How the document refers to a schema by its name."""
 _ID = "5b1f0c52a7c14f7e9d4b8a1a6f0b6f0e"

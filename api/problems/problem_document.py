@@ -8,8 +8,6 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-__all__ = ["MEDIA_TYPE", "FaultEntry", "Problem", "printable", "shown", "title_of"]
-
 MEDIA_TYPE = "application/problem+json"
 
 _RENAMED = {413: "Content Too Large", 422: "Unprocessable Content"}

@@ -5,22 +5,6 @@ from collections.abc import Mapping, Sequence
 
 from api.problems.problem_document import FaultEntry, shown
 
-__all__ = [
-    "Conflict",
-    "ForeignPage",
-    "KeyReused",
-    "KeysThrottled",
-    "NotFound",
-    "PreconditionFailed",
-    "ServiceError",
-    "StorageFull",
-    "TooManyRequests",
-    "TooMuchWork",
-    "Unauthorized",
-    "Unavailable",
-    "WrongHost",
-]
-
 
 class ServiceError(Exception):
     """A request that is not served: the status, why in one line, headers and faults to send."""

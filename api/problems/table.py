@@ -17,8 +17,6 @@ from api.problems.problem_document import FaultEntry, printable, shown, title_of
 from api.problems.service_errors import ServiceError, StorageFull, Unavailable
 from syncplan.errors import InputError, NoGoError, NoSolutionError, SyncplanError
 
-__all__ = ["TABLE", "FailedRequest", "Logged", "failure_of"]
-
 MOST_ERRORS = 50
 """Most faults that are listed of one request."""
 

@@ -19,8 +19,6 @@ from api.server import serve_until_told
 from api.shares import ConnectionTable, Enrolment, Place, divided
 from syncplan.runtime.child_processes import connect_to_parent
 
-__all__ = ["SupervisorLink", "serve"]
-
 _PATIENCE_S = 5.0
 
 

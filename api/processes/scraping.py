@@ -13,8 +13,6 @@ from dataclasses import dataclass, field
 
 from api.metrics import Collected, counted, merged, own
 
-__all__ = ["Scrapes"]
-
 _PATIENCE_S = 1.5
 
 

@@ -20,8 +20,6 @@ from api.settings import Settings
 from api.shares import ConnectionTable, Enrolment, Share
 from syncplan.runtime.child_processes import ChildProcess
 
-__all__ = ["serve_by_processes"]
-
 _GRACE_S = 15.0
 """Longer than a process takes that ends its requests and its children in good order."""
 

@@ -13,8 +13,6 @@ from api.routes.plan_routes import Identifier, find_or_refuse
 from syncplan.exporting.autopilots import AutopilotName, VehicleName
 from syncplan.exporting.format_table import ALL, FORMATS
 
-__all__ = ["NOTES", "ExportName", "router"]
-
 NOTES = "Syncplan-Notes"
 _NOTES_HEADER = {
     "description": "What the reader must not miss, as the sidecar has it: a JSON array of strings, "

@@ -17,8 +17,6 @@ from api.storage.kept_answers import Answer
 from syncplan.errors import InputError
 from syncplan.plotting.figure_table import FIGURES, always_there
 
-__all__ = ["router"]
-
 router = APIRouter(tags=["figures"], dependencies=[Depends(accepts("application/json"))])
 
 Theme = Annotated[Literal["light", "dark"], Query(description="What it is to be shown on")]

@@ -12,8 +12,6 @@ from api.problems.table import failure_of
 from api.security import CurrentOwner
 from api.service import CurrentService
 
-__all__ = ["router"]
-
 router = APIRouter(tags=["health"])
 
 

@@ -30,8 +30,6 @@ from api.storage.part_records import computed_seconds
 from api.storage.plan_records import body_of
 from syncplan.reports.job_contract import JobState
 
-__all__ = ["Owned", "report_or_refuse", "router"]
-
 router = APIRouter(tags=["jobs"])
 
 _JSON = [Depends(accepts("application/json"))]

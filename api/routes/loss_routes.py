@@ -11,8 +11,6 @@ from api.routes.plan_routes import Identifier, find_or_refuse
 from syncplan.planning.judgement import BoundChoice
 from syncplan.reports.loss_schemas import WhatIfDocument
 
-__all__ = ["router"]
-
 router = APIRouter(tags=["plans"], dependencies=[Depends(accepts("application/json"))])
 
 

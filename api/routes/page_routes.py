@@ -7,8 +7,6 @@ from fastapi import APIRouter, Header, Response
 from api.assets import PAGE, Asset, find_asset
 from api.problems import NotFound
 
-__all__ = ["POLICY", "router"]
-
 router = APIRouter(include_in_schema=False)
 
 # Plotly adds two style elements of its own; these are the digests of what it writes into them

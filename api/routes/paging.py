@@ -6,8 +6,6 @@ from urllib.parse import urlencode
 
 from fastapi import Query
 
-__all__ = ["Before", "Limit", "page_and_next"]
-
 Row = TypeVar("Row")
 
 Limit = Annotated[int, Query(ge=1, le=200, description="Most entries on a page")]

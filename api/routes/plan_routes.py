@@ -18,8 +18,6 @@ from api.service import CurrentService, Service, service_of
 from api.storage.kept_answers import Answer
 from api.storage.plan_records import PlanRow, add_plan, body_of, delete_plan, has_room, list_plans
 
-__all__ = ["Identifier", "find_or_refuse", "router"]
-
 router = APIRouter(
     prefix="/plans", tags=["plans"], dependencies=[Depends(accepts("application/json"))]
 )

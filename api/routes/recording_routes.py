@@ -22,8 +22,6 @@ from api.storage.job_records import hold_owner
 from api.storage.kept_answers import Answer
 from syncplan.scenario.quantities import Name
 
-__all__ = ["find_recording_or_refuse", "recording_or_refuse", "router"]
-
 router = APIRouter(
     prefix="/recordings", tags=["recordings"], dependencies=[Depends(accepts("application/json"))]
 )

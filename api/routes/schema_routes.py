@@ -11,8 +11,6 @@ from api.problems import problem_responses
 from api.responses import StoredPlan
 from syncplan.scenario.specification import Scenario
 
-__all__ = ["router"]
-
 router = APIRouter(
     prefix="/schemas", tags=["schemas"], dependencies=[Depends(accepts("application/json"))]
 )

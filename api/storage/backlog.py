@@ -9,8 +9,6 @@ from api.storage.clock import moment
 from api.storage.tables import executors, job_parts, jobs
 from syncplan.reports.job_contract import STATES, UNFINISHED
 
-__all__ = ["Backlog", "backlog_of"]
-
 
 @dataclass(frozen=True, slots=True)
 class Backlog:

@@ -14,16 +14,6 @@ from api.storage.job_records import change
 from api.storage.tables import job_parts, jobs
 from syncplan.reports.job_contract import UNFINISHED
 
-__all__ = [
-    "divide_job",
-    "finished_batches",
-    "is_divided",
-    "keep_batch",
-    "next_batch",
-    "note_progress",
-    "unfinished_batches",
-]
-
 _NUMBERS = 1_000_000
 """A job that is begun anew numbers its batches from the next multiple of this.
 

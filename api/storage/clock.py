@@ -14,8 +14,6 @@ from sqlalchemy import Connection, String, select
 from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.sql.functions import FunctionElement
 
-__all__ = ["NOW", "earlier", "moment", "new_id"]
-
 
 class _Now(FunctionElement[str]):
     """The time as tables hold it: 2026-05-01T09:00:00.000000Z."""

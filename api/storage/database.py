@@ -18,8 +18,6 @@ from api.storage.migrations import needs_upgrade, upgrade
 from api.storage.write_check import WriteCheck
 from syncplan.errors import InputError
 
-__all__ = ["Database", "open_database", "patiently", "unavailable"]
-
 P = ParamSpec("P")
 R = TypeVar("R")
 

@@ -8,8 +8,6 @@ import contextlib
 import os
 from pathlib import Path
 
-__all__ = ["keep_reserve", "release_reserve"]
-
 _SIZE = 2**17
 
 

@@ -7,8 +7,6 @@ from sqlalchemy import Connection, delete, select
 from api.storage.tables import jobs
 from syncplan.reports.job_contract import UNFINISHED
 
-__all__ = ["delete_jobs", "ended_before"]
-
 
 def ended_before(connection: Connection, time: str, most: int) -> list[str]:
     """Return the identifiers of up to `most` jobs that ended before a time."""

@@ -10,8 +10,6 @@ from sqlalchemy import Connection, and_, or_, select
 from api.storage.tables import job_events, jobs
 from syncplan.reports.job_contract import JobState
 
-__all__ = ["MOST_EVENTS", "JobHead", "events_after", "heads_of", "newest_events"]
-
 T = TypeVar("T")
 
 MOST_EVENTS = 500

@@ -12,8 +12,6 @@ from sqlalchemy.exc import IntegrityError
 from api.storage.clock import NOW, moment
 from api.storage.tables import executors, versions
 
-__all__ = ["agreed_moment", "beat", "forget", "last_seen", "living", "living_versions"]
-
 
 def beat(connection: Connection, executor_id: str, version: str) -> None:
     """Raise an executor's count, or enter it, and note that its version is alive."""

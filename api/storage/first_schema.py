@@ -19,8 +19,6 @@ from sqlalchemy import (
     Text,
 )
 
-__all__ = ["FIRST_METADATA"]
-
 FIRST_METADATA = MetaData()
 
 

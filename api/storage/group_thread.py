@@ -16,8 +16,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
-__all__ = ["GroupThread"]
-
 T = TypeVar("T")
 R = TypeVar("R")
 

@@ -9,17 +9,6 @@ from api.storage.clock import NOW
 from api.storage.job_records import ANY_VERSION, change
 from api.storage.tables import job_results, jobs, recordings
 
-__all__ = [
-    "BegunJob",
-    "JobLife",
-    "begun_job",
-    "life_of",
-    "owner_and_plan",
-    "report_of",
-    "start_job",
-    "trials_of",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class BegunJob:

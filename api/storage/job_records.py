@@ -17,21 +17,6 @@ from api.storage.clock import NOW, moment, new_id
 from api.storage.tables import job_events, job_parts, job_results, job_starts, jobs
 from syncplan.reports.job_contract import UNFINISHED, EndState, JobKindName, JobState
 
-__all__ = [
-    "ANY_VERSION",
-    "JobRow",
-    "NewJob",
-    "add_job",
-    "change",
-    "end_job",
-    "find_job",
-    "forget_parts",
-    "hold_owner",
-    "list_jobs",
-    "state_of",
-    "unfinished",
-]
-
 ANY_VERSION = ""
 """The version of a job that no syncplan has begun."""
 

@@ -9,8 +9,6 @@ from sqlalchemy.exc import IntegrityError
 from api.storage.clock import NOW
 from api.storage.tables import answers
 
-__all__ = ["Answer", "AnswerTakenError", "find_answer", "forget_answers", "keep_answer"]
-
 
 class AnswerTakenError(Exception):
     """Another request with the same key was answered in the meantime."""

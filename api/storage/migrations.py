@@ -26,8 +26,6 @@ from api.storage.first_schema import FIRST_METADATA
 from api.storage.tables import schema_version
 from syncplan.errors import InputError
 
-__all__ = ["MIGRATIONS", "needs_upgrade", "upgrade"]
-
 
 def _first(connection: Connection) -> None:
     FIRST_METADATA.create_all(connection)

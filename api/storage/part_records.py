@@ -12,20 +12,6 @@ from sqlalchemy import Connection, func, insert, or_, select, update
 from api.storage.tables import job_parts, job_starts, jobs
 from syncplan.reports.job_contract import UNFINISHED
 
-__all__ = [
-    "BEGINNING",
-    "CONCLUSION",
-    "PartHistory",
-    "add_seconds",
-    "begin_part",
-    "computed_seconds",
-    "count_death",
-    "finished_starts",
-    "keep_start",
-    "withdraw_part",
-    "worked_on",
-]
-
 BEGINNING = -1
 """The number of the part that a job begins with; the only one of a job that is computed whole."""
 

@@ -8,8 +8,6 @@ from api.storage.database import Database, unavailable
 from api.storage.group_thread import GroupThread
 from api.storage.plan_records import PlanRow, find_plans
 
-__all__ = ["PlanReader"]
-
 _MOST = 16
 """Plans read at once: some are of hundreds of kilobytes."""
 

@@ -12,17 +12,6 @@ from api.plan_texts import PlanText
 from api.storage.clock import moment, new_id
 from api.storage.tables import plans
 
-__all__ = [
-    "PlanRow",
-    "add_plan",
-    "body_of",
-    "delete_plan",
-    "find_plans",
-    "forget_plans",
-    "has_room",
-    "list_plans",
-]
-
 _FORGOTTEN_AT_ONCE = 100
 
 

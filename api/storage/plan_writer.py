@@ -11,8 +11,6 @@ from sqlalchemy import Connection
 from api.storage.database import Database, unavailable
 from api.storage.group_thread import GroupThread
 
-__all__ = ["PlanWriter"]
-
 R = TypeVar("R")
 
 _MOST = 16

@@ -9,17 +9,6 @@ from api.storage.clock import moment, new_id
 from api.storage.tables import jobs, recordings
 from syncplan.reports.job_contract import UNFINISHED
 
-__all__ = [
-    "RecordingRow",
-    "add_recording",
-    "count_recordings",
-    "delete_recording",
-    "find_recording",
-    "forget_recordings",
-    "list_recordings",
-    "recording_data",
-]
-
 _FORGOTTEN_AT_ONCE = 20
 
 

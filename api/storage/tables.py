@@ -14,21 +14,6 @@ from sqlalchemy import (
     Text,
 )
 
-__all__ = [
-    "METADATA",
-    "answers",
-    "executors",
-    "job_events",
-    "job_parts",
-    "job_results",
-    "job_starts",
-    "jobs",
-    "plans",
-    "recordings",
-    "schema_version",
-    "versions",
-]
-
 METADATA = MetaData()
 
 schema_version = Table(

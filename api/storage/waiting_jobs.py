@@ -8,8 +8,6 @@ from api.storage.job_records import forget_parts
 from api.storage.tables import jobs
 from syncplan.reports.job_contract import UNFINISHED
 
-__all__ = ["WaitingJob", "begin_anew", "jobs_that_wait"]
-
 
 @dataclass(frozen=True, slots=True)
 class WaitingJob:

@@ -18,8 +18,6 @@ from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
 from api.storage.tables import answers
 
-__all__ = ["WriteCheck"]
-
 _EVERY_S = 2.0
 _SIZE = 2**16
 _PATIENCE_MS = 500

@@ -3,8 +3,6 @@
 from api.connections import Connections
 from api.metrics import Readings
 
-__all__ = ["ConnectionReadings"]
-
 
 class ConnectionReadings:
     """A source of the figures of this process's connections."""

@@ -11,8 +11,6 @@ from api.storage.backlog import backlog_of
 from api.storage.database import Database
 from syncplan.reports.job_contract import UNFINISHED
 
-__all__ = ["JobReadings"]
-
 _LONGEST_READ_MS = 2000
 
 

@@ -5,8 +5,6 @@ from collections.abc import Callable, Mapping
 from api.computing.pool_depth import PoolDepth
 from api.metrics import Readings
 
-__all__ = ["PoolReadings"]
-
 
 class PoolReadings:
     """A source of the figures of this process's pools, whose depths are asked for by name."""

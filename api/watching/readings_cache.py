@@ -6,8 +6,6 @@ from collections.abc import Callable
 
 from api.metrics import Readings, Source
 
-__all__ = ["Cached"]
-
 KEPT_S = 1.0
 
 

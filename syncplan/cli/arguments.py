@@ -9,21 +9,6 @@ import typer
 from syncplan.cli.console import Format
 from syncplan.errors import InputError
 
-__all__ = [
-    "Duration",
-    "MaxVehicles",
-    "Output",
-    "ScenarioFile",
-    "Seed",
-    "Series",
-    "Shown",
-    "SubjectFile",
-    "Threads",
-    "Trials",
-    "beginning_with",
-    "numbers",
-]
-
 ScenarioFile = Annotated[
     str, typer.Argument(metavar="SCENARIO", help="Scenario file, YAML or JSON; - is standard input")
 ]

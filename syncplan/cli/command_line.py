@@ -21,8 +21,6 @@ from syncplan.cli.run_commands import runs
 from syncplan.cli.service_commands import services
 from syncplan.errors import InputError, SyncplanError
 
-__all__ = ["main"]
-
 INTERNAL_FAULT = 1
 INTERRUPTED = 130
 

@@ -16,22 +16,6 @@ if TYPE_CHECKING:
     from syncplan.estimation.filter_options import FilterOptions
     from syncplan.reports.document_base import Document
 
-__all__ = [
-    "Format",
-    "announce_compilation",
-    "announce_flight",
-    "check_output",
-    "deliver",
-    "deliver_document",
-    "open_closed_streams",
-    "progress_bar",
-    "reader_may_leave",
-    "say",
-    "say_notes",
-    "search_progress",
-]
-
-
 PIPED_WIDTH = 160
 """Columns of tables that go to a file or another program, unless COLUMNS says otherwise."""
 

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
     Report = FlightDocument | ReplayDocument | SweepReport | ValidationDocument | WhatIfDocument
 
-__all__ = ["DOCUMENTS", "DocumentKind", "checked", "read_report"]
-
 Model = TypeVar("Model", bound="BaseModel")
 
 

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 else:
     FormatName = Literal[*FORMATS, ALL]
 
-__all__ = ["exporters"]
-
 exporters = typer.Typer()
 
 ARCHIVE = ".zip"

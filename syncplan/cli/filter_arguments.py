@@ -8,8 +8,6 @@ import typer
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filters import AUTO, FILTERS
 
-__all__ = ["DEFAULT_CHOICE", "Choice", "Gate"]
-
 Choice = StrEnum("Choice", {name: name for name in (AUTO, *FILTERS)})  # type: ignore[misc]
 DEFAULT_CHOICE = Choice(FilterOptions().filter)
 

@@ -8,8 +8,6 @@ from rich.console import Console, ConsoleOptions
 from rich.table import Table
 from rich.text import Text
 
-__all__ = ["FittedTable"]
-
 _BETWEEN = 3
 """Width of the gap between two columns, drawn by box.SIMPLE_HEAD."""
 

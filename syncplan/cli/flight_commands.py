@@ -30,8 +30,6 @@ from syncplan.cli.truth_option import TruthKeys, truth_of
 from syncplan.errors import InputError
 from syncplan.flight.flight_options import DEFAULT_GATE, GUIDANCES, FlightOptions
 
-__all__ = ["flights"]
-
 flights = typer.Typer()
 
 DEFAULTS = FlightOptions()

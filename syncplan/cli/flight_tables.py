@@ -10,8 +10,6 @@ from syncplan.cli.verdict_lines import show_findings, show_verdict
 from syncplan.phrases import listed, percent
 from syncplan.reports.flight_schemas import FlightDocument, FlightEvent, FlownLink, FlownVehicle
 
-__all__ = ["show_flight"]
-
 MOST_MISSED = 6
 """Pairs that are named."""
 

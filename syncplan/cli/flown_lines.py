@@ -5,8 +5,6 @@ import math
 from syncplan.phrases import percent
 from syncplan.reports.flown_plan_schemas import FlownPlan
 
-__all__ = ["flown_line"]
-
 
 def flown_line(flight: FlownPlan) -> str:
     """Return what flying a plan has found, in one line."""

@@ -8,8 +8,6 @@ from syncplan.cli.arguments import MaxVehicles, Output, Shown, SubjectFile, Thre
 from syncplan.cli.console import Format, check_output, deliver_document, progress_bar
 from syncplan.cli.plan_commands import Bound
 
-__all__ = ["losses"]
-
 losses = typer.Typer()
 
 

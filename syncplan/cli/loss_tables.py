@@ -9,8 +9,6 @@ from syncplan.phrases import listed
 from syncplan.planning.lost_parts import phrase_of
 from syncplan.reports.loss_schemas import RemainingTeam, WhatIfDocument
 
-__all__ = ["show_losses"]
-
 MOST_ROWS = 40
 MOST_NAMED = 12
 

@@ -37,8 +37,6 @@ if TYPE_CHECKING:
     from syncplan.planning.judged_plan import Plan
     from syncplan.scenario.specification import Scenario
 
-__all__ = ["plans"]
-
 VARIABLES = ("phases", "centers", "radii")
 """What refinement can vary, see RefineOptions.vary."""
 

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from syncplan.reports.refinement_schemas import RefinementResult
     from syncplan.reports.verdict_schemas import PlanVerdict
 
-__all__ = ["plots"]
-
 
 @dataclass(frozen=True, slots=True)
 class JudgedSubject:

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from syncplan.recordings.log import Log
     from syncplan.reports.replay_schemas import ReplayDocument
 
-__all__ = ["replays"]
-
 replays = typer.Typer()
 
 

@@ -7,8 +7,6 @@ from syncplan.cli.fitted_tables import FittedTable
 from syncplan.cli.terminal_tables import MOST_ROWS, spread_words
 from syncplan.reports.replay_schemas import ReplayDocument
 
-__all__ = ["show_replay"]
-
 
 def show_replay(report: ReplayDocument, console: Console) -> None:
     """Print the report of a replay."""

@@ -12,15 +12,6 @@ if TYPE_CHECKING:
     from syncplan.planning.stress_tests import StressTest
     from syncplan.reports.verdict_schemas import PlanVerdict
 
-__all__ = [
-    "RequireGo",
-    "RequireObservable",
-    "RequireRobust",
-    "robust_status",
-    "say_verdict",
-    "verdict_status",
-]
-
 NOT_MET = 3
 
 RequireObservable = Annotated[

@@ -41,8 +41,6 @@ from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filters import FORMER_NAMES
 from syncplan.planning.swept_keys import SWEPT_KEYS, SweptKey, SweptOption, swept_key
 
-__all__ = ["runs"]
-
 runs = typer.Typer()
 
 

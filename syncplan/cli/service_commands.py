@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from api.settings import Settings
     from api.storage.database import Database
 
-__all__ = ["services"]
-
 _BACKLOG = 1024
 
 services = typer.Typer()

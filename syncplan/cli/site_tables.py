@@ -7,8 +7,6 @@ from syncplan.cli.fitted_tables import FittedTable
 from syncplan.cli.terminal_tables import MOST_ROWS
 from syncplan.reports.site_schemas import SitesDocument
 
-__all__ = ["show_sites"]
-
 
 def show_sites(document: SitesDocument, console: Console) -> None:
     """Print a choice of sites: the verdict, the sites by share, and each vehicle's bound."""

@@ -7,8 +7,6 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.errors import InputError
 
-__all__ = ["poses_of"]
-
 LARGEST_FILE_BYTES = 2**20
 
 

@@ -10,14 +10,6 @@ from syncplan.reports.plan_schemas import PlanDocument, PredictedStateError
 from syncplan.reports.run_schemas import ValidationDocument
 from syncplan.reports.state_error_schemas import StateErrorFigures
 
-__all__ = [
-    "determined_line",
-    "expected_line",
-    "found_states_table",
-    "further_states_table",
-    "merits_line",
-]
-
 MOST_ROWS = 40
 
 

@@ -5,8 +5,6 @@ from rich.markup import escape
 from syncplan.cli.fitted_tables import FittedTable
 from syncplan.reports.run_schemas import ValidationDocument
 
-__all__ = ["stress_table"]
-
 
 def stress_table(report: ValidationDocument) -> FittedTable | None:
     """Return the table of worlds that are worse than stated, the most harmful first; or None."""

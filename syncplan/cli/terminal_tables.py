@@ -31,15 +31,6 @@ from syncplan.reports.run_schemas import (
     ValidationDocument,
 )
 
-__all__ = [
-    "MOST_ROWS",
-    "show_placement",
-    "show_plan",
-    "show_sweep",
-    "show_validation",
-    "spread_words",
-]
-
 MOST_ROWS = 40
 MOST_NAMED = 12
 

@@ -7,8 +7,6 @@ import typer
 
 from syncplan.errors import InputError
 
-__all__ = ["TruthKeys", "numeric_keys_from", "truth_of"]
-
 
 def numeric_keys_from(incomplete: str, before: str = "") -> list[str]:
     """Return the keys that begin so, without what all of those asked for have `before` them."""

@@ -5,8 +5,6 @@ from rich.markup import escape
 
 from syncplan.reports.verdict_schemas import PlanVerdict
 
-__all__ = ["show_findings", "show_verdict"]
-
 COLOURS = {"stop": "red", "warning": "yellow", "note": "cyan"}
 """Of the levels of findings."""
 

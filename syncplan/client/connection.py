@@ -13,8 +13,6 @@ from syncplan.errors import Fault, InputError, NoSolutionError, SyncplanError
 if TYPE_CHECKING:
     from httpx2 import Response
 
-__all__ = ["Remote", "RemoteError", "error_of", "values_of"]
-
 _AGAIN = {429, 502, 503, 504}
 _NOT_FOUND = 404
 _LONGEST_WAIT_S = 5.0

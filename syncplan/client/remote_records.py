@@ -8,8 +8,6 @@ from syncplan.planning.judged_plan import Plan
 from syncplan.planning.plan_files import loaded_from, plan_of
 from syncplan.reports.job_contract import JobKindName, JobState, has_ended
 
-__all__ = ["RemoteJob", "RemotePlan", "RemoteRecording"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RemotePlan(Plan):

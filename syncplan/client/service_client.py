@@ -38,8 +38,6 @@ from syncplan.scenario.specification import Scenario
 if TYPE_CHECKING:
     from syncplan.flight.flying import Flight
 
-__all__ = ["Client"]
-
 _LOOK_AT_FIRST_S, _LOOK_AT_LAST_S = 0.1, 1.0
 
 

@@ -29,8 +29,6 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.orbits.circles import Orbits, position
 
-__all__ = ["AirMotion", "motion_in_air"]
-
 SMALL = 0.05
 """rad: up to here, series are exact to rounding."""
 

@@ -20,8 +20,6 @@ from syncplan.estimation.augmented_setup import AugmentedSetup
 from syncplan.estimation.batched_filter import sighting_lanes
 from syncplan.estimation.lane_filter import Lanes, compiled, inner
 
-__all__ = ["Read", "sight_as_stamped"]
-
 Read = tuple[Array, Array]
 """Speeds and turn rates (n, lanes) that are read at the time of a sighting, m/s and rad/s."""
 

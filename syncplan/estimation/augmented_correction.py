@@ -21,15 +21,6 @@ from syncplan.estimation.filter_setup import BEARING_KIND
 from syncplan.estimation.lane_filter import Lanes, compiled, inner
 from syncplan.estimation.lane_statistics import subtract_outer
 
-__all__ = [
-    "AT_ONCE",
-    "correct_augmented",
-    "correct_covariance",
-    "correct_state",
-    "expect_shift",
-    "take_off",
-]
-
 About = tuple[Array, Array, bool]
 """Where sightings are linearised: poses (n, 3, lanes) and further states (e, lanes); and whether
 the state that is corrected is what is off them, instead of them themselves."""

@@ -14,8 +14,6 @@ from syncplan.estimation.filter_setup import COMPASS_KIND
 from syncplan.estimation.lane_filter import Lanes, compiled
 from syncplan.estimation.second_order import second_order_variance
 
-__all__ = ["curved_variances"]
-
 
 @compiled
 def curved_variances(

@@ -33,8 +33,6 @@ from syncplan.estimation.augmented_setup import (
 from syncplan.estimation.augmented_statistics import is_wanted_now, record_augmented
 from syncplan.estimation.lane_filter import LaneFilter, Lanes, augmented_specimen, compiled, inner
 
-__all__ = ["AUGMENTED"]
-
 
 @inner
 def _compare(

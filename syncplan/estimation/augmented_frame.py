@@ -11,20 +11,6 @@ from syncplan.estimation.augmented_setup import AugmentedSetup
 from syncplan.estimation.batched_filter import turn_block
 from syncplan.estimation.lane_filter import Lanes, compiled
 
-__all__ = [
-    "BIAS",
-    "CLOCK",
-    "GUST",
-    "OWN",
-    "SCALE",
-    "TURN",
-    "WALK",
-    "WIND",
-    "Frame",
-    "bring_to_now",
-    "frame_of",
-]
-
 Frame = tuple[Array, Array, Array]
 """Where P is: (n, 6, lanes) the way of each vehicle since, in m, and its derivatives by turn-rate
 bias and by speed scale; (2,) the time since in s, and the way in m that a gust of 1 m/s then has

@@ -25,18 +25,6 @@ from syncplan.estimation.batched_filter import add_motion_noise, motion_in, shor
 from syncplan.estimation.filter_setup import MotionModel
 from syncplan.estimation.lane_filter import Lanes, inner
 
-__all__ = [
-    "LEAST_LEFT",
-    "add_reading_noise",
-    "error_of",
-    "gained",
-    "grow_older",
-    "kept",
-    "move",
-    "pass_sample",
-    "predict_augmented",
-]
-
 LEAST_LEFT = 0.1
 """Share left of an error below which P is brought to the present.
 

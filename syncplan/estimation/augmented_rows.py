@@ -18,8 +18,6 @@ from syncplan.estimation.augmented_setup import AugmentedSetup
 from syncplan.estimation.filter_setup import BEARING_KIND
 from syncplan.estimation.lane_filter import Lanes, inner
 
-__all__ = ["MOST_ENTRIES", "Sparse", "dot", "multiply", "refer"]
-
 MOST_ENTRIES = 21
 """Of a row: three of each pose, two of the wind, four of each vehicle's errors, a bearing's bias
 and walk, a clock offset; and a multiple of three."""

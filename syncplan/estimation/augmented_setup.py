@@ -12,18 +12,6 @@ from syncplan.estimation.filter_setup import FilterSetup
 from syncplan.estimation.filter_statistics import FilterStatistics, empty_statistics
 from syncplan.orbits.error_states import ERROR_STATES, StateLayout
 
-__all__ = [
-    "ERROR_SERIES",
-    "AugmentedReadings",
-    "AugmentedSetup",
-    "AugmentedStatistics",
-    "ErrorStatistics",
-    "augmented_setup_of",
-    "columns_of",
-    "empty_augmented_statistics",
-    "without_errors",
-]
-
 ERROR_SERIES = ("error", "square", "variance")
 """Quantities that the series of further states sums over trials."""
 

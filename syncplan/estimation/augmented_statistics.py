@@ -9,8 +9,6 @@ from syncplan.estimation.filter_setup import FilterSetup
 from syncplan.estimation.lane_filter import Lanes, compiled, inner
 from syncplan.estimation.lane_statistics import record_errors
 
-__all__ = ["is_wanted_now", "record_augmented"]
-
 Compared = tuple[Array, tuple[Array, Array, Array, Array], Array]
 """Errors of the further states (e, lanes); scratch of `record_errors`, which begins with those of
 the poses (3n, lanes); and room for the poses' covariance."""

@@ -51,8 +51,6 @@ from syncplan.estimation.batched_filter import motion_in
 from syncplan.estimation.filter_setup import MotionModel
 from syncplan.estimation.lane_filter import Lanes, compiled
 
-__all__ = ["linear_pass"]
-
 
 @compiled
 def linear_pass(

@@ -21,21 +21,6 @@ from syncplan.estimation.batched_filter import motion_in
 from syncplan.estimation.filter_setup import BEARING_KIND, MotionModel
 from syncplan.estimation.lane_filter import Lanes, compiled
 
-__all__ = [
-    "FAR",
-    "Linearised",
-    "Prior",
-    "Trajectory",
-    "Window",
-    "add_prior_cost",
-    "change",
-    "correct_readings",
-    "first_sighting",
-    "innovate",
-    "misfit",
-    "trajectory_cost",
-]
-
 FAR = 2.0
 """Standard deviations from which on a reading's pull grows no further, where some may be wild."""
 

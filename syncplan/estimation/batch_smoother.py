@@ -19,8 +19,6 @@ from syncplan.estimation.batch_problem import Linearised, Prior, Trajectory, Win
 from syncplan.estimation.batched_filter import motion_in
 from syncplan.estimation.lane_filter import Lanes, compiled
 
-__all__ = ["smooth"]
-
 
 @compiled
 def smooth(

@@ -37,8 +37,6 @@ from syncplan.estimation.start_search import (
     Tempering,
 )
 
-__all__ = ["BatchSolution", "compile_solver", "solve", "solver_is_compiled"]
-
 THINNING = 8
 """Sightings of a kind and a pair that one stands for, until R is true."""
 

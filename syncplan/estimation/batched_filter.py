@@ -36,16 +36,6 @@ from syncplan.estimation.filter_statistics import FilterStatistics
 from syncplan.estimation.lane_filter import Lanes, inner
 from syncplan.estimation.lane_statistics import subtract_outer
 
-__all__ = [
-    "add_motion_noise",
-    "correct_lanes",
-    "motion_in",
-    "predict_lanes",
-    "shortening",
-    "sighting_lanes",
-    "turn_block",
-]
-
 Work = tuple[Array, Array, Array, Array, Array]
 
 SMALLEST_SQUARE = 1e-300

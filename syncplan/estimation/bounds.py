@@ -35,9 +35,6 @@ from syncplan.orbits.sighting_kinds import kinds_measured, samples_between
 from syncplan.orbits.sightings import steps_within
 from syncplan.orbits.team import Team
 
-__all__ = ["posterior_bound", "steady_bound", "window_bound"]
-
-
 _ADAPTED = 0.01
 """Share by which the sample time may change for sightings to repeat."""
 

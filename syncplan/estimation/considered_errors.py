@@ -26,8 +26,6 @@ from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, sigmas_by_kind
 from syncplan.orbits.sightings import Sightings, steps_within
 from syncplan.orbits.team import Team
 
-__all__ = ["expected_errors", "neglected_errors"]
-
 _SEEN = ("ranges", "fields_of_view", "boresights", "every", "compass_every", "detection")
 """Attributes of sensors that say what is sighted: the world decides, whatever the filter knows."""
 

@@ -28,20 +28,6 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.estimation.mean_interval import INTERVAL_PROBABILITY, interval_of_mean
 
-__all__ = [
-    "FEWEST_TRIALS",
-    "TOLERANCE",
-    "WIDEST",
-    "Consistency",
-    "anees",
-    "chi_square_band",
-    "coverage",
-    "gate_threshold",
-    "nis",
-    "recorded_anees",
-    "recorded_nis",
-]
-
 Verdict = Literal["consistent", "optimistic", "conservative", "unknown"]
 
 Basis = Literal["trials", "chi-square"]

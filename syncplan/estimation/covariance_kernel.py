@@ -18,8 +18,6 @@ from syncplan.arrays import Array, Index
 from syncplan.estimation.lane_filter import compiled
 from syncplan.estimation.referred_run import Run
 
-__all__ = ["compiled_variances_along"]
-
 BLOCK = 24
 
 

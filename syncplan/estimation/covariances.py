@@ -33,9 +33,6 @@ from syncplan.arrays import Array, Index
 from syncplan.estimation.foreseen_sightings import Asked, Foreseen, Groups
 from syncplan.estimation.referred_run import GROUP_ROWS, SYMMETRIC, UPPER, Run, grouped
 
-__all__ = ["foreseen_along", "variances_along"]
-
-
 GROUPED_VEHICLES = 20
 """Up to this many vehicles, rows are processed by groups, above by samples."""
 

@@ -9,8 +9,6 @@ from syncplan.arrays import Array
 from syncplan.orbits.error_states import ERROR_STATES, ErrorState, StateLayout
 from syncplan.orbits.team import Team
 
-__all__ = ["DrawnErrors", "error_draws"]
-
 LEAST_SCALE = -0.9
 """A vehicle that moves less than a tenth of what it reads is drawn as moving a tenth."""
 

@@ -19,8 +19,6 @@ from syncplan.estimation.lane_filter import LaneFilter, Lanes, compiled, pose_sp
 from syncplan.estimation.lane_statistics import record_lanes
 from syncplan.estimation.second_order import second_order_lanes
 
-__all__ = ["EXTENDED"]
-
 
 @compiled
 def _filter(

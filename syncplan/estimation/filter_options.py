@@ -9,16 +9,6 @@ from typing import Any, ClassVar, Self, TypedDict
 from syncplan.errors import InputError
 from syncplan.estimation.filters import AUTO, FILTERS, FORMER_NAMES, FilterModel
 
-__all__ = [
-    "LARGEST_SEED",
-    "MAX_TRIALS",
-    "REQUEST_KEYS",
-    "FilterChanges",
-    "FilterOptions",
-    "options_with",
-    "steps_in_run",
-]
-
 MAX_TRIALS = 1_000_000
 LARGEST_SEED = 2**63 - 1
 

@@ -19,17 +19,6 @@ from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filter_statistics import SAMPLE_EVERY
 from syncplan.orbits.noise import Noise
 
-__all__ = [
-    "BEARING_KIND",
-    "COMPASS_KIND",
-    "DISTANCE_KIND",
-    "FilterSetup",
-    "MotionModel",
-    "Readings",
-    "build_setup",
-    "judged_from",
-]
-
 BEARING_KIND, DISTANCE_KIND, COMPASS_KIND = 0, 1, 2
 """Places in SIGHTING_KINDS, as kernels have them."""
 

@@ -6,8 +6,6 @@ import numpy as np
 
 from syncplan.arrays import Array
 
-__all__ = ["SAMPLE_EVERY", "SERIES", "FilterStatistics", "empty_series", "empty_statistics"]
-
 SAMPLE_EVERY = 10
 """NEES and coverage are taken at every tenth step, and at the last."""
 

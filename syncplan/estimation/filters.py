@@ -12,19 +12,6 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 if TYPE_CHECKING:
     from syncplan.estimation.lane_filter import LaneFilter
 
-__all__ = [
-    "AUTO",
-    "FILTERS",
-    "FORMER_NAMES",
-    "FOR_RECORDINGS",
-    "FilterChoice",
-    "FilterModel",
-    "FilterName",
-    "FlightFilterChoice",
-    "MotionName",
-    "RecordingFilterName",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class FilterModel:

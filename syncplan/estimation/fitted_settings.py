@@ -14,8 +14,6 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.estimation.replay_settings import LARGEST_DELAY, ReplaySettings
 
-__all__ = ["FITTED", "FittedSetting", "point_of", "settings_at"]
-
 
 @dataclass(frozen=True, slots=True)
 class FittedSetting:

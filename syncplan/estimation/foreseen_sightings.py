@@ -23,9 +23,6 @@ import numpy as np
 from syncplan.arrays import Array, Index
 from syncplan.estimation.referred_run import GROUP_ROWS, UPPER, Run, grouped
 
-__all__ = ["Asked", "Foreseen", "Groups"]
-
-
 SAMPLES_AT_ONCE = 16
 """Samples whose ceilings are computed together."""
 

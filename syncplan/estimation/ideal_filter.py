@@ -53,8 +53,6 @@ from syncplan.estimation.augmented_statistics import is_wanted_now, record_augme
 from syncplan.estimation.batched_filter import motion_in, shortening
 from syncplan.estimation.lane_filter import LaneFilter, Lanes, augmented_specimen, compiled
 
-__all__ = ["IDEAL"]
-
 State = tuple[Array, Array]
 """Poses (n, 3, lanes) in m, m, rad and further states (e, lanes), true or off the truth."""
 

@@ -12,8 +12,6 @@ from syncplan.estimation.batch_solution import solve
 from syncplan.estimation.filter_setup import Readings
 from syncplan.estimation.start_search import ROUNDS, is_credible, search_further
 
-__all__ = ["LaneSolver", "Solved"]
-
 
 @dataclass(slots=True)
 class Solved:

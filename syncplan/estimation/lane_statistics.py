@@ -12,8 +12,6 @@ from syncplan.estimation.filter_setup import FilterSetup
 from syncplan.estimation.filter_statistics import FilterStatistics
 from syncplan.estimation.lane_filter import Lanes, compiled, inner
 
-__all__ = ["record_errors", "record_lanes", "subtract_outer"]
-
 Scratch = tuple[Array, Array, Array, Array]
 
 SMALLEST_PIVOT = 1e-13

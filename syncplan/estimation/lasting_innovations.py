@@ -20,8 +20,6 @@ import numpy as np
 
 from syncplan.estimation.recorded_run import FilteredRun, RecordedRun
 
-__all__ = ["BLOCK_S", "Lasting", "lasting_of"]
-
 BLOCK_S = 10.0
 SURE = 3.0
 """Standard errors beyond which innovations count as alike."""

@@ -20,8 +20,6 @@ from syncplan.orbits.losses import Remainder
 from syncplan.orbits.sightings import Sightings, steps_within
 from syncplan.orbits.team import Team
 
-__all__ = ["LossBounds"]
-
 SAME_SCALE = 1e-12
 """Relative difference up to which two mean radii are the same."""
 

@@ -17,8 +17,6 @@ import numpy as np
 
 from syncplan.arrays import Array
 
-__all__ = ["INTERVAL_PROBABILITY", "interval_of_mean"]
-
 INTERVAL_PROBABILITY = 0.95
 
 _HALVINGS = 48

@@ -42,8 +42,6 @@ from syncplan.runtime.cores import threads_for
 if TYPE_CHECKING:
     from syncplan.estimation.lane_filter import LaneFilter
 
-__all__ = ["run_trials"]
-
 
 @dataclass(frozen=True, slots=True)
 class _Run:

@@ -27,8 +27,6 @@ from syncplan.estimation.lane_filter import LaneFilter, lanes_of, start_of
 from syncplan.estimation.rivals import LOOKS, Rivals
 from syncplan.estimation.robust_filter import RobustFilter, RobustRun, steps_passing
 
-__all__ = ["Arrived", "OnlineFilter", "grown"]
-
 Kept = TypeVar("Kept", Array, Index)
 
 _COUNTED = ("nis", "accepted", "gated")

@@ -14,8 +14,6 @@ from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.online_filter import Arrived, OnlineFilter
 from syncplan.estimation.recorded_run import RecordedRun
 
-__all__ = ["RecordedStep", "online_filter_of", "steps_of"]
-
 
 class RecordedStep(NamedTuple):
     """What a team has read in a step of a recording.

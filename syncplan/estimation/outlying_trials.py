@@ -12,8 +12,6 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.estimation.trials import MonteCarloResult
 
-__all__ = ["TrialErrors", "trial_errors"]
-
 
 @dataclass(frozen=True, slots=True)
 class TrialErrors:

@@ -23,9 +23,6 @@ from syncplan.arrays import Array
 from syncplan.estimation.referred_system import ReferredSystem
 from syncplan.estimation.wide_system import WideSystem
 
-__all__ = ["settled_covariance", "settled_from_start"]
-
-
 _DOUBLINGS = 60
 _SETTLED, _SETTLED_BY_ROUNDING = 1e-12, 1e-8
 

@@ -20,8 +20,6 @@ from syncplan.orbits.contacts import Windows
 from syncplan.orbits.sightings import sample_sightings, steps_within
 from syncplan.orbits.team import Team
 
-__all__ = ["PILOT_SEED", "PILOT_TRIALS", "pilot_squares", "pilot_work"]
-
 PILOT_TRIALS = 16
 PILOT_SEED = 0
 

@@ -37,8 +37,6 @@ from syncplan.estimation.start_search import (
     search_further,
 )
 
-__all__ = ["batch_start"]
-
 LAST_GAIN = 0.1
 """Gain in cost that a step promises, below which a lane is done: a pilot need not be closer."""
 

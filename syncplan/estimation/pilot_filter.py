@@ -14,8 +14,6 @@ from syncplan.arrays import Array
 from syncplan.estimation.pilot_model import Seen, arcs_of, solved
 from syncplan.estimation.pilot_readings import PilotReadings
 
-__all__ = ["PilotFilter"]
-
 
 @dataclass(slots=True)
 class PilotFilter:

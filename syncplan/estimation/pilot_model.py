@@ -21,8 +21,6 @@ from syncplan.orbits.sighting_kind import ACROSS, ALONG
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, place_of, turns_by_kind
 from syncplan.orbits.team import Team
 
-__all__ = ["Arcs", "Seen", "arcs_of", "solved"]
-
 _BEARINGS = place_of(BEARING)
 
 _ANGLES = np.array([kind.unit == "rad" for kind in SIGHTING_KINDS.values()])

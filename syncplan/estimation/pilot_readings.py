@@ -21,8 +21,6 @@ from syncplan.orbits.sighting_kinds import measured_by_kind, sigmas_by_kind
 from syncplan.orbits.sightings import Sightings, sample_sightings, steps_within
 from syncplan.orbits.team import Team
 
-__all__ = ["PilotReadings", "thinned"]
-
 INSTANTS_A_TURN = 32
 """Samples of a period that a pilot keeps, at least."""
 

@@ -21,8 +21,6 @@ from syncplan.observability.sliding_windows import (
 )
 from syncplan.orbits.circles import unit
 
-__all__ = ["Gap", "SeenOverTime", "seen_over_time"]
-
 STEPS_IN_WINDOW = 3
 MOST_WINDOWS = 300
 """More are further apart."""

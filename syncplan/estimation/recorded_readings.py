@@ -20,17 +20,6 @@ from syncplan.orbits.sighting_kinds import place_of
 from syncplan.recordings.log import NOBODY, Log
 from syncplan.scenario.rules import excess
 
-__all__ = [
-    "Clock",
-    "LeftOut",
-    "RecordedSightings",
-    "clock_of",
-    "longest_gap",
-    "mean_odometry",
-    "sightings_of",
-    "true_poses",
-]
-
 SAME_TIME = 1e-6
 """s: a sighting this close to a sample is at it. Clocks of today are exact to 2e-7 s."""
 

@@ -41,8 +41,6 @@ from syncplan.orbits.circles import wrap
 from syncplan.orbits.error_states import ERROR_STATES, StateLayout
 from syncplan.recordings.log import Log
 
-__all__ = ["FilteredRun", "RecordedRun", "Seen", "filtered", "run_of"]
-
 LOOK_EVERY_S = 0.1
 """How often a run's progress is looked at."""
 

@@ -10,8 +10,6 @@ from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.estimation.replay_settings import ReplaySettings
 
-__all__ = ["STARTS", "RecordedStart", "check_start", "start_of"]
-
 
 @dataclass(frozen=True, slots=True)
 class RecordedStart:

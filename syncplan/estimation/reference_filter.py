@@ -26,14 +26,6 @@ from syncplan.estimation.filter_setup import MotionModel
 from syncplan.orbits.bearings import BEARING
 from syncplan.orbits.circles import perpendicular, unit, wrap
 
-__all__ = [
-    "displacement",
-    "displacement_jacobian",
-    "predict",
-    "predict_bearing",
-    "update",
-]
-
 
 def displacement(
     heading: Array, speed: Array, turn_rate: Array, time: float, substeps: int = 0

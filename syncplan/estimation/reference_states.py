@@ -24,15 +24,6 @@ from syncplan.orbits.circles import perpendicular, unit, wrap
 from syncplan.orbits.error_states import ERROR_STATES
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 
-__all__ = [
-    "covariance_at_start",
-    "moved_state",
-    "predict_state",
-    "sighted",
-    "transition_of",
-    "update_state",
-]
-
 Read = tuple[Array, Array]
 """Speeds and turn rates (n,) that are read, m/s and rad/s."""
 

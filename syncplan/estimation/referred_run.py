@@ -6,9 +6,6 @@ import numpy as np
 
 from syncplan.arrays import Array, Index
 
-__all__ = ["GROUP_ROWS", "SYMMETRIC", "UPPER", "Run", "grouped"]
-
-
 GROUP_ROWS = 64
 """Rows of a group, where rows are processed by groups."""
 

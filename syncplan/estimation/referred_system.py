@@ -29,9 +29,6 @@ from syncplan.orbits.contacts import Windows
 from syncplan.orbits.sightings import Sightings, sample_sightings
 from syncplan.orbits.team import Team
 
-__all__ = ["PosteriorBound", "ReferredSystem", "arc_noise_gain"]
-
-
 _INDEFINITE = (
     "no posterior bound: the sigmas span too many orders of magnitude for its covariance to stay "
     "positive definite"

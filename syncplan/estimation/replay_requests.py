@@ -13,8 +13,6 @@ from syncplan.estimation.replay_settings import GROUND_ROBOTS, START_SIGMAS, Rep
 from syncplan.estimation.replays import replay_options
 from syncplan.orbits.noise import Noise
 
-__all__ = ["KEYS", "options_of_request", "settings_of_request"]
-
 KEYS: Mapping[str, str] = MappingProxyType(
     {
         "bearing_sigma": "bearing_sigma_rad",

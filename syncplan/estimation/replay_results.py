@@ -16,8 +16,6 @@ from syncplan.orbits.noise import Noise
 from syncplan.recordings.log import Log
 from syncplan.results import Result
 
-__all__ = ["ErrorsFromTruth", "FittedError", "KindCounts", "Replay"]
-
 
 @dataclass(frozen=True, slots=True)
 class KindCounts:

@@ -8,19 +8,6 @@ from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.orbits.noise import Noise
 
-__all__ = [
-    "BEARING_SIGMA",
-    "BEARING_WALK_TIME",
-    "GROUND_ROBOTS",
-    "RANGE_SIGMA",
-    "SAMPLE_TIME",
-    "SPEED_SCALE_SIGMA",
-    "START_SIGMAS",
-    "TURN_RATE_BIAS_SIGMA",
-    "WINDOW",
-    "ReplaySettings",
-]
-
 GROUND_ROBOTS = Noise(
     speed_sigma=0.09, turn_rate_sigma=0.22, position_sigma=0.01, heading_sigma=0.01
 )

@@ -56,8 +56,6 @@ from syncplan.orbits.distances import DISTANCE
 from syncplan.orbits.sighting_kinds import place_of
 from syncplan.recordings.log import Log
 
-__all__ = ["FIT_SHARE", "MOST_RUNS", "Tuning", "tuned"]
-
 FIT_SHARE = 1.0 / 3.0
 """Of the recording, from its beginning, that is fitted to."""
 

@@ -17,7 +17,6 @@ from syncplan.estimation.filter_options import FilterChanges, FilterOptions, opt
 from syncplan.estimation.filters import FOR_RECORDINGS
 from syncplan.estimation.lasting_innovations import lasting_of
 from syncplan.estimation.recorded_observability import seen_over_time
-from syncplan.estimation.recorded_readings import longest_gap
 from syncplan.estimation.recorded_run import FilteredRun, RecordedRun, Seen, filtered, run_of
 from syncplan.estimation.replay_results import ErrorsFromTruth, FittedError, KindCounts, Replay
 from syncplan.estimation.replay_settings import (
@@ -38,16 +37,6 @@ from syncplan.orbits.error_states import ERROR_STATES
 from syncplan.orbits.noise import Noise
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 from syncplan.recordings.log import Log
-
-__all__ = [
-    "GROUND_ROBOTS",
-    "OPTIONS",
-    "Replay",
-    "longest_gap",
-    "replay",
-    "replay_options",
-    "replay_with",
-]
 
 OPTIONS = FilterOptions(trials=1, gate_probability=0.999, filter="robust")
 """How the filter runs on a recording where nothing else is asked for."""

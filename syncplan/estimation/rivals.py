@@ -39,8 +39,6 @@ from syncplan.estimation.extended_filter import EXTENDED
 from syncplan.estimation.filter_setup import FilterSetup, Readings
 from syncplan.estimation.filter_statistics import empty_series, empty_statistics
 
-__all__ = ["CLEARLY", "LOOKS", "Rivals", "State", "lanes_of_state"]
-
 CLEARLY = math.log(1e6)
 """Lead in log-likelihood at which one of two estimates is taken for right."""
 

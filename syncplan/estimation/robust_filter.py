@@ -39,8 +39,6 @@ from syncplan.estimation.rivals import LOOKS, Rivals, State, lanes_of_state
 from syncplan.estimation.start_search import DOUBT, STARTS
 from syncplan.orbits.circles import wrap
 
-__all__ = ["ROBUST", "ROBUST_AUGMENTED", "RobustFilter", "RobustRun", "steps_passing"]
-
 ALARM = 1.2
 """Mean of innovation^2 / variance over a period above which a filter may be lost."""
 

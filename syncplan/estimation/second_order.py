@@ -17,8 +17,6 @@ from syncplan.arrays import Array
 from syncplan.estimation.filter_setup import COMPASS_KIND, DISTANCE_KIND
 from syncplan.estimation.lane_filter import Lanes, inner
 
-__all__ = ["second_order_lanes", "second_order_variance"]
-
 NEAREST_SQUARE = 1e-12
 """m^2: nearer bodies count as this far apart, which leaves finite variances."""
 

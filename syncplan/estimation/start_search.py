@@ -18,19 +18,6 @@ import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
 
-__all__ = [
-    "CLOSE_ENOUGH",
-    "DOUBT",
-    "MOST_HALVINGS",
-    "MOST_STEPS",
-    "ROUNDS",
-    "STARTS",
-    "TEMPERS",
-    "Tempering",
-    "is_credible",
-    "search_further",
-]
-
 TEMPERS = (100.0, 10.0, 1.0)
 """Factors on the variance of sightings, one after another."""
 

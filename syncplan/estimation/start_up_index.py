@@ -31,15 +31,6 @@ from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, sigmas_by_kind
 from syncplan.orbits.sightings import Sightings, steps_within
 from syncplan.orbits.team import Team
 
-__all__ = [
-    "SecondOrderTerms",
-    "StartUpIndex",
-    "first_samples",
-    "index_of_run",
-    "lines_of_sight",
-    "second_order_terms",
-]
-
 PERIODS = 2.0
 
 

@@ -10,8 +10,6 @@ import numpy as np
 from syncplan.errors import InputError
 from syncplan.estimation.trials import Branch, MonteCarloResult
 
-__all__ = ["pack", "unpack"]
-
 _BRANCHES = "branches"
 
 

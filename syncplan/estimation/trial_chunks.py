@@ -12,8 +12,6 @@ from typing import TypeVar
 
 from syncplan.estimation.trials import CHUNK_TRIALS
 
-__all__ = ["StoppedError", "chunks_in_order"]
-
 Result = TypeVar("Result")
 
 

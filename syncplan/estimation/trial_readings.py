@@ -36,15 +36,6 @@ from syncplan.orbits.sighting_kinds import (
 from syncplan.orbits.sightings import Sightings, sample_sightings
 from syncplan.orbits.team import Team
 
-__all__ = [
-    "TrialReadings",
-    "filter_stream",
-    "has_misses",
-    "in_moving_air",
-    "needs_augmented",
-    "possible_sightings",
-]
-
 FULL_VIEW = 2.0 * np.pi
 
 FILTERS_OWN = 1

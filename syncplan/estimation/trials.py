@@ -20,22 +20,6 @@ from syncplan.errors import InputError
 from syncplan.estimation.augmented_setup import ErrorStatistics
 from syncplan.estimation.filter_statistics import SAMPLE_EVERY, FilterStatistics
 
-__all__ = [
-    "CHUNK_TRIALS",
-    "Accuracy",
-    "Branch",
-    "ErrorSeries",
-    "MonteCarloResult",
-    "StateSeries",
-    "accuracy",
-    "joined",
-    "merge",
-    "result_of",
-    "series",
-    "state_series",
-]
-
-
 CHUNK_TRIALS = 16
 """A run can be divided at multiples of this many trials."""
 

@@ -37,8 +37,6 @@ from syncplan.arrays import Array, Index
 from syncplan.estimation.referred_run import SYMMETRIC
 from syncplan.observability.referred_rows import WideRows, dense_rows
 
-__all__ = ["GaussMarkov", "Sample", "TrueRun", "WideRun", "carried_along", "considered_along"]
-
 _SAMPLES_AT_ONCE, _ELEMENTS_AT_ONCE = 128, 4e6
 """Samples whose rows are laid out together, and elements of these at most."""
 

@@ -21,8 +21,6 @@ from syncplan.orbits.error_states import ERROR_STATES, StateLayout
 from syncplan.orbits.sightings import Sightings
 from syncplan.orbits.team import Team
 
-__all__ = ["WideSystem"]
-
 _SAMPLES_AT_ONCE = 128
 """Samples whose blocks of the covariance are kept until their quadratic forms are taken."""
 

@@ -28,8 +28,6 @@ from syncplan.orbits.bearings import BEARING
 from syncplan.orbits.sighting_kinds import place_of
 from syncplan.recordings.log import Log
 
-__all__ = ["UNTOLD", "WILD", "FitVerdict", "Predictions", "judged", "predictions_of"]
-
 WILD = 0.01
 """Share of the readings that may be anything."""
 

@@ -9,8 +9,6 @@ from syncplan.exporting.mission_items import WAYPOINT, Mission, MissionItem
 from syncplan.exporting.missions import write_missions
 from syncplan.exporting.scheduled_plan import ScheduledPlan
 
-__all__ = ["write_ardupilot"]
-
 HEADER = "QGC WPL 110"
 FRAME_GLOBAL = 0
 

@@ -5,8 +5,6 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Literal
 
-__all__ = ["AUTOPILOTS", "VEHICLES", "Autopilot", "AutopilotName", "Vehicle", "VehicleName"]
-
 AutopilotName = Literal["ardupilot", "px4"]
 VehicleName = Literal["multicopter", "fixed_wing"]
 

@@ -15,8 +15,6 @@ from syncplan.exporting.scheduled_plan import Poses, ScheduledPlan, sampled_pose
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
-__all__ = ["write_mcap", "write_rosbag2"]
-
 FRAME = "map"
 BAG_VERSION: Literal[8] = 8
 """Of the bag's metadata: the oldest that rosbags writes, so that the most readers know it."""

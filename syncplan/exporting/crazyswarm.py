@@ -14,9 +14,6 @@ from syncplan.exporting.exported_files import ExportedFile, Written
 from syncplan.exporting.scheduled_plan import ScheduledPlan
 from syncplan.orbits.circles import Orbits, heading
 
-__all__ = ["arc_pieces", "write_crazyswarm"]
-
-
 TOLERANCE_M = 1e-4
 """Largest distance between a piece and its arc: a tenth of what is asked for."""
 

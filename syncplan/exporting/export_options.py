@@ -7,8 +7,6 @@ from typing import get_args
 from syncplan.errors import InputError
 from syncplan.exporting.autopilots import AutopilotName, VehicleName
 
-__all__ = ["MOST_TURNS", "ExportOptions"]
-
 HIGHEST_M = 100_000.0
 LONGEST_S = 1e7
 MOST_TURNS = 20_000

@@ -9,8 +9,6 @@ from typing import Literal
 from syncplan.errors import InputError
 from syncplan.runtime.files import write_bytes
 
-__all__ = ["Export", "ExportedFile", "Written", "as_archive", "write_files"]
-
 EARLIEST = (1980, 1, 1, 0, 0, 0)
 """The time that every entry of an archive bears: the earliest that the format knows."""
 

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from syncplan.exporting.exported_files import Written
     from syncplan.exporting.scheduled_plan import ScheduledPlan
 
-__all__ = ["ALL", "FORMATS", "ExportFormat", "default_altitudes"]
-
 ALL = "all"
 """Every format at once, each in a folder of its name."""
 

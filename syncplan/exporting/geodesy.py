@@ -6,9 +6,6 @@ from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.scenario.georeference import GeoOrigin
 
-__all__ = ["geodetic", "ground_error"]
-
-
 EARTH_RADIUS_M = 6.371e6
 WIDEST_M = 1e6
 """Furthest from the origin that a plane may stand for the ground."""

@@ -8,9 +8,6 @@ from syncplan.exporting.map_tracks import landmark_places, parted, tracks_of
 from syncplan.exporting.scheduled_plan import ScheduledPlan
 from syncplan.runtime.files import as_text
 
-__all__ = ["write_geojson"]
-
-
 DIGITS = 9
 """Of degrees: a tenth of a millimetre."""
 

@@ -4,8 +4,6 @@ from syncplan.exporting.exported_files import Written
 from syncplan.exporting.loiter_turns import ACCELERATION
 from syncplan.exporting.scheduled_plan import ScheduledPlan, start_of
 
-__all__ = ["procedure"]
-
 
 def procedure(flown: ScheduledPlan, written: Written) -> list[str]:
     """Return the steps in order, for those who fly."""

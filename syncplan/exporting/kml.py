@@ -11,9 +11,6 @@ from syncplan.exporting.map_tracks import POINTS_PER_TURN, landmark_places, part
 from syncplan.exporting.scheduled_plan import ScheduledPlan, moment, start_of
 from syncplan.orbits.circles import position
 
-__all__ = ["write_kml"]
-
-
 KML = "http://www.opengis.net/kml/2.2"
 GOOGLE = "http://www.google.com/kml/ext/2.2"
 

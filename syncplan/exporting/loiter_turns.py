@@ -30,9 +30,6 @@ from syncplan.exporting.scheduled_plan import ScheduledPlan
 from syncplan.orbits.circles import position
 from syncplan.phrases import listed
 
-__all__ = ["loiter_missions", "snapped_radii"]
-
-
 WHOLE_METRES_UP_TO = 255.0
 TENS_UP_TO = 2550.0
 MOST_TURNS_PER_ITEM = 255

@@ -9,9 +9,6 @@ from syncplan.exporting.geodesy import geodetic
 from syncplan.exporting.scheduled_plan import ScheduledPlan
 from syncplan.orbits.circles import position, unit
 
-__all__ = ["VehicleTrack", "landmark_places", "parted", "tracks_of"]
-
-
 POINTS_PER_TURN = 180
 
 

@@ -5,18 +5,6 @@ from dataclasses import dataclass
 from syncplan.arrays import Array
 from syncplan.exporting.scheduled_plan import ScheduledPlan, start_second
 
-__all__ = [
-    "LOITER_TURNS",
-    "WAYPOINT",
-    "Mission",
-    "MissionItem",
-    "Parameters",
-    "circle_item",
-    "speed_item",
-    "waiting_items",
-    "waypoint_item",
-]
-
 Parameters = tuple[float | None, float, float, float | None]
 
 WAYPOINT, LOITER_TURNS, DELAY, CHANGE_SPEED = 16, 18, 93, 178

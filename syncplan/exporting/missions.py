@@ -10,8 +10,6 @@ from syncplan.exporting.mission_items import Mission
 from syncplan.exporting.polygons import waypoint_missions
 from syncplan.exporting.scheduled_plan import ScheduledPlan, start_of, start_second
 
-__all__ = ["flies_loiter_turns", "missions_of", "write_missions"]
-
 _GRAVITY = 9.81
 _STEEP = 45.0
 

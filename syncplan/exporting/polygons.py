@@ -24,9 +24,6 @@ from syncplan.exporting.mission_items import (
 from syncplan.exporting.scheduled_plan import ScheduledPlan, check_amount
 from syncplan.orbits.circles import Orbits, unit
 
-__all__ = ["px4_corner_speed", "waypoint_missions"]
-
-
 FEWEST_LEGS = 6
 MOST_ITEMS = 65_535
 LARGE_MISSION = 500

@@ -13,8 +13,6 @@ from syncplan.exporting.scheduled_plan import (
 )
 from syncplan.orbits.circles import wrap
 
-__all__ = ["write_poses"]
-
 
 def write_poses(flown: ScheduledPlan) -> Written:
     """Return one row for each vehicle at each sample: time, name, x, y, z in m, heading in rad.

@@ -11,8 +11,6 @@ from syncplan.exporting.missions import write_missions
 from syncplan.exporting.scheduled_plan import ScheduledPlan
 from syncplan.runtime.files import as_text
 
-__all__ = ["write_qgc"]
-
 RELATIVE_TO_HOME = 1
 
 

@@ -4,8 +4,6 @@ import re
 import unicodedata
 from collections.abc import Sequence
 
-__all__ = ["file_names", "file_title", "ros_names"]
-
 LONGEST_BYTES = 80
 """Longest part of a file's name that comes from the user, in UTF-8."""
 

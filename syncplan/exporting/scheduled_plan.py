@@ -16,19 +16,6 @@ from syncplan.orbits.circles import heading, position
 from syncplan.planning.judged_plan import Plan
 from syncplan.scenario.georeference import GeoOrigin
 
-__all__ = [
-    "Poses",
-    "ScheduledPlan",
-    "check_amount",
-    "moment",
-    "places_of",
-    "sampled_poses",
-    "scheduled",
-    "start_of",
-    "start_second",
-]
-
-
 MOST_POINTS = 2_000_000
 """Most poses, waypoints or pieces of all vehicles together that are written."""
 

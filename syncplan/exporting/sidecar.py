@@ -23,8 +23,6 @@ from syncplan.reports.verdict_schemas import plan_verdict
 from syncplan.runtime.files import as_text
 from syncplan.synchronisation.phase_tolerance import separation_tolerances
 
-__all__ = ["sidecar_file", "sync_document"]
-
 
 def sidecar_file(flown: ScheduledPlan, format_: str, written: Written) -> ExportedFile:
     """Return the sidecar `TITLE.FORMAT.sync.json` of what was written."""

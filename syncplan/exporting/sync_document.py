@@ -8,8 +8,6 @@ from syncplan.reports.document_base import DocumentPart, Point, VersionedDocumen
 from syncplan.reports.verdict_schemas import PlanVerdict
 from syncplan.scenario.georeference import GeoOrigin
 
-__all__ = ["EntryPoint", "LandmarkSighting", "SyncDocument", "SyncedVehicle", "VehicleMeeting"]
-
 
 class EntryPoint(DocumentPart):
     """Where a vehicle joins its circle, and when: at time_s, and again every period."""

@@ -20,8 +20,6 @@ from syncplan.orbits.paths import relative_motion
 from syncplan.orbits.separation import least_distances
 from syncplan.orbits.team import Team
 
-__all__ = ["Anchors", "anchors_of"]
-
 NEARER, NEAREST = 0.5, 0.15
 """Share of the least distance from its anchor that is kept, always and where the anchor has not
 been met for a period; of a landmark, a circle may come to lie around it."""

@@ -15,8 +15,6 @@ from syncplan.flight.flown_team import FlownTeam
 from syncplan.flight.onboard_data import Sensed, TimedSighting
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 
-__all__ = ["Arrivals", "SampleRead"]
-
 _NO_ROWS = np.zeros(0, dtype=np.int64)
 
 NOTHING = Arrived(_NO_ROWS, _NO_ROWS, _NO_ROWS, np.zeros(0), np.zeros(0))

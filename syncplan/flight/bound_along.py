@@ -26,8 +26,6 @@ from syncplan.estimation.augmented_setup import (
 from syncplan.estimation.lane_filter import Lanes, compiled, inner
 from syncplan.flight.flight_setup import Flown
 
-__all__ = ["bound_lanes"]
-
 
 @inner
 def _variance(P: Array, row: Sparse, entries: int, sums: Array, lanes: Lanes) -> None:

@@ -37,8 +37,6 @@ from syncplan.flight.tracking_law import command_plan, track
 from syncplan.flight.true_motion import move_truly
 from syncplan.flight.true_sightings import sight_truly
 
-__all__ = ["carry_on", "compare_truly", "fly_lanes", "fly_to"]
-
 
 @compiled
 def carry_on(

@@ -16,8 +16,6 @@ from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.flight.flight_results import FlightResult
 
-__all__ = ["pack_flight", "unpack_flight"]
-
 
 def pack_flight(part: FlightResult) -> bytes:
     """Return a part as bytes that hold every bit of it."""

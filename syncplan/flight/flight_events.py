@@ -14,8 +14,6 @@ from syncplan.orbits.sightings import samples_before, steps_within
 from syncplan.planning.lost_parts import lost_together, phrase_of
 from syncplan.scenario.specification import Scenario
 
-__all__ = ["FlightEvents", "Hold", "TimedLoss", "events_of"]
-
 
 @dataclass(frozen=True, slots=True)
 class TimedLoss:

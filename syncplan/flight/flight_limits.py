@@ -10,8 +10,6 @@ from syncplan.orbits.circles import Orbits
 from syncplan.orbits.team import Team
 from syncplan.scenario.specification import Scenario
 
-__all__ = ["DEFAULT_SPEEDS", "DEFAULT_TURNS", "FlightLimits", "FlownWorld"]
-
 DEFAULT_SPEEDS = (0.0, 2.0)
 """Least and largest airspeed, in times the plan's speed, where the scenario has no limit."""
 

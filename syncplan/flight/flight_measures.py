@@ -15,8 +15,6 @@ from syncplan.estimation.lane_filter import compiled
 from syncplan.orbits.circles import Orbits, phase, position, wrap
 from syncplan.orbits.contacts import Windows
 
-__all__ = ["Meetings", "Nearest", "kept_meetings", "meetings_of", "nearest", "off_plan"]
-
 
 @dataclass(frozen=True, slots=True)
 class Meetings:

@@ -9,21 +9,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeAlias
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import REQUEST_KEYS, FilterChanges, FilterOptions
 
-__all__ = [
-    "AS_COMMANDED",
-    "DEFAULT_GATE",
-    "FLIGHT_REQUEST_KEYS",
-    "GUIDANCES",
-    "MOST_LATE",
-    "OPEN_LOOP",
-    "TRACKING",
-    "FlightChanges",
-    "FlightOptions",
-    "GuidanceChoice",
-    "GuidanceModel",
-    "flight_options_with",
-]
-
 OPEN_LOOP, TRACKING, AS_COMMANDED = 0, 1, 2
 """Where commands come from: the plan, the tracking law, or whoever wrote them last."""
 

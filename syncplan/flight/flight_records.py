@@ -16,8 +16,6 @@ import numpy as np
 
 from syncplan.arrays import Array, Index, short_repr
 
-__all__ = ["LaneRecords", "RecordedSteps", "Track", "tracked_trials"]
-
 TRACK_POINTS = 60
 MOST_POINTS = 2400
 """Places of a track in a period, and in all."""

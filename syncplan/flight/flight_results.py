@@ -12,8 +12,6 @@ from syncplan.arrays import Array, Index
 from syncplan.estimation.trials import Branch, MonteCarloResult, joined, merge
 from syncplan.flight.flight_records import Track
 
-__all__ = ["FlightFigures", "FlightResult", "joined_figures", "joined_flights"]
-
 
 @dataclass(frozen=True, slots=True)
 class FlightFigures:

@@ -15,8 +15,6 @@ from syncplan.flight.flight_results import FlightResult
 from syncplan.flight.flown_lanes import FlownLanes
 from syncplan.flight.flown_team import FlownTeam
 
-__all__ = ["FlightSeries", "mean_series", "sums_of", "tracks_of"]
-
 
 @dataclass(frozen=True, slots=True, repr=False)
 class FlightSeries:

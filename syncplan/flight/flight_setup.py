@@ -11,17 +11,6 @@ from numpy.typing import NDArray
 
 from syncplan.arrays import Array, Index
 
-__all__ = [
-    "Circles",
-    "Contact",
-    "Eyes",
-    "FlightSetup",
-    "Flown",
-    "Law",
-    "Mishaps",
-    "Response",
-]
-
 
 class Circles(NamedTuple):
     """The plan that is flown.

@@ -29,8 +29,6 @@ from syncplan.flight.flown_lanes import ClosedLoop, FlownLanes
 from syncplan.flight.flown_team import FlownTeam
 from syncplan.runtime.cores import threads_for
 
-__all__ = ["fly_trials"]
-
 
 def fly_trials(
     team: FlownTeam,

@@ -13,8 +13,6 @@ from syncplan.flight.flown_lanes import FlownLanes
 from syncplan.flight.flown_team import FlownTeam
 from syncplan.orbits.sightings import samples_before
 
-__all__ = ["IN_PHASE_S", "figures_of", "without_gone"]
-
 IN_PHASE_S = 1.0
 """A vehicle that was held has its phase again where it is off by no more, for a period."""
 

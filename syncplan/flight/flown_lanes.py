@@ -28,8 +28,6 @@ from syncplan.flight.flight_setup import FlightSetup, Flown
 from syncplan.flight.flown_team import FlownTeam
 from syncplan.flight.lane_guidance import LaneGuidance
 
-__all__ = ["ClosedLoop", "FlownLanes"]
-
 LEG_STEPS = 64
 """Samples that are flown at once."""
 

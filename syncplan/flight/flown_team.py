@@ -36,8 +36,6 @@ from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, of_targets, samples_b
 from syncplan.orbits.sightings import samples_before
 from syncplan.orbits.team import Team
 
-__all__ = ["FlownTeam", "team_in_flight"]
-
 NEVER = np.iinfo(np.int64).max
 
 LOOKS_IN_PERIOD = 32

@@ -29,8 +29,6 @@ from syncplan.planning.subjects import PlanSubject, in_world, planned
 from syncplan.results import Result
 from syncplan.runtime.blas import single_threaded_blas
 
-__all__ = ["LOST_FACTOR", "Flight", "FlightRun", "conclude_flight", "flight_run", "fly", "fly_part"]
-
 LOST_FACTOR = 5.0
 """A filter is lost in a trial where some vehicle's error is over so many times its bound."""
 

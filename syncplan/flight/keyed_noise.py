@@ -20,8 +20,6 @@ from numpy.typing import NDArray
 
 from syncplan.estimation.lane_filter import compiled, inner
 
-__all__ = ["Word", "Words", "key_of", "normal_pair", "uniform", "words_at"]
-
 Word = np.uint64
 """Of 64 bits, unsigned."""
 

@@ -15,8 +15,6 @@ from syncplan.flight.flight_setup import FlightSetup, Flown
 from syncplan.flight.flown_team import FlownTeam
 from syncplan.flight.predictive_guidance import PredictiveGuidance, PredictiveOptions, Status
 
-__all__ = ["LaneGuidance", "winds_of"]
-
 FAR = 1e7
 """m, where vehicles are taken to be that are gone: nobody has to keep away from them."""
 

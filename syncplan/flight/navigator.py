@@ -36,8 +36,6 @@ from syncplan.orbits.circles import heading, position
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 from syncplan.planning.subjects import PlanSubject
 
-__all__ = ["Navigator"]
-
 
 class Navigator:
     """A team's filter and guidance on their way.

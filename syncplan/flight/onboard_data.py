@@ -6,8 +6,6 @@ from typing import NamedTuple
 
 from syncplan.arrays import Array
 
-__all__ = ["Command", "Estimate", "Sensed", "TimedSighting"]
-
 
 class TimedSighting(NamedTuple):
     """A sighting: who sighted whom, what was measured, and how many samples ago.

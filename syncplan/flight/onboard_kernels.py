@@ -9,8 +9,6 @@ from syncplan.flight.flight_setup import Circles, Contact, Law
 from syncplan.flight.seeking import move_circles
 from syncplan.flight.tracking_law import track
 
-__all__ = ["keep_contact", "steer"]
-
 
 @compiled
 def keep_contact(

@@ -13,8 +13,6 @@ from syncplan.flight.flight_limits import FlightLimits
 from syncplan.flight.predictive_guidance import Decision, PredictiveOptions, Status
 from syncplan.orbits.circles import unit
 
-__all__ = ["DecisionCheck", "check_decision"]
-
 
 @dataclass(frozen=True, slots=True)
 class DecisionCheck:

@@ -40,8 +40,6 @@ from syncplan.flight.predictive_team import TeamState, guess_flights, improve_fl
 from syncplan.flight.reference_tracking import tracking_gains
 from syncplan.orbits.circles import Orbits
 
-__all__ = ["Decision", "Memory", "PredictiveGuidance", "PredictiveOptions", "Status"]
-
 STEP_ANGLE = 0.1
 """rad of a turn that a step of the horizon takes at least."""
 

@@ -17,21 +17,6 @@ from typing import NamedTuple
 from syncplan.arrays import Array
 from syncplan.estimation.lane_filter import compiled, inner
 
-__all__ = [
-    "SEARCHED",
-    "Bounds",
-    "Course",
-    "Laws",
-    "Orbiting",
-    "Predicted",
-    "foresee",
-    "keep_within",
-    "lay_course",
-    "roll",
-    "shift",
-    "shortened",
-]
-
 SEARCHED = 2
 """Horizons that are searched for a place to intercept the plan at."""
 

@@ -39,8 +39,6 @@ from syncplan.arrays import Array, Index
 from syncplan.estimation.lane_filter import compiled, inner
 from syncplan.flight.predictive_model import Bounds, Course, shortened
 
-__all__ = ["Program", "Weights", "cost_of", "write_program", "write_separation"]
-
 
 class Weights(NamedTuple):
     """What the objective weighs; see the module.

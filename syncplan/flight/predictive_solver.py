@@ -14,8 +14,6 @@ import numpy as np
 from syncplan.arrays import Array, Index
 from syncplan.flight.predictive_program import Program
 
-__all__ = ["ProgramSolver", "Solution"]
-
 SETTINGS = {
     "adaptive_rho": 0,
     "alpha": 1.6,

@@ -22,8 +22,6 @@ from syncplan.flight.predictive_model import (
 )
 from syncplan.flight.predictive_program import Program, Weights, cost_of, write_program
 
-__all__ = ["TeamState", "guess_flights", "improve_flight"]
-
 SHARES = (1.0, 0.5, 0.25, 0.125)
 """Of the step that the program asks for, the best is taken."""
 

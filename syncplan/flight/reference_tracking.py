@@ -28,8 +28,6 @@ from syncplan.arrays import Array, short_repr
 from syncplan.flight.flight_limits import FlightLimits
 from syncplan.orbits.circles import Orbits, cross, dot, perpendicular, phase, unit, wrap
 
-__all__ = ["TrackingGains", "tracking_commands", "tracking_gains"]
-
 TRACKING_RATE = 2.0
 """Gain kp in times the plan's rate, where commands act at once."""
 

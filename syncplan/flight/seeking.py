@@ -19,8 +19,6 @@ from syncplan.estimation.augmented_frame import GUST, WIND
 from syncplan.estimation.lane_filter import Lanes, compiled, inner
 from syncplan.flight.flight_setup import Contact
 
-__all__ = ["move_circles"]
-
 MOST_ENTRIES = 10
 """Of a row: places of both, the wind, gusts of both."""
 

@@ -24,8 +24,6 @@ from syncplan.estimation.augmented_prediction import error_of
 from syncplan.estimation.lane_filter import Lanes, inner
 from syncplan.flight.flight_setup import Circles, Law
 
-__all__ = ["command_plan", "track"]
-
 STILL = 0.05
 """Share of the plan's speed below which the direction of the wanted velocity says nothing."""
 

@@ -20,8 +20,6 @@ from syncplan.estimation.batched_filter import shortening
 from syncplan.estimation.lane_filter import Lanes, inner
 from syncplan.flight.flight_setup import FlightSetup, Flown
 
-__all__ = ["is_held", "move_truly"]
-
 NEAR_SHARE = 1e-3
 """Of the range between two limits: so near to one a command is at it."""
 

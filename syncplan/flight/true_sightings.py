@@ -24,8 +24,6 @@ from syncplan.flight.flight_setup import Eyes, FlightSetup, Flown
 from syncplan.flight.keyed_noise import Word, normal_pair, uniform, words_at
 from syncplan.orbits.contacts import BOUNDARY_SLACK
 
-__all__ = ["sight_truly"]
-
 HALF_WORD = np.uint64(32)
 LOW_HALF = np.uint64(0xFFFFFFFF)
 

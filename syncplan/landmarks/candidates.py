@@ -16,8 +16,6 @@ from syncplan.scenario.quantities import ListedOrNamed, Point, Section
 from syncplan.scenario.rules import check_landmarks, check_names
 from syncplan.scenario.specification import Scenario
 
-__all__ = ["CandidateSites", "load_candidates", "named_candidates", "new_sites"]
-
 
 class CandidateSites(Section):
     """Sites that landmarks could be set at."""

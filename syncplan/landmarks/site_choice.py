@@ -24,8 +24,6 @@ from syncplan.runtime.blas import single_threaded_blas
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.quantities import Point
 
-__all__ = ["SiteChoice", "choose_landmarks"]
-
 
 @dataclass(frozen=True, slots=True, repr=False)
 class SiteChoice(Result):

@@ -25,9 +25,6 @@ from syncplan.orbits.contacts import find_windows, reachable_pairs
 from syncplan.orbits.sightings import sightings_over
 from syncplan.planning.judged_plan import Plan
 
-__all__ = ["Cuts", "Evaluation", "SiteInformation", "candidate_information", "evaluate"]
-
-
 MOST_CUTS = 8
 """Cuts are made for this many vehicles, those of least precision, unless fewer are asked for."""
 

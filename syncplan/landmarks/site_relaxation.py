@@ -22,8 +22,6 @@ from syncplan.arrays import Array
 from syncplan.landmarks.site_information import Cuts, SiteInformation, evaluate
 from syncplan.runtime.convex_solver import has_solution, load_cvxpy
 
-__all__ = ["SiteRelaxation", "relax"]
-
 
 @dataclass(frozen=True, slots=True)
 class SiteRelaxation:

@@ -17,9 +17,6 @@ from syncplan.arrays import Array, Index
 from syncplan.landmarks.site_information import Cuts, SiteInformation, evaluate
 from syncplan.landmarks.site_relaxation import SiteRelaxation
 
-__all__ = ["best_sites"]
-
-
 MOST_LISTED = 50_000
 """Choices are tried exhaustively, less those ruled out, up to this many."""
 

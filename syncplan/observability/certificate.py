@@ -27,9 +27,6 @@ from syncplan.arrays import Array
 from syncplan.observability.rank import LINK_TOLERANCE, LinkInformation, Observability
 from syncplan.orbits.graphs import components, spanning_forest
 
-__all__ = ["DISTINCT_LANDMARKS", "Bodies", "Certificate", "WitnessTree", "certify", "counts"]
-
-
 DISTINCT_LANDMARKS = 0.1
 """Two landmarks count as distinct when further apart than this share of the mean radius."""
 

@@ -11,9 +11,6 @@ from syncplan.observability.window_assessment import Assessment
 from syncplan.orbits.graphs import disjoint_sets
 from syncplan.orbits.sightings import sample_sightings, steps_within
 
-__all__ = ["connectivity_period"]
-
-
 SEARCHED_PERIODS = 2
 
 CLEARLY = 30.0

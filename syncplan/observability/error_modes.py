@@ -27,9 +27,6 @@ from syncplan.orbits.team import Team
 from syncplan.phrases import joined
 from syncplan.scenario.disturbances import ESTIMABLE, EstimableName
 
-__all__ = ["ErrorMode", "ErrorVerdict", "judge_errors", "name_error_modes"]
-
-
 MOST_NAMED = 6
 
 _TAKES_PART = 1e-3

@@ -38,9 +38,6 @@ from syncplan.observability.window_assessment import Assessment
 from syncplan.orbits.error_states import ERROR_STATES, StateLayout, layout_of
 from syncplan.orbits.sightings import Sightings
 
-__all__ = ["MOVES", "ExtendedObservability", "assess_extended"]
-
-
 MOVES = 1e-6
 """A state is determined when no null vector of length 1 moves it by more.
 

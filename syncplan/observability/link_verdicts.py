@@ -22,9 +22,6 @@ from syncplan.orbits.separation import least_distances
 from syncplan.orbits.team import Team
 from syncplan.synchronisation.phase_tolerance import contact_tolerances, rule_residuals
 
-__all__ = ["LinkVerdict", "landmark_verdicts", "vehicle_verdicts"]
-
-
 _TOO_WEAK = "of full rank by itself, but too weak beside the team's other sightings"
 
 

@@ -25,8 +25,6 @@ from syncplan.observability.singular_values import RANK_TOLERANCE
 from syncplan.observability.window_assessment import Assessment
 from syncplan.orbits.losses import Loss, remainder_of
 
-__all__ = ["decisive_losses"]
-
 CLEAR = 1e-4
 """1 - s^2 above which it is no rounding error."""
 

@@ -26,20 +26,6 @@ from syncplan.orbits.sighting_kinds import of_targets
 from syncplan.orbits.sightings import Sightings
 from syncplan.orbits.team import Team
 
-__all__ = [
-    "LINK_TOLERANCE",
-    "LinkInformation",
-    "Observability",
-    "PairRows",
-    "assess",
-    "judged_rank",
-    "link_information",
-    "lone_rows",
-    "pair_rows",
-    "stacked_rows",
-]
-
-
 NEGLIGIBLE = 1e-15
 """Rows smaller than this share of the largest singular value of any link are left out."""
 

@@ -38,9 +38,6 @@ from syncplan.orbits.sighting_kinds import (
 from syncplan.orbits.sightings import Sightings
 from syncplan.orbits.team import Team
 
-__all__ = ["NEAREST", "WideRows", "dense_rows", "error_moves", "sighting_rows", "wide_rows"]
-
-
 NEAREST = 1e-3
 """Sightings from nearer than this share of the mean radius are weighted down."""
 

@@ -4,9 +4,6 @@ import numpy as np
 
 from syncplan.arrays import Array
 
-__all__ = ["RANK_TOLERANCE", "VECTORS_LIMIT", "decomposed", "matrix_rank", "rank_gap"]
-
-
 RANK_TOLERANCE = 1e-8
 """A singular value of the whole matrix counts above this share of the largest."""
 

@@ -21,8 +21,6 @@ from syncplan.observability.rank import LinkInformation, Observability, judged_r
 from syncplan.orbits.circles import perpendicular
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 
-__all__ = ["Placed", "SeenWindow", "WatchedTeam", "judged_windows", "undetermined"]
-
 Placed = Callable[[int, slice], tuple[Array, Array]]
 """Of a window and its sightings (s,): the places (n, 2) m of vehicles when it begins, and (s, 2, 2)
 of observer and target when each sighting was made."""

@@ -20,8 +20,6 @@ from syncplan.orbits.sight_lines import obstructible
 from syncplan.orbits.team import Team
 from syncplan.phrases import joined
 
-__all__ = ["UnobservableMode", "lost_bearing", "name_modes"]
-
 
 @dataclass(frozen=True, slots=True)
 class UnobservableMode:

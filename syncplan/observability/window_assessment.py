@@ -20,8 +20,6 @@ from syncplan.orbits.losses import Remainder
 from syncplan.orbits.sightings import Sightings, sightings_over
 from syncplan.orbits.team import Team
 
-__all__ = ["Assessment", "assess_remainder", "assess_team"]
-
 
 @dataclass(frozen=True, slots=True)
 class Assessment:

@@ -5,8 +5,6 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.orbits.sighting_kind import ACROSS, ALONG, SecondOrder, SightingKind
 
-__all__ = ["BEARING"]
-
 
 def _bearings(q: Array, heading: Array) -> Array:
     return np.asarray(np.arctan2(q[1], q[0]) - heading)

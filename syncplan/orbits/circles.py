@@ -7,20 +7,6 @@ from numpy.typing import ArrayLike
 
 from syncplan.arrays import Array, Index, short_repr
 
-__all__ = [
-    "Orbits",
-    "cross",
-    "dot",
-    "heading",
-    "perpendicular",
-    "phase",
-    "position",
-    "transition",
-    "turned",
-    "unit",
-    "wrap",
-]
-
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Orbits:

@@ -5,8 +5,6 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.orbits.sighting_kind import OwnSensor, SightingKind
 
-__all__ = ["COMPASS"]
-
 
 def _headings(q: Array, heading: Array) -> Array:
     return np.array(heading, dtype=float)

@@ -24,15 +24,6 @@ from syncplan.orbits.sight_lines import SightLines
 from syncplan.orbits.team import Team
 from syncplan.orbits.trigonometric_polynomials import real_roots
 
-__all__ = [
-    "Windows",
-    "find_windows",
-    "merge_windows",
-    "range_polynomial",
-    "reachable_pairs",
-]
-
-
 SMALLEST_STEP_RAD = 1e-11
 """Roots nearer than this count as one."""
 

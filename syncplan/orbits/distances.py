@@ -5,8 +5,6 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.orbits.sighting_kind import ACROSS, OwnSensor, SecondOrder, SightingKind
 
-__all__ = ["DISTANCE"]
-
 
 def _distances(q: Array, heading: Array) -> Array:
     return np.asarray(np.hypot(q[0], q[1]))

@@ -39,15 +39,6 @@ from syncplan.arrays import Array, Index
 from syncplan.orbits.circles import Orbits, perpendicular, unit
 from syncplan.orbits.sensors import Sensors
 
-__all__ = [
-    "ERROR_STATES",
-    "NO_ERRORS",
-    "ErrorSigmas",
-    "ErrorState",
-    "StateLayout",
-    "layout_of",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class ErrorSigmas:

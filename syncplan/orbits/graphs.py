@@ -9,21 +9,6 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.orbits.contacts import Windows
 
-__all__ = [
-    "blocks",
-    "bottleneck",
-    "components",
-    "contraction",
-    "disjoint_sets",
-    "drawings",
-    "odd_cycle",
-    "rpmg_at",
-    "spanning_forest",
-    "traversal",
-    "two_colouring",
-    "union_over",
-]
-
 Edge = tuple[int, int]
 
 _LARGEST_ENERGY_DRAWING = 120

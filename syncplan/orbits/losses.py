@@ -19,8 +19,6 @@ from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, kinds_measured, of_ta
 from syncplan.orbits.sightings import Sightings
 from syncplan.orbits.team import Team
 
-__all__ = ["BLIND_RANGE_M", "Loss", "Remainder", "remainder_of", "single_losses"]
-
 BLIND_RANGE_M = 1e-6
 """Range of a sensor that is lost: the smallest length that a scenario may state."""
 

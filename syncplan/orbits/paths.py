@@ -12,16 +12,6 @@ import numpy as np
 from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import Orbits, heading, perpendicular, unit
 
-__all__ = [
-    "NO_LANDMARKS",
-    "RelativeMotion",
-    "body_paths",
-    "directions_at",
-    "rays",
-    "relative_motion",
-]
-
-
 NO_LANDMARKS: Array = np.zeros((0, 2))
 """Of a team that is looked at by itself."""
 

@@ -13,8 +13,6 @@ from syncplan.orbits.team import Team
 from syncplan.scenario.disturbances import Wind
 from syncplan.scenario.specification import Scenario, per_vehicle
 
-__all__ = ["obstacles_of", "radii_of", "sensors_of", "team_of", "true_team_of"]
-
 
 def radii_of(scenario: Scenario) -> Array:
     """Return (n,) m: the radius of each vehicle's circle."""

@@ -6,8 +6,6 @@ import numpy as np
 
 from syncplan.arrays import Array, Index, short_repr
 
-__all__ = ["Sensors"]
-
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Sensors:

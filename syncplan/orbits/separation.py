@@ -14,17 +14,6 @@ from syncplan.orbits.contacts import (
 from syncplan.orbits.paths import RelativeMotion, relative_motion
 from syncplan.orbits.trigonometric_polynomials import derivative, real_roots
 
-__all__ = [
-    "Approach",
-    "circle_gaps",
-    "closest_approach",
-    "landmark_gaps",
-    "least_circle_gaps",
-    "least_distances",
-    "outer_gaps",
-    "pairs_nearer_than",
-]
-
 
 def outer_gaps(centers: Array, radii: Array, pairs: Index) -> Array:
     """Return (p,) m: D - R_a - R_b of each pair, negative where they cross or one holds the other.

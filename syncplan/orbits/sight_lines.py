@@ -35,8 +35,6 @@ from syncplan.orbits.paths import body_paths
 from syncplan.orbits.team import Team
 from syncplan.orbits.trigonometric_polynomials import real_roots
 
-__all__ = ["SightLines", "crosses_interior", "hidden_landmarks", "hidden_paths", "obstructible"]
-
 BOUNDARY_SLACK = 1e-12
 """Of the largest coordinate: nearer than this, a point counts as on the boundary."""
 

@@ -14,8 +14,6 @@ from dataclasses import dataclass
 from syncplan.arrays import Array
 from syncplan.orbits.sensors import Sensors
 
-__all__ = ["ACROSS", "ALONG", "OwnSensor", "SecondOrder", "SightingKind"]
-
 ALONG, ACROSS = 0, 1
 """Ways of an error, from the line of sight."""
 

@@ -23,19 +23,6 @@ from syncplan.orbits.distances import DISTANCE
 from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sighting_kind import SightingKind
 
-__all__ = [
-    "SIGHTING_KINDS",
-    "kinds_measured",
-    "measured_by_kind",
-    "of_targets",
-    "place_of",
-    "samples_between",
-    "sigmas_by_kind",
-    "slopes_by_kind",
-    "turns_by_kind",
-]
-
-
 SIGHTING_KINDS = {"bearing": BEARING, "distance": DISTANCE, "compass": COMPASS}
 """By name."""
 

@@ -10,9 +10,6 @@ from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sighting_kinds import kinds_measured, of_targets, samples_between
 from syncplan.orbits.team import Team
 
-__all__ = ["Sightings", "sample_sightings", "samples_before", "sightings_over", "steps_within"]
-
-
 _ROUNDING = 1e-9
 """Share of a sample time by which an edge or a duration may miss a sample and still meet it."""
 

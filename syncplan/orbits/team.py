@@ -8,8 +8,6 @@ from syncplan.orbits.error_states import NO_ERRORS, ErrorSigmas
 from syncplan.orbits.noise import Noise
 from syncplan.orbits.sensors import Sensors
 
-__all__ = ["Team", "WithTeam"]
-
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Team:

@@ -13,9 +13,6 @@ from numpy.typing import ArrayLike
 
 from syncplan.arrays import Array
 
-__all__ = ["derivative", "evaluate", "real_roots", "rotate"]
-
-
 NEARLY_REAL = 1e-3
 """Imaginary part, relative to 1 + u^2, up to which a quartic's root is kept as a candidate."""
 

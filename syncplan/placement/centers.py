@@ -27,9 +27,6 @@ from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.models import Formation
 from syncplan.scenario.specification import Scenario
 
-__all__ = ["Placement", "place"]
-
-
 _SHAPE_ACCURACY = 1e-12
 
 

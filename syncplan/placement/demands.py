@@ -17,9 +17,6 @@ from syncplan.scenario.areas import Area
 from syncplan.scenario.formations import SHAPES
 from syncplan.scenario.specification import Scenario
 
-__all__ = ["MARGIN_SHARE", "Demands", "Names", "demands_of", "others"]
-
-
 MARGIN_SHARE = 0.02
 """Share of the range by which links stay within it where no margin is given."""
 

@@ -15,8 +15,6 @@ from syncplan.arrays import Array, Index, as_pairs
 from syncplan.orbits.separation import outer_gaps
 from syncplan.placement.demands import Demands
 
-__all__ = ["Drawing", "Shortfalls", "draw"]
-
 
 @dataclass(frozen=True, slots=True)
 class Shortfalls:

@@ -17,8 +17,6 @@ from syncplan.placement.drawing import Drawing
 from syncplan.synchronisation.contact_tables import seeing_team
 from syncplan.synchronisation.sighted_phases import hidden_at_all_phases
 
-__all__ = ["hidden_pairs"]
-
 
 def hidden_pairs(drawing: Drawing, links: Index) -> Index:
     """Return (k, 2) bodies within range that obstacles hide from each other at all phases.

@@ -23,9 +23,6 @@ from syncplan.placement.layout_qp import (
     solved,
 )
 
-__all__ = ["improved"]
-
-
 _ALL_PAIRS = 40
 """Number of circles up to which every pair is in the QP; beyond it, those nearby."""
 

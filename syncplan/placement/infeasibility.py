@@ -11,9 +11,6 @@ from syncplan.arrays import Array
 from syncplan.placement.demands import Demands
 from syncplan.placement.drawing import Drawing
 
-__all__ = ["complaint", "obstacle"]
-
-
 _SHOWN = 3
 _REMEDY = "give a longer range, smaller circles or fewer links"
 _ARC_ERROR = 1e-3

@@ -24,16 +24,6 @@ from syncplan.placement.demands import Demands
 from syncplan.placement.drawing import Drawing
 from syncplan.runtime.convex_solver import has_solution, load_cvxpy
 
-__all__ = [
-    "APART_WEIGHT",
-    "FIRM",
-    "PRICE",
-    "LayoutQP",
-    "compile_qp",
-    "set_parameters",
-    "solved",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class LayoutQP:

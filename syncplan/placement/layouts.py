@@ -18,9 +18,6 @@ from syncplan.orbits.separation import outer_gaps
 from syncplan.placement.demands import Demands
 from syncplan.placement.drawing import draw
 
-__all__ = ["starting_layouts"]
-
-
 _POSES = 300
 """Poses that are tried for each component."""
 

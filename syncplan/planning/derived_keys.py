@@ -11,8 +11,6 @@ from syncplan.arrays import Array
 from syncplan.errors import Fault, InputError
 from syncplan.orbits.circles import Orbits, heading, position
 
-__all__ = ["check_derived"]
-
 ROUNDING = 1e-4
 """Difference that rounding explains, of a radius, a radian, a speed or a period."""
 

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from syncplan.arrays import Array
 from syncplan.scenario.specification import Scenario
 
-__all__ = ["TOLERANCE", "DistanceLimit", "landmark_limit", "separation_limit"]
-
 TOLERANCE = 1e-6
 """Share of a limit by which it may be missed and still be met: what a solver's accuracy leaves."""
 

@@ -26,8 +26,6 @@ from syncplan.orbits.team import Team
 from syncplan.planning.judgement import bound_is_affordable
 from syncplan.scenario.specification import Scenario
 
-__all__ = ["ExpectedWork", "work_of"]
-
 _INSTANTS, _PHASES = 72, 8
 """Instants around a circle, and phases of a target, at which narrow views are looked at."""
 

@@ -5,8 +5,6 @@ from dataclasses import dataclass
 
 from syncplan.scenario.objectives import OBJECTIVES, FigureOfMerit
 
-__all__ = ["FIGURES", "ROWS", "Figures"]
-
 _VERDICTS = (
     FigureOfMerit(name="rank", label="rank", finite=True),
     FigureOfMerit(name="certified", label="certificate", finite=True),

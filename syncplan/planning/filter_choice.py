@@ -8,8 +8,6 @@ from syncplan.planning.judged_plan import Plan
 from syncplan.planning.start_up import CLEARED_FILTER, CLEARING_INDEX
 from syncplan.scenario.specification import Scenario
 
-__all__ = ["FilterChoice", "asked_filter", "choose_filter"]
-
 
 @dataclass(frozen=True, slots=True)
 class FilterChoice:

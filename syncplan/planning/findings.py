@@ -4,8 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-__all__ = ["MOST_NAMED", "Cure", "Finding", "Level", "Verdict", "headline_of"]
-
 Level = Literal["stop", "warning", "note"]
 
 MOST_NAMED = 5

@@ -18,16 +18,6 @@ from syncplan.planning.flight_record import FlightRecord
 from syncplan.planning.judged_team import JudgedTeam
 from syncplan.planning.needed_links import without_links
 
-__all__ = [
-    "LEAST_KEPT",
-    "MOST_SHARE",
-    "commands_saturated",
-    "lost_in_flight",
-    "meetings_missed",
-    "phase_not_kept",
-    "too_close_in_flight",
-]
-
 MOST_SHARE = 0.05
 """Share of trials, or of a pair's meetings, above which what goes wrong is no accident."""
 

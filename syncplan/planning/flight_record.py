@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-__all__ = ["FlightRecord", "FlownPairRecord", "FlownVehicleRecord"]
-
 
 @dataclass(frozen=True, slots=True)
 class FlownVehicleRecord:

@@ -7,8 +7,6 @@ from syncplan.planning.judged_team import JudgedTeam
 from syncplan.planning.verdict_checks import verdict_of
 from syncplan.results import Result
 
-__all__ = ["Plan"]
-
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Plan(Result, JudgedTeam):

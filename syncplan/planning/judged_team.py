@@ -20,8 +20,6 @@ from syncplan.planning.start_up import StartUp
 from syncplan.scenario.specification import Scenario
 from syncplan.synchronisation.phases import Synchronisation
 
-__all__ = ["JudgedTeam", "UnmetLink"]
-
 
 @dataclass(frozen=True, slots=True)
 class UnmetLink:

@@ -32,9 +32,6 @@ from syncplan.synchronisation.contact_tables import contact_of_pairs
 from syncplan.synchronisation.phases import Synchronisation
 from syncplan.synchronisation.sighted_phases import obstacles_blocking
 
-__all__ = ["BoundChoice", "bound_is_affordable", "judge", "judged", "listed_pairs", "why_no_bound"]
-
-
 BoundChoice = Literal["auto", "always", "never"]
 
 BOUND_WORK_LIMIT = 4e10

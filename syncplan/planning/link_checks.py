@@ -7,8 +7,6 @@ from syncplan.phrases import listed
 from syncplan.planning.findings import MOST_NAMED, Cure, Finding
 from syncplan.planning.judged_team import JudgedTeam
 
-__all__ = ["fragile_links", "landmarks_hidden", "lost_links", "vehicles_hidden"]
-
 FRAGILE_SHARE = 0.01
 """Of a period: a link that a vehicle this late loses is fragile."""
 

@@ -8,8 +8,6 @@ from syncplan.planning.findings import Cure, Finding
 from syncplan.planning.judged_team import JudgedTeam
 from syncplan.planning.lost_parts import names_of, phrase_of
 
-__all__ = ["single_points_of_failure"]
-
 MOST_NAMED = 8
 
 

@@ -34,8 +34,6 @@ from syncplan.runtime.cores import threads_for
 if TYPE_CHECKING:
     from syncplan.estimation.loss_bounds import LossBounds
 
-__all__ = ["LossOutcome", "WhatIf", "what_if"]
-
 
 @dataclass(frozen=True, slots=True)
 class LossOutcome:

@@ -17,8 +17,6 @@ from syncplan.orbits.team import Team
 from syncplan.scenario.disturbances import EstimableName
 from syncplan.scenario.specification import Scenario, per_vehicle
 
-__all__ = ["SENSOR", "lost_together", "names_of", "phrase_of", "possible_losses", "scenario_after"]
-
 SENSOR = "sensor:"
 """Stands before the name of the vehicle whose sensor is lost."""
 

@@ -11,8 +11,6 @@ from syncplan.orbits.losses import Loss, remainder_of
 from syncplan.planning.judged_team import JudgedTeam
 from syncplan.runtime.blas import single_threaded_blas
 
-__all__ = ["WithoutLinks", "without_links"]
-
 
 @dataclass(frozen=True, slots=True)
 class WithoutLinks:

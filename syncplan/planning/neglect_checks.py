@@ -8,8 +8,6 @@ from syncplan.phrases import listed
 from syncplan.planning.findings import MOST_NAMED, Cure, Finding
 from syncplan.planning.judged_team import JudgedTeam
 
-__all__ = ["expected_worse", "not_estimated"]
-
 WORTH_A_WARNING = 1.1
 """Expected over predicted RMS error, of any vehicle, from which on neglect counts."""
 

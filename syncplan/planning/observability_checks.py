@@ -9,8 +9,6 @@ from syncplan.planning.findings import Cure, Finding, Level
 from syncplan.planning.judged_team import JudgedTeam
 from syncplan.scenario.specification import per_vehicle
 
-__all__ = ["error_undetermined", "near_degenerate", "needs_prior", "not_certified", "unobservable"]
-
 LARGEST_CONDITION_NUMBER = 1e6
 """Of the windowed matrix: beyond it, full rank rests on noise-free geometry."""
 

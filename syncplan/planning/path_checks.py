@@ -12,13 +12,6 @@ from syncplan.planning.judged_team import JudgedTeam
 from syncplan.scenario.areas import Area
 from syncplan.scenario.refine_options import RefineOptions
 
-__all__ = [
-    "in_keep_out",
-    "landmarks_too_close",
-    "outside_area",
-    "vehicles_too_close",
-]
-
 
 def vehicles_too_close(judged: JudgedTeam) -> Iterator[Finding]:
     """Yield the pairs of vehicles that come nearer than they may, nearest first."""

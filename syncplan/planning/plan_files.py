@@ -29,8 +29,6 @@ from syncplan.scenario.quantities import Angle, Length, Name, Point
 from syncplan.scenario.rules import check_shared_circles
 from syncplan.scenario.specification import Scenario
 
-__all__ = ["Loaded", "PlanFile", "StatedOrbit", "load", "loaded_from", "plan_of", "stated"]
-
 
 class StatedOrbit(BaseModel):
     """What a plan must state of a vehicle; keys that follow from these may be left out."""

@@ -24,8 +24,6 @@ from syncplan.synchronisation.phases import synchronise
 from syncplan.synchronisation.senses import alternating_senses
 from syncplan.synchronisation.sighted_phases import hidden_at_all_phases
 
-__all__ = ["plan"]
-
 
 @single_threaded_blas
 def plan(

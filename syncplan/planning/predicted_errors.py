@@ -13,15 +13,6 @@ from syncplan.orbits.contacts import Windows
 from syncplan.orbits.error_states import layout_of
 from syncplan.orbits.team import Team
 
-__all__ = [
-    "Neglect",
-    "PredictedState",
-    "Prediction",
-    "expected_in_world",
-    "neglect_of",
-    "predicted_states",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class PredictedState:

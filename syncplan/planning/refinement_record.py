@@ -6,8 +6,6 @@ from syncplan.planning.figures_of_merit import Figures
 from syncplan.planning.start_up import StartBefore
 from syncplan.scenario.refine_options import RefineOptions
 
-__all__ = ["RefinementRecord", "StartRecord"]
-
 
 @dataclass(frozen=True, slots=True)
 class StartRecord:

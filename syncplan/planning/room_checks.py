@@ -19,8 +19,6 @@ from syncplan.planning.findings import MOST_NAMED, Cure, Finding
 from syncplan.planning.judged_team import JudgedTeam
 from syncplan.planning.needed_links import without_links
 
-__all__ = ["meetings_uncertain", "separation_uncertain", "start_uncertain"]
-
 SIGMAS = 2.0
 """Room is enough for so many standard deviations of an error, as phases in flight are judged."""
 

@@ -5,17 +5,6 @@ from collections.abc import Iterator
 from syncplan.planning.findings import Finding
 from syncplan.planning.judged_team import JudgedTeam
 
-__all__ = [
-    "CENTRES_PLACED",
-    "CLEARED",
-    "PLACED",
-    "bound_missing",
-    "centres_placed",
-    "cleared",
-    "not_refined",
-    "search_cut_short",
-]
-
 CENTRES_PLACED = "centres-placed"
 """The code of the finding that the centres are none of the user's."""
 

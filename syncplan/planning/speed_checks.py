@@ -28,8 +28,6 @@ from syncplan.planning.findings import MOST_NAMED, Cure, Finding
 from syncplan.planning.judged_team import JudgedTeam
 from syncplan.scenario.disturbances import Wind
 
-__all__ = ["over_limit", "strong_wind", "wind_made_up_for"]
-
 EXCEEDED = 0.05
 """Share of winds that may be too much, as of the trials of a flight that may fail."""
 

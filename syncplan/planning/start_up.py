@@ -21,19 +21,6 @@ from syncplan.orbits.contacts import Windows
 from syncplan.orbits.error_states import NO_ERRORS
 from syncplan.orbits.team import Team
 
-__all__ = [
-    "CLEARED_FILTER",
-    "CLEARING_INDEX",
-    "SAFE_RATIO",
-    "UNCLEARED_FILTER",
-    "ClearingSigmas",
-    "StartBefore",
-    "StartTrials",
-    "StartUp",
-    "concluded",
-    "start_up_of",
-]
-
 CLEARING_INDEX = 0.45
 """A plan with at most this start-up index needs no trials."""
 

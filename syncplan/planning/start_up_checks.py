@@ -17,8 +17,6 @@ from syncplan.planning.start_up import (
     StartUp,
 )
 
-__all__ = ["start_up", "start_up_worse"]
-
 MOST_NAMED = 3
 
 WORSE = 1.1

@@ -22,16 +22,6 @@ from syncplan.scenario.dotted_keys import IN_TRUTH, numeric_keys
 from syncplan.scenario.specification import Scenario
 from syncplan.scenario.truths import keys_over
 
-__all__ = [
-    "StressTest",
-    "StressedRow",
-    "doubled_sigmas",
-    "joined_worlds",
-    "stress_runs",
-    "stress_worlds",
-    "stressed",
-]
-
 FACTOR, MISSED, FALSE = 2.0, 0.2, 0.01
 
 MOST_HARM = 2.0 * 1.1

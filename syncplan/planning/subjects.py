@@ -13,8 +13,6 @@ from syncplan.scenario.models import MAX_VEHICLES
 from syncplan.scenario.specification import Scenario
 from syncplan.scenario.truths import with_truth
 
-__all__ = ["PlanSubject", "in_world", "load_plan", "planned"]
-
 PlanSubject = Plan | Scenario | str | Path | Mapping[str, Any]
 """A plan; a scenario, which is planned; or a file or a mapping that holds one or the other."""
 

@@ -19,16 +19,6 @@ from syncplan.planning.validation import Validation, validate
 from syncplan.results import Result
 from syncplan.scenario.specification import Scenario
 
-__all__ = [
-    "PlannedRow",
-    "Sweep",
-    "ValidatedRow",
-    "connected_range",
-    "planned_rows",
-    "sweep",
-    "validated",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class PlannedRow:

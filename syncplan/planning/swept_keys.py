@@ -16,8 +16,6 @@ from syncplan.errors import InputError
 if TYPE_CHECKING:
     from syncplan.scenario.specification import Scenario
 
-__all__ = ["SWEPT_KEYS", "SweptKey", "SweptOption", "swept_key"]
-
 
 @dataclass(frozen=True, slots=True)
 class SweptKey:

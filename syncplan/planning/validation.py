@@ -39,8 +39,6 @@ from syncplan.planning.subjects import PlanSubject, in_world, planned
 from syncplan.results import Result
 from syncplan.runtime.blas import single_threaded_blas
 
-__all__ = ["TrialRun", "Validation", "conclude", "run_part", "trial_run", "validate"]
-
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Validation(Result):

@@ -47,8 +47,6 @@ from syncplan.planning.search_checks import (
 from syncplan.planning.speed_checks import over_limit, strong_wind
 from syncplan.planning.start_up_checks import start_up, start_up_worse
 
-__all__ = ["CHECKS", "verdict_of"]
-
 CHECKS: dict[str, Callable[[JudgedTeam], Iterable[Finding]]] = {
     "unobservable": unobservable,
     "near-degenerate": near_degenerate,

@@ -20,8 +20,6 @@ from syncplan.scenario.objectives import OBJECTIVES
 from syncplan.synchronisation.phases import Synchronisation
 from syncplan.synchronisation.sighted_phases import attainable_contact
 
-__all__ = ["WrittenRecord", "with_record", "written_record"]
-
 SAME_ORBITS = 1e-4
 """Of the mean radius: links that come this near to what the file says are those it was written
 for."""

@@ -11,8 +11,6 @@ from syncplan.plotting.palette import BLUE, GREEN, INK, ORANGE, SKY
 from syncplan.reports.replay_schemas import ReplayDocument
 from syncplan.reports.run_schemas import ValidationDocument
 
-__all__ = ["accuracy_spec", "bars", "prediction_spec", "sigmas_spec"]
-
 _LEAST_BAR_PX = 5.0
 """Width below which bars become marks: their patterns could not be told apart."""
 

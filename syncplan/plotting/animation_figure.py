@@ -22,9 +22,6 @@ from syncplan.plotting.map_layers import (
 from syncplan.plotting.map_view import MapView, view_of
 from syncplan.plotting.palette import INK
 
-__all__ = ["FRAMES", "animation_spec", "live"]
-
-
 FRAMES = 60
 """Moments shown of one period."""
 

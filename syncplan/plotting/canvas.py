@@ -15,21 +15,6 @@ from numpy.typing import ArrayLike
 from syncplan.arrays import Array
 from syncplan.plotting.palette import GRID, INK, MUTED
 
-__all__ = [
-    "CONFIG",
-    "Spec",
-    "axis",
-    "compass",
-    "decimals",
-    "escaped",
-    "gapped",
-    "label",
-    "layout",
-    "message",
-    "numbers",
-    "panel_title",
-]
-
 Spec = dict[str, Any]
 
 CLEAR = "rgba(0,0,0,0)"

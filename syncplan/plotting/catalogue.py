@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from syncplan.errors import InputError
-from syncplan.estimation.replays import Replay
+from syncplan.estimation.replay_results import Replay
 from syncplan.flight.flying import Flight
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.loss_study import WhatIf
@@ -21,8 +21,6 @@ from syncplan.reports.replay_report import replay_document
 from syncplan.reports.replay_schemas import ReplayDocument
 from syncplan.reports.run_schemas import SweepReport, ValidationDocument
 from syncplan.reports.validation_report import validation_document
-
-__all__ = ["Run", "Subject", "first_figure", "report_of", "specs_of"]
 
 Run = Validation | ValidationDocument | Replay | ReplayDocument
 Subject = Plan | SweepReport | WhatIf | WhatIfDocument | Flight | FlightDocument | Run

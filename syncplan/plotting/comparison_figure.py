@@ -26,8 +26,6 @@ from syncplan.plotting.palette import BLUE, MUTED, ORANGE
 from syncplan.reports.refinement_schemas import FiguresOfMerit, RefinementResult
 from syncplan.scenario.objectives import OBJECTIVES
 
-__all__ = ["comparison_spec", "refinement_spec"]
-
 _BARS_PX = 170
 _GAP_PX = 84
 _NAMED = 6

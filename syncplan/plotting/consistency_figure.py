@@ -10,8 +10,6 @@ from syncplan.reports.consistency_words import interval_words, verdict_words
 from syncplan.reports.replay_schemas import ReplayDocument
 from syncplan.reports.run_schemas import Spread, ValidationDocument
 
-__all__ = ["consistency_spec"]
-
 IDEAL_COVERAGE = 0.9973
 """Probability that a normal error lies within three sigma."""
 

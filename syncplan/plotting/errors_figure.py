@@ -18,8 +18,6 @@ from syncplan.plotting.panels_over_time import every_so_many, panels
 from syncplan.reports.replay_schemas import ReplayDocument
 from syncplan.reports.run_schemas import Series, ValidationDocument, VehicleSeries
 
-__all__ = ["MOST_VEHICLES", "errors_spec"]
-
 MOST_VEHICLES = 8
 """Vehicles drawn where none are named: of larger teams, those with the largest errors."""
 

@@ -12,8 +12,6 @@ from syncplan.plotting.palette import INK, SKY, translucent
 from syncplan.plotting.panels_over_time import every_so_many, panels
 from syncplan.reports.replay_schemas import EstimatedPath, ReplayDocument
 
-__all__ = ["MOST_ROBOTS", "estimates_spec"]
-
 MOST_ROBOTS = 8
 """Robots drawn: of larger teams, those that the filter knows least."""
 

@@ -6,8 +6,6 @@ from syncplan.plotting.canvas import Spec, escaped
 from syncplan.plotting.palette import INK, MUTED, translucent
 from syncplan.reports.flight_schemas import FlightDocument, FlightEvent
 
-__all__ = ["event_entries", "event_shapes", "event_words"]
-
 MOST_NAMED = 4
 """Events that a note names."""
 

@@ -9,8 +9,6 @@ from typing import Any, get_args
 from syncplan.errors import InputError
 from syncplan.plotting.palette import Theme
 
-__all__ = ["COLUMN_PX", "LIMITS", "PAPER", "PLAIN", "THEMES", "FigureStyle"]
-
 THEMES: tuple[Theme, ...] = get_args(Theme)
 """What figures can be shown on."""
 

@@ -15,16 +15,6 @@ if TYPE_CHECKING:
     from syncplan.plotting.figure_style import FigureStyle
     from syncplan.reports.refinement_schemas import RefinementResult
 
-__all__ = [
-    "FIGURES",
-    "IMAGE_FORMATS",
-    "SUBJECTS",
-    "Figure",
-    "FigureInput",
-    "SubjectKind",
-    "always_there",
-]
-
 IMAGE_FORMATS = ("png", "svg", "pdf")
 """What a figure may be drawn as, beside a page."""
 

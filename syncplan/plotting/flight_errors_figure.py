@@ -7,8 +7,6 @@ from syncplan.plotting.palette import GREEN, INK, ORANGE, SKY, VERMILLION
 from syncplan.reports.flight_schemas import FlightDocument
 from syncplan.reports.flight_series_schemas import VehicleOverTime
 
-__all__ = ["flight_errors_spec"]
-
 
 def flight_errors_spec(report: FlightDocument, style: FigureStyle) -> Spec:
     """Return the figure of tracking and estimation errors over time, a panel a vehicle.

@@ -4,8 +4,6 @@ from syncplan.plotting.canvas import Spec, axis, escaped, layout, message, numbe
 from syncplan.plotting.palette import GREEN, INK, ORANGE, VERMILLION
 from syncplan.reports.flight_schemas import FlightDocument, FlightEvent
 
-__all__ = ["flight_events_spec"]
-
 _ROW_PX = 26
 _LEAST_PX = 90
 

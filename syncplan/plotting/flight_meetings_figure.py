@@ -4,8 +4,6 @@ from syncplan.plotting.canvas import Spec, axis, escaped, layout, message, numbe
 from syncplan.plotting.palette import BLUE, INK, VERMILLION
 from syncplan.reports.flight_schemas import FlightDocument, FlownLink
 
-__all__ = ["MOST_BARS", "flight_meetings_spec"]
-
 MOST_BARS = 40
 """Links shown, those that missed most: more would be too many to read."""
 

@@ -15,8 +15,6 @@ from syncplan.plotting.panels_over_time import every_so_many, panels
 from syncplan.reports.flight_schemas import FlightDocument
 from syncplan.reports.flight_series_schemas import FlightOverTime, VehicleOverTime
 
-__all__ = ["MOST_VEHICLES", "Curve", "flight_panels_spec", "series_in"]
-
 MOST_VEHICLES = 12
 """Vehicles drawn: of larger teams, the worst."""
 

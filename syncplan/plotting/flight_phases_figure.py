@@ -7,8 +7,6 @@ from syncplan.plotting.palette import BLUE, ORANGE, VERMILLION
 from syncplan.reports.flight_schemas import FlightDocument, FlownVehicle
 from syncplan.reports.flight_series_schemas import VehicleOverTime
 
-__all__ = ["flight_phases_spec"]
-
 
 def flight_phases_spec(report: FlightDocument, style: FigureStyle) -> Spec:
     """Return the figure of phase errors over time, a panel a vehicle, with its tolerance.

@@ -6,8 +6,6 @@ from syncplan.plotting.canvas import Spec, axis, escaped, layout, message, numbe
 from syncplan.plotting.palette import BLUE, INK, VERMILLION
 from syncplan.reports.flight_schemas import FlightDocument, FlownSeparation
 
-__all__ = ["flight_separation_spec"]
-
 _AIR = 1.06
 
 

@@ -23,8 +23,6 @@ from syncplan.reports.flight_series_schemas import (
     TrackedVehicle,
 )
 
-__all__ = ["SIGMAS", "flight_tracks_spec"]
-
 SIGMAS = 3.0
 """Size of ellipses."""
 

@@ -25,9 +25,6 @@ from syncplan.plotting.map_layers import (
 from syncplan.plotting.map_view import MapView, view_of
 from syncplan.plotting.palette import PURPLE
 
-__all__ = ["formation_spec", "verdict_words"]
-
-
 MOTIONS_SHOWN = 3
 """Unobservable motions drawn at first; the others stand in the legend, to be switched on."""
 

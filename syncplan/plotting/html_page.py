@@ -10,8 +10,6 @@ from syncplan.plotting.figure_table import FIGURES
 from syncplan.plotting.palette import DARK, Theme
 from syncplan.reports.verdict_schemas import PlanVerdict
 
-__all__ = ["embedded", "figure_page", "plotly_script"]
-
 
 def figure_page(
     title: str,

@@ -10,8 +10,6 @@ from syncplan.errors import InputError, SyncplanError
 from syncplan.plotting.canvas import Spec
 from syncplan.plotting.figure_style import PAPER, PLAIN, FigureStyle
 
-__all__ = ["figure_images"]
-
 _TIMEOUT_S = 90
 _PDF_DATE = re.compile(rb"D:\d{14}")
 _SVG_KEY = re.compile(r"\b(?:clip|defs-|topdefs-|legend)([0-9a-f]{6})")

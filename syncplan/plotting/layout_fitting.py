@@ -19,8 +19,6 @@ from syncplan.errors import InputError
 from syncplan.plotting.canvas import Spec
 from syncplan.plotting.figure_style import FigureStyle
 
-__all__ = ["fitted"]
-
 _EM = 0.53
 """Mean width of a character, of the font's size; somewhat generous."""
 

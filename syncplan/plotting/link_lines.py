@@ -12,8 +12,6 @@ from syncplan.arrays import Array, Index
 from syncplan.orbits.circles import Orbits, perpendicular
 from syncplan.planning.judged_plan import Plan
 
-__all__ = ["link_ends", "link_pairs"]
-
 _LENS = 1.25
 """Least distance of centres, in radii of the larger circle, at which a line fits into the lens."""
 

@@ -7,8 +7,6 @@ from syncplan.planning.judged_plan import Plan
 from syncplan.plotting.canvas import escaped
 from syncplan.plotting.palette import GREEN, MUTED, SKY, VERMILLION
 
-__all__ = ["DROPPED", "Standing", "body_names", "grouped", "hover", "standing_of"]
-
 
 @dataclass(frozen=True, slots=True)
 class Standing:

@@ -5,8 +5,6 @@ from syncplan.plotting.canvas import Spec, axis, escaped, layout, message, numbe
 from syncplan.plotting.palette import BLUE, INK, VERMILLION
 from syncplan.reports.loss_schemas import RemainingTeam, WhatIfDocument
 
-__all__ = ["losses_spec"]
-
 MOST_BARS = 30
 """Losses shown, the most harmful: more would be too many to read."""
 

@@ -13,8 +13,6 @@ from syncplan.plotting.map_subject import Mapped
 from syncplan.plotting.map_view import MapView
 from syncplan.plotting.palette import INK
 
-__all__ = ["Obstructions", "crossed", "landmark_trace", "name_trace", "obstructions"]
-
 NAME_PX = 13.0
 LEAST_NAME_PX = 7.0
 """Size of names, and the least that can be read: smaller ones are left to the pointer."""

@@ -12,17 +12,6 @@ from syncplan.plotting.map_subject import Mapped
 from syncplan.plotting.map_view import MapView
 from syncplan.plotting.palette import BLUE, INK, MUTED, ORANGE, translucent
 
-__all__ = [
-    "area_traces",
-    "circle_points",
-    "circle_traces",
-    "line_trace",
-    "pointer",
-    "pointer_entry",
-    "sense_heads",
-    "vehicle_marks",
-]
-
 CIRCLE_POINTS = 72
 """Points of a circle; the chord is a thousandth of the radius inside it."""
 

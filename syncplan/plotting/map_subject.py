@@ -6,8 +6,6 @@ from typing import Protocol
 from syncplan.arrays import Array
 from syncplan.orbits.circles import Orbits
 
-__all__ = ["Mapped", "Zones"]
-
 Corners = Sequence[tuple[float, float]]
 
 

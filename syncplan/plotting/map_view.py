@@ -11,8 +11,6 @@ from syncplan.plotting.canvas import Spec, axis, decimals, numbers
 from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.map_subject import Mapped
 
-__all__ = ["MapView", "view_about", "view_of"]
-
 _ROOM = 0.06
 _ROOM_PX = 28
 """Space left around the formation: of its larger extent, and at least, for names of landmarks."""

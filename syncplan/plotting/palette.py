@@ -8,22 +8,6 @@ Text, axes and grids are drawn in the colours of a light page; `themed` swaps th
 from collections.abc import Mapping
 from typing import Any, Literal
 
-__all__ = [
-    "BLUE",
-    "DARK",
-    "GREEN",
-    "GRID",
-    "INK",
-    "MUTED",
-    "ORANGE",
-    "PURPLE",
-    "SKY",
-    "VERMILLION",
-    "Theme",
-    "themed",
-    "translucent",
-]
-
 Theme = Literal["light", "dark"]
 
 BLUE = "#0072b2"

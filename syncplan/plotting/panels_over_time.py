@@ -5,8 +5,6 @@ from collections.abc import Sequence
 from syncplan.plotting.canvas import Spec, axis, escaped, numbers, panel_title
 from syncplan.plotting.figure_style import FigureStyle
 
-__all__ = ["MOST_POINTS", "every_so_many", "panels"]
-
 MOST_POINTS = 400
 """Moments drawn of a run: every k-th sample."""
 

@@ -8,8 +8,6 @@ from syncplan.plotting.canvas import Spec, axis, escaped, layout, numbers
 from syncplan.plotting.formation_figure import verdict_words
 from syncplan.plotting.palette import BLUE, INK, MUTED, VERMILLION
 
-__all__ = ["spectrum_spec"]
-
 _FLOOR = 1e-18
 """Share of the largest singular value below which one is drawn at the floor."""
 

@@ -16,8 +16,6 @@ from syncplan.reports.replay_schemas import ReplayDocument
 from syncplan.reports.run_schemas import ValidationDocument
 from syncplan.reports.state_error_schemas import StateErrorSeries
 
-__all__ = ["MOST_STATES", "states_spec"]
-
 MOST_STATES = 24
 """States drawn: where there are more, the least known of each kind."""
 

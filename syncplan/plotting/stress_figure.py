@@ -4,8 +4,6 @@ from syncplan.plotting.canvas import Spec, axis, escaped, layout, numbers
 from syncplan.plotting.palette import BLUE, INK
 from syncplan.reports.run_schemas import ValidationDocument
 
-__all__ = ["stress_spec"]
-
 _ROW_PX = 21
 
 

@@ -9,8 +9,6 @@ from syncplan.plotting.canvas import Spec, axis, escaped, layout, numbers
 from syncplan.plotting.palette import BLUE, GREEN, INK, ORANGE, VERMILLION
 from syncplan.reports.run_schemas import SweepReport, SweepRow
 
-__all__ = ["sweep_spec"]
-
 FEW_TRIALS = 100
 
 _Figure = Callable[[SweepRow], float | None]

@@ -19,16 +19,6 @@ from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.link_styles import Standing, body_names, grouped, hover
 from syncplan.plotting.palette import BLUE, INK, PURPLE
 
-__all__ = [
-    "Lane",
-    "Row",
-    "lanes_of",
-    "rows_of",
-    "timeline_spec",
-    "union_growth",
-    "within_period",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class Row:

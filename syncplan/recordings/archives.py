@@ -17,8 +17,6 @@ from typing import IO, BinaryIO
 
 from syncplan.errors import InputError
 
-__all__ = ["holds_archive", "unpack_files"]
-
 MOST_BYTES = 2**30
 """Of all files together, unpacked."""
 

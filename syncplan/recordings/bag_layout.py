@@ -23,8 +23,6 @@ from syncplan.recordings.log import NOBODY, Log
 from syncplan.recordings.named_teams import NamedTeam, SeenBodies, landmark_problem
 from syncplan.recordings.ros_bags import SUFFIXES, Topic, TopicReadings, read_topics
 
-__all__ = ["holds_bag", "read_bag"]
-
 SEEN = {"sightings": (True, True), "bearings": (True, False), "ranges": (False, True)}
 """Whether direction and distance were measured, by the kind of topic."""
 

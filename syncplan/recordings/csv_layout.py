@@ -21,8 +21,6 @@ from syncplan.recordings.csv_tables import Column, CsvTable, read_table
 from syncplan.recordings.log import NOBODY, Log
 from syncplan.recordings.named_teams import NamedTeam, SeenBodies, landmark_problem
 
-__all__ = ["FILES", "holds_csv", "read_csv"]
-
 _ROBOT = Column("robot", named=True)
 _TIME = Column("time_s")
 

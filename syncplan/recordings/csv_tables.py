@@ -18,8 +18,6 @@ from syncplan.recordings.recorded_files import LARGEST_VALUE, check_file, name_p
 if TYPE_CHECKING:
     from _csv import Reader
 
-__all__ = ["Column", "CsvTable", "NamedCells", "read_table"]
-
 ROWS_AT_ONCE = 2_000
 """Rows whose cells are held as text at one time: few enough for the processor's cache."""
 

@@ -9,8 +9,6 @@ from syncplan.arrays import Array, Index
 from syncplan.errors import InputError
 from syncplan.phrases import listed
 
-__all__ = ["NOBODY", "Log", "RobotLog", "chosen_landmarks"]
-
 NOBODY = -1
 """Subject of a reading that belongs to no subject."""
 

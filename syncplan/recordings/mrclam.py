@@ -26,9 +26,6 @@ from syncplan.errors import InputError
 from syncplan.recordings.log import NOBODY, Log, RobotLog
 from syncplan.recordings.recorded_files import LARGEST_VALUE, MOST_ROBOTS, check_file
 
-__all__ = ["holds_mrclam", "read_mrclam"]
-
-
 _OF_ROBOT = re.compile(r"Robot([1-9][0-9]{0,5})_(?:Groundtruth|Odometry|Measurement)\.dat")
 
 

@@ -11,8 +11,6 @@ from syncplan.errors import InputError
 from syncplan.recordings.log import Log, RobotLog
 from syncplan.recordings.recorded_files import MOST_ROBOTS, name_problem
 
-__all__ = ["NamedTeam", "SeenBodies", "landmark_problem"]
-
 RESERVED = ("all", "none")
 """Words that stand for landmarks where one is chosen."""
 

@@ -6,8 +6,6 @@ import numpy as np
 
 from syncplan.recordings.log import Log
 
-__all__ = ["Overview", "overview_of"]
-
 
 @dataclass(frozen=True, slots=True)
 class Overview:

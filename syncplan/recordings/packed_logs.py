@@ -10,8 +10,6 @@ import numpy as np
 from syncplan.errors import InputError
 from syncplan.recordings.log import Log, RobotLog
 
-__all__ = ["pack_log", "unpack_log"]
-
 _NUMBERS = ("truth", "odometry", "times", "subjects", "bearings", "ranges")
 
 

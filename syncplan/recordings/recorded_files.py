@@ -4,8 +4,6 @@ from pathlib import Path
 
 from syncplan.errors import InputError
 
-__all__ = ["LARGEST_FILE_BYTES", "LARGEST_VALUE", "MOST_ROBOTS", "check_file", "name_problem"]
-
 MOST_ROBOTS = 200
 LARGEST_FILE_BYTES = 256 * 2**20
 LARGEST_VALUE = 1e12

@@ -18,15 +18,6 @@ from syncplan.errors import InputError
 if TYPE_CHECKING:
     from syncplan.recordings.log import Log
 
-__all__ = [
-    "FORMATS",
-    "RecordingFormat",
-    "archived",
-    "load_log",
-    "read_archive",
-    "recorded_files_in",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class RecordingFormat:

@@ -17,8 +17,6 @@ from syncplan.recordings.ros_messages import TOPICS, Reading, typestore
 if TYPE_CHECKING:
     from rosbags.rosbag2 import Reader
 
-__all__ = ["SUFFIXES", "Topic", "TopicReadings", "read_topics"]
-
 SUFFIXES = (".mcap", ".db3")
 """Of files of bags."""
 

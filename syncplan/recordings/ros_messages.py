@@ -14,8 +14,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
-__all__ = ["TOPICS", "Reading", "TopicKind", "typestore"]
-
 Reading = tuple[tuple[float, ...], str]
 """Numbers, of which the first is a time in s, and the name of what was seen."""
 

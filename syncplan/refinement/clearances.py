@@ -19,9 +19,6 @@ from syncplan.refinement.constraint_blocks import Blocks, pair_blocks, single_bl
 from syncplan.refinement.problem import RefineProblem
 from syncplan.refinement.sides import kept_landmarks
 
-__all__ = ["area_clearances", "landmark_clearances", "separations"]
-
-
 _SAMPLES = 120
 _SHARPNESS = 200.0
 """Of the soft minimum, relative to the square of the separation."""

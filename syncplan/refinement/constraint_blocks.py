@@ -13,8 +13,6 @@ import numpy as np
 
 from syncplan.arrays import Array, Index
 
-__all__ = ["Blocks", "pair_blocks", "single_blocks", "stacked_blocks"]
-
 
 @dataclass(frozen=True, slots=True)
 class Blocks:

@@ -11,8 +11,6 @@ from syncplan.orbits.sightings import Sightings
 from syncplan.planning.distance_limits import TOLERANCE
 from syncplan.refinement.problem import RefineProblem
 
-__all__ = ["ConstraintMargin", "contact_margins", "margins_of"]
-
 
 @dataclass(frozen=True, slots=True)
 class ConstraintMargin:

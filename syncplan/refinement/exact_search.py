@@ -16,9 +16,6 @@ from syncplan.arrays import Array
 from syncplan.refinement.measures import NO_STANDING, Measurement, Standing, measure
 from syncplan.refinement.problem import RefineProblem, orbits_of
 
-__all__ = ["improved_nearby"]
-
-
 _FIRST_STEP, _LEAST_STEP = 0.2, 0.002
 """In rad for phases, in the plan's mean radius for lengths."""
 

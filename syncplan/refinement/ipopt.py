@@ -19,9 +19,6 @@ from syncplan.refinement.nlp import StageNlp, nlp_of
 from syncplan.refinement.problem import RefineProblem
 from syncplan.refinement.stages import Stage, stages_of
 
-__all__ = ["SolverProgress", "SolverRun", "StagedSolver", "Steering"]
-
-
 _FEASIBLE = 1e-6
 """Largest violation of a feasible iterate."""
 

@@ -15,8 +15,6 @@ from syncplan.refinement.measures import measure
 from syncplan.refinement.parallel_starts import Attempt, RefineTask
 from syncplan.refinement.problem import orbits_of
 
-__all__ = ["EarlierSearch", "keeper", "kept_attempts"]
-
 
 @dataclass(frozen=True, slots=True)
 class EarlierSearch:

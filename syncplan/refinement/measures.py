@@ -26,8 +26,6 @@ from syncplan.refinement.constraint_margins import (
 )
 from syncplan.refinement.problem import RefineProblem
 
-__all__ = ["NO_STANDING", "WINDOW_BOUND", "Measurement", "Standing", "measure"]
-
 Standing = tuple[float, float]
 """Shortfall, cost; the lesser is the better."""
 

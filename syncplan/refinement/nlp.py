@@ -17,8 +17,6 @@ from syncplan.refinement.smooth_determinants import window_excess
 from syncplan.refinement.smooth_team import SmoothTeam
 from syncplan.refinement.stages import Stage, samples_in
 
-__all__ = ["CONTACT_SAMPLES", "StageNlp", "nlp_of"]
-
 
 @dataclass(frozen=True, slots=True)
 class StageNlp:

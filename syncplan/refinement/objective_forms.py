@@ -30,8 +30,6 @@ from syncplan.refinement.smooth_team import SmoothTeam
 from syncplan.refinement.smooth_wide_bound import smooth_wide_rms
 from syncplan.refinement.stages import Stage, step_width
 
-__all__ = ["FORMS", "MeasuredTeam", "ObjectiveForm", "SmoothInputs", "SmoothObjective"]
-
 
 @dataclass(frozen=True, slots=True)
 class MeasuredTeam:

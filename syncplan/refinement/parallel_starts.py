@@ -26,8 +26,6 @@ from syncplan.refinement.problem import RefineProblem, circles_of, orbits_of
 from syncplan.refinement.starting_points import starting_circles
 from syncplan.runtime.child_processes import ChildProcess, connect_to_parent
 
-__all__ = ["Attempt", "RefineTask", "rank_of", "run_starts", "searched_nearby"]
-
 
 @dataclass(frozen=True, slots=True)
 class RefineTask:

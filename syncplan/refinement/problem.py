@@ -17,8 +17,6 @@ from syncplan.planning.distance_limits import DistanceLimit
 from syncplan.scenario.areas import Area
 from syncplan.scenario.objectives import Objective
 
-__all__ = ["Freedom", "RefineProblem", "circles_of", "orbits_of"]
-
 
 @dataclass(frozen=True, slots=True)
 class Freedom:

@@ -20,9 +20,6 @@ from syncplan.scenario.areas import Area
 from syncplan.scenario.objectives import OBJECTIVES, Objective, default_objective
 from syncplan.scenario.refine_options import DEFAULT_BOX_M, RefineOptions
 
-__all__ = ["problem_of", "refuse_conflicts"]
-
-
 PAIR_SAMPLES, ANCHOR_SAMPLES = 3, 2
 """Samples in contact that a vehicle link of rank 3 and a landmark link of rank 2 need."""
 

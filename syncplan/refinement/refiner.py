@@ -39,8 +39,6 @@ if TYPE_CHECKING:
     from syncplan.refinement.kept_starts import EarlierSearch
     from syncplan.refinement.parallel_starts import Attempt
 
-__all__ = ["RefineProgress", "options_for", "refine"]
-
 RefineProgress = Callable[[int, int, float], None]
 """Called with (start, iteration, the objective as the solver sees it)."""
 

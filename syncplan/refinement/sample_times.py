@@ -8,8 +8,6 @@ from syncplan.arrays import Array, Index
 from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import samples_before
 
-__all__ = ["SampleTimes", "samples_of"]
-
 
 @dataclass(frozen=True, slots=True)
 class SampleTimes:

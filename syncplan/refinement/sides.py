@@ -13,8 +13,6 @@ import numpy as np
 from syncplan.arrays import Array, Index
 from syncplan.refinement.problem import RefineProblem
 
-__all__ = ["kept_landmarks", "side_count", "sides_of"]
-
 _SAFETY = 1e-4
 """Share of a clearance by which the solver keeps beyond it."""
 

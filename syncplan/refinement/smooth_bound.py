@@ -16,9 +16,6 @@ from syncplan.estimation.referred_system import arc_noise_gain
 from syncplan.refinement.problem import RefineProblem
 from syncplan.refinement.sample_times import SampleTimes
 
-__all__ = ["CoarseRun", "coarse_run", "smooth_rms", "turn_of_vehicles"]
-
-
 _STEPS_A_TURN = 32
 _MOST_TURNS = 60.0
 _LINEAR_SOLVER = "lapackqr"

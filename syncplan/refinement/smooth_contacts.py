@@ -12,9 +12,6 @@ from syncplan.refinement.sample_times import SampleTimes
 from syncplan.refinement.smooth_sight_lines import ConvexPiece, sight_gap
 from syncplan.refinement.smooth_sightings import ROUNDED_ANGLE
 
-__all__ = ["anchor_contact", "pair_contact"]
-
-
 _Seen = tuple[ca.SX | None, ca.SX | None]
 """How far targets are within the view, and sight lines clear of obstacles, where there are such."""
 

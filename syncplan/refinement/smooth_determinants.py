@@ -9,8 +9,6 @@ import casadi as ca
 
 from syncplan.refinement.problem import RefineProblem
 
-__all__ = ["RELATIVE_SHIFT", "log_determinant", "window_excess", "window_variances"]
-
 RELATIVE_SHIFT = 1e-9
 """Added to W's diagonal, in information units: a team that is not observable yet has log det W."""
 

@@ -26,9 +26,6 @@ from syncplan.arrays import Array
 from syncplan.orbits.error_states import ERROR_STATES, StateLayout
 from syncplan.refinement.problem import RefineProblem
 
-__all__ = ["Passage"]
-
-
 _Entry = tuple[int, int, int, float]
 """Row, column, which value it takes, factor."""
 

@@ -19,9 +19,6 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.scenario.areas import convex_parts
 
-__all__ = ["ConvexPiece", "SightLine", "convex_pieces", "sight_gap"]
-
-
 _ON_EDGE = 1e-9
 """Nearer than this, in mean radii, a landmark is on an edge."""
 

@@ -39,18 +39,6 @@ from syncplan.refinement.smooth_sight_lines import (
     sight_gap,
 )
 
-__all__ = [
-    "ALL_ROUND",
-    "ANCHOR_SUMS",
-    "PAIR_SUMS",
-    "ROUNDED_ANGLE",
-    "Paths",
-    "anchor_information",
-    "compass_information",
-    "pair_information",
-]
-
-
 PAIR_SUMS = 10
 ANCHOR_SUMS = 6
 """A landmark has no heading: c c^T (3), c h (2), h h."""

@@ -27,9 +27,6 @@ from syncplan.refinement.smooth_sightings import (
     pair_information,
 )
 
-__all__ = ["Sighted", "SmoothTeam", "sighted_pairs"]
-
-
 _FAR = 0.25
 """Share of the range by which pairs may be out of range and still enter."""
 

@@ -32,9 +32,6 @@ from syncplan.refinement.smooth_bound import CoarseRun, turn_of_vehicles
 from syncplan.refinement.smooth_passages import Passage
 from syncplan.refinement.smooth_team import SmoothTeam
 
-__all__ = ["WideRms", "smooth_wide_rms"]
-
-
 _LINEAR_SOLVER = "lapackqr"
 
 _AT_ONCE = {"base": -1}

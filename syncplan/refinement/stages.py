@@ -7,8 +7,6 @@ import numpy as np
 from syncplan.refinement.problem import RefineProblem
 from syncplan.refinement.sample_times import SampleTimes, samples_of
 
-__all__ = ["Stage", "samples_in", "stages_of", "step_width"]
-
 _LEAST_WIDTH, _LARGEST_WIDTH = 0.002, 0.05
 _STEP_OF_SPACING = 0.25
 _FEW, _MANY = 64, 400

@@ -13,9 +13,6 @@ from syncplan.arrays import Array
 from syncplan.refinement.nlp import StageNlp
 from syncplan.refinement.problem import RefineProblem, circles_of
 
-__all__ = ["starting_circles"]
-
-
 _NUDGE_RAD = 0.1
 _DESYNC_RAD = 0.4
 _SCATTER_RAD = 1.2

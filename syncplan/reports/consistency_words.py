@@ -5,8 +5,6 @@ import math
 from syncplan.estimation.consistency import FEWEST_TRIALS, TOLERANCE
 from syncplan.reports.run_schemas import Spread
 
-__all__ = ["interval_words", "spread_figures", "verdict_words"]
-
 _MOST_DECIMALS = 9
 
 

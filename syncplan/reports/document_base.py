@@ -7,8 +7,6 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from syncplan.scenario.specification import Scenario
 
-__all__ = ["Document", "DocumentPart", "Point", "VersionedDocument", "Window", "finite_or_none"]
-
 Point = tuple[float, float]
 """x and y in m."""
 

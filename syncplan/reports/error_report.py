@@ -8,8 +8,6 @@ from syncplan.orbits.error_states import ERROR_STATES
 from syncplan.reports.document_base import finite_or_none
 from syncplan.reports.plan_schemas import ExtendedRank, StateVerdict, UndeterminedErrors
 
-__all__ = ["extended_rank_record", "state_verdicts"]
-
 _POSES = (("position", "m", (0, 1)), ("heading", "rad", (2,)))
 
 

@@ -9,8 +9,6 @@ from syncplan.phrases import listed, percent
 from syncplan.reports.flight_schemas import FlightDocument
 from syncplan.reports.truth_report import truth_note
 
-__all__ = ["notes_of"]
-
 
 def notes_of(flight: Flight, report: FlightDocument) -> list[str]:
     """Return what the reader of a flight's report must know, in plain words."""

@@ -30,8 +30,6 @@ from syncplan.reports.truth_report import expected_in_truth, keys_in_truth
 from syncplan.reports.validation_report import spread_of
 from syncplan.reports.verdict_schemas import plan_verdict
 
-__all__ = ["flight_document"]
-
 _SHARES = np.linspace(0.0, 1.0, 41)
 
 

@@ -10,19 +10,6 @@ from syncplan.reports.run_schemas import Errors, FilterRecord, Spread, TrueWorld
 from syncplan.reports.verdict_schemas import PlanVerdict
 from syncplan.scenario.disturbances import ReadingsKind
 
-__all__ = [
-    "FlightConditions",
-    "FlightDocument",
-    "FlightErrors",
-    "FlightEvent",
-    "FlownLink",
-    "FlownSeparation",
-    "FlownStateError",
-    "FlownVehicle",
-    "PhaseError",
-    "VehicleModel",
-]
-
 
 class PhaseError(DocumentPart):
     """How far ahead of the plan a vehicle is, or behind it, over the second half."""

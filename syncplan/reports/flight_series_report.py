@@ -21,8 +21,6 @@ from syncplan.reports.flight_series_schemas import (
     VehicleOverTime,
 )
 
-__all__ = ["flight_over_time"]
-
 _PLACES = 3
 """Decimals of m in tracks."""
 

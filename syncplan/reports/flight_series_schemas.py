@@ -6,17 +6,6 @@ from pydantic import Field
 
 from syncplan.reports.document_base import DocumentPart, Point
 
-__all__ = [
-    "FlightGround",
-    "FlightOverTime",
-    "FlownTrack",
-    "GroundMark",
-    "PlaceEllipse",
-    "PlannedCircle",
-    "TrackedVehicle",
-    "VehicleOverTime",
-]
-
 Values = list[float | None]
 """Null where a vehicle is lost."""
 

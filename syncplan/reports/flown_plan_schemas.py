@@ -7,8 +7,6 @@ from pydantic import Field
 from syncplan.planning.flight_record import FlightRecord
 from syncplan.reports.document_base import Document, DocumentPart
 
-__all__ = ["FlownPlan", "MeetingsFlown", "PhasesFlown", "flown_plan"]
-
 
 class PhasesFlown(DocumentPart):
     """How one vehicle flew, over the second half of all trials."""

@@ -8,8 +8,6 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Literal
 
-__all__ = ["STATES", "UNFINISHED", "EndState", "JobKindName", "JobState", "has_ended"]
-
 JobKindName = Literal["refinement", "validation", "flight", "sweep", "replay"]
 JobState = Literal["queued", "running", "succeeded", "failed", "cancelled"]
 EndState = Literal["succeeded", "failed", "cancelled"]

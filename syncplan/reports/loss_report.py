@@ -7,8 +7,6 @@ from syncplan.reports.loss_schemas import RemainingTeam, WhatIfDocument
 from syncplan.reports.plan_report import error_prediction, unobservable_motions
 from syncplan.reports.verdict_schemas import plan_verdict
 
-__all__ = ["what_if_document"]
-
 
 def what_if_document(found: WhatIf) -> WhatIfDocument:
     """Return the document of what losses do to a plan."""

@@ -8,8 +8,6 @@ from syncplan.reports.document_base import Document, VersionedDocument
 from syncplan.reports.plan_schemas import ErrorPrediction, ExtendedRank, Unobservable
 from syncplan.reports.verdict_schemas import PlanVerdict
 
-__all__ = ["RemainingTeam", "WhatIfDocument"]
-
 
 class RemainingTeam(Document):
     """What a loss leaves of a team, judged afresh on the orbits it has."""

@@ -36,8 +36,6 @@ from syncplan.reports.refinement_report import refinement_result
 from syncplan.reports.start_up_schemas import start_up_record
 from syncplan.reports.verdict_schemas import plan_verdict
 
-__all__ = ["certificate_reason", "error_prediction", "plan_document", "unobservable_motions"]
-
 GIVEN = "the phases were given and judged as they are"
 
 Point = tuple[float, float]

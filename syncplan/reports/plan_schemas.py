@@ -11,8 +11,6 @@ from syncplan.reports.start_up_schemas import StartUpRecord
 from syncplan.reports.verdict_schemas import PlanVerdict
 from syncplan.scenario.specification import Scenario
 
-__all__ = ["PlanDocument"]
-
 
 class VehicleOrbit(DocumentPart):
     """One vehicle's circle and its pose at time 0."""

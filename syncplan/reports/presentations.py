@@ -6,7 +6,7 @@ from html import escape
 from typing import Any
 
 from syncplan.errors import InputError
-from syncplan.estimation.replays import Replay
+from syncplan.estimation.replay_results import Replay
 from syncplan.flight.flying import Flight
 from syncplan.landmarks.site_choice import SiteChoice
 from syncplan.planning.judged_plan import Plan
@@ -25,8 +25,6 @@ from syncplan.reports.sites_report import sites_document
 from syncplan.reports.validation_report import sweep_document, validation_document
 from syncplan.results import Result
 from syncplan.scenario.specification import Scenario, per_vehicle
-
-__all__ = ["PRESENTATIONS", "Presentation", "document_of", "frame_of", "html_of"]
 
 Row = dict[str, Any]
 

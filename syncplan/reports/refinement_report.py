@@ -13,8 +13,6 @@ from syncplan.reports.refinement_schemas import (
     StartResult,
 )
 
-__all__ = ["refinement_result"]
-
 
 def refinement_result(record: RefinementRecord) -> RefinementResult:
     """Return the document of a refinement; infinities and what was not computed as null."""

@@ -7,8 +7,6 @@ from pydantic import Field, create_model
 from syncplan.planning.figures_of_merit import FIGURES
 from syncplan.reports.document_base import Document, DocumentPart
 
-__all__ = ["FiguresOfMerit", "InputStart", "RefinementResult", "StartResult"]
-
 
 class _ComparedPlan(DocumentPart):
     """What figures of merit begin with; the others are those of FIGURES."""

@@ -13,9 +13,6 @@ from syncplan.reports.consistency_words import interval_words
 from syncplan.reports.run_schemas import Spread
 from syncplan.reports.validation_report import spread_of
 
-__all__ = ["notes_of"]
-
-
 LONG_GAP_S = 0.5
 """A gap of the truth worth a note."""
 

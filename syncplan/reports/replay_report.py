@@ -25,8 +25,6 @@ from syncplan.reports.replay_schemas import (
 )
 from syncplan.reports.validation_report import series_of, spread_of
 
-__all__ = ["replay_document"]
-
 _ERRORS = (
     *("rms_m", "rms_second_half_m", "rms_x_m", "rms_y_m", "rms_heading_rad"),
     *("final_error_m", "coverage_3sigma"),

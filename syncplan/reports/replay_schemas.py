@@ -7,21 +7,6 @@ from pydantic import Field
 from syncplan.reports.document_base import Document, DocumentPart
 from syncplan.reports.run_schemas import RunReport, Series, Spread
 
-__all__ = [
-    "EstimateSeries",
-    "EstimatedPath",
-    "GapRecord",
-    "LastingError",
-    "ReadingCounts",
-    "ReplayDocument",
-    "ReplayFilter",
-    "RobotFigures",
-    "SeenRecord",
-    "Sigmas",
-    "TuningRecord",
-]
-
-
 WALK = frozenset({"bearing_walk_sigma_rad", "bearing_walk_time_s"})
 """Keys of a bearing walk."""
 

@@ -12,22 +12,6 @@ from syncplan.reports.state_error_schemas import StateErrorFigures, StateErrorSe
 from syncplan.reports.truth_schemas import ExpectedErrors, TrueKey
 from syncplan.reports.verdict_schemas import PlanVerdict
 
-__all__ = [
-    "ErrorFigures",
-    "Errors",
-    "FilterRecord",
-    "RunReport",
-    "Series",
-    "Spread",
-    "StressedWorld",
-    "SweepReport",
-    "SweepRow",
-    "TrueWorldReport",
-    "ValidationDocument",
-    "VehicleFigures",
-    "VehicleSeries",
-]
-
 
 class Spread(DocumentPart):
     """A normalised squared error: its mean, that mean's confidence interval, and what that says."""

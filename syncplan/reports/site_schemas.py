@@ -5,8 +5,6 @@ from pydantic import Field
 from syncplan.reports.document_base import DocumentPart, Point, VersionedDocument
 from syncplan.reports.plan_schemas import PlanDocument
 
-__all__ = ["CandidateSite", "SitesDocument", "VehicleBounds"]
-
 
 class CandidateSite(DocumentPart):
     """One candidate."""

@@ -6,8 +6,6 @@ from syncplan.reports.document_base import finite_or_none
 from syncplan.reports.plan_report import plan_document
 from syncplan.reports.site_schemas import CandidateSite, SitesDocument, VehicleBounds
 
-__all__ = ["sites_document"]
-
 _OPEN_GAP = 0.01
 """A gap to the bound that is worth a note where the choice is not proven best."""
 

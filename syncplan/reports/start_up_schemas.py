@@ -8,8 +8,6 @@ from syncplan.estimation.filters import FilterName
 from syncplan.planning.start_up import StartTrials, StartUp
 from syncplan.reports.document_base import DocumentPart, finite_or_none
 
-__all__ = ["StartUpRecord", "start_up_record"]
-
 
 class PilotRecord(DocumentPart):
     """A few trials of the filter from the initial sigmas, samples thinned out."""

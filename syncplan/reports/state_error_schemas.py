@@ -4,8 +4,6 @@ from pydantic import Field
 
 from syncplan.reports.document_base import DocumentPart
 
-__all__ = ["StateErrorFigures", "StateErrorSeries"]
-
 
 class StateErrorFigures(DocumentPart):
     """Errors of a state of the filter that is no pose, over all trials."""

@@ -9,8 +9,6 @@ from syncplan.planning.validation import Validation
 from syncplan.reports.document_base import finite_or_none
 from syncplan.reports.state_error_schemas import StateErrorFigures, StateErrorSeries
 
-__all__ = ["series_of_states", "state_errors_of"]
-
 
 def state_errors_of(validation: Validation) -> list[StateErrorFigures] | None:
     """Return the errors of each further state; None where poses are all."""

@@ -10,8 +10,6 @@ from syncplan.planning.judged_plan import Plan
 from syncplan.reports.truth_schemas import ExpectedErrors, TrueKey
 from syncplan.scenario.truths import changed_keys
 
-__all__ = ["expected_in_truth", "keys_in_truth", "truth_note"]
-
 MOST_NAMED = 6
 """Keys that a note names."""
 

@@ -4,8 +4,6 @@ from pydantic import Field, JsonValue
 
 from syncplan.reports.document_base import DocumentPart
 
-__all__ = ["ExpectedErrors", "TrueKey"]
-
 
 class TrueKey(DocumentPart):
     """A key of the scenario of which the simulated world differs."""

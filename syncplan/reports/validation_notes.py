@@ -10,8 +10,6 @@ from syncplan.planning.validation import Validation
 from syncplan.reports.consistency_words import interval_words
 from syncplan.reports.run_schemas import ErrorFigures, Spread
 
-__all__ = ["notes_on"]
-
 FEW_SHAPE_THE_RMS = 1.5
 """RMS over the median trial's error, above which a few trials make up the RMS."""
 

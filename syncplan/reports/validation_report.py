@@ -34,8 +34,6 @@ from syncplan.reports.truth_report import expected_in_truth, keys_in_truth, trut
 from syncplan.reports.validation_notes import notes_on
 from syncplan.reports.verdict_schemas import plan_verdict
 
-__all__ = ["series_of", "spread_of", "stress_document", "sweep_document", "validation_document"]
-
 _FACTORS = (3.0, 10.0)
 """Multiples of the bound that the shares of trials are over."""
 

@@ -7,8 +7,6 @@ from pydantic import Field
 from syncplan.planning.findings import Verdict, headline_of
 from syncplan.reports.document_base import DocumentPart
 
-__all__ = ["PlanVerdict", "plan_verdict"]
-
 
 class FindingCure(DocumentPart):
     """What would remedy a finding."""

@@ -13,8 +13,6 @@ from typing import TYPE_CHECKING, ParamSpec, TypeVar
 if TYPE_CHECKING:
     from threadpoolctl import ThreadpoolController
 
-__all__ = ["single_threaded_blas"]
-
 P = ParamSpec("P")
 R = TypeVar("R")
 

@@ -18,8 +18,6 @@ import tempfile
 from collections.abc import Sequence
 from multiprocessing.connection import Connection, Pipe
 
-__all__ = ["CHILD_VARIABLES", "ChildProcess", "connect_to_parent", "end_with"]
-
 _CODE = (
     "import sys; sys.path[:] = {path!r}; from syncplan.runtime.child_processes import end_with; "
     "end_with({parent}); from {module} import {function} as serve; serve({descriptor})"

@@ -3,8 +3,6 @@
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 
-__all__ = ["groups_of"]
-
 
 def groups_of(proc: Path, controller: str) -> Iterator[Path]:
     """Return the folders of a process's control groups, each with those above it; maybe none.

@@ -3,8 +3,6 @@
 import warnings
 from typing import Any
 
-__all__ = ["has_solution", "load_cvxpy"]
-
 
 def load_cvxpy() -> Any:
     """Return the module cvxpy; importing it takes most of a second."""

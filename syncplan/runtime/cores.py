@@ -11,8 +11,6 @@ from pathlib import Path
 from syncplan.errors import InputError
 from syncplan.runtime.control_groups import groups_of
 
-__all__ = ["threads_for", "usable_cores"]
-
 
 def threads_for(asked: int | None) -> int:
     """Return how many threads to run: as many as are asked for, one for each core if None.

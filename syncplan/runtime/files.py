@@ -10,8 +10,6 @@ from typing import Any
 
 from syncplan.errors import InputError
 
-__all__ = ["as_text", "check_writable", "write_bytes", "write_text"]
-
 _STREAM_FOLDERS = ("/dev/", "/proc/")
 _PREFIX_LENGTH = 50
 

@@ -7,8 +7,6 @@ from pathlib import Path
 
 from syncplan.runtime.control_groups import groups_of
 
-__all__ = ["limit_memory", "usable_memory"]
-
 
 def usable_memory(proc: Path = Path("/proc/self")) -> int | None:
     """Return the bytes of memory of this machine, or of its control groups; None if unknown.

@@ -14,9 +14,6 @@ import numpy as np
 
 from syncplan.arrays import Array, Flags
 
-__all__ = ["Area", "convex_parts", "polygon_fault"]
-
-
 _ARC_SEGMENTS = 64
 """Segments that stand for a quarter of a circle."""
 

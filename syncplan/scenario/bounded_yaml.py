@@ -14,8 +14,6 @@ from ruamel.yaml.error import MarkedYAMLError
 from ruamel.yaml.nodes import MappingNode, SequenceNode
 from ruamel.yaml.scanner import Scanner
 
-__all__ = ["TooMuchYAMLError", "load_yaml"]
-
 DEEPEST = 100
 """Collections within each other; scenarios and plans need about ten."""
 MOST_ALIASES = 3000

@@ -6,8 +6,6 @@ from typing import Annotated, Any, TypeVar
 from pydantic import ValidationError, ValidatorFunctionWrapHandler, WrapValidator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-__all__ = ["PORTION", "Many", "as_template", "in_portions"]
-
 T = TypeVar("T")
 
 PORTION = 1000

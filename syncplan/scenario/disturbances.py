@@ -13,18 +13,6 @@ from pydantic import BeforeValidator, Field, model_validator
 from syncplan.scenario.chunked_validation import Many
 from syncplan.scenario.quantities import Section, fault
 
-__all__ = [
-    "ESTIMABLE",
-    "EstimableName",
-    "Filter",
-    "FilterKind",
-    "InitialSigma",
-    "Motion",
-    "ReadingsKind",
-    "Wind",
-    "check_estimated",
-]
-
 Sigma = Annotated[float, Field(ge=0, le=1e3)]
 Positive = Annotated[float, Field(gt=0, le=1e3)]
 

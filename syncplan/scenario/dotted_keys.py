@@ -13,16 +13,6 @@ from typing import Any
 
 from syncplan.scenario.specification import Scenario
 
-__all__ = [
-    "ALTERNATIVES",
-    "IN_FLIGHT_ALONE",
-    "IN_TRUTH",
-    "NumericKey",
-    "nearest_keys",
-    "numeric_keys",
-    "with_number",
-]
-
 _UNITS = {
     "m_sqrt_s": "m/√s",
     "rad_sqrt_s": "rad/√s",

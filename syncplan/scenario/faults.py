@@ -8,8 +8,6 @@ from pydantic import BaseModel, ValidationError
 
 from syncplan.errors import Fault, InputError
 
-__all__ = ["described", "validation_fault"]
-
 LARGEST_LIST = 20
 """Most faults that one error lists."""
 

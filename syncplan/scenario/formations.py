@@ -16,9 +16,6 @@ import numpy as np
 
 from syncplan.arrays import Array, Index, as_pairs
 
-__all__ = ["SHAPES", "Shape", "ShapeName"]
-
-
 # --- a shape --------------------------------------------------------------------------------------
 
 

@@ -6,8 +6,6 @@ from pydantic import Field
 
 from syncplan.scenario.quantities import Section
 
-__all__ = ["GeoOrigin"]
-
 Latitude = Annotated[float, Field(ge=-90, le=90)]
 Longitude = Annotated[float, Field(ge=-180, le=180)]
 Altitude = Annotated[float, Field(ge=-1000, le=100_000)]

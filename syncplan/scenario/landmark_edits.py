@@ -9,8 +9,6 @@ from syncplan.runtime.files import as_text
 from syncplan.scenario.loading import is_plan, parse_document, scenario_from
 from syncplan.scenario.quantities import Point
 
-__all__ = ["with_landmarks"]
-
 _WIDEST = 4096
 
 

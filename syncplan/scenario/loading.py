@@ -17,17 +17,6 @@ from syncplan.scenario.models import MAX_VEHICLES
 from syncplan.scenario.other_documents import refuse_other_documents
 from syncplan.scenario.specification import Scenario
 
-__all__ = [
-    "decoded",
-    "is_plan",
-    "load_scenario",
-    "parse_document",
-    "parse_values",
-    "read_text",
-    "scenario_from",
-    "scenario_of",
-]
-
 LARGEST_FILE_BYTES = 64 * 2**20
 FEWEST_VALUES = 10_000
 """Values that a YAML document may hold however short it is; without aliases, none holds more

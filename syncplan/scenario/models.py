@@ -25,14 +25,6 @@ from syncplan.scenario.quantities import (
 )
 from syncplan.scenario.rules import check_interval
 
-__all__ = [
-    "MAX_VEHICLES",
-    "Formation",
-    "Interval",
-    "Orbit",
-    "Sensor",
-]
-
 MAX_VEHICLES = 2000
 """Largest team accepted unless the caller says otherwise."""
 

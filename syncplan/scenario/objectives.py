@@ -10,16 +10,6 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal
 
-__all__ = [
-    "OBJECTIVES",
-    "PREDICTED_UP_TO",
-    "FigureOfMerit",
-    "Objective",
-    "ObjectiveName",
-    "default_objective",
-    "listed",
-]
-
 PREDICTED_UP_TO = 24
 """Largest team whose predicted error is the objective unless another is named."""
 

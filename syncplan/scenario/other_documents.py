@@ -7,8 +7,6 @@ from typing import Any
 
 from syncplan.errors import InputError
 
-__all__ = ["OTHER_DOCUMENTS", "OtherDocument", "other_document", "refuse_other_documents"]
-
 
 @dataclass(frozen=True, slots=True)
 class OtherDocument:

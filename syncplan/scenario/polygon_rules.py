@@ -9,8 +9,6 @@ from syncplan.scenario.areas import polygon_fault
 from syncplan.scenario.chunked_validation import Many
 from syncplan.scenario.quantities import Point, Polygon, fault
 
-__all__ = ["MAX_OBSTACLE_CORNERS", "Polygons", "check_obstacles", "check_polygons"]
-
 MAX_OBSTACLE_CORNERS = 1000
 """Most corners of all obstacles together: each is looked at for every pair that it may hide."""
 

@@ -27,22 +27,6 @@ from pydantic_core import CoreSchema, PydanticCustomError
 from syncplan.scenario.chunked_validation import Many, as_template, in_portions
 from syncplan.scenario.faults import validation_fault
 
-__all__ = [
-    "FURTHEST_M",
-    "Angle",
-    "Length",
-    "ListedOrNamed",
-    "Name",
-    "OneOrMany",
-    "Pair",
-    "Point",
-    "Polygon",
-    "Section",
-    "StartTime",
-    "Title",
-    "fault",
-]
-
 T = TypeVar("T")
 
 

@@ -13,8 +13,6 @@ from syncplan.scenario.objectives import (
 )
 from syncplan.scenario.quantities import Length, Section, fault
 
-__all__ = ["DEFAULT_BOX_M", "Bounds", "Limits", "RefineOptions", "Variable"]
-
 DEFAULT_BOX_M = 5.0
 """How far a centre may move each way where neither a box nor an area is given."""
 

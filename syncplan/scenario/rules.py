@@ -6,22 +6,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from syncplan.scenario.quantities import FURTHEST_M, Pair, Point, fault
 from syncplan.scenario.refine_options import Limits, RefineOptions
 
-__all__ = [
-    "MAX_SAMPLES",
-    "SAME_PLACE_M",
-    "check_extent",
-    "check_interval",
-    "check_landmarks",
-    "check_lengths",
-    "check_limits",
-    "check_link_names",
-    "check_links",
-    "check_names",
-    "check_samples",
-    "check_shared_circles",
-    "excess",
-]
-
 MAX_LANDMARKS = 10_000
 MAX_SAMPLES = 200_000
 """Most samples in a period, a window or a run."""

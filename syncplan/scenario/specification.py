@@ -44,8 +44,6 @@ from syncplan.scenario.rules import (
 )
 from syncplan.scenario.truths import CompassSigma, Truth, true_world
 
-__all__ = ["Scenario", "per_vehicle"]
-
 T = TypeVar("T")
 
 Duration = Annotated[float, Field(gt=0, le=1e9)]

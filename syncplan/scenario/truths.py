@@ -19,16 +19,6 @@ from syncplan.scenario.models import Interval, Sensor
 from syncplan.scenario.quantities import OneOrMany, Section, fault
 from syncplan.scenario.refine_options import Limits
 
-__all__ = [
-    "ChangedKey",
-    "CompassSigma",
-    "Truth",
-    "changed_keys",
-    "keys_over",
-    "true_world",
-    "with_truth",
-]
-
 IN_BOTH = frozenset({"sample_time_s"})
 """Keys of these sections that are the filter's and the world's alike."""
 

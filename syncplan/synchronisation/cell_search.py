@@ -13,8 +13,6 @@ import numpy as np
 from syncplan.arrays import Array, Index
 from syncplan.synchronisation.difference_tables import DifferenceTables
 
-__all__ = ["MOST_VEHICLES", "best_phases", "most_served", "smallest_worth"]
-
 MOST_VEHICLES = 4
 """More are left to local search: the cells grow as a power of their number."""
 

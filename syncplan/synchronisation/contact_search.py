@@ -22,8 +22,6 @@ from syncplan.synchronisation.cell_search import MOST_VEHICLES, best_phases, mos
 from syncplan.synchronisation.coordinate_descent import descended
 from syncplan.synchronisation.difference_tables import DifferenceTables
 
-__all__ = ["FLOOR", "ContactPhases", "phases_of_most_contact"]
-
 FLOOR = 1e-3
 """Share of what is attainable from which a link counts as served."""
 

@@ -22,15 +22,6 @@ from syncplan.orbits.sight_lines import obstructible
 from syncplan.orbits.team import Team
 from syncplan.synchronisation.phase_rules import Rules
 
-__all__ = [
-    "ContactTables",
-    "contact_of_pairs",
-    "seeing_team",
-    "seen_when_shifted",
-    "tabulated_contact",
-    "windows_when_shifted",
-]
-
 SAMPLES = 1440
 """Residuals in a table."""
 

@@ -10,8 +10,6 @@ from syncplan.arrays import Array, Index
 from syncplan.orbits.graphs import traversal
 from syncplan.synchronisation.difference_tables import DifferenceTables
 
-__all__ = ["descended"]
-
 _GRID = 256
 _SHARPNESS = (3.0, 6.0, 12.0, 24.0, 48.0, 48.0)
 _SWEEPS = 2

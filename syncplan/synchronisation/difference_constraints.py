@@ -10,8 +10,6 @@ import numpy as np
 from syncplan.arrays import Array, Index
 from syncplan.orbits.circles import wrap
 
-__all__ = ["central_solution"]
-
 _ROUNDING_RAD = 1e-12
 
 

@@ -13,8 +13,6 @@ from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import wrap
 from syncplan.synchronisation.difference_constraints import central_solution
 
-__all__ = ["DifferenceTables"]
-
 _TURN = 2.0 * np.pi
 _BISECTIONS = 14
 

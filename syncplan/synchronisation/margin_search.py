@@ -25,9 +25,6 @@ from syncplan.synchronisation.phase_constraints import (
 )
 from syncplan.synchronisation.phase_rules import Rules
 
-__all__ = ["RELAXATION_LIMIT", "LargestMargin", "along_tree", "search_margins"]
-
-
 RELAXATION_LIMIT = 40
 """Largest team whose phases are bounded by the semidefinite relaxation."""
 

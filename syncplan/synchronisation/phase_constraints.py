@@ -16,9 +16,6 @@ from syncplan.synchronisation.difference_constraints import central_solution
 from syncplan.synchronisation.difference_tables import DifferenceTables
 from syncplan.synchronisation.phase_rules import Rules, closest_distance, residuals
 
-__all__ = ["PhaseConstraints", "ServedLinks", "largest_margin", "serve_greedily"]
-
-
 _SAMPLES, _SAMPLES_SEPARATED = 513, 2049
 """Residuals in a table, without and with a separation: it may leave narrow intervals."""
 

@@ -21,9 +21,6 @@ from syncplan.orbits.circles import wrap
 from syncplan.runtime.convex_solver import has_solution, load_cvxpy
 from syncplan.synchronisation.phase_rules import Rules, closest_distance
 
-__all__ = ["PhaseRelaxation", "relax", "rounded"]
-
-
 _SAMPLES = 2049
 _LINES = 96
 _EXACT_OFFSET = 1e-12

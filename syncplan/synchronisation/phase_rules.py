@@ -19,8 +19,6 @@ from syncplan.orbits.circles import perpendicular, unit, wrap
 from syncplan.orbits.paths import RelativeMotion
 from syncplan.orbits.separation import least_distances
 
-__all__ = ["Rules", "closest_distance", "phase_residuals", "residuals", "rules_of"]
-
 
 @dataclass(frozen=True, slots=True)
 class Rules:

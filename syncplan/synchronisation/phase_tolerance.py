@@ -15,9 +15,6 @@ from syncplan.orbits.team import Team
 from syncplan.synchronisation.contact_tables import seen_when_shifted
 from syncplan.synchronisation.phase_rules import Rules, closest_distance, phase_residuals, rules_of
 
-__all__ = ["contact_tolerances", "rule_residuals", "separation_tolerances"]
-
-
 _SHIFTS = 64
 _BISECTIONS = 36
 

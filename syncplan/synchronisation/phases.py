@@ -25,9 +25,6 @@ from syncplan.synchronisation.margin_search import along_tree, search_margins
 from syncplan.synchronisation.phase_rules import Rules, closest_distance, residuals, rules_of
 from syncplan.synchronisation.sighted_phases import phases_in_sight, why_unseen
 
-__all__ = ["Dropped", "Synchronisation", "synchronise"]
-
-
 EXACT_RAD = 1e-9
 """Residual up to which a rule counts as met."""
 

@@ -10,8 +10,6 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.orbits.graphs import contraction, two_colouring
 
-__all__ = ["alternating_senses"]
-
 Edge = tuple[int, int]
 
 EXACT_LIMIT = 60

@@ -19,15 +19,6 @@ from syncplan.synchronisation.contact_tables import seen_when_shifted, tabulated
 from syncplan.synchronisation.difference_tables import DifferenceTables
 from syncplan.synchronisation.phase_rules import Rules, closest_distance, rules_of
 
-__all__ = [
-    "SightedPhases",
-    "attainable_contact",
-    "hidden_at_all_phases",
-    "obstacles_blocking",
-    "phases_in_sight",
-    "why_unseen",
-]
-
 _SAMPLES, _SAMPLES_APART = 1024, 4096
 """Differences in a table, without and with distances to keep."""
 

@@ -14,9 +14,10 @@ from syncplan.errors import InputError
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.recorded_readings import clock_of, mean_odometry, true_poses
 from syncplan.estimation.recorded_run import filtered, run_of
+from syncplan.estimation.replay_results import Replay
 from syncplan.estimation.replay_settings import ReplaySettings
 from syncplan.estimation.replay_tuning import MOST_RUNS, tuned
-from syncplan.estimation.replays import OPTIONS, Replay, replay
+from syncplan.estimation.replays import OPTIONS, replay
 from syncplan.estimation.trials import series
 from syncplan.orbits.noise import Noise
 from syncplan.recordings.log import Log, RobotLog

@@ -23,9 +23,10 @@ from syncplan.estimation.consistency import gate_threshold
 from syncplan.estimation.filter_setup import FilterSetup, MotionModel, Readings
 from syncplan.estimation.filter_statistics import FilterStatistics
 from syncplan.estimation.lane_filter import LaneFilter
+from syncplan.estimation.recorded_readings import longest_gap
 from syncplan.estimation.reference_filter import predict, update
-from syncplan.estimation.replay_settings import START_SIGMAS
-from syncplan.estimation.replays import GROUND_ROBOTS, OPTIONS, longest_gap, replay
+from syncplan.estimation.replay_settings import GROUND_ROBOTS, START_SIGMAS
+from syncplan.estimation.replays import OPTIONS, replay
 from syncplan.orbits.circles import wrap
 from syncplan.orbits.noise import Noise
 from syncplan.recordings import mrclam, recorded_files

@@ -12,8 +12,9 @@ from syncplan import figures
 from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.estimation.recorded_readings import clock_of, true_poses
+from syncplan.estimation.replay_results import Replay
 from syncplan.estimation.replay_tuning import FIT_SHARE, MOST_RUNS
-from syncplan.estimation.replays import OPTIONS, Replay, replay, replay_with
+from syncplan.estimation.replays import OPTIONS, replay, replay_with
 from syncplan.estimation.trials import series
 from syncplan.orbits.circles import wrap
 from syncplan.orbits.noise import Noise

@@ -18,7 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from syncplan.estimation.replays import Replay, replay
+from syncplan.estimation.replay_results import Replay
+from syncplan.estimation.replays import replay
 from syncplan.estimation.trials import series
 from syncplan.recordings.log import Log
 from syncplan.recordings.recording_formats import load_log

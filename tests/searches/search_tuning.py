@@ -15,9 +15,10 @@ where the error is more than 2 % larger than by default.
 import sys
 from dataclasses import dataclass, replace
 
+from syncplan.estimation.replay_results import Replay
 from syncplan.estimation.replay_settings import ReplaySettings
 from syncplan.estimation.replay_tuning import FIT_SHARE, tuned
-from syncplan.estimation.replays import OPTIONS, Replay, replay_with
+from syncplan.estimation.replays import OPTIONS, replay_with
 from syncplan.recordings.log import Log
 from syncplan.recordings.recording_formats import load_log
 from tests.searches.search_recording import CASES

@@ -22,7 +22,8 @@ from api.computing.child import (
     TaskFailedError,
     TooSlowError,
 )
-from api.computing.pool import GivenUpError, OwnerBusyError, Pool, PoolFullError, Ticket
+from api.computing.pool import Pool
+from api.computing.tickets import GivenUpError, OwnerBusyError, PoolFullError, Ticket
 from api.job_kinds.job_tasks import Batch, JobSpec
 from api.jobs.batching import batches_of
 from api.plan_texts import PlanText
