@@ -19,8 +19,7 @@ from syncplan.estimation.replays import OPTIONS
 from syncplan.recordings.log import chosen_landmarks
 from syncplan.recordings.overviews import Overview
 from syncplan.reports.replay_schemas import ReplayDocument
-from syncplan.scenario.chunked_validation import Many
-from syncplan.scenario.quantities import Name
+from syncplan.scenario.quantities import Many, Name
 
 _USUAL = ReplaySettings()
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from docs.site import studies
 from syncplan.orbits.circles import position
-from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import Plan
 from syncplan.plotting.canvas import Spec, axis, layout, numbers
 from syncplan.plotting.catalogue import specs_of
 from syncplan.plotting.figure_style import PLAIN

@@ -17,7 +17,7 @@ from syncplan.plotting.figure_table import FIGURES, IMAGE_FORMATS, SUBJECTS
 from syncplan.plotting.palette import Theme
 
 if TYPE_CHECKING:
-    from syncplan.planning.judged_plan import Plan
+    from syncplan.planning.planner import Plan
     from syncplan.plotting.canvas import Spec
     from syncplan.plotting.catalogue import Subject
     from syncplan.reports.refinement_schemas import RefinementResult
@@ -177,8 +177,8 @@ def _targets(output: Path | None, ending: str, names: list[str]) -> list[Path | 
 
 
 def _subject(file: str, compare: str | None, max_vehicles: int | None) -> JudgedSubject:
-    from syncplan.planning.judged_plan import Plan
     from syncplan.planning.plan_files import load, plan_of
+    from syncplan.planning.planner import Plan
     from syncplan.reports.verdict_schemas import plan_verdict
     from syncplan.scenario.models import MAX_VEHICLES
 

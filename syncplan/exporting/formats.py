@@ -13,8 +13,7 @@ from syncplan.exporting.loiter_turns import snapped_radii
 from syncplan.exporting.missions import flies_loiter_turns
 from syncplan.exporting.scheduled_plan import ScheduledPlan, scheduled
 from syncplan.exporting.sidecar import sidecar_file
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.judgement import BoundChoice, judge
+from syncplan.planning.planner import BoundChoice, Plan, judge
 
 __all__ = [
     "ALL",

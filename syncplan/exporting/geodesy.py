@@ -4,7 +4,7 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.errors import InputError
-from syncplan.scenario.georeference import GeoOrigin
+from syncplan.scenario.models import GeoOrigin
 
 EARTH_RADIUS_M = 6.371e6
 WIDEST_M = 1e6

@@ -13,8 +13,8 @@ from syncplan.exporting.export_options import MOST_TURNS, ExportOptions
 from syncplan.exporting.geodesy import geodetic
 from syncplan.exporting.safe_names import file_names, file_title
 from syncplan.orbits.circles import heading, position
-from syncplan.planning.judged_plan import Plan
-from syncplan.scenario.georeference import GeoOrigin
+from syncplan.planning.planner import Plan
+from syncplan.scenario.models import GeoOrigin
 
 MOST_POINTS = 2_000_000
 """Most poses, waypoints or pieces of all vehicles together that are written."""

@@ -6,7 +6,7 @@ from pydantic import Field
 
 from syncplan.reports.document_base import DocumentPart, Point, VersionedDocument, Window
 from syncplan.reports.verdict_schemas import PlanVerdict
-from syncplan.scenario.georeference import GeoOrigin
+from syncplan.scenario.models import GeoOrigin
 
 
 class EntryPoint(DocumentPart):

@@ -10,9 +10,8 @@ from pydantic_core import PydanticCustomError
 
 from syncplan.arrays import Array
 from syncplan.errors import InputError
-from syncplan.scenario.faults import validation_fault
 from syncplan.scenario.loading import parse_values, read_text
-from syncplan.scenario.quantities import ListedOrNamed, Point, Section
+from syncplan.scenario.quantities import ListedOrNamed, Point, Section, validation_fault
 from syncplan.scenario.rules import check_landmarks, check_names
 from syncplan.scenario.specification import Scenario
 

@@ -16,9 +16,8 @@ from syncplan.landmarks.candidates import new_sites
 from syncplan.landmarks.site_information import candidate_information, evaluate
 from syncplan.landmarks.site_relaxation import relax
 from syncplan.landmarks.site_search import best_sites
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.judgement import BoundChoice, judge
-from syncplan.planning.subjects import PlanSubject, planned
+from syncplan.planning.plan_files import PlanSubject, planned
+from syncplan.planning.planner import BoundChoice, Plan, judge
 from syncplan.results import Result
 from syncplan.runtime.blas import single_threaded_blas
 from syncplan.scenario.loading import scenario_from

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import Plan
 from syncplan.plotting.canvas import Spec, axis, escaped, layout, message, numbers
 from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.palette import BLUE, GREEN, INK, ORANGE, SKY

@@ -5,7 +5,7 @@ import numpy as np
 from syncplan.arrays import Array, Index
 from syncplan.orbits.circles import position
 from syncplan.orbits.contacts import Windows
-from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import Plan
 from syncplan.plotting.canvas import Spec, compass, escaped, gapped, layout, numbers
 from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.link_styles import Standing, body_names, grouped

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from syncplan.errors import InputError
 from syncplan.estimation.replay_results import Replay
 from syncplan.flight.flying import Flight
-from syncplan.planning.judged_plan import Plan
 from syncplan.planning.loss_study import WhatIf
+from syncplan.planning.planner import Plan
 from syncplan.planning.validation import Validation
 from syncplan.plotting.canvas import Spec
 from syncplan.plotting.figure_style import PLAIN, FigureStyle

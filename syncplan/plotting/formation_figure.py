@@ -7,8 +7,8 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.observability.unobservable_modes import UnobservableMode
 from syncplan.orbits.circles import position, unit
-from syncplan.planning.judged_plan import Plan
 from syncplan.planning.judged_team import UnmetLink
+from syncplan.planning.planner import Plan
 from syncplan.plotting.canvas import Spec, compass, escaped, gapped, label, layout
 from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.link_lines import link_ends, link_pairs

@@ -10,7 +10,7 @@ import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.orbits.circles import Orbits, perpendicular
-from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import Plan
 
 _LENS = 1.25
 """Least distance of centres, in radii of the larger circle, at which a line fits into the lens."""

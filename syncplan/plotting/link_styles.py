@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from syncplan.observability.link_verdicts import LinkVerdict
-from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import Plan
 from syncplan.plotting.canvas import escaped
 from syncplan.plotting.palette import GREEN, MUTED, SKY, VERMILLION
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import Plan
 from syncplan.plotting.canvas import Spec, axis, decimals, numbers
 from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.map_subject import Mapped

@@ -17,7 +17,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from syncplan.errors import InputError
-from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import Plan
 from syncplan.plotting.canvas import Spec
 from syncplan.plotting.catalogue import Run, Subject, report_of, specs_of
 from syncplan.plotting.errors_figure import errors_spec

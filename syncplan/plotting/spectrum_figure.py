@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from syncplan.observability.singular_values import RANK_TOLERANCE
-from syncplan.planning.judged_plan import Plan
+from syncplan.observability.rank import RANK_TOLERANCE
+from syncplan.planning.planner import Plan
 from syncplan.plotting.canvas import Spec, axis, escaped, layout, numbers
 from syncplan.plotting.formation_figure import verdict_words
 from syncplan.plotting.palette import BLUE, INK, MUTED, VERMILLION

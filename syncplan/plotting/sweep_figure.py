@@ -4,10 +4,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from syncplan.planning.swept_keys import swept_key
 from syncplan.plotting.canvas import Spec, axis, escaped, layout, numbers
 from syncplan.plotting.palette import BLUE, GREEN, INK, ORANGE, VERMILLION
 from syncplan.reports.run_schemas import SweepReport, SweepRow
+from syncplan.scenario.dotted_keys import swept_key
 
 FEW_TRIALS = 100
 

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from syncplan import figures
 from syncplan.errors import InputError
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from syncplan.planning.validation import validate
 from syncplan.plotting.catalogue import specs_of
 from syncplan.plotting.errors_figure import errors_spec

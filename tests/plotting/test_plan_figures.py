@@ -12,9 +12,8 @@ from plotly.graph_objects import Figure
 from syncplan import figures
 from syncplan.errors import InputError
 from syncplan.orbits.circles import Orbits, heading, perpendicular, position, unit
-from syncplan.planning.judged_plan import Plan
 from syncplan.planning.plan_files import Loaded, plan_of
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from syncplan.plotting import formation_figure as drawing
 from syncplan.plotting.animation_figure import FRAMES, live
 from syncplan.plotting.catalogue import specs_of
