@@ -38,8 +38,7 @@ from syncplan.observability.rank import assess, link_information
 from syncplan.observability.singular_values import RANK_TOLERANCE
 from syncplan.orbits.circles import Orbits, heading, position, wrap
 from syncplan.orbits.contacts import find_windows
-from syncplan.orbits.noise import Noise
-from syncplan.orbits.sensors import Sensors
+from syncplan.orbits.sensors import Noise, Sensors
 from syncplan.orbits.sightings import Sightings, sample_sightings
 from syncplan.orbits.team import Team
 

@@ -27,7 +27,7 @@ from syncplan.planning.judgement import bound_is_affordable
 from syncplan.planning.predicted_errors import expected_in_world
 from syncplan.planning.subjects import PlanSubject, in_world, planned
 from syncplan.results import Result
-from syncplan.runtime.blas import single_threaded_blas
+from syncplan.runtime.numerics import single_threaded_blas
 
 LOST_FACTOR = 5.0
 """A filter is lost in a trial where some vehicle's error is over so many times its bound."""

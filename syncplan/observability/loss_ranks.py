@@ -23,7 +23,7 @@ from syncplan.observability.rank import assess, link_information, lone_rows, sta
 from syncplan.observability.referred_rows import sighting_rows
 from syncplan.observability.singular_values import RANK_TOLERANCE
 from syncplan.observability.window_assessment import Assessment
-from syncplan.orbits.losses import Loss, remainder_of
+from syncplan.orbits.sightings import Loss, remainder_of
 
 CLEAR = 1e-4
 """1 - s^2 above which it is no rounding error."""

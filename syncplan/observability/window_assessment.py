@@ -16,8 +16,7 @@ from syncplan.observability.rank import (
     lone_rows,
 )
 from syncplan.orbits.contacts import Windows, find_windows
-from syncplan.orbits.losses import Remainder
-from syncplan.orbits.sightings import Sightings, sightings_over
+from syncplan.orbits.sightings import Remainder, Sightings, sightings_over
 from syncplan.orbits.team import Team
 
 

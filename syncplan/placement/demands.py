@@ -12,7 +12,7 @@ import numpy as np
 from syncplan.arrays import Array, Index, as_pairs
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.orbits.graphs import components
-from syncplan.orbits.scenario_arrays import obstacles_of, radii_of
+from syncplan.orbits.team import obstacles_of, radii_of
 from syncplan.scenario.areas import Area
 from syncplan.scenario.formations import SHAPES
 from syncplan.scenario.specification import Scenario

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Index, as_pairs
-from syncplan.orbits.separation import outer_gaps
+from syncplan.orbits.contacts import outer_gaps
 from syncplan.placement.demands import Demands
 
 

@@ -8,9 +8,8 @@ import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.orbits.circles import Orbits
-from syncplan.orbits.contacts import find_windows
+from syncplan.orbits.contacts import find_windows, outer_gaps
 from syncplan.orbits.sensors import Sensors
-from syncplan.orbits.separation import outer_gaps
 from syncplan.orbits.team import Team
 from syncplan.placement.demands import Demands
 from syncplan.placement.drawing import Drawing

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from syncplan.arrays import Index
-from syncplan.orbits.separation import outer_gaps
+from syncplan.orbits.contacts import outer_gaps
 from syncplan.placement.demands import others
 from syncplan.placement.drawing import Drawing, draw
 from syncplan.placement.layout_qp import (

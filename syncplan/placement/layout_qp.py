@@ -22,7 +22,7 @@ from syncplan.arrays import Array, Index
 from syncplan.orbits.circles import turned
 from syncplan.placement.demands import Demands
 from syncplan.placement.drawing import Drawing
-from syncplan.runtime.convex_solver import has_solution, load_cvxpy
+from syncplan.runtime.numerics import has_solution, load_cvxpy
 
 
 @dataclass(frozen=True, slots=True)

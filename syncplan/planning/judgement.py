@@ -15,18 +15,22 @@ from syncplan.observability.loss_ranks import decisive_losses
 from syncplan.observability.unobservable_modes import name_modes
 from syncplan.observability.window_assessment import Assessment, assess_team
 from syncplan.orbits.circles import Orbits
-from syncplan.orbits.contacts import Windows, reachable_pairs
+from syncplan.orbits.contacts import (
+    Approach,
+    Windows,
+    closest_approach,
+    pairs_nearer_than,
+    reachable_pairs,
+)
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
-from syncplan.orbits.losses import Loss, single_losses
-from syncplan.orbits.scenario_arrays import team_of
-from syncplan.orbits.separation import Approach, closest_approach, pairs_nearer_than
-from syncplan.orbits.team import Team
+from syncplan.orbits.sightings import Loss, single_losses
+from syncplan.orbits.team import Team, team_of
 from syncplan.planning.distance_limits import TOLERANCE, DistanceLimit, separation_limit
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.judged_team import UnmetLink
 from syncplan.planning.predicted_errors import Prediction, neglect_of, predicted_states
 from syncplan.planning.start_up import StartUp, start_up_of
-from syncplan.runtime.blas import single_threaded_blas
+from syncplan.runtime.numerics import single_threaded_blas
 from syncplan.scenario.specification import Scenario
 from syncplan.synchronisation.contact_tables import contact_of_pairs
 from syncplan.synchronisation.phases import Synchronisation

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
-from syncplan.orbits.losses import Loss
+from syncplan.orbits.sightings import Loss
 from syncplan.phrases import listed
 from syncplan.planning.findings import Cure, Finding
 from syncplan.planning.judged_team import JudgedTeam

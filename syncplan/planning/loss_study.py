@@ -13,7 +13,7 @@ from syncplan.estimation.bounds import window_bound
 from syncplan.observability.error_modes import ErrorVerdict
 from syncplan.observability.unobservable_modes import UnobservableMode
 from syncplan.observability.window_assessment import Assessment, assess_remainder, assess_team
-from syncplan.orbits.losses import Loss, Remainder, remainder_of
+from syncplan.orbits.sightings import Loss, Remainder, remainder_of
 from syncplan.planning.findings import Verdict
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.judged_team import JudgedTeam
@@ -28,8 +28,8 @@ from syncplan.planning.predicted_errors import Prediction
 from syncplan.planning.subjects import PlanSubject, planned
 from syncplan.planning.verdict_checks import verdict_of
 from syncplan.results import Result
-from syncplan.runtime.blas import single_threaded_blas
-from syncplan.runtime.cores import threads_for
+from syncplan.runtime.machine import threads_for
+from syncplan.runtime.numerics import single_threaded_blas
 
 if TYPE_CHECKING:
     from syncplan.estimation.loss_bounds import LossBounds

@@ -7,9 +7,9 @@ import numpy as np
 
 from syncplan.errors import NoSolutionError
 from syncplan.observability.window_assessment import assess_remainder, assess_team
-from syncplan.orbits.losses import Loss, remainder_of
+from syncplan.orbits.sightings import Loss, remainder_of
 from syncplan.planning.judged_team import JudgedTeam
-from syncplan.runtime.blas import single_threaded_blas
+from syncplan.runtime.numerics import single_threaded_blas
 
 
 @dataclass(frozen=True, slots=True)

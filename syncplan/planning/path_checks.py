@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.orbits.separation import landmark_gaps
+from syncplan.orbits.contacts import landmark_gaps
 from syncplan.planning.distance_limits import TOLERANCE, landmark_limit, separation_limit
 from syncplan.planning.findings import MOST_NAMED, Cure, Finding
 from syncplan.planning.judged_team import JudgedTeam

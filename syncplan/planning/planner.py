@@ -11,17 +11,15 @@ from syncplan.arrays import Array, Index
 from syncplan.errors import InputError
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import reachable_pairs
-from syncplan.orbits.scenario_arrays import radii_of, team_of
-from syncplan.orbits.team import Team
+from syncplan.orbits.team import Team, radii_of, team_of
 from syncplan.placement.centers import place
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.judgement import BoundChoice, judge, listed_pairs
-from syncplan.runtime.blas import single_threaded_blas
+from syncplan.runtime.numerics import single_threaded_blas
 from syncplan.scenario.loading import scenario_of
 from syncplan.scenario.rules import SAME_PLACE_M
 from syncplan.scenario.specification import Scenario, per_vehicle
-from syncplan.synchronisation.phases import synchronise
-from syncplan.synchronisation.senses import alternating_senses
+from syncplan.synchronisation.phases import alternating_senses, synchronise
 from syncplan.synchronisation.sighted_phases import hidden_at_all_phases
 
 

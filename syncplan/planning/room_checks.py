@@ -13,7 +13,7 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.observability.link_verdicts import LinkVerdict
-from syncplan.orbits.separation import pairs_nearer_than
+from syncplan.orbits.contacts import pairs_nearer_than
 from syncplan.phrases import listed
 from syncplan.planning.findings import MOST_NAMED, Cure, Finding
 from syncplan.planning.judged_team import JudgedTeam

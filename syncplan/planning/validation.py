@@ -37,7 +37,7 @@ from syncplan.planning.predicted_errors import (
 from syncplan.planning.start_up import StartTrials, concluded
 from syncplan.planning.subjects import PlanSubject, in_world, planned
 from syncplan.results import Result
-from syncplan.runtime.blas import single_threaded_blas
+from syncplan.runtime.numerics import single_threaded_blas
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.orbits.paths import relative_motion
+from syncplan.orbits.circles import relative_motion
 from syncplan.refinement.constraint_blocks import Blocks, pair_blocks, single_blocks, stacked_blocks
 from syncplan.refinement.problem import RefineProblem
 from syncplan.refinement.sides import kept_landmarks

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from syncplan.orbits.circles import Orbits
-from syncplan.orbits.paths import relative_motion
-from syncplan.orbits.separation import landmark_gaps, least_distances
+from syncplan.orbits.circles import Orbits, relative_motion
+from syncplan.orbits.contacts import landmark_gaps, least_distances
 from syncplan.orbits.sightings import Sightings
 from syncplan.planning.distance_limits import TOLERANCE
 from syncplan.refinement.problem import RefineProblem

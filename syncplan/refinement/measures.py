@@ -15,7 +15,7 @@ from syncplan.errors import NoSolutionError
 from syncplan.estimation.bounds import posterior_bound, window_bound
 from syncplan.observability.window_assessment import Assessment, assess_team
 from syncplan.orbits.circles import Orbits
-from syncplan.orbits.separation import closest_approach
+from syncplan.orbits.contacts import closest_approach
 from syncplan.orbits.sightings import sightings_over
 from syncplan.planning.distance_limits import TOLERANCE
 from syncplan.planning.figures_of_merit import Figures

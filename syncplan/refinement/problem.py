@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.orbits.bearings import BEARING
 from syncplan.orbits.circles import Orbits
-from syncplan.orbits.separation import least_circle_gaps
+from syncplan.orbits.contacts import least_circle_gaps
+from syncplan.orbits.sighting_kinds import BEARING
 from syncplan.orbits.team import Team, WithTeam
 from syncplan.planning.distance_limits import DistanceLimit
 from syncplan.scenario.areas import Area

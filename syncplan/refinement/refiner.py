@@ -25,8 +25,8 @@ from syncplan.planning.subjects import PlanSubject, planned
 from syncplan.refinement.measures import WINDOW_BOUND, Measurement, measure
 from syncplan.refinement.problem import RefineProblem, orbits_of
 from syncplan.refinement.problem_setup import problem_of, refuse_conflicts
-from syncplan.runtime.blas import single_threaded_blas
-from syncplan.runtime.cores import usable_cores
+from syncplan.runtime.machine import usable_cores
+from syncplan.runtime.numerics import single_threaded_blas
 from syncplan.scenario.faults import validation_fault
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.objectives import Objective, default_objective

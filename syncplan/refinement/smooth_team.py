@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from syncplan.arrays import Array, Index, as_pairs
-from syncplan.orbits.compasses import COMPASS
+from syncplan.orbits.sighting_kinds import COMPASS
 from syncplan.refinement.constraint_blocks import Blocks, pair_blocks, single_blocks, stacked_blocks
 from syncplan.refinement.problem import RefineProblem
 from syncplan.refinement.sample_times import SampleTimes

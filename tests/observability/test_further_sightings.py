@@ -7,8 +7,8 @@ import pytest
 
 from syncplan.observability.rank import link_information, lone_rows, pair_rows
 from syncplan.observability.window_assessment import Assessment, assess_remainder, assess_team
-from syncplan.orbits.losses import Loss, remainder_of
 from syncplan.orbits.sighting_kinds import of_targets
+from syncplan.orbits.sightings import Loss, remainder_of
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.planner import plan
 from syncplan.scenario.specification import Scenario

@@ -9,9 +9,8 @@ import pytest
 
 from syncplan.arrays import Array
 from syncplan.estimation.bounds import posterior_bound
-from syncplan.orbits.contacts import find_windows
-from syncplan.orbits.paths import relative_motion
-from syncplan.orbits.separation import least_distances
+from syncplan.orbits.circles import relative_motion
+from syncplan.orbits.contacts import find_windows, least_distances
 from syncplan.planning.judged_plan import Plan
 from syncplan.planning.judgement import judge
 from syncplan.planning.planner import plan
