@@ -11,8 +11,7 @@ from api.plan_texts import Syntax, loaded_body, loaded_plan
 from syncplan.reports.job_contract import JobKindName
 
 if TYPE_CHECKING:
-    from syncplan.planning.judged_plan import Plan
-    from syncplan.planning.judgement import BoundChoice
+    from syncplan.planning.planner import BoundChoice, Plan
     from syncplan.plotting.figure_style import Theme
 
 __all__ = ["exported", "judged_losses", "plan_figure", "previewed", "ready", "report_figure"]

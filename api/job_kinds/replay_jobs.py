@@ -18,8 +18,7 @@ from syncplan.estimation.replay_tuning import FIT_SHARE, MOST_RUNS
 from syncplan.estimation.replays import OPTIONS
 from syncplan.recordings.log import Overview, chosen_landmarks
 from syncplan.reports.replay_schemas import ReplayDocument
-from syncplan.scenario.chunked_validation import Many
-from syncplan.scenario.quantities import Name
+from syncplan.scenario.quantities import Many, Name
 
 _USUAL = ReplaySettings()
 

@@ -127,7 +127,7 @@ def checked(model: type[Model], values: Any, source: str) -> Model:
     """Return values as a model; raises InputError, naming the source, where they don't fit."""
     from pydantic import ValidationError
 
-    from syncplan.scenario.faults import validation_fault
+    from syncplan.scenario.quantities import validation_fault
 
     try:
         return model.model_validate(values)

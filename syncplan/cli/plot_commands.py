@@ -16,7 +16,7 @@ from syncplan.plotting.figure_style import COLUMN_PX, FigureStyle, Theme
 from syncplan.plotting.figure_table import FIGURES, IMAGE_FORMATS, SUBJECTS
 
 if TYPE_CHECKING:
-    from syncplan.planning.judged_plan import Plan
+    from syncplan.planning.planner import Plan
     from syncplan.plotting.canvas import Spec
     from syncplan.plotting.figures import Subject
     from syncplan.reports.refinement_schemas import RefinementResult
@@ -176,8 +176,8 @@ def _targets(output: Path | None, ending: str, names: list[str]) -> list[Path | 
 
 
 def _subject(file: str, compare: str | None, max_vehicles: int | None) -> JudgedSubject:
-    from syncplan.planning.judged_plan import Plan
     from syncplan.planning.plan_files import load, plan_of
+    from syncplan.planning.planner import Plan
     from syncplan.reports.verdict_schemas import plan_verdict
     from syncplan.scenario.models import MAX_VEHICLES
 

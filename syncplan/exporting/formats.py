@@ -11,8 +11,7 @@ from syncplan.exporting.mission_routes import snapped_radii
 from syncplan.exporting.missions import flies_loiter_turns
 from syncplan.exporting.scheduled_plan import ScheduledPlan, ground_error, scheduled
 from syncplan.exporting.sidecar import sidecar_file
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.judgement import BoundChoice, judge
+from syncplan.planning.planner import BoundChoice, Plan, judge
 
 __all__ = [
     "ALL",

@@ -1,4 +1,4 @@
-"""Files for maps: circles, centres, entry points and landmarks as GeoJSON (RFC 7946) or KML 2.2."""
+"""Files for maps: circles, centres, entry points and landmarks as GeoJSON or KML 2.2."""
 
 from dataclasses import dataclass
 from typing import Any

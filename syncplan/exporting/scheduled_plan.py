@@ -18,8 +18,8 @@ from syncplan.exporting.format_table import (
     Vehicle,
 )
 from syncplan.orbits.circles import heading, position
-from syncplan.planning.judged_plan import Plan
-from syncplan.scenario.georeference import GeoOrigin
+from syncplan.planning.planner import Plan
+from syncplan.scenario.models import GeoOrigin
 
 EARTH_RADIUS_M = 6.371e6
 WIDEST_M = 1e6

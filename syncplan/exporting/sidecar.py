@@ -21,7 +21,7 @@ from syncplan.orbits.contacts import reachable_pairs
 from syncplan.reports.document_base import DocumentPart, Point, VersionedDocument, Window
 from syncplan.reports.verdict_schemas import PlanVerdict, plan_verdict
 from syncplan.runtime.files import as_text
-from syncplan.scenario.georeference import GeoOrigin
+from syncplan.scenario.models import GeoOrigin
 from syncplan.synchronisation.contact_tables import separation_tolerances
 
 

@@ -18,14 +18,12 @@ from syncplan.arrays import Array, Index
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.landmarks.site_information import candidate_information, evaluate
 from syncplan.landmarks.site_search import best_sites, relax
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.judgement import BoundChoice, judge
-from syncplan.planning.subjects import PlanSubject, planned
+from syncplan.planning.plan_files import PlanSubject, planned
+from syncplan.planning.planner import BoundChoice, Plan, judge
 from syncplan.results import Result
 from syncplan.runtime.numerics import single_threaded_blas
-from syncplan.scenario.faults import validation_fault
 from syncplan.scenario.loading import parse_values, read_text, scenario_from
-from syncplan.scenario.quantities import ListedOrNamed, Point, Section
+from syncplan.scenario.quantities import ListedOrNamed, Point, Section, validation_fault
 from syncplan.scenario.rules import check_landmarks, check_names
 from syncplan.scenario.specification import Scenario
 

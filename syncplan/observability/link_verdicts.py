@@ -11,10 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.observability.certificate import counts
-from syncplan.observability.rank import LinkInformation
+from syncplan.observability.rank import Assessment, LinkInformation, counts
 from syncplan.observability.unobservable_modes import lost_bearing
-from syncplan.observability.window_assessment import Assessment
 from syncplan.orbits.circles import relative_motion, wrap
 from syncplan.orbits.contacts import least_distances, merge_windows
 from syncplan.orbits.team import Team

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.observability.rank import LinkInformation
-from syncplan.observability.window_assessment import Assessment
+from syncplan.observability.rank import Assessment, LinkInformation
 from syncplan.orbits.circles import Orbits, perpendicular, position, unit
 from syncplan.orbits.contacts import circle_gaps
 from syncplan.orbits.graphs import components

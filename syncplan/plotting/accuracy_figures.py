@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from syncplan.estimation.consistency import TOLERANCE
-from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import Plan
 from syncplan.plotting.canvas import Spec, axis, escaped, layout, message, numbers, panel_title
 from syncplan.plotting.figure_style import (
     BLUE,

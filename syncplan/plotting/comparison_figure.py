@@ -3,8 +3,7 @@
 import numpy as np
 
 from syncplan.errors import InputError
-from syncplan.planning.figures_of_merit import ROWS
-from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import Plan
 from syncplan.plotting.accuracy_figures import bars
 from syncplan.plotting.canvas import (
     Spec,
@@ -29,7 +28,7 @@ from syncplan.plotting.maps import (
     view_of,
 )
 from syncplan.reports.refinement_schemas import FiguresOfMerit, RefinementResult
-from syncplan.scenario.objectives import OBJECTIVES
+from syncplan.scenario.objectives import OBJECTIVES, ROWS
 
 _BARS_PX = 170
 _GAP_PX = 84

@@ -11,11 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.observability.certificate import DISTINCT_LANDMARKS
 from syncplan.observability.link_verdicts import LinkVerdict
-from syncplan.observability.singular_values import RANK_TOLERANCE
+from syncplan.observability.rank import DISTINCT_LANDMARKS, RANK_TOLERANCE
 from syncplan.orbits.graphs import disjoint_sets
-from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import Plan
 from syncplan.plotting.canvas import Spec, axis, escaped, layout, numbers, panel_title
 from syncplan.plotting.figure_style import BLUE, INK, MUTED, PURPLE, VERMILLION, FigureStyle
 from syncplan.plotting.formation_figures import verdict_words

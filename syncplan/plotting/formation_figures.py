@@ -12,8 +12,8 @@ from syncplan.arrays import Array, Index
 from syncplan.observability.unobservable_modes import UnobservableMode
 from syncplan.orbits.circles import position, unit
 from syncplan.orbits.contacts import Windows
-from syncplan.planning.judged_plan import Plan
 from syncplan.planning.judged_team import UnmetLink
+from syncplan.planning.planner import Plan
 from syncplan.plotting.canvas import Spec, compass, escaped, gapped, label, layout, numbers
 from syncplan.plotting.figure_style import INK, PURPLE, FigureStyle
 from syncplan.plotting.links import (

@@ -8,7 +8,7 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.orbits.circles import Orbits, heading, position, unit
-from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import Plan
 from syncplan.plotting.canvas import Spec, axis, compass, decimals, gapped, numbers
 from syncplan.plotting.figure_style import BLUE, INK, MUTED, ORANGE, FigureStyle, translucent
 

@@ -5,11 +5,11 @@ from collections.abc import Callable
 import numpy as np
 
 from syncplan.planning.lost_parts import phrase_of
-from syncplan.planning.swept_keys import swept_key
 from syncplan.plotting.canvas import Spec, axis, escaped, layout, message, numbers
 from syncplan.plotting.figure_style import BLUE, GREEN, INK, ORANGE, VERMILLION
 from syncplan.reports.loss_schemas import RemainingTeam, WhatIfDocument
 from syncplan.reports.run_schemas import SweepReport, SweepRow, ValidationDocument
+from syncplan.scenario.dotted_keys import swept_key
 
 MOST_BARS = 30
 """Losses shown, the most harmful: more would be too many to read."""

@@ -12,7 +12,7 @@ from syncplan.errors import InputError
 from syncplan.exporting.formats import ExportOptions, export
 from syncplan.exporting.trajectories import TOLERANCE_M, arc_pieces
 from syncplan.orbits.circles import Orbits, heading, position
-from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import Plan
 from tests.tools.exported import contents, mixed_team, team
 
 

@@ -26,8 +26,7 @@ from syncplan.landmarks.site_search import relax
 from syncplan.observability.rank import assess, link_information
 from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.sightings import sample_sightings
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from syncplan.reports.sites_report import sites_document
 from syncplan.scenario.quantities import Point
 from syncplan.scenario.specification import Scenario

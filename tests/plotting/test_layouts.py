@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from syncplan import figures
 from syncplan.errors import InputError
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from syncplan.planning.validation import validate
 from syncplan.plotting.contact_figures import MANY_SIGHTINGS, lanes_of, rows_of, within_period
 from syncplan.plotting.figure_style import LIMITS, PLAIN, FigureStyle

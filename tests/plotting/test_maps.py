@@ -11,9 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from syncplan.orbits.circles import Orbits
-from syncplan.planning.judged_plan import Plan
 from syncplan.planning.plan_files import Loaded, plan_of
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from syncplan.plotting.figure_files import figure_images
 from syncplan.plotting.figure_style import PLAIN, FigureStyle
 from syncplan.plotting.figures import specs_of

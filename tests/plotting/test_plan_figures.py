@@ -12,9 +12,8 @@ from plotly.graph_objects import Figure
 from syncplan import figures
 from syncplan.errors import InputError
 from syncplan.orbits.circles import Orbits, heading, perpendicular, position, unit
-from syncplan.planning.judged_plan import Plan
 from syncplan.planning.plan_files import Loaded, plan_of
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from syncplan.plotting import formation_figures as drawing
 from syncplan.plotting.contact_figures import union_growth, within_period
 from syncplan.plotting.figure_style import DARK, FigureStyle

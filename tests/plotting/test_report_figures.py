@@ -13,8 +13,8 @@ from syncplan.errors import InputError
 from syncplan.estimation.trials import series
 from syncplan.planning.loss_study import what_if
 from syncplan.planning.planner import plan
-from syncplan.planning.sweeps import sweep
 from syncplan.planning.validation import Validation, validate
+from syncplan.planning.variations import sweep
 from syncplan.plotting.figures import specs_of
 from syncplan.plotting.series_figures import MOST_POINTS, MOST_VEHICLES
 from syncplan.reports.loss_report import what_if_document
