@@ -121,7 +121,7 @@ _HOME = {
     "validate": "planning.validation",
     "what_if": "planning.loss_study",
 }
-_MODULES = {"figures": "plotting.plotly_figures"}
+_MODULES = {"figures": "plotting.figures"}
 
 if TYPE_CHECKING:
     from syncplan.client.service_client import Client
@@ -138,7 +138,7 @@ if TYPE_CHECKING:
     from syncplan.planning.planner import Plan, plan
     from syncplan.planning.validation import Validation, validate
     from syncplan.planning.variations import sweep
-    from syncplan.plotting import plotly_figures as figures
+    from syncplan.plotting import figures
     from syncplan.recordings.recording_formats import load_log
     from syncplan.refinement.refiner import refine
     from syncplan.scenario.loading import load_scenario

@@ -95,7 +95,7 @@ DOCUMENTS: Mapping[str, DocumentKind] = MappingProxyType(
             title="Replay",
             shown_by="replay_tables.show_replay",
         ),
-        "sync": DocumentKind("syncplan.exporting.sync_document", "SyncDocument"),
+        "sync": DocumentKind("syncplan.exporting.sidecar", "SyncDocument"),
         "sweep": DocumentKind(
             _RUNS,
             "SweepReport",

@@ -271,8 +271,7 @@ def _landmarks(
 
     With --scenario-out, plan and the other commands take what is written as it is.
     """
-    from syncplan.landmarks.candidates import load_candidates, new_sites
-    from syncplan.landmarks.site_choice import choose_landmarks
+    from syncplan.landmarks.site_choice import choose_landmarks, load_candidates, new_sites
     from syncplan.planning.plan_files import loaded_from, plan_of
     from syncplan.reports.sites_report import sites_document
     from syncplan.scenario.loading import parse_document, read_text

@@ -26,7 +26,7 @@ from syncplan.planning.plan_files import PlanSubject, in_world, planned
 from syncplan.planning.planner import Plan, bound_is_affordable
 from syncplan.planning.validation import FilterChoice, asked_filter
 from syncplan.results import Result
-from syncplan.runtime.blas import single_threaded_blas
+from syncplan.runtime.numerics import single_threaded_blas
 
 LOST_FACTOR = 5.0
 """A filter is lost in a trial where some vehicle's error is over so many times its bound."""

@@ -28,7 +28,7 @@ from syncplan.observability.rank import (
     stacked_rows,
 )
 from syncplan.observability.referred_rows import sighting_rows
-from syncplan.orbits.losses import Loss, remainder_of
+from syncplan.orbits.sightings import Loss, remainder_of
 
 CLEAR = 1e-4
 """1 - s^2 above which it is no rounding error."""

@@ -23,9 +23,8 @@ from syncplan.arrays import Array, Index
 from syncplan.observability.referred_rows import sighting_rows
 from syncplan.orbits.contacts import Windows, find_windows
 from syncplan.orbits.graphs import components, spanning_forest
-from syncplan.orbits.losses import Remainder
 from syncplan.orbits.sighting_kinds import of_targets
-from syncplan.orbits.sightings import Sightings, sightings_over
+from syncplan.orbits.sightings import Remainder, Sightings, sightings_over
 from syncplan.orbits.team import Team
 
 # --- singular values ------------------------------------------------------------------------------

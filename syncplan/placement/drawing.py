@@ -8,12 +8,10 @@ import numpy as np
 from syncplan.arrays import Array, Index, as_pairs
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.orbits.circles import Orbits
-from syncplan.orbits.contacts import find_windows
+from syncplan.orbits.contacts import find_windows, outer_gaps
 from syncplan.orbits.graphs import components
-from syncplan.orbits.scenario_arrays import obstacles_of, radii_of
 from syncplan.orbits.sensors import Sensors
-from syncplan.orbits.separation import outer_gaps
-from syncplan.orbits.team import Team
+from syncplan.orbits.team import Team, obstacles_of, radii_of
 from syncplan.scenario.areas import Area
 from syncplan.scenario.formations import SHAPES
 from syncplan.scenario.specification import Scenario

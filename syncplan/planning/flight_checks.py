@@ -11,13 +11,13 @@ from syncplan.arrays import Array
 from syncplan.errors import NoSolutionError
 from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.observability.rank import assess_remainder, assess_team
+from syncplan.orbits.contacts import pairs_nearer_than
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
-from syncplan.orbits.losses import Loss, remainder_of
-from syncplan.orbits.separation import pairs_nearer_than
+from syncplan.orbits.sightings import Loss, remainder_of
 from syncplan.phrases import joined, listed, percent
 from syncplan.planning.flight_record import FlightRecord
 from syncplan.planning.judged_team import MOST_NAMED, Cure, Finding, JudgedTeam, Level
-from syncplan.runtime.blas import single_threaded_blas
+from syncplan.runtime.numerics import single_threaded_blas
 
 # --- links that the team needs --------------------------------------------------------------------
 

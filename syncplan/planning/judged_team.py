@@ -14,12 +14,10 @@ from syncplan.observability.error_modes import ErrorVerdict
 from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.observability.rank import Certificate, Observability
 from syncplan.observability.unobservable_modes import UnobservableMode
-from syncplan.orbits.contacts import Windows
+from syncplan.orbits.contacts import Approach, Windows
 from syncplan.orbits.error_states import layout_of
-from syncplan.orbits.losses import Loss
-from syncplan.orbits.scenario_arrays import true_team_of
-from syncplan.orbits.separation import Approach
-from syncplan.orbits.team import Team, WithTeam
+from syncplan.orbits.sightings import Loss
+from syncplan.orbits.team import Team, WithTeam, true_team_of
 from syncplan.placement.centers import Placement
 from syncplan.planning.flight_record import FlightRecord
 from syncplan.planning.refinement_record import RefinementRecord

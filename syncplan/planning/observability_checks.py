@@ -5,8 +5,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from syncplan.observability.unobservable_modes import UnobservableMode
-from syncplan.orbits.losses import Loss
 from syncplan.orbits.sight_lines import hidden_landmarks, hidden_paths
+from syncplan.orbits.sightings import Loss
 from syncplan.phrases import listed
 from syncplan.planning.judged_team import MOST_NAMED, Cure, Finding, JudgedTeam, Level
 from syncplan.planning.lost_parts import names_of, phrase_of

@@ -6,7 +6,7 @@ from math import exp, hypot, log, pi, sqrt
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.orbits.separation import landmark_gaps
+from syncplan.orbits.contacts import landmark_gaps
 from syncplan.phrases import listed, percent
 from syncplan.planning.judged_team import (
     MOST_NAMED,

@@ -22,12 +22,16 @@ from syncplan.observability.loss_ranks import decisive_losses
 from syncplan.observability.rank import Assessment, assess_team
 from syncplan.observability.unobservable_modes import name_modes
 from syncplan.orbits.circles import Orbits
-from syncplan.orbits.contacts import Windows, reachable_pairs
+from syncplan.orbits.contacts import (
+    Approach,
+    Windows,
+    closest_approach,
+    pairs_nearer_than,
+    reachable_pairs,
+)
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
-from syncplan.orbits.losses import Loss, single_losses
-from syncplan.orbits.scenario_arrays import radii_of, team_of
-from syncplan.orbits.separation import Approach, closest_approach, pairs_nearer_than
-from syncplan.orbits.team import Team
+from syncplan.orbits.sightings import Loss, single_losses
+from syncplan.orbits.team import Team, radii_of, team_of
 from syncplan.placement.centers import place
 from syncplan.planning.judged_team import (
     TOLERANCE,
@@ -43,13 +47,12 @@ from syncplan.planning.judged_team import (
 from syncplan.planning.start_up import StartUp, start_up_of
 from syncplan.planning.verdict_checks import verdict_of
 from syncplan.results import Result
-from syncplan.runtime.blas import single_threaded_blas
+from syncplan.runtime.numerics import single_threaded_blas
 from syncplan.scenario.loading import scenario_of
 from syncplan.scenario.rules import SAME_PLACE_M
 from syncplan.scenario.specification import Scenario, per_vehicle
 from syncplan.synchronisation.contact_tables import contact_of_pairs
-from syncplan.synchronisation.phases import Synchronisation, synchronise
-from syncplan.synchronisation.senses import alternating_senses
+from syncplan.synchronisation.phases import Synchronisation, alternating_senses, synchronise
 from syncplan.synchronisation.sighted_phases import hidden_at_all_phases, obstacles_blocking
 
 # --- the plan -------------------------------------------------------------------------------------

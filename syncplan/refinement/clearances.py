@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.orbits.paths import relative_motion
+from syncplan.orbits.circles import relative_motion
 from syncplan.refinement.problem import RefineProblem
 
 # --- blocks ---------------------------------------------------------------------------------------

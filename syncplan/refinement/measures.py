@@ -14,9 +14,8 @@ from syncplan.arrays import Array
 from syncplan.errors import NoSolutionError
 from syncplan.estimation.bounds import posterior_bound, window_bound
 from syncplan.observability.rank import Assessment, assess_team
-from syncplan.orbits.circles import Orbits
-from syncplan.orbits.paths import relative_motion
-from syncplan.orbits.separation import closest_approach, landmark_gaps, least_distances
+from syncplan.orbits.circles import Orbits, relative_motion
+from syncplan.orbits.contacts import closest_approach, landmark_gaps, least_distances
 from syncplan.orbits.sightings import Sightings, sightings_over
 from syncplan.planning.judged_team import TOLERANCE
 from syncplan.refinement.problem import WINDOW_BOUND, RefineProblem

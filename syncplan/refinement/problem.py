@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.orbits.bearings import BEARING
 from syncplan.orbits.circles import Orbits
+from syncplan.orbits.contacts import least_circle_gaps
 from syncplan.orbits.sensors import Sensors
-from syncplan.orbits.separation import least_circle_gaps
+from syncplan.orbits.sighting_kinds import BEARING
 from syncplan.orbits.sightings import samples_before
 from syncplan.orbits.team import Team, WithTeam
 from syncplan.planning.judged_team import DistanceLimit

@@ -24,8 +24,8 @@ from syncplan.planning.refinement_record import RefinementRecord, StartRecord
 from syncplan.refinement.measures import Measurement, measure
 from syncplan.refinement.problem import WINDOW_BOUND, RefineProblem, orbits_of
 from syncplan.refinement.problem_setup import problem_of, refuse_conflicts
-from syncplan.runtime.blas import single_threaded_blas
-from syncplan.runtime.cores import usable_cores
+from syncplan.runtime.machine import usable_cores
+from syncplan.runtime.numerics import single_threaded_blas
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.models import RefineOptions
 from syncplan.scenario.objectives import Objective, default_objective

@@ -28,10 +28,8 @@ import casadi as ca
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.orbits.bearings import BEARING
-from syncplan.orbits.distances import DISTANCE
 from syncplan.orbits.sensors import Sensors
-from syncplan.orbits.sighting_kind import SightingKind
+from syncplan.orbits.sighting_kinds import BEARING, DISTANCE, SightingKind
 from syncplan.orbits.team import Team
 from syncplan.refinement.problem import SampleTimes
 from syncplan.scenario.areas import convex_parts

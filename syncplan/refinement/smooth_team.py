@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from syncplan.arrays import Array, Index, as_pairs
-from syncplan.orbits.compasses import COMPASS
+from syncplan.orbits.sighting_kinds import COMPASS
 from syncplan.refinement.problem import RefineProblem, SampleTimes
 from syncplan.refinement.smooth_sightings import (
     ANCHOR_SUMS,

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from syncplan.errors import InputError
 from syncplan.exporting.formats import FORMATS, ExportOptions, export
-from syncplan.exporting.loiter_turns import snapped_radii
-from syncplan.exporting.polygons import px4_corner_speed
+from syncplan.exporting.mission_routes import px4_corner_speed, snapped_radii
 from syncplan.orbits.circles import position
 from syncplan.planning.planner import Plan
 from tests.tools.exported import ORIGIN, contents, mixed_team, team, to_plane

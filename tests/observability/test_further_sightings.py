@@ -13,8 +13,8 @@ from syncplan.observability.rank import (
     lone_rows,
     pair_rows,
 )
-from syncplan.orbits.losses import Loss, remainder_of
 from syncplan.orbits.sighting_kinds import of_targets
+from syncplan.orbits.sightings import Loss, remainder_of
 from syncplan.planning.planner import Plan, plan
 from syncplan.scenario.specification import Scenario
 from tests.tools.draws import draw_equipped_team

@@ -17,9 +17,14 @@ from syncplan.estimation.loss_bounds import LossBounds
 from syncplan.observability.loss_ranks import decisive_losses
 from syncplan.observability.rank import assess_remainder, assess_team
 from syncplan.orbits.contacts import find_windows
-from syncplan.orbits.losses import BLIND_RANGE_M, Loss, remainder_of, single_losses
-from syncplan.orbits.scenario_arrays import sensors_of
-from syncplan.orbits.sightings import sightings_over
+from syncplan.orbits.sightings import (
+    BLIND_RANGE_M,
+    Loss,
+    remainder_of,
+    sightings_over,
+    single_losses,
+)
+from syncplan.orbits.team import sensors_of
 from syncplan.planning import planner
 from syncplan.planning.judged_team import Finding
 from syncplan.planning.loss_study import WhatIf, what_if

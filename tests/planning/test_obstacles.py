@@ -8,7 +8,7 @@ import pytest
 
 from syncplan.landmarks.site_information import candidate_information
 from syncplan.orbits.contacts import find_windows
-from syncplan.orbits.losses import Loss, remainder_of
+from syncplan.orbits.sightings import Loss, remainder_of
 from syncplan.planning.judged_team import Finding
 from syncplan.planning.planner import Plan, judge, plan
 from tests.tools.scenarios import small

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from syncplan.arrays import Array
 from syncplan.orbits.circles import position
-from syncplan.orbits.separation import landmark_gaps
+from syncplan.orbits.contacts import landmark_gaps
 from syncplan.planning.judged_team import landmark_limit
 from syncplan.planning.plan_files import loaded_from, plan_of
 from syncplan.planning.planner import Plan, plan

@@ -9,9 +9,8 @@ import pytest
 
 from syncplan.arrays import Array
 from syncplan.estimation.bounds import posterior_bound
-from syncplan.orbits.contacts import find_windows
-from syncplan.orbits.paths import relative_motion
-from syncplan.orbits.separation import least_distances
+from syncplan.orbits.circles import relative_motion
+from syncplan.orbits.contacts import find_windows, least_distances
 from syncplan.planning.planner import Plan, judge, plan
 from syncplan.refinement.clearances import separations
 from syncplan.refinement.nlp import StageNlp, nlp_of
