@@ -1,7 +1,8 @@
-"""The set-up of a filter run: motion model, initial variances, gate, sightings and readings.
+"""The set-up of a filter run: states, motion model, initial variances, gate, sightings, readings.
 
-Monte Carlo and replays both build it here. `kinds` says what each sighting measures; a compass is a
-sighting without a target. `augmented_setup` has what further states add (a wind, a sensor's bias).
+The state stacks the x, y and heading of n vehicles, 3 n in all, and the bias states of a layout;
+poses alone are the empty list of bias states. Everything that a kernel knows of a bias state is its
+row in `States`: whose it is, where it stands, and how it acts.
 
 A run is a row of steps, each a prediction and the sightings at its end. Trials have one step for
 each sample, all of one length; a recording has one for each time at which something was read, and
@@ -13,18 +14,30 @@ from typing import NamedTuple
 
 import numpy as np
 
-from syncplan.arrays import Array, Index
+from syncplan.arrays import Array, Flags, Index
 from syncplan.estimation.consistency import gate_threshold
 from syncplan.estimation.filter_options import FilterOptions
-from syncplan.estimation.filter_statistics import SAMPLE_EVERY
+from syncplan.orbits.error_states import ERROR_STATES, StateLayout
 from syncplan.orbits.sensors import Noise
+from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 
-BEARING_KIND, DISTANCE_KIND, COMPASS_KIND = 0, 1, 2
+BEARING_KIND, DISTANCE_KIND, COMPASS_KIND = range(len(SIGHTING_KINDS))
 """Places in SIGHTING_KINDS, as kernels have them."""
 
+HEADING, SPEED, TURN, DRIFT, SHIFT, DELAY = range(6)
+"""How a state acts on its vehicle: its own heading; a share that is added to its speed, a turn
+rate, a velocity of the air; a shift of what it reads of a kind, a delay of its stamps."""
+
+_ACTS = {"speed": SPEED, "turn": TURN, "drift": DRIFT, "shift": SHIFT, "delay": DELAY}
+
+_MOVED = {HEADING: (0, 2), SPEED: (0, 2), TURN: (0, 3), SHIFT: (0, 0), DELAY: (0, 0)}
+"""First and end of the axes (x, y, heading) of a pose that a state moves."""
 
 LOST_HEADING_SIGMA = 0.6
 """rad, of the heading of a vehicle that is lost."""
+
+SAMPLE_EVERY = 10
+"""NEES and coverage are taken at every tenth step, and at the last."""
 
 
 class MotionModel(NamedTuple):
@@ -44,35 +57,68 @@ class MotionModel(NamedTuple):
     turn_rate_variance: float
 
 
+class States(NamedTuple):
+    """How states act: one row for each vehicle and state that acts on it.
+
+    The first row of each vehicle is its heading, which moves its place as an error does.
+
+    Fields
+    ------
+    first : (n + 1,) rows of vehicle i are first[i] to first[i + 1]
+    acts : (m,) HEADING, SPEED, TURN, DRIFT, SHIFT or DELAY
+    columns : (m,) place in the state vector
+    axes : (m, 2) first and end of the axes of the pose that it moves
+    kinds : (m,) kind of sighting that it shifts, -1 for none
+    common : (m,) whether all vehicles share it
+    variances : (e,) of the bias states at the start
+    first_changing : place of the first of them that is no constant; all after it change, too. Such
+        a state drifts or shifts
+    decays : (e,) share of each that is left after a sample, 1 of constants; what it gains keeps
+        its variance as it is
+    """
+
+    first: Index
+    acts: Index
+    columns: Index
+    axes: Index
+    kinds: Index
+    common: Flags
+    variances: Array
+    first_changing: int
+    decays: Array
+
+
 class FilterSetup(NamedTuple):
     """What all trials of a run share.
 
     Fields
     ------
-    truth : (samples + 1, n, 3) m, m, rad
+    states : the bias states, and how they act
     spans : (steps,) s, the length of each step, more than 0
-    compared : (steps + 1,) entry of `truth` that the state after each step is compared with, or -1;
-        that of step 0 is 0, and that of the last step the last one
+    compared : (steps + 1,) sample of the truth that the state after each step is compared with, or
+        -1; that of step 0 is 0, and that of the last step the last one
+    samples : number of samples of the truth, beside that at the start
     landmarks : (m, 2) m
     first : (steps + 2,) sightings of step k are first[k] to first[k + 1]
     observers, targets : (s,) of each sighting; targets from n on are landmarks
     kinds : (s,) what each sighting measures, as its place in SIGHTING_KINDS
     variances : (s,) of each sighting, in its kind's unit squared
-    initial_variances : (n, 3) m^2, m^2, rad^2
+    initial_variances : (3n + e,) of the state at the start
     motion : the motion model
     gate : largest innovation^2 / variance that is accepted
     second_order : whether sightings have second-order noise beside their own
     period : s, that a batch solution covers
-    judged_from : entry of `truth` from which on NEES and coverage are taken
-    lost_variances : (n, 3) m^2, m^2, rad^2, about where a lost vehicle is taken for
-    sample_every : entries of `truth` between those at which NEES and coverage are taken; the last
-        one is one too
+    judged_from : sample from which on NEES and coverage are taken
+    lost_variances : (n, 3) m^2, m^2, rad^2, about the place where a lost vehicle is searched for
+    sample_every : samples between those at which NEES and coverage are taken; the last one is one
+        too
     noise_known : whether sightings scatter as `variances` say; those of a recording are assumed
     """
 
-    truth: Array
+    states: States
     spans: Array
     compared: Index
+    samples: int
     landmarks: Array
     first: Index
     observers: Index
@@ -89,15 +135,20 @@ class FilterSetup(NamedTuple):
     sample_every: int
     noise_known: bool
 
+    @property
+    def count(self) -> int:
+        """Number of vehicles."""
+        return len(self.lost_variances)
+
 
 class Readings(NamedTuple):
     """What the filter reads, a lane for each trial.
 
     Fields
     ------
-    initial : (n, 3, lanes) initial estimate in m, m, rad
+    initial : (n, 3, lanes) initial estimate in m, m, rad; that of bias states is zero
     speeds, turn_rates : (steps, n, lanes) m/s, rad/s
-    sightings : (s, lanes) in the unit of their kind
+    sightings : (s, lanes) in the unit of their kind; NaN where a sighting is missed
     """
 
     initial: Array
@@ -106,9 +157,53 @@ class Readings(NamedTuple):
     sightings: Array
 
 
+class Truth(NamedTuple):
+    """The true states that estimates are compared with, a lane for each trial.
+
+    Fields
+    ------
+    poses : (samples + 1, n, 3, lanes) m, m, rad; a single lane where all trials are alike
+    constants : (c, lanes) the bias states that are constant
+    changing : (samples + 1, e - c, lanes) those of the others
+    """
+
+    poses: Array
+    constants: Array
+    changing: Array
+
+
+def states_of(layout: StateLayout, sample_time: float) -> States:
+    """Return how the states of a layout act, with samples of `sample_time` s."""
+    rows: list[tuple[int, ...]] = []
+    first = [0]
+    for i in range(layout.count):
+        rows.append((HEADING, 3 * i + 2, *_MOVED[HEADING], -1, 0))
+        for name, columns in layout.columns.items():
+            state = ERROR_STATES[name]
+            act = _ACTS[state.act]
+            kind = list(SIGHTING_KINDS).index(state.shifts) if act == SHIFT else -1
+            for axis, column in enumerate(columns[i].tolist()):
+                axes = (axis, axis + 1) if act == DRIFT else _MOVED[act]
+                if column >= 0:
+                    rows.append((act, column, *axes, kind, int(state.common)))
+        first.append(len(rows))
+    table = np.array(rows, dtype=np.int64)
+    return States(
+        first=np.array(first, dtype=np.int64),
+        acts=table[:, 0].copy(),
+        columns=table[:, 1].copy(),
+        axes=table[:, 2:4].copy(),
+        kinds=table[:, 4].copy(),
+        common=table[:, 5] > 0,
+        variances=np.square(layout.sigmas),
+        first_changing=layout.first_changing,
+        decays=np.exp(-sample_time / layout.times),
+    )
+
+
 def build_setup(
     *,
-    truth: Array,
+    layout: StateLayout,
     landmarks: Array,
     first: Index,
     observers: Index,
@@ -120,29 +215,31 @@ def build_setup(
     period: float,
     reach: float,
     options: FilterOptions,
+    samples: int,
     spans: Array | None = None,
     compared: Index | None = None,
     noise_known: bool = True,
 ) -> FilterSetup:
-    """Return the set-up of a run of the vehicles in `truth`, (samples + 1, n, 3).
+    """Return the set-up of a run of the vehicles and bias states of a layout.
 
-    The arguments are as in FilterSetup; `sample_time` and `period` are in s. `reach` in m is about
-    how far a vehicle is from where a filter that has lost it takes it to be. Where `spans` and
-    `compared` are None, each sample is a step.
+    The other arguments are as in FilterSetup; `sample_time` and `period` are in s. `reach` in m is
+    about how far a vehicle is from where a filter that has lost it takes it to be. Where `spans`
+    and `compared` are None, each sample is a step.
     """
-    samples = len(truth) - 1
     deviations = [noise.position_sigma, noise.position_sigma, noise.heading_sigma]
+    start = np.tile(np.square(deviations), layout.count)
     return FilterSetup(
-        truth=truth,
+        states=states_of(layout, float(sample_time)),
         spans=np.full(samples, float(sample_time)) if spans is None else spans,
         compared=np.arange(samples + 1) if compared is None else compared,
+        samples=samples,
         landmarks=landmarks,
         first=first,
         observers=observers,
         targets=targets,
         kinds=kinds,
         variances=variances,
-        initial_variances=np.tile(np.square(deviations), (truth.shape[1], 1)),
+        initial_variances=np.concatenate([start, np.square(layout.sigmas)]),
         motion=MotionModel(
             time=float(sample_time),
             substeps=options.motion_substeps,
@@ -153,7 +250,7 @@ def build_setup(
         second_order=options.filter_model.second_order,
         period=float(period),
         judged_from=judged_from(samples, sample_time, period, options),
-        lost_variances=np.tile(np.square([reach, reach, LOST_HEADING_SIGMA]), (truth.shape[1], 1)),
+        lost_variances=np.tile(np.square([reach, reach, LOST_HEADING_SIGMA]), (layout.count, 1)),
         sample_every=SAMPLE_EVERY,
         noise_known=noise_known,
     )
@@ -169,3 +266,20 @@ def judged_from(samples: int, sample_time: float, period: float, options: Filter
         return 0
     found = math.ceil(period / sample_time - 1e-9)
     return found if found < samples else 0
+
+
+def start_of(setup: FilterSetup, readings: Readings) -> tuple[Array, Array]:
+    """Return the state (3n + e, lanes) and covariance of each lane at step 0, in arrays of its own.
+
+    Of the covariance (3n + e, 3n + e, lanes) the lower triangle counts.
+    """
+    size, width = len(setup.initial_variances), readings.initial.shape[-1]
+    x, P = np.zeros((size, width)), np.zeros((size, size, width))
+    x[: 3 * setup.count] = readings.initial.reshape(-1, width)
+    P[np.arange(size), np.arange(size)] = setup.initial_variances[:, None]
+    return x, P
+
+
+def poses_of(x: Array, n: int) -> Array:
+    """Return the poses (n, 3, lanes) of a state (3n + e, lanes); a view."""
+    return x[: 3 * n].reshape(n, 3, *x.shape[1:])

@@ -6,30 +6,26 @@ import numpy as np
 
 from syncplan.arrays import Array
 
-SAMPLE_EVERY = 10
-"""NEES and coverage are taken at every tenth step, and at the last."""
-
-SERIES = (
-    *("error_x", "error_y", "error_heading", "position", "heading", "var_position", "var_head"),
-    *("square_x", "square_y", "var_x", "var_y"),
-)
-"""Quantities that the series sums over trials: three signed errors, the squared errors of position
-and heading, their two variances, and squares and variances of x and y alone."""
+ERROR, SQUARE, VARIANCE = range(3)
+"""Quantities that a series sums over trials, of each state."""
 
 
 class FilterStatistics(NamedTuple):
-    """Statistics of each lane; only the series is summed over lanes.
+    """Statistics of the 3n + e states of each lane; only the series is summed over lanes.
 
     Fields
     ------
-    squares, late_squares : (n, 3, lanes) sums of squared error over all k >= 1, and over 2k > steps
-    final : (n, 3, lanes) error at the last step
-    covered : (n, lanes) coordinates within three sigma, over the sampled steps
-    nees, nees_samples : (lanes,) sum and number of samples with a positive definite covariance
+    squares, late_squares : (3n + e, lanes) sums of squared error over all k >= 1, and over
+        2k > samples
+    final : (3n + e, lanes) error at the last sample
+    covered : (3n + e, lanes) sampled steps at which an error is within three sigma
+    nees, nees_samples : (lanes,) of the poses, sum and number of samples with a positive definite
+        covariance
     nis, accepted, gated : (lanes,) sum and number of accepted innovations, number of rejected ones
     innovations : (s, 2, lanes) of each sighting the innovation, in the unit of its kind, and 1 over
         its variance, 0 where it is rejected or missed; (0, 2, lanes) if not wanted
-    series : (samples + 1, n, 11) as SERIES, (0, n, 11) if not wanted; the lanes add to it
+    series : (samples + 1, 3n + e, 3) of errors, their squares and variances; (0, 3n + e, 3) if not
+        wanted; the lanes add to it
     """
 
     squares: Array
@@ -45,21 +41,22 @@ class FilterStatistics(NamedTuple):
     series: Array
 
 
-def empty_series(n: int, steps: int, *, wanted: bool) -> Array:
-    """Return zeros to sum a series of n vehicles into; no rows where it is not wanted."""
-    return np.zeros((steps + 1 if wanted else 0, n, len(SERIES)))
+def empty_series(states: int, samples: int, *, wanted: bool) -> Array:
+    """Return zeros to sum a series of so many states into; no rows where it is not wanted."""
+    return np.zeros((samples + 1 if wanted else 0, states, 3))
 
 
-def empty_statistics(n: int, lanes: int, series: Array, sightings: int = 0) -> FilterStatistics:
-    """Return statistics of zeros for n vehicles that add to the given `series`.
+def empty_statistics(lanes: int, series: Array, sightings: int = 0) -> FilterStatistics:
+    """Return statistics of zeros that add to the given `series`.
 
     Innovations are kept of the first so many sightings: of all, or of none.
     """
+    states = series.shape[1]
     return FilterStatistics(
-        squares=np.zeros((n, 3, lanes)),
-        late_squares=np.zeros((n, 3, lanes)),
-        final=np.zeros((n, 3, lanes)),
-        covered=np.zeros((n, lanes)),
+        squares=np.zeros((states, lanes)),
+        late_squares=np.zeros((states, lanes)),
+        final=np.zeros((states, lanes)),
+        covered=np.zeros((states, lanes)),
         nees=np.zeros(lanes),
         nees_samples=np.zeros(lanes),
         nis=np.zeros(lanes),

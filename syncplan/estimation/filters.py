@@ -24,10 +24,8 @@ class FilterModel:
     second_order : whether sightings have second-order noise, see `second_order`
     finds_start : whether its covariance holds only when a period has passed, as it looks for its
         start until then
-    needs_truth : whether it takes the true states of a trial, as AugmentedReadings have them: it
-        always runs in the form with further states, and not on recordings
+    needs_truth : whether it takes the true states of a trial: it does not run on recordings
     kernel : where its LaneFilter is, a module of this package and a name in it
-    augmented : where that with further states is
     """
 
     sentence: str
@@ -35,8 +33,7 @@ class FilterModel:
     second_order: bool = False
     finds_start: bool = False
     needs_truth: bool = False
-    kernel: str = "extended_filter.EXTENDED"
-    augmented: str = "augmented_filter.AUGMENTED"
+    kernel: str = "lane_filter.EXTENDED"
 
     @property
     def motion(self) -> str:
@@ -49,19 +46,10 @@ class FilterModel:
 
     @property
     def lane_filter(self) -> "LaneFilter":
-        """The compiled filter of poses; loads numba."""
-        return _loaded(self.kernel)
-
-    @property
-    def augmented_lane_filter(self) -> "LaneFilter":
-        """The compiled filter that has further states, or misses sightings; loads numba."""
-        return _loaded(self.augmented)
-
-
-def _loaded(place: str) -> "LaneFilter":
-    module, _, name = place.partition(".")
-    found: LaneFilter = getattr(import_module(f"syncplan.estimation.{module}"), name)
-    return found
+        """The compiled filter; loads numba."""
+        module, _, name = self.kernel.partition(".")
+        found: LaneFilter = getattr(import_module(f"syncplan.estimation.{module}"), name)
+        return found
 
 
 FILTERS: Mapping[str, FilterModel] = MappingProxyType(
@@ -76,7 +64,6 @@ FILTERS: Mapping[str, FilterModel] = MappingProxyType(
             second_order=True,
             finds_start=True,
             kernel="robust_filter.ROBUST",
-            augmented="robust_filter.ROBUST_AUGMENTED",
         ),
         "paper": FilterModel(
             "The paper's Algorithm 1: extended, integrates its readings by Euler sub-steps.",
@@ -85,8 +72,7 @@ FILTERS: Mapping[str, FilterModel] = MappingProxyType(
         "ideal": FilterModel(
             "Linearised at the truth, which only a simulation knows: what is attainable at best.",
             needs_truth=True,
-            kernel="ideal_filter.IDEAL",
-            augmented="ideal_filter.IDEAL",
+            kernel="lane_filter.IDEAL",
         ),
     }
 )

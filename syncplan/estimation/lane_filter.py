@@ -1,293 +1,379 @@
-"""A compiled filter: many trials side by side, and whether numba has compiled it yet."""
+"""Filters of many trials at a time: the extended Kalman filter, and the ideal one.
 
-import hashlib
-import math
-from collections.abc import Callable, Sequence
-from contextlib import suppress
-from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
-from typing import Any, TypeVar, cast
+The state stacks the poses (x, y, heading) of n vehicles and the bias states of a layout. Each step:
 
-import numba
-import numpy as np
-from numba.core.compiler import CompilerBase, DefaultPassBuilder
-from numpy.typing import NDArray
+    predict   by the motion readings                      `motion_kernels`
+    correct   by the sightings, one after another         `correction_kernels`
 
-from syncplan.arrays import Array
-from syncplan.estimation.augmented_setup import (
-    AugmentedReadings,
-    AugmentedSetup,
-    AugmentedStatistics,
-    empty_augmented_statistics,
-    without_errors,
-)
-from syncplan.estimation.filter_setup import FilterSetup, MotionModel, Readings
-from syncplan.estimation.filter_statistics import (
-    SAMPLE_EVERY,
-    FilterStatistics,
-    empty_series,
-    empty_statistics,
-)
+`reference_states` does this in NumPy for one trial and is the one to read; these kernels filter
+many trials at a time, a lane each. With second-order noise in its set-up the extended filter is the
+second-order filter.
 
-WIDE_LANES = 16
-"""Trials filtered side by side: four times as fast as one by one for 6 vehicles."""
+The ideal filter is linearised at the truth instead of at its estimate. No filter can do this, as
+the truth is what it looks for. It is the reference of what is attainable: its errors are those of
+the posterior Cramer-Rao bound, and its covariance holds, however uncertain the start. With the
+state off the truth by d, F, G and rows h taken at the truth:
 
-WIDE_UP_TO = 60
-"""Largest team filtered in wide lanes; above they gain nothing and cost sixteenfold memory."""
+    predict   d = F d + G (readings - true readings) + (truth moved by true readings - truth)
+    update    nu = z - h(truth) - h' d,   d += gain nu
+    P         as of the extended filter, at the truth
 
-KERNEL_FILES = (
-    "augmented_clocks.py",
-    "augmented_correction.py",
-    "augmented_curvature.py",
-    "augmented_frame.py",
-    "augmented_prediction.py",
-    "augmented_rows.py",
-    "augmented_setup.py",
-    "augmented_statistics.py",
-    "batch_problem.py",
-    "batched_filter.py",
-    "filter_setup.py",
-    "filter_statistics.py",
-    "lane_filter.py",
-    "lane_statistics.py",
-    "second_order.py",
-)
-"""Files that compiled kernels rest on: kernels that others call, records whose fields are known."""
+True readings are those that lead from each true pose to the next through the true air. The last
+term of the prediction is what a sample's arc misses of the true way, next to nothing, and all that
+errors do which are not among the states. States that change gain noise there. d is not wrapped: a
+heading may be off by more than half a turn, as the normal distribution has it. Each step must be a
+sample, at which the truth is known.
 
-Lanes = NDArray[np.int8] | tuple[int]
-"""Only its length counts: the number of lanes.
-
-One lane is passed as the tuple (0,): the compiler knows the length of a tuple, the loop over lanes
-vanishes and the loop over columns vectorises instead. More lanes are passed as an array, and the
-loop over lanes vectorises.
+Sources
+-------
+extended filter, NEES and NIS : Bar-Shalom, Li, Kirubarajan (2001), 10.3
+ideal filter : Taylor (1979), The Cramer-Rao estimation error lower bound computation for
+    deterministic nonlinear systems, IEEE Transactions on Automatic Control 24
 """
 
-Function = TypeVar("Function", bound=Callable[..., Any])
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from syncplan.arrays import Array
+from syncplan.estimation.correction_kernels import Correction, correct, correction_of
+from syncplan.estimation.filter_setup import (
+    DRIFT,
+    SAMPLE_EVERY,
+    SPEED,
+    TURN,
+    FilterSetup,
+    MotionModel,
+    Readings,
+    States,
+    Truth,
+    start_of,
+)
+from syncplan.estimation.filter_statistics import FilterStatistics, empty_series, empty_statistics
+from syncplan.estimation.kernels import Lanes, has_compiled, inner, kernel, lanes_for, lanes_of
+from syncplan.estimation.motion_kernels import (
+    Frame,
+    add_reading_noise,
+    bring_to_now,
+    frame_of,
+    kept,
+    motion_in,
+    move,
+    pass_step,
+    predict,
+    shortening,
+)
+from syncplan.estimation.statistics_kernels import (
+    comparison_of,
+    fill_errors,
+    fill_truth,
+    record,
+    takes_covariance,
+)
 
 
-def compiled(function: Function) -> Function:
-    """Return the kernel compiled, and kept in numba's disk cache where one can be written.
+@inner
+def step_filter(
+    x: Array,
+    P: Array,
+    step: int,
+    setup: FilterSetup,
+    readings: Readings,
+    frame: Frame,
+    work: Correction,
+    statistics: FilterStatistics,
+    lanes: Lanes,
+) -> None:
+    """Take x (3n + e, lanes) and P, which stays in its frame, through a step."""
+    speeds, turn_rates = readings.speeds[step - 1], readings.turn_rates[step - 1]
+    predict(x, P, speeds, turn_rates, setup, step, frame, work.slopes, lanes)
+    correct(x, P, step, setup, readings, x, False, frame, work, statistics, lanes)
 
-    The cache alone notices only changes of the kernel's own file; here it notices changes of
-    KERNEL_FILES as well, and of kernels beside it in another package.
+
+@kernel
+def _filter(
+    setup: FilterSetup,
+    readings: Readings,
+    truth: Truth,
+    statistics: FilterStatistics,
+    lanes: Lanes,
+    x: Array,
+    P: Array,
+    begin: int,
+    end: int,
+) -> None:
+    """Take x and P, lower triangle, from step `begin` to step `end`."""
+    n, size, width = len(setup.lost_variances), len(P), len(lanes)
+    frame, work = frame_of(setup.states, width), correction_of(setup.states, size, width)
+    compared = comparison_of(n, size, width)
+    for step in range(begin, end + 1):
+        if step > begin:
+            step_filter(x, P, step, setup, readings, frame, work, statistics, lanes)
+        elif begin > 0:
+            continue
+        at = setup.compared[step]
+        if step == end or (at >= 0 and takes_covariance(setup, at, statistics)):
+            bring_to_now(P, setup.states, frame, lanes)
+        if at >= 0:
+            fill_truth(compared.true, truth, at, lanes)
+            fill_errors(x, compared.true, n, compared.errors, lanes)
+            record(P, setup, at, compared, statistics, lanes)
+
+
+# --- the ideal filter ---------------------------------------------------------------------------
+
+
+@inner
+def _read_truly(
+    i: int,
+    time: float,
+    true: Array,
+    after: Array,
+    states: States,
+    speeds: Array,
+    turn_rates: Array,
+    slopes: Array,
+    lanes: Lanes,
+) -> None:
+    """Fill in the true readings (n, lanes), m/s and rad/s, of vehicle i between two states."""
+    r = 3 * i
+    for lane in range(len(lanes)):
+        slopes[0, lane] = after[r, lane] - true[r, lane]
+        slopes[1, lane] = after[r + 1, lane] - true[r + 1, lane]
+        slopes[2, lane], slopes[3, lane] = 1.0, 0.0
+    for m in range(states.first[i] + 1, states.first[i + 1]):
+        act, column = states.acts[m], states.columns[m]
+        for lane in range(len(lanes)):
+            if act == DRIFT:
+                slopes[states.axes[m, 0], lane] -= time * true[column, lane]
+            elif act == SPEED:
+                slopes[2, lane] += true[column, lane]
+            elif act == TURN:
+                slopes[3, lane] += true[column, lane]
+    for lane in range(len(lanes)):
+        turn = after[r + 2, lane] - true[r + 2, lane]
+        turn -= 2.0 * math.pi * math.floor((turn + math.pi) / (2.0 * math.pi))
+        ahead = true[r + 2, lane] + 0.5 * turn
+        along = slopes[0, lane] * math.cos(ahead) + slopes[1, lane] * math.sin(ahead)
+        path = along / shortening(0.5 * turn, 0)[0]
+        speeds[i, lane] = path / (time * slopes[2, lane])
+        turn_rates[i, lane] = turn / time - slopes[3, lane]
+
+
+@inner
+def _carry_off(
+    i: int,
+    time: float,
+    off: Array,
+    speeds: Array,
+    turn_rates: Array,
+    states: States,
+    slopes: Array,
+    lanes: Lanes,
+) -> None:
+    """Carry what vehicle i is off the truth, by what its readings (n, lanes) are off the true ones."""
+    r = 3 * i
+    for m in range(states.first[i] + 1, states.first[i + 1]):
+        act, column = states.acts[m], states.columns[m]
+        for lane in range(len(lanes)):
+            if act == DRIFT:
+                off[r + states.axes[m, 0], lane] += time * off[column, lane]
+            elif act == SPEED:
+                off[r, lane] += slopes[6, lane] * off[column, lane]
+                off[r + 1, lane] += slopes[7, lane] * off[column, lane]
+            elif act == TURN:
+                turn_rates[i, lane] += off[column, lane]
+    for lane in range(len(lanes)):
+        v, w, psi = speeds[i, lane], turn_rates[i, lane], off[r + 2, lane]
+        off[r, lane] += slopes[2, lane] * v + slopes[4, lane] * w - slopes[1, lane] * psi
+        off[r + 1, lane] += slopes[3, lane] * v + slopes[5, lane] * w + slopes[0, lane] * psi
+        off[r + 2, lane] += time * w
+
+
+@inner
+def _copy(x: Array, into: Array, lanes: Lanes) -> None:
+    for k in range(len(x)):
+        for lane in range(len(lanes)):
+            into[k, lane] = x[k, lane]
+
+
+@inner
+def _add(x: Array, other: Array, share: float, lanes: Lanes) -> None:
+    for k in range(len(x)):
+        for lane in range(len(lanes)):
+            x[k, lane] += share * other[k, lane]
+
+
+@inner
+def _predict_ideal(
+    true: Array,
+    after: Array,
+    off: Array,
+    P: Array,
+    setup: FilterSetup,
+    readings: Readings,
+    step: int,
+    frame: Frame,
+    work: Correction,
+    speeds: Array,
+    turn_rates: Array,
+    lanes: Lanes,
+) -> None:
+    """Advance what is off the truth, and P, by a step from the state `true` to the state `after`.
+
+    `speeds` and `turn_rates` (n, lanes) are scratch; `true` is `after` in the end.
     """
-    return _compiled(function, {})
+    motion, slopes, states = motion_in(setup, step), work.slopes, setup.states
+    for i in range(len(speeds)):
+        _read_truly(i, motion.time, true, after, states, speeds, turn_rates, slopes, lanes)
+        move(true, i, speeds, turn_rates, motion, states, slopes, lanes)
+        for lane in range(len(lanes)):
+            speeds[i, lane] = readings.speeds[step - 1, i, lane] - speeds[i, lane]
+            turn_rates[i, lane] = readings.turn_rates[step - 1, i, lane] - turn_rates[i, lane]
+        _carry_off(i, motion.time, off, speeds, turn_rates, states, slopes, lanes)
+        for c in range(2):
+            for lane in range(len(lanes)):
+                off[3 * i + c, lane] += true[3 * i + c, lane] - after[3 * i + c, lane]
+        add_reading_noise(P, i, motion, states, frame, slopes, lanes)
+    pass_step(off, P, setup, motion.time, frame, lanes)
+    first = len(P) - len(frame.left)
+    for c in range(states.first_changing, len(P)):
+        decay = kept(setup, c - first, motion.time)
+        for lane in range(len(lanes)):
+            off[c, lane] -= after[c, lane] - decay * true[c, lane]
+    _copy(after, true, lanes)
 
 
-def inner(function: Function) -> Function:
-    """Return a kernel as `compiled` does, to be built into the kernels that call it.
-
-    No array that it writes to may overlap another of its arrays. So the compiler need not find that
-    out before each loop over lanes, which are short, nor count references at each call.
-    """
-    return _compiled(function, {"forceinline": True, "pipeline_class": _Apart})
-
-
-class _Apart(CompilerBase):
-    """Numba's compiler, for functions whose arrays do not overlap."""
-
-    def define_pipelines(self) -> list[Any]:
-        with suppress(AttributeError):  # a numba without the flag: slower code, the same results
-            self.state.flags.noalias = True
-        passes: Any = DefaultPassBuilder
-        return [passes.define_nopython_pipeline(self.state)]
-
-
-def _compiled(function: Function, options: dict[str, Any]) -> Function:
-    try:
-        jit: Any = numba.njit(cache=True, nogil=True, error_model="numpy", **options)
-        kernel: Any = jit(function)
-    except RuntimeError:  # neither the package nor the home directory can be written
-        jit = numba.njit(nogil=True, error_model="numpy", **options)
-        kernel = jit(function)
-    with suppress(AttributeError):  # a numba whose cache has another layout
-        file = kernel._cache._cache_file
-        folder = Path(function.__code__.co_filename).parent
-        file._source_stamp = (file._source_stamp, _shared_stamp(), _stamp_of(folder))
-        file._load_index = _none_if_renamed(file._load_index)
-    return cast(Function, kernel)
-
-
-def _none_if_renamed(load: Callable[[], Any]) -> Callable[[], Any]:
-    """`load` an index of cached kernels; none where it names a record that is called otherwise now.
-
-    Numba unpickles the types of kernels before it looks whether they are still up to date.
-    """
-
-    def loaded() -> Any:
-        try:
-            return load()
-        except (AttributeError, ImportError):
-            return {}
-
-    return loaded
+@kernel
+def _filter_ideally(
+    setup: FilterSetup,
+    readings: Readings,
+    truth: Truth,
+    statistics: FilterStatistics,
+    lanes: Lanes,
+    x: Array,
+    P: Array,
+    begin: int,
+    end: int,
+) -> None:
+    """Take x and P, lower triangle, from step `begin` to step `end`."""
+    n, size, width = len(setup.lost_variances), len(P), len(lanes)
+    frame, work = frame_of(setup.states, width), correction_of(setup.states, size, width)
+    compared, after = comparison_of(n, size, width), np.empty((size, width))
+    speeds, turn_rates = np.empty((n, width)), np.empty((n, width))
+    # the kernel takes and leaves a whole state, and holds what it is off the truth meanwhile
+    true = compared.true
+    fill_truth(true, truth, begin, lanes)
+    _add(x, true, -1.0, lanes)
+    for step in range(begin, end + 1):
+        if step > begin:
+            fill_truth(after, truth, step, lanes)
+            _predict_ideal(
+                true, after, x, P, setup, readings, step, frame, work, speeds, turn_rates, lanes
+            )
+            correct(x, P, step, setup, readings, true, True, frame, work, statistics, lanes)
+        elif begin > 0:
+            continue
+        if step == end or takes_covariance(setup, step, statistics):
+            bring_to_now(P, setup.states, frame, lanes)
+        _copy(x, compared.errors, lanes)
+        record(P, setup, step, compared, statistics, lanes)
+    _add(x, true, 1.0, lanes)
 
 
-@cache
-def _shared_stamp() -> bytes:
-    """Digest of the kernel files."""
-    files = (Path(__file__).with_name(name).read_bytes() for name in KERNEL_FILES)
-    return hashlib.sha256(b"".join(files)).digest()
-
-
-@cache
-def _stamp_of(folder: Path) -> bytes:
-    """Digest of the kernels, and records of theirs, in another package than this one."""
-    if folder == Path(__file__).parent:
-        return b""
-    texts = [file.read_bytes() for file in sorted(folder.glob("*.py"))]
-    marks = b"@compiled", b"@inner", b"NamedTuple"
-    return hashlib.sha256(
-        b"".join(text for text in texts if any(mark in text for mark in marks))
-    ).digest()
-
-
-def has_compiled(kernel: Any, arguments: tuple[Any, ...]) -> bool:
-    """Return whether a kernel for arguments of these types is in memory or in numba's disk cache.
-
-    False where numba's cache has another layout than the one read here.
-    """
-    typeof: Any = numba.typeof
-    types = tuple(typeof(argument) for argument in arguments)
-    if types in kernel.overloads:
-        return True
-    try:
-        index = kernel._cache._cache_file._load_index()
-        return any(tuple(key[0]) == types for key in index)
-    except (AttributeError, TypeError, IndexError, OSError):
-        return False
-
-
-def is_in_cache(kernel: Any) -> bool:
-    """Return whether a kernel for any arguments is in memory or in numba's disk cache."""
-    if kernel.overloads:
-        return True
-    try:
-        return bool(kernel._cache._cache_file._load_index())
-    except (AttributeError, TypeError, OSError):
-        return False
+# --- filters as they are run --------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
 class LaneFilter:
-    """A filter whose trials are lanes, the last axis of every array.
+    """A compiled filter whose trials are lanes.
 
     Attributes
     ----------
-    kernel : compiled, of (FilterSetup, Readings, FilterStatistics, Lanes), the state (n, 3, lanes),
-        the covariance's lower triangle (3n, 3n, lanes) and two samples: takes both from the first
-        sample to the second and adds to the statistics; or of their augmented forms, with the
-        further states (e, lanes) between state and covariance
-    specimen : arguments of the kernel for n vehicles and no step: their types are what is compiled
+    kernel : compiled, of (FilterSetup, Readings, Truth, FilterStatistics, Lanes), the state
+        (3n + e, lanes) and covariance (3n + e, 3n + e, lanes), which it takes on in place from one
+        step to another, both given last
     """
 
     kernel: Any
-    specimen: Callable[[int], tuple[Any, ...]]
 
     @staticmethod
     def lanes_for(n: int) -> int:
         """Return how many trials of n vehicles it is best to filter side by side."""
-        return WIDE_LANES if n <= WIDE_UP_TO else 1
+        return lanes_for(n)
 
     def run(
         self,
-        setup: FilterSetup | AugmentedSetup,
-        readings: Readings | AugmentedReadings,
-        statistics: FilterStatistics | AugmentedStatistics,
+        setup: FilterSetup,
+        readings: Readings,
+        truth: Truth,
+        statistics: FilterStatistics,
         streams: Sequence[np.random.SeedSequence] = (),
-    ) -> tuple[Array, ...]:
-        """Return the state (n, 3, lanes) and the covariance (3n, 3n, lanes) at the end.
+    ) -> tuple[Array, Array]:
+        """Return the state (3n + e, lanes) and the covariance (3n + e, 3n + e, lanes) at the end.
 
-        With further states, they stand between the two, (e, lanes). Of the covariance only the
-        lower triangle counts. Adds to the statistics on the way. Any number of lanes will do.
-        `streams` are for filters that draw numbers, which these do not.
+        Of the covariance only the lower triangle counts. Adds to the statistics on the way. Any
+        number of lanes will do. `streams` are for filters that draw numbers, which these do not.
         """
         state = start_of(setup, readings)
-        self.advance(setup, readings, statistics, state, 0, len(readings.speeds))
+        self.advance(setup, readings, truth, statistics, state, 0, len(readings.speeds))
         return state
 
     def advance(
         self,
-        setup: FilterSetup | AugmentedSetup,
-        readings: Readings | AugmentedReadings,
-        statistics: FilterStatistics | AugmentedStatistics,
-        state: tuple[Array, ...],
+        setup: FilterSetup,
+        readings: Readings,
+        truth: Truth,
+        statistics: FilterStatistics,
+        state: tuple[Array, Array],
         begin: int,
         end: int,
     ) -> None:
-        """Take a state, as `run` returns it, from sample `begin` to sample `end`, in place."""
+        """Take a state, as `run` returns it, from step `begin` to step `end`, in place."""
         n, _, width = readings.initial.shape
-        self.kernel(setup, readings, statistics, lanes_of(n, width), *state, begin, end)
+        self.kernel(setup, readings, truth, statistics, lanes_of(n, width), *state, begin, end)
 
     def is_compiled(self, n: int) -> bool:
-        """Return whether the kernel for n vehicles is in memory or in numba's disk cache.
+        """Return whether the kernel for n vehicles is in memory or in the disk cache.
 
         If not, the first run compiles it, which takes some seconds: say so before it starts.
         """
-        return has_compiled(self.kernel, self.specimen(n))
+        return has_compiled(self.kernel, specimen(n))
 
     def compile(self, n: int) -> None:
-        """Compile the kernel for n vehicles, or load it from numba's disk cache."""
-        self.kernel(*self.specimen(n))
+        """Compile the kernel for n vehicles, or load it from the disk cache."""
+        self.kernel(*specimen(n))
 
 
-def start_of(
-    setup: FilterSetup | AugmentedSetup, readings: Readings | AugmentedReadings
-) -> tuple[Array, ...]:
-    """Return the state of each lane at sample 0, in arrays of its own."""
-    augmented = setup if isinstance(setup, AugmentedSetup) else None
-    poses = setup if isinstance(setup, FilterSetup) else setup.poses
-    variances = [poses.initial_variances.ravel()]
-    if augmented is not None:
-        variances.append(augmented.variances)
-    diagonal = np.concatenate(variances)
-    width = readings.initial.shape[-1]
-    P = np.zeros((len(diagonal), len(diagonal), width))
-    P[np.arange(len(diagonal)), np.arange(len(diagonal))] = diagonal[:, None]
-    if augmented is None:
-        return readings.initial.copy(), P
-    return readings.initial.copy(), np.zeros((len(augmented.variances), width)), P
-
-
-def lanes_of(n: int, width: int) -> Lanes:
-    """Return the lanes of so many trials of n vehicles, as kernels take them."""
-    return (0,) if width == LaneFilter.lanes_for(n) == 1 else np.zeros(width, dtype=np.int8)
-
-
-def augmented_specimen(n: int) -> tuple[Any, ...]:
-    """Return arguments of a kernel with further states, for n vehicles and no step."""
-    poses, readings, _, lanes, *_ = pose_specimen(n)
-    setup = without_errors(poses)
-    truth = AugmentedReadings(
-        initial=readings.initial,
-        speeds=readings.speeds,
-        turn_rates=readings.turn_rates,
-        sightings=readings.sightings,
-        headings=np.zeros((1, n, 1)),
-        constants=np.zeros((0, 1)),
-        changing=np.zeros((1, 0, 1)),
-    )
-    series = empty_series(n, 0, wanted=False), np.zeros((0, 0, 3))
-    statistics = empty_augmented_statistics(n, 0, 1, series)
-    return setup, truth, statistics, lanes, *start_of(setup, truth), 0, 0
-
-
-def pose_specimen(n: int) -> tuple[Any, ...]:
-    """Return arguments of a kernel of poses, for n vehicles and no step."""
-    none = np.zeros(0, dtype=np.int64)
-    still = np.zeros((0, n, 1))
+def specimen(n: int) -> tuple[Any, ...]:
+    """Return arguments of a kernel for n vehicles without bias states, and no step."""
+    index = np.zeros(0, dtype=np.int64)
+    rows = np.arange(n)
     setup = FilterSetup(
-        truth=np.zeros((1, n, 3)),
+        states=States(
+            first=np.arange(n + 1),
+            acts=np.zeros(n, dtype=np.int64),
+            columns=3 * rows + 2,
+            axes=np.tile([0, 2], (n, 1)),
+            kinds=np.full(n, -1),
+            common=np.zeros(n, dtype=bool),
+            variances=np.zeros(0),
+            first_changing=3 * n,
+            decays=np.zeros(0),
+        ),
         spans=np.zeros(0),
         compared=np.zeros(1, dtype=np.int64),
+        samples=0,
         landmarks=np.zeros((0, 2)),
         first=np.zeros(2, dtype=np.int64),
-        observers=none,
-        targets=none,
-        kinds=none,
+        observers=index,
+        targets=index,
+        kinds=index,
         variances=np.zeros(0),
-        initial_variances=np.ones((n, 3)),
+        initial_variances=np.ones(3 * n),
         motion=MotionModel(time=1.0, substeps=0, speed_variance=0.0, turn_rate_variance=0.0),
         gate=math.inf,
         second_order=False,
@@ -297,6 +383,12 @@ def pose_specimen(n: int) -> tuple[Any, ...]:
         sample_every=SAMPLE_EVERY,
         noise_known=True,
     )
+    still = np.zeros((0, n, 1))
     readings = Readings(np.zeros((n, 3, 1)), still, still, np.zeros((0, 1)))
-    statistics = empty_statistics(n, 1, empty_series(n, 0, wanted=False))
-    return setup, readings, statistics, lanes_of(n, 1), *start_of(setup, readings), 0, 0
+    truth = Truth(np.zeros((1, n, 3, 1)), np.zeros((0, 1)), np.zeros((1, 0, 1)))
+    statistics = empty_statistics(1, empty_series(3 * n, 0, wanted=False))
+    return setup, readings, truth, statistics, lanes_of(n, 1), *start_of(setup, readings), 0, 0
+
+
+EXTENDED, IDEAL = LaneFilter(_filter), LaneFilter(_filter_ideally)
+"""The extended Kalman filter, and the one that is linearised at the truth."""

@@ -13,17 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from syncplan.arrays import Array
 from syncplan.errors import InputError
-from syncplan.estimation.augmented_setup import (
-    AugmentedSetup,
-    augmented_setup_of,
-    empty_augmented_statistics,
-)
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filter_setup import FilterSetup, build_setup
-from syncplan.estimation.filter_statistics import empty_series
+from syncplan.estimation.filter_statistics import empty_series, empty_statistics
 from syncplan.estimation.trial_chunks import StoppedError, chunks_in_order
-from syncplan.estimation.trial_readings import TrialReadings, needs_augmented
+from syncplan.estimation.trial_readings import TrialReadings
 from syncplan.estimation.trials import (
     CHUNK_TRIALS,
     Branch,
@@ -33,7 +29,7 @@ from syncplan.estimation.trials import (
     result_of,
 )
 from syncplan.orbits.circles import heading, position
-from syncplan.orbits.error_states import layout_of
+from syncplan.orbits.error_states import StateLayout, layout_of
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, sigmas_by_kind
 from syncplan.orbits.sightings import Sightings
 from syncplan.orbits.team import Team
@@ -48,15 +44,9 @@ class _Run:
     """All that the trials of a run share."""
 
     readings: TrialReadings
-    augmented: AugmentedSetup | None
+    lane_filter: "LaneFilter"
     options: FilterOptions
     end: int
-
-    @property
-    def lane_filter(self) -> "LaneFilter":
-        """The compiled filter: that of poses alone where it will do."""
-        model = self.options.filter_model
-        return model.lane_filter if self.augmented is None else model.augmented_lane_filter
 
 
 def run_trials(
@@ -85,11 +75,11 @@ def run_trials(
     _check_sigmas(known)
     _check_sightings(sightings, team.count, len(team.landmarks))
     assumed = replace(team, sensors=known.sensors, noise=known.noise, errors=known.errors)
-    setup, layout = _setup(assumed, sightings, steps, options), layout_of(assumed)
-    wide = options.filter_model.needs_truth or needs_augmented(team) or len(layout.sigmas) > 0
+    layout = layout_of(assumed)
+    setup, truth = _setup(assumed, layout, sightings, steps, options), poses_over(team, steps)
     run = _Run(
-        readings=TrialReadings.of(team, setup, layout, options.seed),
-        augmented=augmented_setup_of(setup, layout) if wide else None,
+        readings=TrialReadings.of(team, truth, setup, layout, options.seed),
+        lane_filter=options.filter_model.lane_filter,
         options=options,
         end=first_trial + options.trials,
     )
@@ -145,16 +135,24 @@ def _check_sightings(sightings: Sightings, n: int, landmarks: int) -> None:
             raise InputError(problem, key=f"sightings.{key}")
 
 
-def _setup(team: Team, sightings: Sightings, steps: int, options: FilterOptions) -> FilterSetup:
+def poses_over(team: Team, steps: int) -> Array:
+    """Return (steps + 1, n, 3) m, m, rad, where a team's circles have it at each sample."""
+    times = np.arange(steps + 1) * team.sensors.sample_time
+    places, headings = position(team.orbits, times), heading(team.orbits, times)
+    return np.concatenate([places, headings[..., None]], axis=2)
+
+
+def _setup(
+    team: Team, layout: StateLayout, sightings: Sightings, steps: int, options: FilterOptions
+) -> FilterSetup:
     """The set-up of a run of `steps` samples along the team's circles."""
     orbits, sensors = team.orbits, team.sensors
-    times = np.arange(steps + 1) * sensors.sample_time
     first = sightings.first_of_steps(steps)
     seen = slice(first[1], first[-1])
     observers = np.array(sightings.observers[seen], dtype=np.int64)
     kinds = np.array(sightings.kinds[seen], dtype=np.int64)
     return build_setup(
-        truth=np.concatenate([position(orbits, times), heading(orbits, times)[..., None]], axis=2),
+        layout=layout,
         landmarks=np.array(team.landmarks, dtype=np.float64).reshape(-1, 2),
         first=np.maximum(first - first[1], 0),
         observers=observers,
@@ -166,32 +164,28 @@ def _setup(team: Team, sightings: Sightings, steps: int, options: FilterOptions)
         period=orbits.period,
         reach=2.0 * float(np.mean(orbits.radii)),
         options=options,
+        samples=steps,
     )
 
 
 def _chunk(run: _Run, chunk: range, stopped: threading.Event) -> MonteCarloResult:
     """The result of the trials of a chunk."""
     readings, lane_filter = run.readings, run.lane_filter
-    n, steps = readings.team.count, len(readings.setup.truth) - 1
+    n, steps = readings.team.count, readings.setup.samples
     lanes = lane_filter.lanes_for(n)
-    wanted = run.options.with_series
-    e = len(readings.layout.sigmas)
-    sums = empty_series(n, steps, wanted=wanted), np.zeros((steps + 1 if wanted else 0, e, 3))
+    series = empty_series(readings.layout.size, steps, wanted=run.options.with_series)
     found = []
     for first in range(chunk.start, chunk.stop, lanes):
         if stopped.is_set():
             raise StoppedError
         trials = range(first, min(first + lanes, chunk.stop))
-        counted = empty_augmented_statistics(n, e, len(trials), sums)
+        counted = empty_statistics(len(trials), series)
         streams = [readings.stream(trial) for trial in trials]
+        lane_filter.run(readings.setup, *readings.drawn(trials), counted, streams)
         found.append(counted)
-        if run.augmented is not None:
-            lane_filter.run(run.augmented, readings.disturbed(trials), counted, streams)
-        else:
-            lane_filter.run(readings.setup, readings.of_poses(trials), counted.poses, streams)
     return result_of(
-        [one.poses for one in found],
-        [one.errors for one in found],
+        found,
+        n,
         steps=steps,
         seed=run.options.seed,
         first_trial=chunk.start,

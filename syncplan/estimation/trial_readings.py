@@ -20,12 +20,11 @@ import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
 from syncplan.estimation.air_motion import AirMotion, motion_in_air
-from syncplan.estimation.augmented_setup import AugmentedReadings
 from syncplan.estimation.drawn_errors import DrawnErrors, error_draws
-from syncplan.estimation.filter_setup import FilterSetup, Readings
+from syncplan.estimation.filter_setup import FilterSetup, Readings, Truth
 from syncplan.orbits.circles import unit, wrap
 from syncplan.orbits.contacts import BOUNDARY_SLACK, Windows, find_windows
-from syncplan.orbits.error_states import ERROR_STATES, StateLayout, layout_of
+from syncplan.orbits.error_states import ERROR_STATES, StateLayout
 from syncplan.orbits.sighting_kinds import (
     SIGHTING_KINDS,
     measured_by_kind,
@@ -62,12 +61,6 @@ def has_false_bearings(team: Team) -> bool:
     return bool(np.any(team.sensors.false_bearings > 0.0))
 
 
-def needs_augmented(team: Team) -> bool:
-    """Return whether a filter of poses alone, with all trials alike but for readings, won't do."""
-    unlike = in_moving_air(team) or has_misses(team) or has_false_bearings(team)
-    return len(layout_of(team).sigmas) > 0 or unlike
-
-
 def possible_sightings(team: Team, windows: Windows, steps: int) -> Sightings:
     """Return what can be sighted at k = 1..steps in any trial.
 
@@ -88,7 +81,8 @@ class TrialReadings:
     Attributes
     ----------
     team : whose noise and errors are drawn
-    setup : of the poses
+    truth : (steps + 1, n, 3) m, m, rad, at nominal headings
+    setup : of the filter
     layout : of the states that the filter has
     sightings : (s,) without noise, at nominal headings; angles are not wrapped
     sigmas : (s,)
@@ -96,6 +90,7 @@ class TrialReadings:
     """
 
     team: Team
+    truth: Array
     setup: FilterSetup
     layout: StateLayout
     sightings: Array
@@ -103,62 +98,46 @@ class TrialReadings:
     seed: int
 
     @classmethod
-    def of(cls, team: Team, setup: FilterSetup, layout: StateLayout, seed: int) -> "TrialReadings":
-        """Return the readings of a team along the truth of a set-up."""
+    def of(
+        cls, team: Team, truth: Array, setup: FilterSetup, layout: StateLayout, seed: int
+    ) -> "TrialReadings":
+        """Return the readings of a team along a truth (steps + 1, n, 3)."""
         return cls(
             team=team,
+            truth=truth,
             setup=setup,
             layout=layout,
-            sightings=_true_sightings(setup),
+            sightings=_true_sightings(truth, setup),
             sigmas=sigmas_by_kind(team.sensors, setup.kinds, setup.observers),
             seed=seed,
         )
 
-    def of_poses(self, trials: range) -> Readings:
-        """Return what a filter of poses alone reads, where headings are those of the set-up."""
-        if error_draws(self.team, 1):
-            return Readings(*self.disturbed(trials)[:4])
-        steps, n, lanes = len(self.setup.truth) - 1, self.team.count, len(trials)
-        poses, speeds, turn_rates, sightings, *_ = self._draws(trials)
-        orbits, noise = self.team.orbits, self.team.noise
-        start = self.setup.truth[0].ravel()
-        speeds = _scattered(np.tile(orbits.speeds, steps), noise.speed_sigma, speeds)
-        turn_rates = _scattered(
-            np.tile(orbits.turn_rates, steps), noise.turn_rate_sigma, turn_rates
-        )
-        return Readings(
-            initial=_scattered(start, self._pose_sigmas(), poses).reshape(n, 3, lanes),
-            speeds=speeds.reshape(steps, n, lanes),
-            turn_rates=turn_rates.reshape(steps, n, lanes),
-            sightings=_scattered(self.sightings, self.sigmas, sightings),
-        )
-
-    def disturbed(self, trials: range) -> AugmentedReadings:
-        """Return noisy readings of trials with all their lasting errors, and what is true."""
-        steps, n, lanes = len(self.setup.truth) - 1, self.team.count, len(trials)
+    def drawn(self, trials: range) -> tuple[Readings, Truth]:
+        """Return noisy readings of trials with all their bias errors, and what is true."""
+        steps, n, lanes = len(self.truth) - 1, self.team.count, len(trials)
         poses, speeds, turn_rates, sightings, lasting, *made = self._draws(trials)
         errors = DrawnErrors.of(self.team, steps, lasting)
         flown = self._flown(errors)
         noise = self.team.noise
         initial = (self._pose_sigmas()[:, None] * poses).reshape(n, 3, lanes)
-        initial[:, :2] += self.setup.truth[0, :, :2, None]
+        initial[:, :2] += self.truth[0, :, :2, None]
         initial[:, 2] += flown.headings[0]
         read, turned = np.empty((steps, n, lanes)), np.empty((steps, n, lanes))
         np.multiply(speeds.reshape(read.shape), noise.speed_sigma, out=read)
         np.multiply(turn_rates.reshape(turned.shape), noise.turn_rate_sigma, out=turned)
         read += flown.speeds * (1.0 / (1.0 + errors.own("speed_scale")))
         turned += flown.turn_rates - errors.own("turn_rate_bias")
-        constants, changing = errors.states(self.layout, steps, lanes)
-        return AugmentedReadings(
+        readings = Readings(
             initial=np.ascontiguousarray(initial),
             speeds=read,
             turn_rates=turned,
             sightings=self._sighted(flown, errors, sightings, *made),
-            # a copy even for one lane: kernels would be compiled anew for what is read-only
-            headings=np.array(np.broadcast_to(flown.headings, (steps + 1, n, lanes)), order="C"),
-            constants=constants,
-            changing=changing,
         )
+        constants, changing = errors.states(self.layout, steps, lanes)
+        flown_poses = np.empty((steps + 1, n, 3, flown.headings.shape[-1]))
+        flown_poses[:, :, :2] = self.truth[:, :, :2, None]
+        flown_poses[:, :, 2] = flown.headings
+        return readings, Truth(flown_poses, constants, changing)
 
     def stream(self, trial: int) -> np.random.SeedSequence:
         """Return what a filter that draws numbers draws those of a trial from."""
@@ -169,7 +148,7 @@ class TrialReadings:
 
         Each is (d, lanes).
         """
-        steps, n = len(self.setup.truth) - 1, self.team.count
+        steps, n = len(self.truth) - 1, self.team.count
         errors = error_draws(self.team, steps)
         normal = (3 * n, steps * n, steps * n, len(self.sightings), errors)
         missed = int(self._groups()[-1]) + 1 if self._misses() else 0
@@ -190,12 +169,12 @@ class TrialReadings:
 
     def _flown(self, errors: DrawnErrors) -> AirMotion:
         """As in each trial, or in a single lane where all trials are alike."""
-        orbits, steps = self.team.orbits, len(self.setup.truth) - 1
+        orbits, steps = self.team.orbits, len(self.truth) - 1
         if in_moving_air(self.team):
             drift = np.asarray(errors.drift())
             return motion_in_air(orbits, self.team.sensors.sample_time, steps, drift)
         return AirMotion(
-            headings=self.setup.truth[:, :, 2, None],
+            headings=self.truth[:, :, 2, None],
             speeds=np.broadcast_to(orbits.speeds[:, None], (steps, orbits.count, 1)),
             turn_rates=np.broadcast_to(orbits.turn_rates[:, None], (steps, orbits.count, 1)),
         )
@@ -217,7 +196,7 @@ class TrialReadings:
         if in_moving_air(self.team):
             step = self._steps()
             turned = flown.headings[step, setup.observers]
-            turned -= setup.truth[step, setup.observers, 2, None]
+            turned -= self.truth[step, setup.observers, 2, None]
             if np.any(self.team.sensors.fields_of_view < FULL_VIEW):
                 found[self._out_of_view(turned)] = np.nan
             if not late:
@@ -275,7 +254,7 @@ class TrialReadings:
     def _out_of_view(self, turned: Array) -> Flags:
         """(s, lanes) whether the target is beside the field of view of a heading so far turned."""
         setup, sensors = self.setup, self.team.sensors
-        away, heading = _away(setup)
+        away, heading = _away(self.truth, setup)
         ahead = np.arctan2(away[1], away[0]) - heading - sensors.boresights[setup.observers]
         half = 0.5 * sensors.fields_of_view[setup.observers] * (1.0 + BOUNDARY_SLACK)
         half[~of_targets(setup.kinds) | (half >= np.pi)] = np.inf
@@ -305,25 +284,17 @@ class TrialReadings:
         return np.maximum.accumulate(groups)
 
 
-def _true_sightings(setup: FilterSetup) -> Array:
+def _true_sightings(truth: Array, setup: FilterSetup) -> Array:
     """(s,) sightings without noise; angles are not wrapped."""
-    away, heading = _away(setup)
+    away, heading = _away(truth, setup)
     return measured_by_kind(setup.kinds, away, heading)
 
 
-def _away(setup: FilterSetup) -> tuple[Array, Array]:
+def _away(truth: Array, setup: FilterSetup) -> tuple[Array, Array]:
     """(2, s) m from observer to target, and (s,) rad, the observer's nominal heading."""
-    steps = len(setup.truth) - 1
+    steps = len(truth) - 1
     step = np.repeat(np.arange(steps + 1), np.diff(setup.first))
     fixed = np.broadcast_to(setup.landmarks, (steps + 1, *setup.landmarks.shape))
-    places = np.concatenate([setup.truth[:, :, :2], fixed], axis=1)
+    places = np.concatenate([truth[:, :, :2], fixed], axis=1)
     away = places[step, setup.targets] - places[step, setup.observers]
-    return away.T, setup.truth[step, setup.observers, 2]
-
-
-def _scattered(truth: Array, sigma: Array | float, draws: Array) -> Array:
-    """Truth (k,) plus sigma times draws (k, lanes), lanes contiguous."""
-    scattered = np.empty(draws.shape)
-    np.multiply(draws, np.asarray(sigma)[..., None], out=scattered)
-    scattered += truth[:, None]
-    return scattered
+    return away.T, truth[step, setup.observers, 2]

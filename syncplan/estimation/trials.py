@@ -17,8 +17,8 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.errors import InputError
-from syncplan.estimation.augmented_setup import ErrorStatistics
-from syncplan.estimation.filter_statistics import SAMPLE_EVERY, FilterStatistics
+from syncplan.estimation.filter_setup import SAMPLE_EVERY
+from syncplan.estimation.filter_statistics import ERROR, SQUARE, VARIANCE, FilterStatistics
 
 CHUNK_TRIALS = 16
 """A run can be divided at multiples of this many trials."""
@@ -31,8 +31,10 @@ class Branch:
     Attributes
     ----------
     level, index : place in the binary tree over the chunks
-    sums : (steps + 1, n, 11) as filter_statistics.SERIES; of a flight as FlightResult has them
-    error_sums : (steps + 1, e, 3) as augmented_setup.ERROR_SERIES
+    sums : (steps + 1, n, 11) three signed errors, the squared errors of position and heading, their
+        two variances, and squares and variances of x and y alone; of a flight as FlightResult has
+        them
+    error_sums : (steps + 1, e, 3) of errors of the bias states, their squares and variances
     """
 
     level: int
@@ -152,7 +154,7 @@ class StateSeries:
 
 def result_of(
     statistics: Sequence[FilterStatistics],
-    errors: Sequence[ErrorStatistics] = (),
+    count: int,
     *,
     steps: int,
     seed: int = 0,
@@ -161,43 +163,57 @@ def result_of(
 ) -> MonteCarloResult:
     """Return the result of a chunk of trials of `steps` samples, from `first_trial` on.
 
-    NEES and coverage were taken at every tenth sample after `judged_from`, and at the last. The
-    statistics share one series, and so do those of further states; `first_trial` is a multiple
-    of CHUNK_TRIALS, and there are at most as many trials.
+    `count` is the number of vehicles. NEES and coverage were taken at every tenth sample after
+    `judged_from`, and at the last. The statistics share one series; `first_trial` is a multiple of
+    CHUNK_TRIALS, and there are at most as many trials.
     """
     sampled = -(-steps // SAMPLE_EVERY) - judged_from // SAMPLE_EVERY
 
-    def per_trial(
-        name: str, of: Sequence[FilterStatistics | ErrorStatistics] = statistics
-    ) -> Array:
-        lanes_last = np.concatenate([getattr(one, name) for one in of], axis=-1)
+    def per_trial(name: str) -> Array:
+        lanes_last = np.concatenate([getattr(one, name) for one in statistics], axis=-1)
         return np.ascontiguousarray(np.moveaxis(lanes_last, -1, 0))
+
+    def of_poses(values: Array) -> Array:
+        return values[:, : 3 * count].reshape(-1, count, 3)
 
     samples = per_trial("nees_samples")
     with np.errstate(invalid="ignore"):
         nees = per_trial("nees") / samples
-    sums = statistics[0].series
-    error_sums = errors[0].series if errors else np.zeros((len(sums), 0, 3))
-    later = errors or [_no_errors(len(samples))]
+    squares, covered = per_trial("squares") / steps, per_trial("covered")
+    late_squares = per_trial("late_squares") / (steps - steps // 2)
+    series = statistics[0].series
     return MonteCarloResult(
         seed=seed,
         first_trial=first_trial,
         steps=steps,
-        mean_squares=per_trial("squares") / steps,
-        late_mean_squares=per_trial("late_squares") / (steps - steps // 2),
-        final_errors=per_trial("final"),
-        covered=per_trial("covered"),
+        mean_squares=of_poses(squares),
+        late_mean_squares=of_poses(late_squares),
+        final_errors=of_poses(per_trial("final")),
+        covered=of_poses(covered).sum(axis=2),
         coverage_samples=3 * sampled,
         nees=nees,
         nees_samples=samples,
         nis_sums=per_trial("nis"),
         accepted=per_trial("accepted"),
         gated=per_trial("gated"),
-        branches=(Branch(0, first_trial // CHUNK_TRIALS, sums, error_sums),) if len(sums) else (),
-        state_squares=per_trial("squares", later) / steps,
-        late_state_squares=per_trial("late_squares", later) / (steps - steps // 2),
-        states_covered=per_trial("covered", later) / sampled,
+        branches=(_branch_of(series, count, first_trial),) if len(series) else (),
+        state_squares=squares[:, 3 * count :],
+        late_state_squares=late_squares[:, 3 * count :],
+        states_covered=covered[:, 3 * count :] / sampled,
     )
+
+
+def _branch_of(series: Array, count: int, first_trial: int) -> Branch:
+    """The sums of a chunk, from a series (samples + 1, 3n + e, 3)."""
+    errors, squares, variances = (
+        series[:, : 3 * count, quantity].reshape(-1, count, 3)
+        for quantity in (ERROR, SQUARE, VARIANCE)
+    )
+    pairs = [
+        np.stack([one[..., 0] + one[..., 1], one[..., 2]], axis=2) for one in (squares, variances)
+    ]
+    sums = np.concatenate([errors, *pairs, squares[..., :2], variances[..., :2]], axis=2)
+    return Branch(0, first_trial // CHUNK_TRIALS, sums, series[:, 3 * count :].copy())
 
 
 def merge(parts: Sequence[MonteCarloResult]) -> MonteCarloResult:
@@ -296,11 +312,6 @@ def _mean_series(result: MonteCarloResult, name: str) -> Array:
     for branch in result.branches[1:]:
         total = total + getattr(branch, name)
     return total / result.trials
-
-
-def _no_errors(lanes: int) -> ErrorStatistics:
-    none = np.zeros((0, lanes))
-    return ErrorStatistics(none, none, none, np.zeros((0, 0, 3)))
 
 
 def _are_siblings(left: Branch, right: Branch) -> bool:

@@ -94,28 +94,37 @@ class ErrorState:
     axes : names of its components; one without a name where it is a single number
     common : whether one value holds for all vehicles
     sigma : of a team, the standard deviation of each vehicle's, (n,)
+    act : how it acts on its vehicle: as a share that is added to its "speed", as its "turn" rate,
+        as a "drift" of its air, as a "shift" of what it reads, or as a "delay" of its stamps
     moves : of orbits, vehicles (s,) and times (s,) s, by how much a unit of each component moves
         them until then: (axes, 3, s) m, m, rad
     shifts : name of the kind of sighting whose values it is added to; empty if none
     times : of a team, the correlation time of each vehicle's in s, (n,); None of a constant
-    drifts : whether it moves the place, by the sample time times it at each sample
-    delays : whether it is added to the time of what is sighted
     """
 
     unit: str
     axes: tuple[str, ...]
     common: bool
+    act: str
     sigma: Callable[[Disturbed], Array]
     moves: Callable[[Orbits, Index, Array], Array]
     shifts: str = ""
     times: Callable[[Disturbed], Array] | None = None
-    drifts: bool = False
-    delays: bool = False
 
     @property
     def constant(self) -> bool:
         """Whether it stays the same through a run."""
         return self.times is None
+
+    @property
+    def drifts(self) -> bool:
+        """Whether it moves the place, by the sample time times it at each sample, and changes."""
+        return self.act == "drift" and not self.constant
+
+    @property
+    def delays(self) -> bool:
+        """Whether it is added to the time of what is sighted."""
+        return self.act == "delay"
 
 
 @dataclass(frozen=True, slots=True)
@@ -276,33 +285,34 @@ _PLANE = ("x", "y")
 
 ERROR_STATES: Mapping[str, ErrorState] = MappingProxyType(
     {
-        "wind": ErrorState("m/s", _PLANE, True, _same("wind"), _wind),
-        "speed_scale": ErrorState("1", ("",), False, _same("speed_scale"), _speed_scale),
+        "wind": ErrorState("m/s", _PLANE, True, "drift", _same("wind"), _wind),
+        "speed_scale": ErrorState("1", ("",), False, "speed", _same("speed_scale"), _speed_scale),
         "turn_rate_bias": ErrorState(
-            "rad/s", ("",), False, _same("turn_rate_bias"), _turn_rate_bias
+            "rad/s", ("",), False, "turn", _same("turn_rate_bias"), _turn_rate_bias
         ),
         "bearing_bias": ErrorState(
-            "rad", ("",), False, _bearing_bias_sigmas, _still, shifts="bearing"
+            "rad", ("",), False, "shift", _bearing_bias_sigmas, _still, shifts="bearing"
         ),
         "gusts": ErrorState(
             "m/s",
             _PLANE,
             False,
+            "drift",
             _same("gust"),
             _no_closed_form,
             times=_gust_times,
-            drifts=True,
         ),
         "bearing_walk": ErrorState(
             "rad",
             ("",),
             False,
+            "shift",
             _bearing_walk_sigmas,
             _still,
             shifts="bearing",
             times=_bearing_walk_times,
         ),
-        "clock_offset": ErrorState("s", ("",), False, _same("clock_offset"), _still, delays=True),
+        "clock_offset": ErrorState("s", ("",), False, "delay", _same("clock_offset"), _still),
     }
 )
 """By name, in the order in which they are drawn, and in which the filter's kernels have them."""

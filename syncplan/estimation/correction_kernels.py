@@ -1,0 +1,779 @@
+"""Correction: what sightings say of the state, and how they correct it and its covariance.
+
+A sighting z of a kind corrects a state x with covariance P, one sighting after another:
+
+    nu = z - h(x),   u = P h,   S = h' u + sigma^2,   x += u nu / S,   P -= u u' / S
+
+h has the slopes by the observer's pose, those of the target's place, which are their negative, and
+1 for a bearing's bias and walk. The gate rejects a sighting by nu^2 / S; one that is NaN is missed:
+its lane's state, covariance and statistics stay as they are.
+
+P is in the frame of `motion_kernels`, and so is a row h: with the ways W of a state since, its
+entry is h W for the observer and -h W for the target. Of a common drift, which moves both alike,
+nothing is left. P is large, and each correction would read all of it; so the halves u of a step's
+corrections are kept, taken off what is read of P, and P is corrected by all of them in one sweep.
+Of P only the lower triangle is maintained.
+
+A vehicle whose clock offset is delta stamps with t what it took at t + delta. By then each vehicle
+has gone on from its pose at t along its arc, in the air that moves; the rate of the reading is,
+with the observer's slopes (h_x, h_y, h_psi),
+
+    h_x (v_o - v_t)_x + h_y (v_o - v_t)_y + h_psi w_o
+
+How that way changes with heading, scale and air is of second order and left out of the row.
+
+Second-order noise is what a sighting's curvature leaves unknown. A filter replaces a sighting by
+its tangent at the estimate. With the error of the relative position split into a along and b across
+the line of sight, at distance rho, its next term is
+
+    -a b / rho^2      of a bearing      variance  (P_aa P_bb + P_ab^2) / rho^4
+    b^2 / (2 rho)     of a distance     variance  P_bb^2 / (2 rho^2)
+
+for normal errors (Isserlis). Added to the variance of the sighting, it keeps a filter whose start
+is uncertain from believing its first sightings too much. A compass is linear and has no such term.
+The mean of the term is left out.
+
+Extension: a further kind of sighting needs one function beside `_bearings` and a branch of `sight`.
+
+Source: Bar-Shalom, Li, Kirubarajan (2001), 10.3, and 10.3.2 (second-order extended Kalman filter).
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from syncplan.arrays import Array, Index
+from syncplan.estimation.filter_setup import (
+    BEARING_KIND,
+    COMPASS_KIND,
+    DELAY,
+    DISTANCE_KIND,
+    DRIFT,
+    SHIFT,
+    SPEED,
+    TURN,
+    FilterSetup,
+    Readings,
+    States,
+)
+from syncplan.estimation.filter_statistics import FilterStatistics
+from syncplan.estimation.kernels import Lanes, inner, kernel
+from syncplan.estimation.motion_kernels import Frame
+
+SMALLEST_SQUARE = 1e-300
+"""Least squared distance in m^2: bodies estimated at one place give a row of zeros, not NaN."""
+
+NEAREST_SQUARE = 1e-12
+"""m^2: nearer bodies count as this far apart, which leaves finite second-order variances."""
+
+AT_ONCE = 8
+"""Sightings that P is corrected by in one sweep."""
+
+
+class Correction(NamedTuple):
+    """Scratch of corrections.
+
+    Fields
+    ------
+    columns, entries : (most,), (most, lanes) of a row
+    slopes : (12, lanes) those of `move`
+    seen : (4, lanes) slopes by the observer's pose and by its clock offset
+    innovation, curvature : (lanes,)
+    halves, gains : (AT_ONCE, 3n + e, lanes) u and u / S of a step's corrections
+    axis_columns, axis_entries : (2, most), (2, most, lanes) of rows of an axis each
+    sums : (7, lanes)
+    places : (2, 3, lanes), rates : (2, 3, lanes) of observer and target when a late stamp was made
+    """
+
+    columns: Index
+    entries: Array
+    slopes: Array
+    seen: Array
+    innovation: Array
+    curvature: Array
+    halves: Array
+    gains: Array
+    axis_columns: Index
+    axis_entries: Array
+    sums: Array
+    places: Array
+    rates: Array
+
+
+@kernel
+def correction_of(states: States, size: int, width: int) -> Correction:
+    """Return scratch for corrections of a state of so many entries and lanes."""
+    most = most_entries(states)
+    return Correction(
+        np.zeros(most, dtype=np.int64),
+        np.zeros((most, width)),
+        np.empty((12, width)),
+        np.empty((4, width)),
+        np.empty(width),
+        np.empty(width),
+        np.empty((AT_ONCE, size, width)),
+        np.empty((AT_ONCE, size, width)),
+        np.zeros((2, most), dtype=np.int64),
+        np.zeros((2, most, width)),
+        np.empty((7, width)),
+        np.zeros((2, 3, width)),
+        np.zeros((2, 3, width)),
+    )
+
+
+@inner
+def most_entries(states: States) -> int:
+    """Return how many entries a row may have: three of each pose, and a row of States each."""
+    most = 0
+    for i in range(len(states.first) - 1):
+        most = max(most, states.first[i + 1] - states.first[i])
+    return int(3 * ((6 + 2 * most + 2) // 3))
+
+
+# --- what is sighted ----------------------------------------------------------------------------
+
+
+@inner
+def _bearings(
+    x: Array,
+    observer: int,
+    target: int,
+    n: int,
+    landmarks: Array,
+    bearings: Array,
+    s: int,
+    row: Array,
+    innovation: Array,
+    lanes: Lanes,
+) -> None:
+    """Fill in a bearing's innovation (lanes,) and the observer's part (3, lanes) of its row.
+
+    The target's part is the negative of the first two.
+    """
+    o, t = 3 * observer, 3 * target
+    for lane in range(len(lanes)):
+        if target < n:
+            dx, dy = x[t, lane], x[t + 1, lane]
+        else:
+            dx, dy = landmarks[target - n, 0], landmarks[target - n, 1]
+        dx -= x[o, lane]
+        dy -= x[o + 1, lane]
+        square = max(dx * dx + dy * dy, SMALLEST_SQUARE)
+        row[0, lane], row[1, lane], row[2, lane] = dy / square, -dx / square, -1.0
+        innovation[lane] = bearings[s, lane] - (math.atan2(dy, dx) - x[o + 2, lane])
+    for lane in range(len(lanes)):
+        turns = np.floor((innovation[lane] + math.pi) / (2.0 * math.pi))
+        innovation[lane] -= 2.0 * math.pi * turns
+
+
+@inner
+def _distances(
+    x: Array,
+    observer: int,
+    target: int,
+    n: int,
+    landmarks: Array,
+    distances: Array,
+    s: int,
+    row: Array,
+    innovation: Array,
+    lanes: Lanes,
+) -> None:
+    """Fill in a distance's innovation and row, as `_bearings` does a bearing's."""
+    o, t = 3 * observer, 3 * target
+    for lane in range(len(lanes)):
+        if target < n:
+            dx, dy = x[t, lane], x[t + 1, lane]
+        else:
+            dx, dy = landmarks[target - n, 0], landmarks[target - n, 1]
+        dx -= x[o, lane]
+        dy -= x[o + 1, lane]
+        rho = math.sqrt(max(dx * dx + dy * dy, SMALLEST_SQUARE))
+        row[0, lane], row[1, lane], row[2, lane] = -dx / rho, -dy / rho, 0.0
+        innovation[lane] = distances[s, lane] - rho
+
+
+@inner
+def _headings(
+    x: Array, observer: int, headings: Array, s: int, row: Array, innovation: Array, lanes: Lanes
+) -> None:
+    """Fill in a compass's innovation and row; it has no target, whose part is zero."""
+    for lane in range(len(lanes)):
+        row[0, lane], row[1, lane], row[2, lane] = 0.0, 0.0, 1.0
+        turn = headings[s, lane] - x[3 * observer + 2, lane]
+        innovation[lane] = turn - 2.0 * math.pi * math.floor((turn + math.pi) / (2.0 * math.pi))
+
+
+@inner
+def sight_poses(
+    kind: int,
+    x: Array,
+    observer: int,
+    target: int,
+    n: int,
+    landmarks: Array,
+    measured: Array,
+    s: int,
+    row: Array,
+    innovation: Array,
+    lanes: Lanes,
+) -> None:
+    """Fill in innovation and row of sighting s, of the kind at this place in SIGHTING_KINDS.
+
+    Shapes are as in `_bearings`; x (3n or more, lanes) begins with poses, and targets from n on are
+    landmarks. A kind that is not in the table leaves both as they are.
+    """
+    if kind == BEARING_KIND:
+        _bearings(x, observer, target, n, landmarks, measured, s, row, innovation, lanes)
+    elif kind == DISTANCE_KIND:
+        _distances(x, observer, target, n, landmarks, measured, s, row, innovation, lanes)
+    elif kind == COMPASS_KIND:
+        _headings(x, observer, measured, s, row, innovation, lanes)
+
+
+@inner
+def sight(
+    s: int,
+    row: int,
+    x: Array,
+    measured: Array,
+    speeds: Array,
+    turn_rates: Array,
+    setup: FilterSetup,
+    work: Correction,
+    lanes: Lanes,
+) -> None:
+    """Fill in slopes and innovation of sighting s of a set-up, which measured[row] (lanes,) reads.
+
+    `speeds` and `turn_rates` (n, lanes) are the readings at the time.
+    """
+    states, n = setup.states, len(speeds)
+    kind, o, t = setup.kinds[s], setup.observers[s], setup.targets[s]
+    begin, end = states.first[o] + 1, states.first[o + 1]
+    clock = -1
+    for m in range(begin, end):
+        if states.acts[m] == DELAY:
+            clock = states.columns[m]
+    if clock >= 0:
+        _sight_later(kind, x, o, t, measured, row, clock, setup, speeds, turn_rates, work, lanes)
+    else:
+        landmarks, seen = setup.landmarks, work.seen
+        sight_poses(kind, x, o, t, n, landmarks, measured, row, seen, work.innovation, lanes)
+    for m in range(begin, end):
+        if states.acts[m] == SHIFT and states.kinds[m] == kind:
+            _expect_shift(x, states.columns[m], kind, work.innovation, lanes)
+
+
+@inner
+def _expect_shift(x: Array, column: int, kind: int, innovation: Array, lanes: Lanes) -> None:
+    """Take the shift that is expected of a sighting, a state, off its innovation."""
+    for lane in range(len(lanes)):
+        off = innovation[lane] - x[column, lane]
+        if kind != DISTANCE_KIND:
+            off -= 2.0 * math.pi * math.floor((off + math.pi) / (2.0 * math.pi))
+        innovation[lane] = off
+
+
+@kernel
+def _sight_later(
+    kind: int,
+    x: Array,
+    o: int,
+    t: int,
+    measured: Array,
+    row: int,
+    clock: int,
+    setup: FilterSetup,
+    speeds: Array,
+    turn_rates: Array,
+    work: Correction,
+    lanes: Lanes,
+) -> None:
+    """The same of a sighting whose stamp is off by the state in column `clock`."""
+    n, rates, seen = len(speeds), work.rates, work.seen
+    rates[1] = 0.0
+    for place, i in enumerate((o, t)):
+        if i < n:
+            _go_on(x, i, x[clock], setup.states, speeds, turn_rates, work, place, lanes)
+    # there are but these two; landmarks follow
+    target = 1 if t < n else 2 + t - n
+    poses = work.places.reshape(6, len(lanes))
+    landmarks, innovation = setup.landmarks, work.innovation
+    sight_poses(kind, poses, 0, target, 2, landmarks, measured, row, seen, innovation, lanes)
+    for lane in range(len(lanes)):
+        along = seen[0, lane] * (rates[0, 0, lane] - rates[1, 0, lane])
+        across = seen[1, lane] * (rates[0, 1, lane] - rates[1, 1, lane])
+        seen[3, lane] = along + across + seen[2, lane] * rates[0, 2, lane]
+
+
+@inner
+def _go_on(
+    x: Array,
+    i: int,
+    offsets: Array,
+    states: States,
+    speeds: Array,
+    turn_rates: Array,
+    work: Correction,
+    place: int,
+    lanes: Lanes,
+) -> None:
+    """Fill in vehicle i's pose, `offsets` (lanes,) s later, and how it changes then."""
+    r, pose, rates = 3 * i, work.places[place], work.rates[place]
+    for lane in range(len(lanes)):
+        # so far its speed, its turn rate, and the air's velocity
+        pose[0, lane], pose[1, lane], pose[2, lane] = 1.0, turn_rates[i, lane], 0.0
+        rates[0, lane], rates[1, lane] = 0.0, 0.0
+    for m in range(states.first[i] + 1, states.first[i + 1]):
+        act, column = states.acts[m], states.columns[m]
+        for lane in range(len(lanes)):
+            if act == SPEED:
+                pose[0, lane] += x[column, lane]
+            elif act == TURN:
+                pose[1, lane] += x[column, lane]
+            elif act == DRIFT:
+                rates[states.axes[m, 0], lane] += x[column, lane]
+    for lane in range(len(lanes)):
+        speed, turning = pose[0, lane] * speeds[i, lane], pose[1, lane]
+        psi, span = x[r + 2, lane], offsets[lane]
+        halfway, then = psi + 0.5 * turning * span, psi + turning * span
+        air_x, air_y = rates[0, lane], rates[1, lane]
+        pose[0, lane] = x[r, lane] + span * (speed * math.cos(halfway) + air_x)
+        pose[1, lane] = x[r + 1, lane] + span * (speed * math.sin(halfway) + air_y)
+        pose[2, lane] = then
+        rates[0, lane] = speed * math.cos(then) + air_x
+        rates[1, lane] = speed * math.sin(then) + air_y
+        rates[2, lane] = turning
+
+
+# --- rows in the frame of the covariance --------------------------------------------------------
+
+
+@inner
+def refer(s: int, setup: FilterSetup, frame: Frame, work: Correction, lanes: Lanes) -> int:
+    """Fill in the row of sighting s in P's frame; return how many entries it has, in threes.
+
+    The slopes are those of `sight`.
+    """
+    states, columns, entries = setup.states, work.columns, work.entries
+    kind, o, t = setup.kinds[s], setup.observers[s], setup.targets[s]
+    n = len(states.first) - 1
+    apart = t >= n or t == o
+    count = _refer_vehicle(o, 1.0, apart, states, frame, work, 0, lanes)
+    for m in range(states.first[o] + 1, states.first[o + 1]):
+        act, column = states.acts[m], states.columns[m]
+        if act == SHIFT and states.kinds[m] == kind:
+            columns[count], entries[count] = column, frame.left[column - 3 * n]
+            count += 1
+        elif act == DELAY:
+            columns[count] = column
+            for lane in range(len(lanes)):
+                entries[count, lane] = work.seen[3, lane]
+            count += 1
+    if not apart:
+        count = _refer_vehicle(t, -1.0, apart, states, frame, work, count, lanes)
+    while count % 3:
+        columns[count], entries[count] = 0, 0.0
+        count += 1
+    return count
+
+
+@inner
+def _refer_vehicle(
+    i: int,
+    sign: float,
+    apart: bool,
+    states: States,
+    frame: Frame,
+    work: Correction,
+    count: int,
+    lanes: Lanes,
+) -> int:
+    """Add the entries of one vehicle: observer, or with the sign -1 target."""
+    columns, entries, seen, ways = work.columns, work.entries, work.seen, frame.ways
+    heading, turns = states.first[i], 1.0 if sign > 0.0 else 0.0
+    columns[count], columns[count + 1], columns[count + 2] = 3 * i, 3 * i + 1, 3 * i + 2
+    for lane in range(len(lanes)):
+        entries[count, lane] = sign * seen[0, lane]
+        entries[count + 1, lane] = sign * seen[1, lane]
+        entries[count + 2, lane] = turns * seen[2, lane]
+    count += 3
+    if frame.fresh[0]:
+        return count
+    for lane in range(len(lanes)):
+        way = seen[0, lane] * ways[heading, 0, lane] + seen[1, lane] * ways[heading, 1, lane]
+        entries[count - 1, lane] += sign * way
+    for m in range(heading + 1, states.first[i + 1]):
+        axis, end = states.axes[m, 0], states.axes[m, 1]
+        if axis == end or (states.acts[m] == DRIFT and states.common[m] and not apart):
+            continue
+        columns[count] = states.columns[m]
+        if end - axis == 1:
+            for lane in range(len(lanes)):
+                entries[count, lane] = sign * seen[axis, lane] * ways[m, axis, lane]
+        else:
+            for lane in range(len(lanes)):
+                way = seen[0, lane] * ways[m, 0, lane] + seen[1, lane] * ways[m, 1, lane]
+                about = turns * seen[2, lane] * ways[m, 2, lane]
+                entries[count, lane] = sign * way + about
+        count += 1
+    return count
+
+
+@inner
+def refer_place(
+    i: int,
+    axis: int,
+    sign: float,
+    apart: bool,
+    states: States,
+    frame: Frame,
+    columns: Index,
+    entries: Array,
+    count: int,
+    lanes: Lanes,
+) -> int:
+    """Add the entries, in P's frame, of an axis of a vehicle's place; return how many there are.
+
+    `columns` (2, most) and `entries` (2, most, lanes) are rows of both axes.
+    """
+    columns[axis, count] = 3 * i + axis
+    for lane in range(len(lanes)):
+        entries[axis, count, lane] = sign
+    count += 1
+    if frame.fresh[0]:
+        return count
+    for m in range(states.first[i], states.first[i + 1]):
+        if not states.axes[m, 0] <= axis < states.axes[m, 1]:
+            continue
+        if states.acts[m] == DRIFT and states.common[m] and not apart:
+            continue
+        columns[axis, count] = states.columns[m]
+        for lane in range(len(lanes)):
+            entries[axis, count, lane] = sign * frame.ways[m, axis, lane]
+        count += 1
+    return count
+
+
+@inner
+def spread(
+    P: Array,
+    columns: Index,
+    h: Array,
+    axes: tuple[int, int],
+    counts: tuple[int, int],
+    sums: Array,
+    row: int,
+    lanes: Lanes,
+) -> None:
+    """Fill in h_a' P h_b, sums[row] (lanes,), of the rows of two axes with so many entries."""
+    (a, b), (count, other_count) = axes, counts
+    for lane in range(len(lanes)):
+        sums[row, lane] = 0.0
+    for p in range(count):
+        for q in range(p + 1 if a == b else other_count):
+            i, j = columns[a, p], columns[b, q]
+            i, j = max(i, j), min(i, j)
+            share = 2.0 if a == b and q < p else 1.0
+            for lane in range(len(lanes)):
+                product = share * h[a, p, lane] * h[b, q, lane]
+                sums[row, lane] += product * P[i, j, lane]
+
+
+@inner
+def _share(
+    columns: Index,
+    h: Array,
+    axis: int,
+    count: int,
+    halves: Array,
+    place: int,
+    sums: Array,
+    row: int,
+    lanes: Lanes,
+) -> None:
+    """Fill in h . u, sums[row] (lanes,), of the row of an axis and the half at a place."""
+    for lane in range(len(lanes)):
+        sums[row, lane] = 0.0
+    for c in range(count):
+        k = columns[axis, c]
+        for lane in range(len(lanes)):
+            sums[row, lane] += h[axis, c, lane] * halves[place, k, lane]
+
+
+@inner
+def _curve(
+    s: int,
+    x: Array,
+    P: Array,
+    pending: int,
+    setup: FilterSetup,
+    frame: Frame,
+    work: Correction,
+    lanes: Lanes,
+) -> None:
+    """Fill in the curvature: the variance of the second-order term of sighting s.
+
+    `pending` corrections of this step are not in P yet.
+    """
+    kind, o, t = setup.kinds[s], setup.observers[s], setup.targets[s]
+    n, states = len(setup.states.first) - 1, setup.states
+    columns, h, sums, apart = work.axis_columns, work.axis_entries, work.sums, t >= n
+    e = refer_place(o, 0, -1.0, apart, states, frame, columns, h, 0, lanes)
+    w = refer_place(o, 1, -1.0, apart, states, frame, columns, h, 0, lanes)
+    if not apart:
+        e = refer_place(t, 0, 1.0, apart, states, frame, columns, h, e, lanes)
+        w = refer_place(t, 1, 1.0, apart, states, frame, columns, h, w, lanes)
+    spread(P, columns, h, (0, 0), (e, e), sums, 0, lanes)
+    spread(P, columns, h, (0, 1), (e, w), sums, 1, lanes)
+    spread(P, columns, h, (1, 1), (w, w), sums, 2, lanes)
+    for j in range(pending):
+        _share(columns, h, 0, e, work.halves, j, sums, 3, lanes)
+        _share(columns, h, 1, w, work.halves, j, sums, 4, lanes)
+        _share(columns, h, 0, e, work.gains, j, sums, 5, lanes)
+        _share(columns, h, 1, w, work.gains, j, sums, 6, lanes)
+        for lane in range(len(lanes)):
+            sums[0, lane] -= sums[5, lane] * sums[3, lane]
+            mixed = sums[5, lane] * sums[4, lane] + sums[6, lane] * sums[3, lane]
+            sums[1, lane] -= 0.5 * mixed
+            sums[2, lane] -= sums[6, lane] * sums[4, lane]
+    for lane in range(len(lanes)):
+        if t < n:
+            dx, dy = x[3 * t, lane], x[3 * t + 1, lane]
+        else:
+            dx, dy = setup.landmarks[t - n, 0], setup.landmarks[t - n, 1]
+        dx -= x[3 * o, lane]
+        dy -= x[3 * o + 1, lane]
+        xx, xy, yy = sums[0, lane], sums[1, lane], sums[2, lane]
+        work.curvature[lane] = second_order_variance(kind, dx, dy, xx, xy, yy)
+
+
+@inner
+def second_order_variance(
+    kind: int, dx: float, dy: float, xx: float, xy: float, yy: float
+) -> float:
+    """Return the variance of the second-order term, in the kind's unit squared.
+
+    (dx, dy) is the relative position in m, xx, xy and yy are its covariance in m^2.
+    """
+    if kind == COMPASS_KIND:
+        return 0.0
+    square = max(dx * dx + dy * dy, NEAREST_SQUARE)
+    if kind == DISTANCE_KIND:
+        across = (dy * dy * xx - 2.0 * dx * dy * xy + dx * dx * yy) / square
+        return across * across / (2.0 * square)
+    mixed = (dx * dy * (yy - xx) + (dx * dx - dy * dy) * xy) / square
+    # P_aa P_bb = det P + P_ab^2, whatever the axes
+    return max(xx * yy - xy * xy + 2.0 * mixed * mixed, 0.0) / (square * square)
+
+
+# --- corrections --------------------------------------------------------------------------------
+
+
+@inner
+def multiply(
+    P: Array, columns: Index, h: Array, count: int, halves: Array, place: int, lanes: Lanes
+) -> None:
+    """u = P h, halves[place] (3n + e, lanes), three entries of h at a time."""
+    for c in range(0, count, 3):
+        p, q, r = columns[c], columns[c + 1], columns[c + 2]
+        for k in range(len(P)):
+            a0, b0, a1, b1 = max(k, p), min(k, p), max(k, q), min(k, q)
+            a2, b2 = max(k, r), min(k, r)
+            if c == 0:
+                for lane in range(len(lanes)):
+                    halves[place, k, lane] = (
+                        h[0, lane] * P[a0, b0, lane]
+                        + h[1, lane] * P[a1, b1, lane]
+                        + h[2, lane] * P[a2, b2, lane]
+                    )
+            else:
+                for lane in range(len(lanes)):
+                    halves[place, k, lane] += (
+                        h[c, lane] * P[a0, b0, lane]
+                        + h[c + 1, lane] * P[a1, b1, lane]
+                        + h[c + 2, lane] * P[a2, b2, lane]
+                    )
+
+
+@inner
+def dot(
+    columns: Index,
+    h: Array,
+    count: int,
+    halves: Array,
+    place: int,
+    products: Array,
+    row: int,
+    lanes: Lanes,
+) -> None:
+    """Fill in h . u, products[row] (lanes,), of the half at a place."""
+    for lane in range(len(lanes)):
+        products[row, lane] = 0.0
+    for c in range(0, count, 3):
+        p, q, r = columns[c], columns[c + 1], columns[c + 2]
+        for lane in range(len(lanes)):
+            products[row, lane] += (
+                h[c, lane] * halves[place, p, lane]
+                + h[c + 1, lane] * halves[place, q, lane]
+                + h[c + 2, lane] * halves[place, r, lane]
+            )
+
+
+@inner
+def take_off(
+    gains: Array, j: int, shares: Array, row: int, halves: Array, place: int, lanes: Lanes
+) -> None:
+    """u -= gain shares: the correction by sighting j that P has not had yet."""
+    for k in range(halves.shape[1]):
+        for lane in range(len(lanes)):
+            halves[place, k, lane] -= gains[j, k, lane] * shares[row, lane]
+
+
+@inner
+def correct_state(
+    x: Array,
+    gains: Array,
+    place: int,
+    innovation: Array,
+    states: States,
+    frame: Frame,
+    lanes: Lanes,
+) -> None:
+    """x += F gain innovation: the gain is in P's frame, and x (3n + e, lanes) is as it is now."""
+    n, ways = len(states.first) - 1, frame.ways
+    for k in range(3 * n):
+        for lane in range(len(lanes)):
+            x[k, lane] += gains[place, k, lane] * innovation[lane]
+    for k in range(3 * n, len(x)):
+        left = frame.left[k - 3 * n]
+        for lane in range(len(lanes)):
+            x[k, lane] += left * gains[place, k, lane] * innovation[lane]
+    if frame.fresh[0]:
+        return
+    for i in range(n):
+        for m in range(states.first[i], states.first[i + 1]):
+            c = states.columns[m]
+            for a in range(states.axes[m, 0], states.axes[m, 1]):
+                for lane in range(len(lanes)):
+                    moved = ways[m, a, lane] * gains[place, c, lane]
+                    x[3 * i + a, lane] += moved * innovation[lane]
+
+
+@inner
+def correct_covariance(P: Array, u: Array, g: Array, pending: int, lanes: Lanes) -> None:
+    """P -= sum of g u' over the pending sightings, on the lower triangle."""
+    done = 0
+    while pending - done >= 4:
+        a, b, c, d = done, done + 1, done + 2, done + 3
+        for i in range(len(P)):
+            for j in range(i + 1):
+                for lane in range(len(lanes)):
+                    first = g[a, i, lane] * u[a, j, lane] + g[b, i, lane] * u[b, j, lane]
+                    last = g[c, i, lane] * u[c, j, lane] + g[d, i, lane] * u[d, j, lane]
+                    P[i, j, lane] -= first + last
+        done += 4
+    while pending - done >= 2:
+        a, b = done, done + 1
+        for i in range(len(P)):
+            for j in range(i + 1):
+                for lane in range(len(lanes)):
+                    both = g[a, i, lane] * u[a, j, lane] + g[b, i, lane] * u[b, j, lane]
+                    P[i, j, lane] -= both
+        done += 2
+    if done < pending:
+        for i in range(len(P)):
+            for j in range(i + 1):
+                for lane in range(len(lanes)):
+                    P[i, j, lane] -= g[done, i, lane] * u[done, j, lane]
+
+
+@inner
+def correct(
+    x: Array,
+    P: Array,
+    step: int,
+    setup: FilterSetup,
+    readings: Readings,
+    about: Array,
+    is_off: bool,
+    frame: Frame,
+    work: Correction,
+    statistics: FilterStatistics,
+    lanes: Lanes,
+) -> None:
+    """Correct state and P by the sightings of a step, one after another, and count them.
+
+    `about` (3n + e, lanes) is the state at which they are linearised. It is x itself, or, where
+    `is_off`, x is what the state is off it.
+    """
+    pending, columns, h = 0, work.columns, work.entries
+    seen, innovation, halves, gains = work.seen, work.innovation, work.halves, work.gains
+    speeds, turn_rates = readings.speeds[step - 1], readings.turn_rates[step - 1]
+    for s in range(setup.first[step], setup.first[step + 1]):
+        if setup.second_order and setup.kinds[s] != COMPASS_KIND:
+            _curve(s, x, P, pending, setup, frame, work, lanes)
+        else:
+            for lane in range(len(lanes)):
+                work.curvature[lane] = 0.0
+        sight(s, s, about, readings.sightings, speeds, turn_rates, setup, work, lanes)
+        if is_off:
+            _expect_off(s, x, setup, work, lanes)
+        count = refer(s, setup, frame, work, lanes)
+        multiply(P, columns, h, count, halves, pending, lanes)
+        for j in range(pending):
+            dot(columns, h, count, halves, j, seen, 0, lanes)
+            take_off(gains, j, seen, 0, halves, pending, lanes)
+        dot(columns, h, count, halves, pending, seen, 0, lanes)
+        _weigh(setup.variances[s], setup.gate, work, statistics, lanes)
+        if s < len(statistics.innovations):
+            for lane in range(len(lanes)):
+                statistics.innovations[s, 0, lane] = innovation[lane]
+                statistics.innovations[s, 1, lane] = seen[0, lane]
+        for k in range(len(P)):
+            for lane in range(len(lanes)):
+                gains[pending, k, lane] = halves[pending, k, lane] * seen[0, lane]
+        correct_state(x, gains, pending, innovation, setup.states, frame, lanes)
+        pending += 1
+        if pending == AT_ONCE:
+            correct_covariance(P, halves, gains, pending, lanes)
+            pending = 0
+    correct_covariance(P, halves, gains, pending, lanes)
+
+
+@inner
+def _expect_off(s: int, x: Array, setup: FilterSetup, work: Correction, lanes: Lanes) -> None:
+    """Take off the innovations what a state that is off leads one to expect."""
+    states, seen, n = setup.states, work.seen, len(setup.states.first) - 1
+    kind, o, t = setup.kinds[s], setup.observers[s], setup.targets[s]
+    for lane in range(len(lanes)):
+        a, b = seen[0, lane], seen[1, lane]
+        off = a * x[3 * o, lane] + b * x[3 * o + 1, lane] + seen[2, lane] * x[3 * o + 2, lane]
+        if t < n:
+            off -= a * x[3 * t, lane] + b * x[3 * t + 1, lane]
+        for m in range(states.first[o] + 1, states.first[o + 1]):
+            if states.acts[m] == SHIFT and states.kinds[m] == kind:
+                off += x[states.columns[m], lane]
+            elif states.acts[m] == DELAY:
+                off += seen[3, lane] * x[states.columns[m], lane]
+        work.innovation[lane] -= off
+
+
+@inner
+def _weigh(
+    variance: float, gate: float, work: Correction, statistics: FilterStatistics, lanes: Lanes
+) -> None:
+    """Turn h' P h, in seen[0], into 1 / S: 0 where a sighting is missed, or rejected."""
+    weight, innovation = work.seen, work.innovation
+    for lane in range(len(lanes)):
+        total = max(weight[0, lane], 0.0) + (variance + work.curvature[lane])
+        made = 0.0 if math.isnan(innovation[lane]) else 1.0
+        off = 0.0 if math.isnan(innovation[lane]) else innovation[lane]
+        square = off * off
+        accepted = made if square <= gate * total else 0.0
+        statistics.nis[lane] += accepted * (square / total)
+        statistics.accepted[lane] += accepted
+        statistics.gated[lane] += made - accepted
+        innovation[lane] = off
+        weight[0, lane] = accepted / total
