@@ -5,8 +5,8 @@ Along a trajectory the system is linear in small changes m of it:
     m, P from the prior about the trajectory,   nu = z - h(trajectory) - h' m
     S = h' P h + R,   g = P h / S,   m += g nu,   P -= g (P h)'
 
-P is in the frame of `augmented_frame`, where prediction only adds noise. Lanes are as in
-`batched_filter`, and of P only the lower triangle is maintained.
+P is in the frame of `motion_kernels`, where prediction only adds noise, and of it only the lower
+triangle is maintained.
 
 Source: Bell (1994), The iterated Kalman smoother as a Gauss-Newton method, SIAM Journal on
 Optimization 4.
@@ -17,23 +17,6 @@ import math
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.estimation.augmented_clocks import Read
-from syncplan.estimation.augmented_correction import (
-    AT_ONCE,
-    correct_covariance,
-    correct_state,
-    take_off,
-)
-from syncplan.estimation.augmented_frame import GUST, OWN, Frame, bring_to_now, frame_of
-from syncplan.estimation.augmented_prediction import (
-    LEAST_LEFT,
-    add_reading_noise,
-    gained,
-    grow_older,
-    move,
-)
-from syncplan.estimation.augmented_rows import dot, multiply, refer
-from syncplan.estimation.augmented_setup import AugmentedSetup
 from syncplan.estimation.batch_problem import (
     FAR,
     Linearised,
@@ -44,178 +27,192 @@ from syncplan.estimation.batch_problem import (
     change,
     correct_readings,
     first_sighting,
-    innovate,
     misfit,
 )
-from syncplan.estimation.batched_filter import motion_in
-from syncplan.estimation.filter_setup import MotionModel
-from syncplan.estimation.lane_filter import Lanes, compiled
+from syncplan.estimation.correction_kernels import (
+    AT_ONCE,
+    Correction,
+    correct_covariance,
+    correct_state,
+    correction_of,
+    dot,
+    multiply,
+    refer,
+    sight,
+    take_off,
+)
+from syncplan.estimation.filter_setup import DRIFT, FilterSetup, MotionModel
+from syncplan.estimation.kernels import Lanes, inner, kernel
+from syncplan.estimation.motion_kernels import (
+    LEAST_LEFT,
+    Frame,
+    add_changes,
+    add_reading_noise,
+    bring_to_now,
+    frame_of,
+    grow_older,
+    motion_in,
+    move,
+)
 
 
-@compiled
+@kernel
 def linear_pass(
-    setup: AugmentedSetup,
+    setup: FilterSetup,
     window: Window,
     prior: Prior,
     path: Trajectory,
     found: Linearised,
     lanes: Lanes,
-) -> tuple[Array, Array, Array]:
+) -> tuple[Array, Array]:
     """Filter along the trajectories, filling in `found`.
 
-    Returns poses (n, 3, lanes), errors (e, lanes) and the lower triangle of the covariance at the
-    end, as the last sighting leaves them.
+    Returns the state (3n + e, lanes) and the lower triangle of the covariance at the end, as the
+    last sighting leaves them.
     """
-    poses, n, size, width = setup.poses, len(path.poses), len(prior.variances), len(lanes)
-    x, errors, P = path.poses.copy(), path.errors.copy(), np.zeros((size, size, width))
-    mean, frame = np.empty((size, width)), frame_of(setup, lanes)
-    slopes, before = np.empty((12, width)), np.empty((OWN, 3, width))
-    speeds, turn_rates = np.empty((n, width)), np.empty((n, width))
-    scratch = np.empty((AT_ONCE, size, width)), np.empty((4, width)), np.empty(width)
+    n, size, width = path.speeds.shape[1], len(prior.variances), len(lanes)
+    x, P, mean = path.start.copy(), np.zeros((size, size, width)), np.empty((1, size, width))
+    frame, work = frame_of(setup.states, width), correction_of(setup.states, size, width)
+    speeds, turn_rates, ones = np.empty((n, width)), np.empty((n, width)), np.ones(width)
     found.cost[:], found.linear_cost[:] = 0.0, 0.0
     add_prior_cost(prior, path, found.cost, lanes)
     for k in range(size):
-        P[k, k] = prior.variances[k]
         for lane in range(width):
-            if k < 3 * n:
-                mean[k, lane] = prior.poses[k // 3, k % 3, lane] - x[k // 3, k % 3, lane]
-            else:
-                mean[k, lane] = prior.errors[k - 3 * n, lane] - errors[k - 3 * n, lane]
+            P[k, k, lane] = prior.variances[k]
+            mean[0, k, lane] = prior.mean[k, lane] - x[k, lane]
     left = 0
     for k in range(len(path.speeds)):
-        motion = motion_in(poses, window.begin + k + 1)
+        motion = motion_in(setup, window.begin + k + 1)
         correct_readings(motion, window, path, k, speeds, turn_rates, found.cost, lanes)
         for i in range(n):
-            move(x, errors, i, speeds, turn_rates, motion, setup.columns[i], slopes, lanes)
-            _add_noise(P, mean, i, k, motion, path, frame, slopes, found.ways[k, i], lanes)
+            move(x, i, speeds, turn_rates, motion, setup.states, work.slopes, lanes)
+            add_reading_noise(P, i, motion, setup.states, frame, work.slopes, lanes)
+            _expect_noise(mean, i, k, motion, path, work.slopes, found.ways, lanes)
         if grow_older(setup, motion.time, frame) < LEAST_LEFT:
-            found.frames[left], found.frame_ages[left], found.frame_lefts[left] = frame
-            _carry_mean(mean, n, setup, frame, lanes)
-            bring_to_now(P, setup, frame, before, lanes)
+            found.frames[left], found.frame_lefts[left] = frame.ways, frame.left
+            _carry_mean(mean, setup, frame, lanes)
+            bring_to_now(P, setup.states, frame, lanes)
             left += 1
             found.ended[k] = 1.0
-        found.blown[k], found.lefts[k] = frame[1][1], frame[2]
-        change(errors, setup, motion.time, path.changes[k], found.cost, lanes)
-        _add_changes(P, mean, setup, motion.time, path.changes[k], frame, lanes)
-        read = speeds, turn_rates
-        _take_in(x, errors, P, mean, k, setup, window, read, frame, scratch, found, lanes)
-    correct_state(x, errors, mean, np.ones(width), setup, frame, lanes)
-    bring_to_now(P, setup, frame, before, lanes)
-    return x, errors, P
+        change(x, setup, motion.time, path.changes, k, found.cost, lanes)
+        add_changes(P, setup, motion.time, frame, lanes)
+        _expect_changes(mean, k, setup, path.changes, frame, found, lanes)
+        _take_in(x, P, mean, k, setup, window, speeds, turn_rates, frame, work, found, lanes)
+    correct_state(x, mean, 0, ones, setup.states, frame, lanes)
+    bring_to_now(P, setup.states, frame, lanes)
+    return x, P
 
 
-@compiled
-def _add_noise(
-    P: Array,
+@inner
+def _expect_noise(
     mean: Array,
     i: int,
     k: int,
     motion: MotionModel,
     path: Trajectory,
-    frame: Frame,
     slopes: Array,
-    way: Array,
+    ways: Array,
     lanes: Lanes,
 ) -> None:
-    """Noise of a sample of vehicle i in P's frame; what is expected of it is none at all."""
+    """What is expected of the noise of sample k of vehicle i, in P's frame, is none at all."""
     r = 3 * i
-    add_reading_noise(P, i, motion, frame, slopes, lanes)
     for c in range(4):
-        way[c] = slopes[2 + c]
+        for lane in range(len(lanes)):
+            ways[k, i, c, lane] = slopes[2 + c, lane]
     for lane in range(len(lanes)):
         v, w = path.speeds[k, i, lane], path.turn_rates[k, i, lane]
-        mean[r, lane] -= way[0, lane] * v + way[2, lane] * w
-        mean[r + 1, lane] -= way[1, lane] * v + way[3, lane] * w
-        mean[r + 2, lane] -= motion.time * w
+        mean[0, r, lane] -= slopes[2, lane] * v + slopes[4, lane] * w
+        mean[0, r + 1, lane] -= slopes[3, lane] * v + slopes[5, lane] * w
+        mean[0, r + 2, lane] -= motion.time * w
 
 
-@compiled
-def _add_changes(
-    P: Array,
-    mean: Array,
-    setup: AugmentedSetup,
-    time: float,
-    gains: Array,
-    frame: Frame,
-    lanes: Lanes,
-) -> None:
-    """The same of errors that change, which P's frame takes for larger by 1 / what is left."""
-    _, age, left = frame
-    first, begin = len(P) - len(left), len(P) - len(gains)
-    for k in range(begin - first, len(left)):
-        noise, c = gained(setup, k, time) / (left[k] * left[k]), first + k
-        for lane in range(len(lanes)):
-            P[c, c, lane] += noise
-            mean[c, lane] -= gains[c - begin, lane] / left[k]
-    for i in range(len(setup.columns)):
-        for axis in range(2):
-            c, r = setup.columns[i, GUST + axis], 3 * i + axis
-            if c >= 0:
-                share = left[c - first]
-                noise = gained(setup, c - first, time) / (share * share)
-                for lane in range(len(lanes)):
-                    P[c, r, lane] -= noise * age[1]
-                    P[r, r, lane] += noise * age[1] * age[1]
-                    mean[r, lane] += gains[c - begin, lane] / share * age[1]
-
-
-@compiled
-def _carry_mean(mean: Array, n: int, setup: AugmentedSetup, frame: Frame, lanes: Lanes) -> None:
-    """Bring the mean (3n + e, lanes) from P's frame to the present."""
-    x, errors = np.zeros((n, 3, len(lanes))), np.zeros((len(mean) - 3 * n, len(lanes)))
-    correct_state(x, errors, mean, np.ones(len(lanes)), setup, frame, lanes)
-    for i in range(n):
-        for c in range(3):
-            mean[3 * i + c] = x[i, c]
-    mean[3 * n :] = errors
-
-
-@compiled
-def _take_in(
-    x: Array,
-    errors: Array,
-    P: Array,
+@inner
+def _expect_changes(
     mean: Array,
     k: int,
-    setup: AugmentedSetup,
-    window: Window,
-    read: Read,
+    setup: FilterSetup,
+    gains: Array,
     frame: Frame,
-    scratch: tuple[Array, Array, Array],
     found: Linearised,
     lanes: Lanes,
 ) -> None:
-    """Correct mean and P by the sightings of a sample; x and errors are the trajectory's."""
-    poses, begin = setup.poses, first_sighting(setup, window)
-    us, seen, innovation = scratch
-    first, last = poses.first[window.begin + k + 1], poses.first[window.begin + k + 2]
+    """The same of bias states that change, which P's frame takes for larger by 1 / what is left."""
+    states, left = setup.states, frame.left
+    begin, first = states.first_changing, mean.shape[1] - len(left)
+    for c in range(len(left)):
+        found.lefts[k, c] = left[c]
+    for c in range(begin, mean.shape[1]):
+        for lane in range(len(lanes)):
+            mean[0, c, lane] -= gains[k, c - begin, lane] / left[c - first]
+    for i in range(len(states.first) - 1):
+        for m in range(states.first[i], states.first[i + 1]):
+            c, axis = states.columns[m], states.axes[m, 0]
+            if states.acts[m] == DRIFT and c >= begin:
+                # the same in all lanes
+                since = frame.ways[m, axis, 0]
+                found.since[k, m] = since
+                for lane in range(len(lanes)):
+                    gain = gains[k, c - begin, lane] / left[c - first]
+                    mean[0, 3 * i + axis, lane] += gain * since
+
+
+@inner
+def _carry_mean(mean: Array, setup: FilterSetup, frame: Frame, lanes: Lanes) -> None:
+    """Bring the mean (1, 3n + e, lanes) from P's frame to the present."""
+    now, ones = np.zeros(mean.shape[1:]), np.ones(len(lanes))
+    correct_state(now, mean, 0, ones, setup.states, frame, lanes)
+    for k in range(len(now)):
+        for lane in range(len(lanes)):
+            mean[0, k, lane] = now[k, lane]
+
+
+@inner
+def _take_in(
+    x: Array,
+    P: Array,
+    mean: Array,
+    k: int,
+    setup: FilterSetup,
+    window: Window,
+    speeds: Array,
+    turn_rates: Array,
+    frame: Frame,
+    work: Correction,
+    found: Linearised,
+    lanes: Lanes,
+) -> None:
+    """Correct mean and P by the sightings of a sample; x is the trajectory's."""
+    begin, seen, innovation = first_sighting(setup, window), work.seen, work.innovation
+    columns, h, halves = work.columns, work.entries, work.halves
+    first, last = setup.first[window.begin + k + 1], setup.first[window.begin + k + 2]
     done = first
     for s in range(first, last):
-        place = s - begin
-        kind = innovate(x, errors, s, begin, setup, window, read, seen, innovation, lanes)
-        row = found.columns[place], found.entries[place]
-        o, t = poses.observers[s], poses.targets[s]
-        count = refer(seen, o, t, kind, setup, frame, row, lanes)
+        place, pending = s - begin, s - done
+        sight(s, place, x, window.sightings, speeds, turn_rates, setup, work, lanes)
+        count = refer(s, setup, frame, work, lanes)
         found.counts[place] = count
-        u, gain, pending = us[s - done], found.gains[place], s - done
-        multiply(P, row, count, u, lanes)
+        for c in range(count):
+            found.columns[place, c] = columns[c]
+            for lane in range(len(lanes)):
+                found.entries[place, c, lane] = h[c, lane]
+        multiply(P, columns, h, count, halves, pending, lanes)
         for j in range(pending):
-            dot(row, count, us[j], seen[1], lanes)
-            take_off(found.gains[done - begin + j], seen[1], u, lanes)
-        dot(row, count, u, seen[0], lanes)
-        dot(row, count, mean, seen[1], lanes)
-        _weigh(poses.variances[s], poses.gate, window.temper, seen, innovation, found, place, lanes)
+            dot(columns, h, count, halves, j, seen, 1, lanes)
+            take_off(found.gains, done - begin + j, seen, 1, halves, pending, lanes)
+        dot(columns, h, count, halves, pending, seen, 0, lanes)
+        dot(columns, h, count, mean, 0, seen, 1, lanes)
+        _weigh(setup.variances[s], setup.gate, window.temper, seen, innovation, found, place, lanes)
         for i in range(len(P)):
             for lane in range(len(lanes)):
-                gain[i, lane] = u[i, lane] * seen[0, lane]
-                mean[i, lane] += gain[i, lane] * innovation[lane]
+                found.gains[place, i, lane] = halves[pending, i, lane] * seen[0, lane]
+                mean[0, i, lane] += found.gains[place, i, lane] * innovation[lane]
         if pending + 1 == AT_ONCE or s + 1 == last:
-            halves = us, found.gains[done - begin : s + 1 - begin]
-            correct_covariance(P, pending + 1, halves, lanes)
+            gains = found.gains[done - begin : s + 1 - begin]
+            correct_covariance(P, halves, gains, pending + 1, lanes)
             done = s + 1
 
 
-@compiled
+@inner
 def _weigh(
     variance: float,
     gate: float,

@@ -4,7 +4,7 @@ A trajectory follows from its start and the noise of its readings. Its cost is
 
     |start - prior|^2 / P0  +  sum of (noise of readings)^2 / Q  +  sum of (z - h)^2 / R
 
-over the sightings z of the window, whose R may be tempered. Lanes are as in `batched_filter`.
+over the sightings z of the window, whose R may be tempered.
 """
 
 import math
@@ -13,13 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.estimation.augmented_clocks import Read, sight_as_stamped
-from syncplan.estimation.augmented_correction import expect_shift
-from syncplan.estimation.augmented_prediction import gained, kept, move
-from syncplan.estimation.augmented_setup import AugmentedSetup
-from syncplan.estimation.batched_filter import motion_in
-from syncplan.estimation.filter_setup import BEARING_KIND, MotionModel
-from syncplan.estimation.lane_filter import Lanes, compiled
+from syncplan.estimation.correction_kernels import correction_of, sight
+from syncplan.estimation.filter_setup import FilterSetup, MotionModel
+from syncplan.estimation.kernels import Lanes, inner, kernel
+from syncplan.estimation.motion_kernels import gained, kept, motion_in, move
 
 FAR = 2.0
 """Standard deviations from which on a reading's pull grows no further, where some may be wild."""
@@ -48,13 +45,11 @@ class Prior(NamedTuple):
 
     Fields
     ------
-    poses : (n, 3, lanes) m, m, rad
-    errors : (e, lanes)
+    mean : (3n + e, lanes)
     variances : (3n + e,)
     """
 
-    poses: Array
-    errors: Array
+    mean: Array
     variances: Array
 
 
@@ -63,14 +58,12 @@ class Trajectory(NamedTuple):
 
     Fields
     ------
-    poses : (n, 3, lanes) m, m, rad, at the beginning
-    errors : (e, lanes) further states at the beginning
+    start : (3n + e, lanes) state at the beginning
     speeds, turn_rates : (K, n, lanes) m/s, rad/s, by which readings are too small
-    changes : (K, g, lanes) what each of g further states that change gains in a sample
+    changes : (K, g, lanes) what each of g bias states that change gains in a sample
     """
 
-    poses: Array
-    errors: Array
+    start: Array
     speeds: Array
     turn_rates: Array
     changes: Array
@@ -84,10 +77,10 @@ class Linearised(NamedTuple):
     columns, entries, counts : (s, MOST_ENTRIES), (s, MOST_ENTRIES, lanes), (s,) rows of sightings
     gains, pulls : (s, 3n + e, lanes) g, (s, lanes) nu / S
     ways : (K, n, 4, lanes) G's entries of x and y by speed and by turn rate
-    blown : (K,) how far a gust has blown when a sample's gusts come
-    lefts : (K, e) what is left then of each further state
+    since : (K, m) ways of the rows of States that drift and change, when a sample's noise comes
+    lefts : (K, e) what is left then of each bias state
     ended : (K,) 1 where P left its frame at that sample, otherwise 0
-    frames, frame_ages, frame_lefts : (f, n, 6, lanes), (f, 2), (f, e) frames that P has left
+    frames, frame_lefts : (f, m, 3, lanes), (f, e) frames that P has left
     cost, linear_cost : (lanes,) of the trajectory, and of the best one if all were linear
     """
 
@@ -97,48 +90,45 @@ class Linearised(NamedTuple):
     gains: Array
     pulls: Array
     ways: Array
-    blown: Array
+    since: Array
     lefts: Array
     ended: Array
     frames: Array
-    frame_ages: Array
     frame_lefts: Array
     cost: Array
     linear_cost: Array
 
 
-@compiled
+@kernel
 def trajectory_cost(
-    setup: AugmentedSetup, window: Window, prior: Prior, path: Trajectory, lanes: Lanes
+    setup: FilterSetup, window: Window, prior: Prior, path: Trajectory, lanes: Lanes
 ) -> Array:
     """Return twice the negative log-likelihood of each trajectory (lanes,), less a constant.
 
     A sighting that is far off counts as `misfit` has it.
     """
-    poses, n, width = setup.poses, len(path.poses), len(lanes)
-    x, errors, cost = path.poses.copy(), path.errors.copy(), np.zeros(width)
-    slopes = np.empty((12, width))
-    seen, innovation = np.empty((4, width)), np.empty(width)
+    n, width = path.speeds.shape[1], len(lanes)
+    x, cost = path.start.copy(), np.zeros(width)
+    work = correction_of(setup.states, len(x), width)
     speeds, turn_rates = np.empty((n, width)), np.empty((n, width))
-    read = speeds, turn_rates
     begin = first_sighting(setup, window)
     add_prior_cost(prior, path, cost, lanes)
     for k in range(len(path.speeds)):
-        motion = motion_in(poses, window.begin + k + 1)
+        motion = motion_in(setup, window.begin + k + 1)
         correct_readings(motion, window, path, k, speeds, turn_rates, cost, lanes)
         for i in range(n):
-            move(x, errors, i, speeds, turn_rates, motion, setup.columns[i], slopes, lanes)
-        change(errors, setup, motion.time, path.changes[k], cost, lanes)
-        for s in range(poses.first[window.begin + k + 1], poses.first[window.begin + k + 2]):
-            innovate(x, errors, s, begin, setup, window, read, seen, innovation, lanes)
+            move(x, i, speeds, turn_rates, motion, setup.states, work.slopes, lanes)
+        change(x, setup, motion.time, path.changes, k, cost, lanes)
+        for s in range(setup.first[window.begin + k + 1], setup.first[window.begin + k + 2]):
+            sight(s, s - begin, x, window.sightings, speeds, turn_rates, setup, work, lanes)
             for lane in range(width):
-                off = innovation[lane] * innovation[lane]
-                off /= poses.variances[s] * window.temper[lane]
-                cost[lane] += misfit(off, poses.gate, window.temper[lane]) if off == off else 0.0
+                off = work.innovation[lane] * work.innovation[lane]
+                off /= setup.variances[s] * window.temper[lane]
+                cost[lane] += misfit(off, setup.gate, window.temper[lane]) if off == off else 0.0
     return cost
 
 
-@compiled
+@inner
 def misfit(square: float, gate: float, temper: float) -> float:
     """Return what a sighting costs that is off by so many standard deviations, squared.
 
@@ -151,23 +141,17 @@ def misfit(square: float, gate: float, temper: float) -> float:
     return square if square <= FAR * FAR else 2.0 * FAR * math.sqrt(square) - FAR * FAR
 
 
-@compiled
+@inner
 def add_prior_cost(prior: Prior, path: Trajectory, cost: Array, lanes: Lanes) -> None:
-    n = len(path.poses)
-    for i in range(n):
-        for c in range(3):
-            if prior.variances[3 * i + c] > 0.0:
-                for lane in range(len(lanes)):
-                    off = path.poses[i, c, lane] - prior.poses[i, c, lane]
-                    cost[lane] += off * off / prior.variances[3 * i + c]
-    for k in range(len(path.errors)):
-        if prior.variances[3 * n + k] > 0.0:
+    """Add what the start of trajectories costs."""
+    for k in range(len(path.start)):
+        if prior.variances[k] > 0.0:
             for lane in range(len(lanes)):
-                off = path.errors[k, lane] - prior.errors[k, lane]
-                cost[lane] += off * off / prior.variances[3 * n + k]
+                off = path.start[k, lane] - prior.mean[k, lane]
+                cost[lane] += off * off / prior.variances[k]
 
 
-@compiled
+@inner
 def correct_readings(
     motion: MotionModel,
     window: Window,
@@ -189,48 +173,22 @@ def correct_readings(
             cost[lane] += v * v * by_speed + w * w * by_turn
 
 
-@compiled
+@inner
 def change(
-    errors: Array, setup: AugmentedSetup, time: float, gains: Array, cost: Array, lanes: Lanes
+    x: Array, setup: FilterSetup, time: float, gains: Array, k: int, cost: Array, lanes: Lanes
 ) -> None:
-    """Let errors decay for `time` s, and gain what that brings; add what it costs."""
-    first = len(errors) - len(gains)
-    for c in range(len(gains)):
-        left, brought = kept(setup, first + c, time), gained(setup, first + c, time)
+    """Let bias states decay for `time` s, and gain what sample k brings; add what it costs."""
+    begin, n = setup.states.first_changing, len(setup.states.first) - 1
+    for c in range(begin, len(x)):
+        left, brought = kept(setup, c - 3 * n, time), gained(setup, c - 3 * n, time)
         weight = 1.0 / brought if brought > 0.0 else 0.0
         for lane in range(len(lanes)):
-            gain = gains[c, lane]
-            errors[first + c, lane] = left * errors[first + c, lane] + gain
+            gain = gains[k, c - begin, lane]
+            x[c, lane] = left * x[c, lane] + gain
             cost[lane] += gain * gain * weight
 
 
-@compiled
-def innovate(
-    x: Array,
-    errors: Array,
-    s: int,
-    begin: int,
-    setup: AugmentedSetup,
-    window: Window,
-    read: Read,
-    seen: Array,
-    innovation: Array,
-    lanes: Lanes,
-) -> int:
-    """Fill in slopes (4, lanes) and innovation (lanes,); return the kind of the sighting.
-
-    The window's sightings are those from `begin` on.
-    """
-    poses = setup.poses
-    o, t, kind = poses.observers[s], poses.targets[s], poses.kinds[s]
-    measured = window.sightings[s - begin]
-    sight_as_stamped(kind, (x, errors), o, t, measured, setup, read, seen, innovation, lanes)
-    if kind == BEARING_KIND:
-        expect_shift(errors, setup.columns[o], 3 * len(x), innovation, lanes)
-    return int(kind)
-
-
-@compiled
-def first_sighting(setup: AugmentedSetup, window: Window) -> int:
+@inner
+def first_sighting(setup: FilterSetup, window: Window) -> int:
     """Return the number of the first sighting of a window."""
-    return int(setup.poses.first[window.begin + 1])
+    return int(setup.first[window.begin + 1])

@@ -12,17 +12,15 @@ of Control 18 (modified Bryson-Frazier smoother).
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.estimation.augmented_frame import GUST, SCALE, TURN, WIND, Frame
-from syncplan.estimation.augmented_prediction import gained
-from syncplan.estimation.augmented_setup import AugmentedSetup
 from syncplan.estimation.batch_problem import Linearised, Prior, Trajectory, Window, first_sighting
-from syncplan.estimation.batched_filter import motion_in
-from syncplan.estimation.lane_filter import Lanes, compiled
+from syncplan.estimation.filter_setup import DRIFT, FilterSetup
+from syncplan.estimation.kernels import Lanes, inner, kernel
+from syncplan.estimation.motion_kernels import gained, motion_in
 
 
-@compiled
+@kernel
 def smooth(
-    setup: AugmentedSetup,
+    setup: FilterSetup,
     window: Window,
     prior: Prior,
     found: Linearised,
@@ -30,103 +28,94 @@ def smooth(
     lanes: Lanes,
 ) -> None:
     """Fill in the trajectories that are best if all were linear."""
-    poses, size, width = setup.poses, len(prior.variances), len(lanes)
+    size, width = len(prior.variances), len(lanes)
     begin = first_sighting(setup, window)
     adjoint, share = np.zeros((size, width)), np.empty(width)
     left = int(found.ended.sum())
     for k in range(len(path.speeds) - 1, -1, -1):
-        motion = motion_in(poses, window.begin + k + 1)
-        first = poses.first[window.begin + k + 1] - begin
-        last = poses.first[window.begin + k + 2] - begin
+        motion = motion_in(setup, window.begin + k + 1)
+        first = setup.first[window.begin + k + 1] - begin
+        last = setup.first[window.begin + k + 2] - begin
         for place in range(last - 1, first - 1, -1):
             _pull(adjoint, place, found, share, lanes)
-        if len(path.changes[k]):
-            since = found.blown[k], found.lefts[k]
-            _smooth_changes(adjoint, setup, motion.time, since, path.changes[k], lanes)
+        if path.changes.shape[1]:
+            _smooth_changes(adjoint, k, setup, motion.time, found, path.changes, lanes)
             if found.ended[k] > 0.0:
                 left -= 1
-                frame = found.frames[left], found.frame_ages[left], found.frame_lefts[left]
-                _refer_adjoint(adjoint, setup, frame, lanes)
-        for i in range(len(path.poses)):
-            r, way = 3 * i, found.ways[k, i]
+                _refer_adjoint(adjoint, setup, found, left, lanes)
+        for i in range(path.speeds.shape[1]):
+            r, ways = 3 * i, found.ways
             for lane in range(width):
                 ax, ay, ah = adjoint[r, lane], adjoint[r + 1, lane], adjoint[r + 2, lane]
-                along = way[0, lane] * ax + way[1, lane] * ay
-                about = way[2, lane] * ax + way[3, lane] * ay + motion.time * ah
+                along = ways[k, i, 0, lane] * ax + ways[k, i, 1, lane] * ay
+                about = ways[k, i, 2, lane] * ax + ways[k, i, 3, lane] * ay + motion.time * ah
                 path.speeds[k, i, lane] = motion.speed_variance * along
                 path.turn_rates[k, i, lane] = motion.turn_rate_variance * about
-    n = len(path.poses)
     for k in range(size):
         for lane in range(width):
-            pulled = prior.variances[k] * adjoint[k, lane]
-            if k < 3 * n:
-                path.poses[k // 3, k % 3, lane] = prior.poses[k // 3, k % 3, lane] + pulled
-            else:
-                path.errors[k - 3 * n, lane] = prior.errors[k - 3 * n, lane] + pulled
+            path.start[k, lane] = prior.mean[k, lane] + prior.variances[k] * adjoint[k, lane]
 
 
-@compiled
+@inner
 def _pull(adjoint: Array, place: int, found: Linearised, share: Array, lanes: Lanes) -> None:
     """lambda += h (nu / S - g' lambda) by the sighting at a place."""
-    columns, entries, gain = found.columns[place], found.entries[place], found.gains[place]
-    share[:] = 0.0
+    columns, entries, gains = found.columns, found.entries, found.gains
+    for lane in range(len(lanes)):
+        share[lane] = 0.0
     for i in range(len(adjoint)):
         for lane in range(len(lanes)):
-            share[lane] += gain[i, lane] * adjoint[i, lane]
+            share[lane] += gains[place, i, lane] * adjoint[i, lane]
     for lane in range(len(lanes)):
         share[lane] = found.pulls[place, lane] - share[lane]
     for c in range(found.counts[place]):
+        k = columns[place, c]
         for lane in range(len(lanes)):
-            adjoint[columns[c], lane] += entries[c, lane] * share[lane]
+            adjoint[k, lane] += entries[place, c, lane] * share[lane]
 
 
-@compiled
+@inner
 def _smooth_changes(
     adjoint: Array,
-    setup: AugmentedSetup,
+    k: int,
+    setup: FilterSetup,
     time: float,
-    since: tuple[float, Array],
+    found: Linearised,
     gains: Array,
     lanes: Lanes,
 ) -> None:
-    """What errors that change gain in a sample; `since` is how far gusts had blown, and lefts."""
-    blown, left = since
-    first, begin = len(adjoint) - len(left), len(adjoint) - len(gains)
+    """What bias states that change gain in sample k."""
+    states = setup.states
+    begin, first = states.first_changing, len(adjoint) - found.lefts.shape[1]
     for c in range(begin, len(adjoint)):
-        gains[c - begin] = adjoint[c]
-    for i in range(len(setup.columns)):
-        for axis in range(2):
-            c, r = setup.columns[i, GUST + axis], 3 * i + axis
-            if c >= 0:
+        for lane in range(len(lanes)):
+            gains[k, c - begin, lane] = adjoint[c, lane]
+    for i in range(len(states.first) - 1):
+        for m in range(states.first[i], states.first[i + 1]):
+            c, r = states.columns[m], 3 * i + states.axes[m, 0]
+            if states.acts[m] == DRIFT and c >= begin:
                 for lane in range(len(lanes)):
-                    gains[c - begin, lane] -= blown * adjoint[r, lane]
+                    gains[k, c - begin, lane] -= found.since[k, m] * adjoint[r, lane]
     for c in range(begin, len(adjoint)):
         variance = gained(setup, c - first, time)
         for lane in range(len(lanes)):
-            gains[c - begin, lane] = variance * (gains[c - begin, lane] / left[c - first])
+            gain = gains[k, c - begin, lane] / found.lefts[k, c - first]
+            gains[k, c - begin, lane] = variance * gain
 
 
-@compiled
-def _refer_adjoint(adjoint: Array, setup: AugmentedSetup, frame: Frame, lanes: Lanes) -> None:
-    """lambda = F' lambda, into the frame that was left."""
-    since, age, left = frame
-    first = len(adjoint) - len(left)
-    for c in range(setup.first_changing, len(adjoint)):
+@inner
+def _refer_adjoint(
+    adjoint: Array, setup: FilterSetup, found: Linearised, place: int, lanes: Lanes
+) -> None:
+    """lambda = F' lambda, into the frame that was left at a place."""
+    states, ways = setup.states, found.frames
+    first = len(adjoint) - found.frame_lefts.shape[1]
+    for c in range(states.first_changing, len(adjoint)):
         for lane in range(len(lanes)):
-            adjoint[c, lane] *= left[c - first]
-    for i in range(len(since)):
-        r, own, way = 3 * i, setup.columns[i], since[i]
-        for lane in range(len(lanes)):
-            ax, ay, ah = adjoint[r, lane], adjoint[r + 1, lane], adjoint[r + 2, lane]
-            if own[SCALE] >= 0:
-                adjoint[own[SCALE], lane] += way[4, lane] * ax + way[5, lane] * ay
-            if own[TURN] >= 0:
-                about = way[2, lane] * ax + way[3, lane] * ay + age[0] * ah
-                adjoint[own[TURN], lane] += about
-            if own[WIND] >= 0:
-                adjoint[own[WIND], lane] += age[0] * ax
-                adjoint[own[WIND + 1], lane] += age[0] * ay
-            if own[GUST] >= 0:
-                adjoint[own[GUST], lane] += age[1] * ax
-                adjoint[own[GUST + 1], lane] += age[1] * ay
-            adjoint[r + 2, lane] = ah - way[1, lane] * ax + way[0, lane] * ay
+            adjoint[c, lane] *= found.frame_lefts[place, c - first]
+    for i in range(len(states.first) - 1):
+        # the heading last: what moves it takes the adjoint of the present one
+        for m in range(states.first[i + 1] - 1, states.first[i] - 1, -1):
+            c = states.columns[m]
+            for a in range(states.axes[m, 0], states.axes[m, 1]):
+                for lane in range(len(lanes)):
+                    adjoint[c, lane] += ways[place, m, a, lane] * adjoint[3 * i + a, lane]

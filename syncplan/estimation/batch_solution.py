@@ -16,9 +16,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.estimation.augmented_prediction import LEAST_LEFT
-from syncplan.estimation.augmented_rows import MOST_ENTRIES
-from syncplan.estimation.augmented_setup import AugmentedSetup
 from syncplan.estimation.batch_linearisation import linear_pass
 from syncplan.estimation.batch_problem import (
     Linearised,
@@ -28,7 +25,11 @@ from syncplan.estimation.batch_problem import (
     trajectory_cost,
 )
 from syncplan.estimation.batch_smoother import smooth
-from syncplan.estimation.lane_filter import Lanes, augmented_specimen, has_compiled, lanes_of
+from syncplan.estimation.correction_kernels import most_entries
+from syncplan.estimation.filter_setup import FilterSetup
+from syncplan.estimation.kernels import Lanes, has_compiled, lanes_of
+from syncplan.estimation.lane_filter import specimen
+from syncplan.estimation.motion_kernels import LEAST_LEFT
 from syncplan.estimation.start_search import (
     CLOSE_ENOUGH,
     MOST_HALVINGS,
@@ -53,47 +54,38 @@ class BatchSolution:
     path : of each lane
     cost : (lanes,) twice the negative log-likelihood, less a constant
     sightings : (lanes,) number of sightings made
-    poses, errors, covariance : (n, 3, lanes), (e, lanes), (3n + e, 3n + e, lanes) at the end of the
-        window; of the covariance the lower triangle
+    state, covariance : (3n + e, lanes), (3n + e, 3n + e, lanes) at the end of the window; of the
+        covariance the lower triangle
     steps : (lanes,) Gauss-Newton steps taken
     """
 
     path: Trajectory
     cost: Array
     sightings: Index
-    poses: Array
-    errors: Array
+    state: Array
     covariance: Array
     steps: Index
 
 
 def solve(
-    setup: AugmentedSetup,
+    setup: FilterSetup,
     speeds: Array,
     turn_rates: Array,
     sightings: Array,
     prior: Prior,
     begin: int,
-    start: tuple[Array, Array] | None = None,
+    start: Array | None = None,
     *,
     close_enough: float = CLOSE_ENOUGH[-1],
 ) -> BatchSolution:
     """Return the batch solution over the K samples from `begin` on, searched for from `start`.
 
     `speeds` and `turn_rates` (K, n, lanes) in m/s and rad/s, and `sightings` (s, lanes), NaN where
-    missed, are what is read in them. `start` is (poses, errors) as Prior has them, those of the
-    prior if None. Less than `close_enough` is then to be gained by another step.
+    missed, are what is read in them. `start` is (3n + e, lanes), the mean of the prior if
+    None. Less than `close_enough` is then to be gained by another step.
     """
-    n, _, width = prior.poses.shape
-    K, changing = len(speeds), 3 * n + len(setup.variances) - setup.first_changing
-    poses, errors = (prior.poses, prior.errors) if start is None else start
-    path = Trajectory(
-        poses=poses.copy(),
-        errors=errors.copy(),
-        speeds=np.zeros((K, n, width)),
-        turn_rates=np.zeros((K, n, width)),
-        changes=np.zeros((K, changing, width)),
-    )
+    K = len(speeds)
+    path = _still(prior.mean if start is None else start, setup, K)
     window = Window(begin, speeds, turn_rates, sightings, np.ones(width))
     thin, kept = _thinned(setup, begin, begin + K)
     coarse = _Problem.of(thin, window._replace(sightings=sightings[kept]), prior, K)
@@ -128,20 +120,30 @@ def compile_solver(n: int) -> None:
 
 def _specimen(n: int) -> "_Problem":
     """A problem of n vehicles and no sample."""
-    setup, readings, *_ = augmented_specimen(n)
+    setup, readings, *_ = specimen(n)
     window = Window(0, readings.speeds, readings.turn_rates, readings.sightings, np.ones(1))
-    prior = Prior(readings.initial, np.zeros((0, 1)), np.ones(3 * n))
+    prior = Prior(np.zeros((3 * n, 1)), np.ones(3 * n))
     return _Problem.of(setup, window, prior, 0)
 
 
-def _thinned(setup: AugmentedSetup, begin: int, end: int) -> tuple[AugmentedSetup, Index]:
+def _still(start: Array, setup: FilterSetup, K: int) -> Trajectory:
+    """Trajectories from `start` without any noise in K samples."""
+    n, width = setup.count, start.shape[1]
+    return Trajectory(
+        start=start.copy(),
+        speeds=np.zeros((K, n, width)),
+        turn_rates=np.zeros((K, n, width)),
+        changes=np.zeros((K, len(start) - setup.states.first_changing, width)),
+    )
+
+
+def _thinned(setup: FilterSetup, begin: int, end: int) -> tuple[FilterSetup, Index]:
     """The set-up with one of up to THINNING sightings of a kind and a pair, which stands for all.
 
     Returned with which of the sightings of the window these are.
     """
-    poses = setup.poses
-    window = slice(poses.first[begin + 1], poses.first[end + 1])
-    of = np.stack([poses.kinds[window], poses.observers[window], poses.targets[window]])
+    window = slice(setup.first[begin + 1], setup.first[end + 1])
+    of = np.stack([setup.kinds[window], setup.observers[window], setup.targets[window]])
     _, stream, counts = np.unique(of, axis=1, return_inverse=True, return_counts=True)
     order = np.argsort(stream.ravel(), kind="stable")
     starts = np.cumsum(counts) - counts
@@ -152,50 +154,41 @@ def _thinned(setup: AugmentedSetup, begin: int, end: int) -> tuple[AugmentedSetu
     members = np.minimum(THINNING, every - group * THINNING)
     chosen = np.flatnonzero(within == members // 2)
     counted = np.concatenate([[0], np.cumsum(within == members // 2)])
-    first = counted[np.clip(poses.first, window.start, window.stop) - window.start]
-    thin = poses._replace(
+    first = counted[np.clip(setup.first, window.start, window.stop) - window.start]
+    thin = setup._replace(
         first=first.astype(np.int64),
-        observers=poses.observers[window][chosen],
-        targets=poses.targets[window][chosen],
-        kinds=poses.kinds[window][chosen],
-        variances=poses.variances[window][chosen] / members[chosen],
+        observers=setup.observers[window][chosen],
+        targets=setup.targets[window][chosen],
+        kinds=setup.kinds[window][chosen],
+        variances=setup.variances[window][chosen] / members[chosen],
     )
-    return setup._replace(poses=thin), chosen
+    return thin, chosen
 
 
 @dataclass(slots=True)
 class _Problem:
     """A least-squares problem, and what its last linear pass left."""
 
-    setup: AugmentedSetup
+    setup: FilterSetup
     window: Window
     prior: Prior
     found: Linearised
     best: Trajectory
     lanes: Lanes
-    ended: tuple[Array, Array, Array]
+    ended: tuple[Array, Array]
 
     @classmethod
-    def of(cls, setup: AugmentedSetup, window: Window, prior: Prior, K: int) -> "_Problem":
-        n, _, width = prior.poses.shape
-        first = setup.poses.first
+    def of(cls, setup: FilterSetup, window: Window, prior: Prior, K: int) -> "_Problem":
+        width, first = prior.mean.shape[1], setup.first
         sightings = int(first[window.begin + K + 1] - first[window.begin + 1])
-        changing = 3 * n + len(setup.variances) - setup.first_changing
-        none = np.zeros((0, 0, 0))
         return cls(
             setup=setup,
             window=window,
             prior=prior,
             found=_empty(setup, window.begin, K, sightings, width),
-            best=Trajectory(
-                poses=np.empty_like(prior.poses),
-                errors=np.empty_like(prior.errors),
-                speeds=np.empty((K, n, width)),
-                turn_rates=np.empty((K, n, width)),
-                changes=np.empty((K, changing, width)),
-            ),
-            lanes=lanes_of(n, width),
-            ended=(none, none, none),
+            best=_still(prior.mean, setup, K),
+            lanes=lanes_of(setup.count, width),
+            ended=(np.zeros((0, 0)), np.zeros((0, 0, 0))),
         )
 
 
@@ -242,35 +235,34 @@ def _searched(problem: _Problem, path: Trajectory, moving: Flags) -> Flags:
     return found
 
 
-def _empty(setup: AugmentedSetup, begin: int, K: int, sightings: int, width: int) -> Linearised:
-    n, e = len(setup.columns), len(setup.variances)
-    size, frames = 3 * n + e, _frames_left(setup, begin, K)
+def _empty(setup: FilterSetup, begin: int, K: int, sightings: int, width: int) -> Linearised:
+    n, size, e = setup.count, len(setup.initial_variances), len(setup.states.variances)
+    m, most, frames = len(setup.states.acts), most_entries(setup.states), _frames_left(setup, begin, K)
     return Linearised(
-        columns=np.zeros((sightings, MOST_ENTRIES), dtype=np.int64),
-        entries=np.zeros((sightings, MOST_ENTRIES, width)),
+        columns=np.zeros((sightings, most), dtype=np.int64),
+        entries=np.zeros((sightings, most, width)),
         counts=np.zeros(sightings, dtype=np.int64),
         gains=np.zeros((sightings, size, width)),
         pulls=np.zeros((sightings, width)),
         ways=np.zeros((K, n, 4, width)),
-        blown=np.zeros(K),
+        since=np.zeros((K, m)),
         lefts=np.zeros((K, e)),
         ended=np.zeros(K),
-        frames=np.zeros((frames, n, 6, width)),
-        frame_ages=np.zeros((frames, 2)),
+        frames=np.zeros((frames, m, 3, width)),
         frame_lefts=np.zeros((frames, e)),
         cost=np.zeros(width),
         linear_cost=np.zeros(width),
     )
 
 
-def _frames_left(setup: AugmentedSetup, begin: int, K: int) -> int:
+def _frames_left(setup: FilterSetup, begin: int, K: int) -> int:
     """How often the covariance leaves its frame, as errors pass."""
-    if setup.first_changing == 3 * len(setup.columns) + len(setup.variances):
+    if setup.states.first_changing == len(setup.initial_variances):
         return 0
-    spans = setup.poses.spans[begin : begin + K] / setup.poses.motion.time
+    spans = setup.spans[begin : begin + K] / setup.motion.time
     left, count = 1.0, 0
     # the one that passes first decides
-    for decay in (setup.decays.min() ** spans).tolist():
+    for decay in (setup.states.decays.min() ** spans).tolist():
         left *= decay
         if left < LEAST_LEFT:
             left, count = 1.0, count + 1

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.estimation.augmented_setup import AugmentedReadings, AugmentedSetup
 from syncplan.estimation.batch_problem import Prior
 from syncplan.estimation.batch_solution import solve
-from syncplan.estimation.filter_setup import Readings
+from syncplan.estimation.filter_setup import FilterSetup, Readings
 from syncplan.estimation.start_search import ROUNDS, is_credible, search_further
 
 
@@ -20,8 +19,7 @@ class Solved:
     lanes: Index
     cost: Array
     sightings: Index
-    poses: Array
-    errors: Array
+    state: Array
     covariance: Array
 
     @property
@@ -32,8 +30,7 @@ class Solved:
     def take(self, other: "Solved", mine: Index, its: Index) -> None:
         """Take the other's solutions `its` in place of `mine`."""
         self.cost[mine] = other.cost[its]
-        self.poses[..., mine] = other.poses[..., its]
-        self.errors[..., mine] = other.errors[..., its]
+        self.state[..., mine] = other.state[..., its]
         self.covariance[..., mine] = other.covariance[..., its]
 
 
@@ -49,8 +46,8 @@ class LaneSolver:
     begin, end : steps
     """
 
-    setup: AugmentedSetup
-    readings: Readings | AugmentedReadings
+    setup: FilterSetup
+    readings: Readings
     streams: Sequence[np.random.SeedSequence]
     at_once: int
     begin: int
@@ -59,12 +56,12 @@ class LaneSolver:
     def best(self, poses: Array, variances: Array, lanes: Index) -> Solved:
         """Return the best solutions of some lanes.
 
-        The prior is about `poses` (n, 3, all lanes), its further states are zero, and `variances`
+        The prior is about `poses` (n, 3, all lanes), its bias states are zero, and `variances`
         (3n + e,) are its own. Where noise does not explain the solution, more starts are drawn.
         """
-        prior = Prior(
-            poses, np.zeros((len(variances) - 3 * len(poses), poses.shape[-1])), variances
-        )
+        mean = np.zeros((len(variances), poses.shape[-1]))
+        mean[: 3 * len(poses)] = poses.reshape(-1, poses.shape[-1])
+        prior = Prior(mean, variances)
         best = self._solved(prior, lanes, None)
 
         def tried(missing: Index, number: int) -> Solved:
@@ -72,7 +69,7 @@ class LaneSolver:
             again = lanes[np.repeat(missing, ROUNDS[number])]
             return self._solved(prior, again, np.concatenate(away, axis=1))
 
-        known = self.setup.poses.noise_known
+        known = self.setup.noise_known
         search_further(best, best.sightings, tried, noise_known=known)
         return best
 
@@ -86,24 +83,13 @@ class LaneSolver:
 
     def _solved(self, prior: Prior, lanes: Index, away: Array | None) -> Solved:
         """Solutions of lanes, which may recur, from starts as far `away` from the prior's."""
-        n, steps = len(prior.poses), slice(self.begin, self.end)
-        first = self.setup.poses.first
+        steps, first = slice(self.begin, self.end), self.setup.first
         window = slice(first[self.begin + 1], first[self.end + 1])
         parts = []
         for k in range(0, len(lanes), self.at_once):
             own = lanes[k : k + self.at_once]
-            about = Prior(
-                np.ascontiguousarray(prior.poses[..., own]),
-                np.ascontiguousarray(prior.errors[..., own]),
-                prior.variances,
-            )
-            start = None
-            if away is not None:
-                off = away[:, k : k + self.at_once]
-                start = (
-                    about.poses + off[: 3 * n].reshape(about.poses.shape),
-                    about.errors + off[3 * n :],
-                )
+            about = Prior(np.ascontiguousarray(prior.mean[:, own]), prior.variances)
+            start = None if away is None else about.mean + away[:, k : k + self.at_once]
             speeds = np.ascontiguousarray(self.readings.speeds[steps][..., own])
             turn_rates = np.ascontiguousarray(self.readings.turn_rates[steps][..., own])
             made = np.ascontiguousarray(self.readings.sightings[window][..., own])
@@ -112,7 +98,6 @@ class LaneSolver:
             lanes=lanes,
             cost=np.concatenate([one.cost for one in parts]),
             sightings=np.concatenate([one.sightings for one in parts]),
-            poses=np.concatenate([one.poses for one in parts], axis=-1),
-            errors=np.concatenate([one.errors for one in parts], axis=-1),
+            state=np.concatenate([one.state for one in parts], axis=-1),
             covariance=np.concatenate([one.covariance for one in parts], axis=-1),
         )

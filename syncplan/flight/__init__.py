@@ -32,6 +32,6 @@ flights              many trials over threads
 flying               flights of a plan
 onboard_data         what a navigator is given and gives
 arrivals             what it was given, until late sightings can arrive no more
-onboard_kernels      its kernels
+onboard_kernels      its kernel
 navigator            filter and guidance one step at a time
 """

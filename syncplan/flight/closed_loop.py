@@ -10,26 +10,26 @@ Each sample:
 Sightings that arrive late are taken in late: the filter stays so many samples behind, and what
 steers is its estimate carried on by the readings since.
 
-The filter's kernels are those of `augmented_filter`, and so is the state.
+The filter is that of `lane_filter`, and so is the state.
 """
 
 import math
 
-import numpy as np
-
 from syncplan.arrays import Array, Index
-from syncplan.estimation.augmented_correction import AT_ONCE, correct_augmented
-from syncplan.estimation.augmented_frame import OWN, bring_to_now, frame_of
-from syncplan.estimation.augmented_prediction import move, predict_augmented
-from syncplan.estimation.augmented_rows import MOST_ENTRIES
-from syncplan.estimation.augmented_setup import (
-    AugmentedReadings,
-    AugmentedSetup,
-    AugmentedStatistics,
+from syncplan.estimation.correction_kernels import correction_of
+from syncplan.estimation.filter_setup import COMPASS_KIND, FilterSetup, Readings, Truth
+from syncplan.estimation.filter_statistics import FilterStatistics
+from syncplan.estimation.kernels import Lanes, inner, kernel
+from syncplan.estimation.lane_filter import step_filter
+from syncplan.estimation.motion_kernels import bring_to_now, frame_of, move
+from syncplan.estimation.statistics_kernels import (
+    Comparison,
+    comparison_of,
+    fill_errors,
+    fill_truth,
+    record,
+    takes_covariance,
 )
-from syncplan.estimation.augmented_statistics import is_wanted_now, record_augmented
-from syncplan.estimation.filter_setup import COMPASS_KIND, FilterSetup
-from syncplan.estimation.lane_filter import Lanes, compiled, inner
 from syncplan.flight.flight_options import OPEN_LOOP, TRACKING
 from syncplan.flight.flight_setup import FlightSetup, Flown
 from syncplan.flight.seeking import move_circles
@@ -38,37 +38,30 @@ from syncplan.flight.true_motion import move_truly
 from syncplan.flight.true_sightings import sight_truly
 
 
-@compiled
+@kernel
 def carry_on(
-    x: Array,
-    errors: Array,
-    speeds: Array,
-    turn_rates: Array,
-    setup: AugmentedSetup,
-    slopes: Array,
-    lanes: Lanes,
-) -> tuple[Array, Array]:
-    """Return the estimate (poses, further states) after further samples' readings (k, n, lanes)."""
+    x: Array, speeds: Array, turn_rates: Array, setup: FilterSetup, slopes: Array, lanes: Lanes
+) -> Array:
+    """Return the estimate (3n + e, lanes) after further samples' readings (k, n, lanes)."""
     if len(speeds) == 0:
-        return x, errors
-    x, errors = x.copy(), errors.copy()
-    motion = setup.poses.motion
+        return x
+    x = x.copy()
     for k in range(len(speeds)):
-        for i in range(len(x)):
-            move(x, errors, i, speeds[k], turn_rates[k], motion, setup.columns[i], slopes, lanes)
-    return x, errors
+        read, turned = speeds[k], turn_rates[k]
+        for i in range(len(read)):
+            move(x, i, read, turned, setup.motion, setup.states, slopes, lanes)
+    return x
 
 
-@compiled
+@kernel
 def fly_to(
     target: int,
     at: int,
     x: Array,
-    errors: Array,
     flight: FlightSetup,
     flown: Flown,
-    setup: AugmentedSetup,
-    readings: AugmentedReadings,
+    setup: FilterSetup,
+    readings: Readings,
     slopes: Array,
     lanes: Lanes,
 ) -> None:
@@ -76,20 +69,10 @@ def fly_to(
     while flown.places[0] < target:
         step = flown.places[0]
         read = readings.speeds[at:step], readings.turn_rates[at:step]
-        now, further = carry_on(x, errors, read[0], read[1], setup, slopes, lanes)
+        now = carry_on(x, read[0], read[1], setup, slopes, lanes)
         if flight.law.mode == TRACKING:
             moved, commands, time = flown.moved, flown.commands, step * flight.time
-            track(
-                flight.circles,
-                flight.law,
-                time,
-                now,
-                further,
-                setup.columns,
-                moved,
-                commands,
-                lanes,
-            )
+            track(flight.circles, flight.law, time, now, setup.states, moved, commands, lanes)
         elif flight.law.mode == OPEN_LOOP:
             command_plan(flight.circles, flown.commands, lanes)
         speeds, turn_rates = readings.speeds[step], readings.turn_rates[step]
@@ -126,81 +109,55 @@ def _hear(setup: FilterSetup, sightings: Array, step: int, heard: Index, lanes: 
 
 
 @inner
-def compare_truly(
+def _compare(
     x: Array,
-    errors: Array,
     flight: FlightSetup,
-    flown: Flown,
-    readings: AugmentedReadings,
+    truth: Truth,
     step: int,
-    offs: Array,
-    error_offs: Array,
+    compared: Comparison,
     lanes: Lanes,
 ) -> None:
-    """Fill in errors of poses (3n, lanes), headings wrapped, and of further states (e, lanes).
-
-    Those of a vehicle that is gone are zero.
-    """
-    constants = len(readings.constants)
-    for i in range(len(x)):
-        there = 1.0 if step < flight.mishaps.gone_from[i] else 0.0
-        for lane in range(len(lanes)):
-            offs[3 * i, lane] = there * (x[i, 0, lane] - flown.path[step, i, 0, lane])
-            offs[3 * i + 1, lane] = there * (x[i, 1, lane] - flown.path[step, i, 1, lane])
-            off = x[i, 2, lane] - flown.path[step, i, 2, lane]
-            turns = np.floor((off + math.pi) / (2.0 * math.pi))
-            offs[3 * i + 2, lane] = there * (off - 2.0 * math.pi * turns)
-    for k in range(len(errors)):
-        true = readings.constants[k] if k < constants else readings.changing[step, k - constants]
-        for lane in range(len(lanes)):
-            error_offs[k, lane] = errors[k, lane] - true[lane]
+    """Fill in the errors at a step; those of the pose of a vehicle that is gone are zero."""
+    n = len(flight.circles.radii)
+    fill_truth(compared.true, truth, step, lanes)
+    fill_errors(x, compared.true, n, compared.errors, lanes)
+    for i in range(n):
+        if flight.mishaps.gone_from[i] <= step:
+            compared.errors[3 * i : 3 * i + 3] = 0.0
 
 
-@compiled
+@kernel
 def fly_lanes(
     flight: FlightSetup,
     flown: Flown,
-    setup: AugmentedSetup,
-    readings: AugmentedReadings,
-    statistics: AugmentedStatistics,
+    setup: FilterSetup,
+    readings: Readings,
+    truth: Truth,
+    statistics: FilterStatistics,
     lanes: Lanes,
     x: Array,
-    errors: Array,
     P: Array,
     begin: int,
     end: int,
 ) -> None:
-    """Take x, errors and P, lower triangle, from step `begin` to step `end`, flying on the way."""
-    poses, n, size, width = setup.poses, len(x), len(P), len(lanes)
-    slopes, before = np.empty((12, width)), np.empty((OWN, 3, width))
-    halves = (np.empty((AT_ONCE, size, width)), np.empty((AT_ONCE, size, width)))
-    row = (np.zeros(MOST_ENTRIES, dtype=np.int64), np.zeros((MOST_ENTRIES, width)))
-    seen = (np.empty((4, width)), np.empty(width), np.zeros(width))
-    frame = frame_of(setup, lanes)
-    error_offs, block = np.empty_like(errors), np.empty((3 * n, 3 * n, width))
-    scratch = (np.empty((3 * n, width)), np.empty_like(block), halves[0][0], halves[1][0])
-    about, compared = (x, errors, False), (error_offs, scratch, block)
-    offs = scratch[0]
+    """Take x and P, lower triangle, from step `begin` to step `end`, flying on the way."""
+    n, size, width = len(setup.lost_variances), len(P), len(lanes)
+    frame, work = frame_of(setup.states, width), correction_of(setup.states, size, width)
+    compared = comparison_of(n, size, width)
     if begin == 0:
-        compare_truly(x, errors, flight, flown, readings, 0, offs, error_offs, lanes)
-        record_augmented(P, poses, 0, compared, statistics, lanes)
+        _compare(x, flight, truth, 0, compared, lanes)
+        record(P, setup, 0, compared, statistics, lanes)
     for step in range(begin + 1, end + 1):
         ahead = min(step + flight.mishaps.late, flight.steps)
-        fly_to(ahead, step - 1, x, errors, flight, flown, setup, readings, slopes, lanes)
-        speeds, turn_rates = readings.speeds[step - 1], readings.turn_rates[step - 1]
-        predict_augmented(
-            x, errors, P, speeds, turn_rates, setup, step, frame, slopes, before, lanes
-        )
-        correct_augmented(
-            x, errors, P, step, setup, readings, about, frame, seen, row, halves, statistics, lanes
-        )
-        _hear(poses, readings.sightings, step, flown.heard, lanes)
+        fly_to(ahead, step - 1, x, flight, flown, setup, readings, work.slopes, lanes)
+        step_filter(x, P, step, setup, readings, frame, work, statistics, lanes)
+        _hear(setup, readings.sightings, step, flown.heard, lanes)
         looks = step % flight.contact.look_every == 0
-        if step == end or looks or is_wanted_now(poses, step, statistics):
-            bring_to_now(P, setup, frame, before, lanes)
+        if step == end or looks or takes_covariance(setup, step, statistics):
+            bring_to_now(P, setup.states, frame, lanes)
             _part_gone(P, flight, step)
         if looks:
             heard, moved, sought = flown.heard, flown.moved, flown.sought
-            move_circles(flight.contact, setup.columns, P, step, heard, moved, sought, lanes)
-        compare_truly(x, errors, flight, flown, readings, step, offs, error_offs, lanes)
-        record_augmented(P, poses, step, compared, statistics, lanes)
+            move_circles(flight.contact, setup.states, P, step, heard, moved, sought, lanes)
+        _compare(x, flight, truth, step, compared, lanes)
+        record(P, setup, step, compared, statistics, lanes)

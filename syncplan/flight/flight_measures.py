@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.estimation.augmented_setup import AugmentedSetup
-from syncplan.estimation.lane_filter import compiled
+from syncplan.estimation.filter_setup import FilterSetup
+from syncplan.estimation.kernels import kernel
 from syncplan.orbits.circles import Orbits, phase, position, wrap
 from syncplan.orbits.contacts import Windows
 
@@ -73,17 +73,16 @@ def meetings_of(windows: Windows, sample_time: float, period: float, steps: int)
 
 
 def kept_meetings(
-    meetings: Meetings, setup: AugmentedSetup, sightings: Array, gone: Index
+    meetings: Meetings, setup: FilterSetup, sightings: Array, gone: Index
 ) -> tuple[Array, Index]:
     """Return (p, lanes) how many of each pair's meetings were kept, and (p,) how many there were.
 
     A meeting that is not over when one of the two is gone, (n + m,) steps, is none.
     """
-    poses = setup.poses
-    count = int(poses.first[-1])
-    step = np.repeat(np.arange(len(poses.first) - 1), np.diff(poses.first))
-    a = np.minimum(poses.observers[:count], poses.targets[:count])
-    b = np.maximum(poses.observers[:count], poses.targets[:count])
+    count = int(setup.first[-1])
+    step = np.repeat(np.arange(len(setup.first) - 1), np.diff(setup.first))
+    a = np.minimum(setup.observers[:count], setup.targets[:count])
+    b = np.maximum(setup.observers[:count], setup.targets[:count])
     made = np.isfinite(sightings[:count])
     kept = np.zeros((len(meetings.pairs), sightings.shape[1]))
     until = np.minimum(gone[meetings.pairs[:, 0]], gone[meetings.pairs[:, 1]])
@@ -124,7 +123,7 @@ def nearest(path: Array, there: Flags) -> Nearest:
     return Nearest(np.sqrt(squares), pair, step)
 
 
-@compiled
+@kernel
 def _find_nearest(path: Array, there: Flags, squares: Array, pair: Index, step: Index) -> None:
     for k in range(len(path)):
         for i in range(path.shape[1]):

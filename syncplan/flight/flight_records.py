@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Index, short_repr
+from syncplan.estimation.filter_setup import poses_of
 
 TRACK_POINTS = 60
 MOST_POINTS = 2400
@@ -129,9 +130,10 @@ class LaneRecords:
         first, last = np.searchsorted(of, [begin, end], side="right")
         yield from of[first:last].tolist()
 
-    def take(self, step: int, state: tuple[Array, ...], path: Array) -> None:
+    def take(self, step: int, state: tuple[Array, Array], path: Array) -> None:
         """Record what the filter has at a step; `path` (steps + 1, n, 3, lanes) is the truth."""
-        places, P = state[0][:, :2], state[-1]
+        estimate, P = state
+        places = poses_of(estimate, path.shape[1])[:, :2]
         x = np.arange(0, 3 * len(places), 3)
         variances = P[x, x], P[x + 1, x + 1]
         k = _place_of(step, self.steps.series)

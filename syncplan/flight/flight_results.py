@@ -24,7 +24,7 @@ class FlightFigures:
         second half; NaN for a vehicle that is gone by then, here and below
     phase_squares, worst_phases : (trials, n) s^2, s, ahead of or behind the plan, second half
     bound_squares : (trials, n) m^2, mean of the bound's variance along the path, second half
-    state_bound_squares : (trials, e) the same of the filter's further states, in their units
+    state_bound_squares : (trials, e) the same of the filter's bias states, in their units
     separations : (trials,) m, the closest that any two come
     nearest : (trials, 2) which two
     nearest_times : (trials,) s

@@ -12,8 +12,7 @@ from contextlib import closing
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.estimation.augmented_setup import AugmentedStatistics, empty_augmented_statistics
-from syncplan.estimation.filter_statistics import empty_series
+from syncplan.estimation.filter_statistics import FilterStatistics, empty_series, empty_statistics
 from syncplan.estimation.trial_chunks import StoppedError, chunks_in_order
 from syncplan.estimation.trials import CHUNK_TRIALS, Branch, result_of
 from syncplan.flight.flight_records import Track
@@ -60,9 +59,8 @@ def fly_trials(
 
 def _chunk(team: FlownTeam, trials: range, stop: threading.Event) -> FlightResult:
     """The result of the trials of a chunk."""
-    n, e = team.team.count, len(team.layout.sigmas)
-    none = empty_series(n, 0, wanted=False), np.zeros((0, e, 3))
-    counted: list[AugmentedStatistics] = []
+    n, none = team.team.count, empty_series(team.size, 0, wanted=False)
+    counted: list[FilterStatistics] = []
     figures: list[FlightFigures] = []
     sums: list[Array] = []
     tracks: list[Track] = []
@@ -71,17 +69,17 @@ def _chunk(team: FlownTeam, trials: range, stop: threading.Event) -> FlightResul
         if stop.is_set():
             raise StoppedError
         part = range(first, min(first + lanes, trials.stop))
-        flown = FlownLanes.begun(team, part, empty_augmented_statistics(n, e, len(part), none))
+        flown = FlownLanes.begun(team, part, empty_statistics(len(part), none))
         flown.advance(team.steps)
-        judged_from = flown.setup.poses.judged_from
+        judged_from = flown.setup.judged_from
         counted.append(without_gone(team, flown))
         figures.append(figures_of(team, flown))
         if flown.records is not None:
             sums.append(sums_of(team, flown))
             tracks += tracks_of(team, flown, part.start)
     estimates = result_of(
-        [one.poses for one in counted],
-        [one.errors for one in counted],
+        counted,
+        n,
         steps=team.steps,
         seed=team.options.seed,
         first_trial=trials.start,

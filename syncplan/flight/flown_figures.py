@@ -3,9 +3,9 @@
 import numpy as np
 
 from syncplan.arrays import Array, Flags
-from syncplan.estimation.augmented_setup import AugmentedStatistics, empty_augmented_statistics
-from syncplan.estimation.filter_statistics import SAMPLE_EVERY, empty_series
-from syncplan.estimation.lane_filter import lanes_of, start_of
+from syncplan.estimation.filter_setup import SAMPLE_EVERY, start_of
+from syncplan.estimation.filter_statistics import FilterStatistics, empty_series, empty_statistics
+from syncplan.estimation.kernels import lanes_of
 from syncplan.flight.bound_along import bound_lanes
 from syncplan.flight.flight_measures import kept_meetings, meetings_of, nearest, off_plan
 from syncplan.flight.flight_results import FlightFigures
@@ -55,7 +55,7 @@ def figures_of(team: FlownTeam, lanes: FlownLanes) -> FlightFigures:
     )
 
 
-def without_gone(team: FlownTeam, lanes: FlownLanes) -> AugmentedStatistics:
+def without_gone(team: FlownTeam, lanes: FlownLanes) -> FilterStatistics:
     """Return the statistics, those of vehicles that leave being of the time that they are there.
 
     A vehicle that is gone counts with errors of zero; means are over all samples.
@@ -66,22 +66,21 @@ def without_gone(team: FlownTeam, lanes: FlownLanes) -> AugmentedStatistics:
     late = 2 * np.arange(steps + 1) > steps
     sampled = np.arange(steps + 1) % SAMPLE_EVERY == 0
     sampled[-1], sampled[0] = True, False
-    sampled &= np.arange(steps + 1) > lanes.setup.poses.judged_from
-    poses = counted.poses
-    whole, second, seldom = (
-        there[chosen].mean(axis=0) for chosen in (np.arange(steps + 1) > 0, late, sampled)
+    sampled &= np.arange(steps + 1) > lanes.setup.judged_from
+    seldom = there[sampled].mean()
+    # of each state; bias states stay
+    stays = np.ones((steps + 1, len(counted.squares)), dtype=bool)
+    stays[:, : 3 * there.shape[1]] = np.repeat(there, 3, axis=1)
+    of_run, of_late, of_sampled = (
+        stays[chosen].mean(axis=0)[:, None] for chosen in (np.arange(steps + 1) > 0, late, sampled)
     )
     with np.errstate(divide="ignore", invalid="ignore"):
-        within = poses.covered - 3.0 * ((1.0 - seldom) * sampled.sum())[:, None]
-        return AugmentedStatistics(
-            poses._replace(
-                squares=poses.squares / whole[:, None, None],
-                late_squares=poses.late_squares / second[:, None, None],
-                final=np.where(there[-1][:, None, None], poses.final, np.nan),
-                covered=within / seldom[:, None],
-                nees=poses.nees / seldom.mean(),
-            ),
-            counted.errors,
+        return counted._replace(
+            squares=counted.squares / of_run,
+            late_squares=counted.late_squares / of_late,
+            final=np.where(stays[-1][:, None], counted.final, np.nan),
+            covered=(counted.covered - (1.0 - of_sampled) * sampled.sum()) / of_sampled,
+            nees=counted.nees / seldom,
         )
 
 
@@ -110,22 +109,19 @@ def _worst(values: Array, counted: Flags) -> Array:
 def _bounds(team: FlownTeam, lanes: FlownLanes, counted: Flags) -> tuple[Array, Array]:
     """Mean of the bound's variance over the second half: of places (lanes, n) m^2, and of errors.
 
-    Those of the further states are (lanes, e). Fills in the records' bounds over time.
+    Those of the bias states are (lanes, e). Fills in the records' bounds over time.
     """
     n = team.team.count
     width, e = lanes.readings.initial.shape[-1], len(team.layout.sigmas)
-    poses = lanes.setup.poses._replace(gate=np.inf, second_order=False)
-    setup = lanes.setup._replace(poses=poses)
-    none = empty_series(n, 0, wanted=False), np.zeros((0, e, 3))
-    scratch = empty_augmented_statistics(n, e, width, none)
+    setup = lanes.setup._replace(gate=np.inf, second_order=False)
+    scratch = empty_statistics(width, empty_series(team.size, 0, wanted=False))
     squares, of_states = np.zeros((n, width)), np.zeros((e, width))
-    state = start_of(setup, lanes.readings)
     side_by_side, records = lanes_of(n, width), lanes.records
     along = np.zeros((0, n, width)) if records is None else records.bounds
     bound_lanes(
-        lanes.flown,
         setup,
         lanes.readings,
+        lanes.run.truth,
         scratch,
         squares,
         of_states,
@@ -133,7 +129,7 @@ def _bounds(team: FlownTeam, lanes: FlownLanes, counted: Flags) -> tuple[Array, 
         along,
         1 if records is None else records.steps.every,
         side_by_side,
-        *state,
+        *start_of(setup, lanes.readings),
     )
     late = team.steps - team.steps // 2
     with np.errstate(invalid="ignore"):

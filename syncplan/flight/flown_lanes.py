@@ -10,14 +10,9 @@ from typing import Any
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.estimation.augmented_setup import (
-    AugmentedReadings,
-    AugmentedSetup,
-    AugmentedStatistics,
-)
-from syncplan.estimation.filter_setup import FilterSetup, Readings
+from syncplan.estimation.filter_setup import FilterSetup, Readings, Truth, start_of
 from syncplan.estimation.filter_statistics import FilterStatistics
-from syncplan.estimation.lane_filter import LaneFilter, Lanes, is_in_cache, lanes_of, start_of
+from syncplan.estimation.kernels import Lanes, lanes_for, lanes_of
 from syncplan.estimation.online_filter import grown
 from syncplan.estimation.robust_filter import RobustRun
 from syncplan.estimation.trial_readings import filter_stream
@@ -50,27 +45,33 @@ class ClosedLoop:
     @staticmethod
     def lanes_for(n: int) -> int:
         """Return how many trials of n vehicles it is best to fly side by side."""
-        return LaneFilter.lanes_for(n)
+        return lanes_for(n)
 
     @staticmethod
     def is_compiled() -> bool:
         """Return whether the kernel is in memory or in numba's disk cache."""
-        return is_in_cache(fly_lanes)
+        kernel: Any = fly_lanes
+        if kernel.overloads:
+            return True
+        try:
+            return bool(kernel._cache._cache_file._load_index())
+        except (AttributeError, TypeError, OSError):
+            return False
 
     def advance(
         self,
-        setup: FilterSetup | AugmentedSetup,
-        readings: Readings | AugmentedReadings,
-        statistics: FilterStatistics | AugmentedStatistics,
-        state: tuple[Array, ...],
+        setup: FilterSetup,
+        readings: Readings,
+        truth: Truth,
+        statistics: FilterStatistics,
+        state: tuple[Array, Array],
         begin: int,
         end: int,
     ) -> None:
         """Take a state from sample `begin` to sample `end`, in place, and fly on the way."""
         n, _, width = readings.initial.shape
-        lanes = lanes_of(n, width)
-        kernel: Any = fly_lanes
-        kernel(self.flight, self.flown, setup, readings, statistics, lanes, *state, begin, end)
+        flight, lanes = (self.flight, self.flown), lanes_of(n, width)
+        fly_lanes(*flight, setup, readings, truth, statistics, lanes, *state, begin, end)
 
 
 @dataclass(slots=True)
@@ -78,15 +79,17 @@ class PlainRun:
     """A filter on its way that goes on from sample to sample; attributes are as of RobustRun."""
 
     base: ClosedLoop
-    setup: AugmentedSetup
-    readings: AugmentedReadings
-    statistics: AugmentedStatistics
-    state: tuple[Array, ...]
+    setup: FilterSetup
+    readings: Readings
+    truth: Truth
+    statistics: FilterStatistics
+    state: tuple[Array, Array]
     at: int = 0
 
     def advance(self, end: int) -> None:
         """Take in all samples up to `end`."""
-        self.base.advance(self.setup, self.readings, self.statistics, self.state, self.at, end)
+        run = self.setup, self.readings, self.truth, self.statistics
+        self.base.advance(*run, self.state, self.at, end)
         self.at = end
 
 
@@ -110,9 +113,9 @@ class FlownLanes:
     records: LaneRecords | None = None
 
     @classmethod
-    def begun(cls, team: FlownTeam, trials: range, statistics: AugmentedStatistics) -> "FlownLanes":
+    def begun(cls, team: FlownTeam, trials: range, statistics: FilterStatistics) -> "FlownLanes":
         """Return trials at time 0."""
-        flown, readings = team.begun(trials)
+        flown, readings, truth = team.begun(trials)
         setup = team.filter_setup()
         loop = ClosedLoop(team.setup_from(0), flown)
         decides = team.setup.law.mode == AS_COMMANDED
@@ -123,9 +126,9 @@ class FlownLanes:
             records.take(0, start, flown.path)
         if team.options.filter_model.finds_start:
             streams = [filter_stream(team.options.seed, trial) for trial in trials]
-            robust = RobustRun.begun(loop, setup, readings, statistics, streams)
+            robust = RobustRun.begun(loop, setup, readings, truth, statistics, streams)
             return cls(team, flown, robust, guidance, records)
-        plain = PlainRun(loop, setup, readings, statistics, start)
+        plain = PlainRun(loop, setup, readings, truth, statistics, start)
         return cls(team, flown, plain, guidance, records)
 
     def advance(self, end: int) -> None:
@@ -160,12 +163,13 @@ class FlownLanes:
     def _decide(self) -> None:
         if self.guidance is not None:
             filtered, (flight, lanes) = (self.setup, self.readings), self._aloft
-            self.guidance.command(flight, self.flown, self.run.state, self.run.at, filtered, lanes)
+            x, _ = self.run.state
+            self.guidance.command(flight, self.flown, x, self.run.at, filtered, lanes)
 
     def _fly_ahead(self, end: int, rows: int) -> None:
         """Fly until step `end` before the filter takes anything in: sightings are late."""
         assert self.guidance is not None
-        flown, (x, errors, _) = self.flown, self.run.state
+        flown, (x, _) = self.flown, self.run.state
         slopes = np.empty((12, x.shape[-1]))
         while flown.places[0] < end:
             step = int(flown.places[0])
@@ -174,7 +178,7 @@ class FlownLanes:
             self._make_room(rows * (until - step))
             self._decide()
             flight, lanes = self._aloft
-            fly_to(until, 0, x, errors, flight, flown, self.setup, self.readings, slopes, lanes)
+            fly_to(until, 0, x, flight, flown, self.setup, self.readings, slopes, lanes)
 
     @property
     def _aloft(self) -> tuple[FlightSetup, Lanes]:
@@ -184,21 +188,18 @@ class FlownLanes:
         return loop.flight, lanes_of(self.team.team.count, self.readings.initial.shape[-1])
 
     @property
-    def setup(self) -> AugmentedSetup:
+    def setup(self) -> FilterSetup:
         """The filter's set-up, with the sightings so far."""
-        assert isinstance(self.run.setup, AugmentedSetup)
         return self.run.setup
 
     @property
-    def readings(self) -> AugmentedReadings:
+    def readings(self) -> Readings:
         """What was read so far."""
-        assert isinstance(self.run.readings, AugmentedReadings)
         return self.run.readings
 
     @property
-    def statistics(self) -> AugmentedStatistics:
+    def statistics(self) -> FilterStatistics:
         """What the filter has counted."""
-        assert isinstance(self.run.statistics, AugmentedStatistics)
         return self.run.statistics
 
     def _make_room(self, further: int) -> None:
@@ -206,14 +207,13 @@ class FlownLanes:
         used, have = int(self.flown.places[1]), len(self.readings.sightings)
         if used + further <= have:
             return
-        size, poses = max(used + further, 2 * have), self.setup.poses
-        poses = poses._replace(
-            observers=grown(poses.observers, used, size),
-            targets=grown(poses.targets, used, size),
-            kinds=grown(poses.kinds, used, size),
-            variances=grown(poses.variances, used, size),
+        size, setup = max(used + further, 2 * have), self.setup
+        self.run.setup = setup._replace(
+            observers=grown(setup.observers, used, size),
+            targets=grown(setup.targets, used, size),
+            kinds=grown(setup.kinds, used, size),
+            variances=grown(setup.variances, used, size),
         )
-        self.run.setup = self.setup._replace(poses=poses)
         sightings = grown(self.readings.sightings, used, size)
         self.run.readings = self.readings._replace(sightings=sightings)
 

@@ -6,13 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.estimation.augmented_setup import (
-    AugmentedReadings,
-    AugmentedSetup,
-    augmented_setup_of,
-)
 from syncplan.estimation.drawn_errors import DrawnErrors, error_draws
-from syncplan.estimation.filter_setup import build_setup
+from syncplan.estimation.filter_setup import FilterSetup, Readings, Truth, build_setup
 from syncplan.flight.anchors import Anchors, anchors_of
 from syncplan.flight.flight_events import FlightEvents, Hold
 from syncplan.flight.flight_limits import FlightLimits, FlownWorld
@@ -77,6 +72,11 @@ class FlownTeam:
         return self.setup.steps
 
     @property
+    def size(self) -> int:
+        """Number of the filter's states: poses and bias states."""
+        return 3 * self.team.count + len(self.layout.sigmas)
+
+    @property
     def present(self) -> Flags:
         """(steps + 1, n) whether a vehicle takes part, or is lost already."""
         gone = self.setup.mishaps.gone_from[: self.team.count]
@@ -114,15 +114,11 @@ class FlownTeam:
         anchors = anchors_of(self.team, windows, self.limits.separation, left, there)
         return self.setup._replace(contact=_contact(self.team, anchors, self.options))
 
-    def filter_setup(self) -> AugmentedSetup:
+    def filter_setup(self) -> FilterSetup:
         """Return the filter's set-up for some trials, as yet without sightings."""
         team, sensors = self.team, self.team.sensors
-        times = sensors.sample_time * np.arange(self.steps + 1)
-        orbits = team.orbits
-        poses = build_setup(
-            truth=np.concatenate(
-                [position(orbits, times), heading(orbits, times)[..., None]], axis=2
-            ),
+        return build_setup(
+            layout=self.layout,
             landmarks=np.array(team.landmarks, dtype=np.float64).reshape(-1, 2),
             first=np.zeros(self.steps + 2, dtype=np.int64),
             observers=np.zeros(0, dtype=np.int64),
@@ -131,14 +127,14 @@ class FlownTeam:
             variances=np.zeros(0),
             noise=team.noise,
             sample_time=sensors.sample_time,
-            period=orbits.period,
-            reach=2.0 * float(np.mean(orbits.radii)),
+            period=team.orbits.period,
+            reach=2.0 * float(np.mean(team.orbits.radii)),
             options=self.options,
+            samples=self.steps,
         )
-        return augmented_setup_of(poses, self.layout)
 
-    def begun(self, trials: range) -> tuple[Flown, AugmentedReadings]:
-        """Return trials at time 0, and what they read, as yet no sightings."""
+    def begun(self, trials: range) -> tuple[Flown, Readings, Truth]:
+        """Return trials at time 0, what they read, as yet no sightings, and their true states."""
         n, steps, lanes = self.team.count, self.steps, len(trials)
         poses, speeds, turns, lasting = self._draws(trials)
         errors = self._errors(lasting)
@@ -174,16 +170,13 @@ class FlownTeam:
             sought=np.zeros((n, lanes), dtype=np.int64),
             places=np.zeros(2, dtype=np.int64),
         )
-        readings = AugmentedReadings(
+        readings = Readings(
             initial=np.ascontiguousarray(np.repeat(planned, lanes, axis=2)),
             speeds=np.zeros((steps, n, lanes)),
             turn_rates=np.zeros((steps, n, lanes)),
             sightings=np.zeros((0, lanes)),
-            headings=np.zeros((1, n, lanes)),
-            constants=constants,
-            changing=changing,
         )
-        return flown, readings
+        return flown, readings, Truth(path, constants, changing)
 
     def _draws(self, trials: range) -> list[Array]:
         """Draws of poses, speeds, turn rates, lasting errors, each (d, lanes)."""

@@ -18,7 +18,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from syncplan.estimation.lane_filter import compiled, inner
+from syncplan.estimation.kernels import inner, kernel
 
 Word = np.uint64
 """Of 64 bits, unsigned."""
@@ -53,7 +53,7 @@ def _high(a: Word, b: Word) -> Word:
     return a_high * b_high + (middle >> HALF) + (other >> HALF)
 
 
-@compiled
+@kernel
 def words_at(key: NDArray[np.uint64], step: int, observer: int, target: int) -> Words:
     """Return four words for a sighting of a trial with this key (2,)."""
     a, b, c, d = np.uint64(step), np.uint64(observer), np.uint64(target), np.uint64(0)

@@ -6,10 +6,9 @@ of the filter, carried on by the readings where sightings arrive late.
 
 import numpy as np
 
-from syncplan.arrays import Array, Index
-from syncplan.estimation.augmented_frame import GUST, WIND
-from syncplan.estimation.augmented_setup import AugmentedReadings, AugmentedSetup
-from syncplan.estimation.lane_filter import Lanes
+from syncplan.arrays import Array
+from syncplan.estimation.filter_setup import DRIFT, FilterSetup, Readings, States, poses_of
+from syncplan.estimation.kernels import Lanes
 from syncplan.flight.closed_loop import carry_on
 from syncplan.flight.flight_setup import FlightSetup, Flown
 from syncplan.flight.flown_team import FlownTeam
@@ -42,27 +41,26 @@ class LaneGuidance:
         self,
         flight: FlightSetup,
         flown: Flown,
-        state: tuple[Array, ...],
+        x: Array,
         at: int,
-        filtered: tuple[AugmentedSetup, AugmentedReadings],
+        filtered: tuple[FilterSetup, Readings],
         lanes: Lanes,
     ) -> None:
-        """Write the commands of the leg that begins now; `state` is the filter's at step `at`."""
+        """Write the commands of the leg that begins now, from the estimate x at step `at`."""
         step, n = int(flown.places[0]), len(flown.scales)
         (setup, readings), slopes = filtered, np.empty((12, len(lanes)))
         read = readings.speeds[at:step], readings.turn_rates[at:step]
-        poses, errors = carry_on(state[0], state[1], *read, setup, slopes, lanes)
-        columns = setup.columns - 3 * n
+        x = carry_on(x, *read, setup, slopes, lanes)
         mishaps = flight.mishaps
         gone = mishaps.gone_from[:n] <= step
         held = gone | ((mishaps.held_from <= step) & (step < mishaps.held_until)).any(axis=1)
-        places = poses.copy()
+        places = poses_of(x, n).copy()
         places[gone, :2] = FAR * (1.0 + np.arange(n)[gone])[:, None, None]
         for lane, guidance in enumerate(self._guidances):
             decision = guidance.decide(
                 step * flight.time,
                 np.ascontiguousarray(places[..., lane]),
-                winds_of(errors[:, lane], columns),
+                winds_of(x[:, lane], setup.states),
                 np.ascontiguousarray(flown.commands[..., lane]),
                 held,
                 np.ascontiguousarray(flown.moved[..., lane]),
@@ -72,13 +70,12 @@ class LaneGuidance:
         self.decisions += 1
 
 
-def winds_of(errors: Array, columns: Index) -> Array:
-    """Return (n, 2) m/s, of the air about each vehicle: wind and own gust, where they are states.
+def winds_of(x: Array, states: States) -> Array:
+    """Return (n, 2) m/s, of the air about each vehicle, from a state (3n + e,): wind and own gust.
 
-    `columns` are those of the set-up, counted among the further states `errors` (e,).
+    Zero where they are not states.
     """
-    found = np.zeros((len(columns), 2))
-    for begin in (WIND, GUST):
-        own = columns[:, begin : begin + 2]
-        found += np.where(own >= 0, errors[np.maximum(own, 0)] if len(errors) else 0.0, 0.0)
+    found, rows = np.zeros((len(states.first) - 1, 2)), np.flatnonzero(states.acts == DRIFT)
+    vehicles = np.searchsorted(states.first, rows, side="right") - 1
+    np.add.at(found, (vehicles, states.axes[rows, 0]), x[states.columns[rows]])
     return found

@@ -19,9 +19,9 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.errors import InputError
-from syncplan.estimation.filter_setup import COMPASS_KIND
+from syncplan.estimation.filter_setup import COMPASS_KIND, poses_of
 from syncplan.estimation.filters import FILTERS
-from syncplan.estimation.lane_filter import lanes_of
+from syncplan.estimation.kernels import lanes_of
 from syncplan.estimation.online_filter import Arrived, OnlineFilter
 from syncplan.estimation.trial_readings import filter_stream
 from syncplan.flight.arrivals import Arrivals, SampleRead
@@ -30,8 +30,9 @@ from syncplan.flight.flight_options import AS_COMMANDED, TRACKING, FlightOptions
 from syncplan.flight.flying import flight_run
 from syncplan.flight.lane_guidance import winds_of
 from syncplan.flight.onboard_data import Command, Estimate, Sensed, TimedSighting
-from syncplan.flight.onboard_kernels import keep_contact, steer
+from syncplan.flight.onboard_kernels import steer
 from syncplan.flight.predictive_guidance import Memory, PredictiveGuidance, PredictiveOptions
+from syncplan.flight.seeking import move_circles
 from syncplan.orbits.circles import heading, position
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 from syncplan.planning.plan_files import PlanSubject
@@ -102,7 +103,7 @@ class Navigator:
             self._every = max(1, round(chosen.interval / run.team.setup.time))
             self._predictive = PredictiveGuidance(orbits, run.limits, chosen)
         self.steps = 0
-        self._steer(*self._filter.lanes)
+        self._steer(self._filter.state[0])
         self.command = self._command()
 
     @property
@@ -125,13 +126,13 @@ class Navigator:
         self.steps += 1
         while len(arrivals) > self._options.late:
             self._take_in(*arrivals.oldest())
-        x, errors = self._ahead()
-        self._steer(x, errors)
+        x = self._ahead()
+        self._steer(x)
         self.command = self._command()
-        poses = x[..., 0].copy()
-        own = self._filter.lower_covariance[..., 0].diagonal()[: 3 * n]
+        poses, errors = poses_of(x, n)[..., 0].copy(), x[3 * n :, 0].copy()
+        own = self._filter.state[1][..., 0].diagonal()[: 3 * n]
         sigmas = np.sqrt(own).reshape(n, 3)
-        return Estimate(self.time, poses, errors[..., 0].copy(), sigmas), self.command
+        return Estimate(self.time, poses, errors, sigmas), self.command
 
     def named(
         self, sightings: Iterable[tuple[str, str, str, float] | tuple[str, str, str, float, int]]
@@ -234,10 +235,10 @@ class Navigator:
         self._filter.step(sample.speeds, sample.turn_rates, arrived)
         contact = self._team.setup.contact
         if step % contact.look_every == 0:
-            keep_contact(
+            move_circles(
                 contact,
-                self._setup.columns,
-                self._filter.lower_covariance,
+                self._setup.states,
+                self._filter.state[1],
                 step,
                 self._heard,
                 self._moved,
@@ -245,18 +246,15 @@ class Navigator:
                 self._lanes,
             )
 
-    def _ahead(self) -> tuple[Array, Array]:
-        """The estimate now, (n, 3, 1) and (e, 1): the filter's, carried on by later readings."""
-        x, errors = self._filter.lanes
+    def _ahead(self) -> Array:
+        """The estimate now, (3n + e, 1): the filter's, carried on by later readings."""
+        x, _ = self._filter.state
         if not len(self._arrivals):
-            return x, errors
+            return x
         speeds, turn_rates = (one[..., None] for one in self._arrivals.readings)
-        ahead: tuple[Array, Array] = carry_on(
-            x, errors, speeds, turn_rates, self._setup, self._slopes, self._lanes
-        )
-        return ahead
+        return carry_on(x, speeds, turn_rates, self._setup, self._slopes, self._lanes)
 
-    def _steer(self, x: Array, errors: Array) -> None:
+    def _steer(self, x: Array) -> None:
         """Write the commands of the sample that begins now."""
         flight, time = self._team.setup, self.time
         if flight.law.mode == TRACKING:
@@ -266,15 +264,14 @@ class Navigator:
                 self._bounds,
                 time,
                 x,
-                errors,
-                self._setup.columns,
+                self._setup.states,
                 self._moved,
                 self._commands,
                 self._lanes,
             )
         elif self._predictive is not None and self.steps % self._every == 0:
-            winds = winds_of(errors[..., 0], self._setup.columns - 3 * len(x))
-            poses, before = np.ascontiguousarray(x[..., 0]), self._commands[..., 0].copy()
+            winds, n = winds_of(x[:, 0], self._setup.states), len(self._moved)
+            poses, before = poses_of(x, n)[..., 0].copy(), self._commands[..., 0].copy()
             decision = self._predictive.decide(
                 time, poses, winds, before, moved=self._moved[..., 0].copy()
             )

@@ -49,7 +49,7 @@ class Estimate:
     ----------
     time : s
     poses : (n, 3) m, m, rad
-    errors : (e,) further states, as the plan's filter has them
+    errors : (e,) bias states, as the plan's filter has them
     sigmas : (n, 3) m, m, rad, the filter's own; of the time of the last sightings taken in
     """
 

@@ -1,39 +1,20 @@
-"""Kernels of a single team that steers: its circles kept in contact, and its next commands.
+"""The kernel of a single team that steers: that of `closed_loop`, without the truth."""
 
-They are those of `closed_loop`, for one lane and without the truth.
-"""
-
-from syncplan.arrays import Array, Index
-from syncplan.estimation.lane_filter import Lanes, compiled
-from syncplan.flight.flight_setup import Circles, Contact, Law
-from syncplan.flight.seeking import move_circles
+from syncplan.arrays import Array
+from syncplan.estimation.filter_setup import States
+from syncplan.estimation.kernels import Lanes, kernel
+from syncplan.flight.flight_setup import Circles, Law
 from syncplan.flight.tracking_law import track
 
 
-@compiled
-def keep_contact(
-    contact: Contact,
-    states: Index,
-    P: Array,
-    step: int,
-    heard: Index,
-    moved: Array,
-    sought: Index,
-    lanes: Lanes,
-) -> None:
-    """Move circles as `seeking` has it."""
-    move_circles(contact, states, P, step, heard, moved, sought, lanes)
-
-
-@compiled
+@kernel
 def steer(
     circles: Circles,
     law: Law,
     bounds: tuple[Array, Array, Array],
     time: float,
     x: Array,
-    errors: Array,
-    columns: Index,
+    states: States,
     moved: Array,
     commands: Array,
     lanes: Lanes,
@@ -42,9 +23,9 @@ def steer(
 
     `bounds` are the least and largest speeds, and the largest turn rates.
     """
-    track(circles, law, time, x, errors, columns, moved, commands, lanes)
+    track(circles, law, time, x, states, moved, commands, lanes)
     least, most, turn = bounds
-    for i in range(len(x)):
+    for i in range(len(commands)):
         for lane in range(len(lanes)):
             v, w = commands[i, 0, lane], commands[i, 1, lane]
             commands[i, 0, lane] = min(max(v, least[i]), most[i])

@@ -15,7 +15,7 @@ import math
 from typing import NamedTuple
 
 from syncplan.arrays import Array
-from syncplan.estimation.lane_filter import compiled, inner
+from syncplan.estimation.kernels import inner, kernel
 
 SEARCHED = 2
 """Horizons that are searched for a place to intercept the plan at."""
@@ -137,7 +137,7 @@ def roll(pose: Array, after: Array, v: float, w: float, step: float, wind: Array
     after[2] = pose[2] + step * w
 
 
-@compiled
+@kernel
 def lay_course(circles: Orbiting, time: float, step: float, course: Course) -> None:
     """Fill in the course from `time` s on, in steps of `step` s; its winds are given."""
     centers, radii, turns, phases = circles
@@ -195,7 +195,7 @@ def _intercepting(
     return _tracking(i, k, pose, course, laws)
 
 
-@compiled
+@kernel
 def foresee(
     i: int,
     given: int,

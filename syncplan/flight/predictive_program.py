@@ -36,7 +36,7 @@ from typing import NamedTuple
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.estimation.lane_filter import compiled, inner
+from syncplan.estimation.kernels import inner, kernel
 from syncplan.flight.predictive_model import Bounds, Course, shortened
 
 
@@ -95,7 +95,7 @@ def _asked_distance(i: int, j: int, m: int, poses: Array, weights: Weights) -> f
     return math.sqrt(weights.separations[i] ** 2 + 0.25 * (x * x + y * y))
 
 
-@compiled
+@kernel
 def _shortfall_of(i: int, own: Array, poses: Array, weights: Weights) -> tuple[float, float]:
     """Return by how many m flight `own` (N + 1, 3) is too near others: in sum, and at most."""
     total, most = 0.0, 0.0
@@ -112,7 +112,7 @@ def _shortfall_of(i: int, own: Array, poses: Array, weights: Weights) -> tuple[f
     return total, most
 
 
-@compiled
+@kernel
 def cost_of(
     i: int, commands: Array, own: Array, poses: Array, course: Course, weights: Weights
 ) -> tuple[float, float]:
@@ -187,7 +187,7 @@ def _scale(steps: int, program: Program) -> None:
     program.scale[0] = scale
 
 
-@compiled
+@kernel
 def write_program(
     i: int,
     commands: Array,
@@ -256,7 +256,7 @@ def _nearest(i: int, m: int, own: Array, poses: Array, weights: Weights, chosen:
             chosen[place], margins[place] = j, margin
 
 
-@compiled
+@kernel
 def write_separation(
     i: int,
     commands: Array,

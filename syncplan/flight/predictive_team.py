@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from syncplan.arrays import Array, Flags
-from syncplan.estimation.lane_filter import compiled, inner
+from syncplan.estimation.kernels import inner, kernel
 from syncplan.flight.predictive_model import (
     Bounds,
     Course,
@@ -67,7 +67,7 @@ def _foresee_decided(
             roll(poses[k], poses[k + 1], v, w, laws.step, course.winds[i])
 
 
-@compiled
+@kernel
 def guess_flights(
     state: TeamState,
     course: Course,
@@ -115,7 +115,7 @@ def guess_flights(
         )
 
 
-@compiled
+@kernel
 def improve_flight(
     i: int,
     change: Array,

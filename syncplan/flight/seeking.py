@@ -15,49 +15,45 @@ import math
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.estimation.augmented_frame import GUST, WIND
-from syncplan.estimation.lane_filter import Lanes, compiled, inner
+from syncplan.estimation.correction_kernels import most_entries
+from syncplan.estimation.filter_setup import DRIFT, States
+from syncplan.estimation.kernels import Lanes, inner, kernel
 from syncplan.flight.flight_setup import Contact
-
-MOST_ENTRIES = 10
-"""Of a row: places of both, the wind, gusts of both."""
 
 
 @inner
-def _fill_row(
-    states: Index,
+def _add_place(
     i: int,
-    anchor: int,
+    sign: float,
+    apart: bool,
+    states: States,
     leads: tuple[float, float],
     toward: Array,
-    row: tuple[Index, Array],
+    columns: Index,
+    entries: Array,
+    count: int,
 ) -> int:
-    """Fill in how the distance ahead of vehicle i from its anchor hangs on states; how many do."""
-    (columns, entries), (lead, gust_lead) = row, leads
-    n, count = len(states), 0
+    """Add how the place ahead of vehicle i, in a direction, hangs on states; return the count.
+
+    What all vehicles share counts only where the place is taken `apart` from the others'.
+    """
     for axis in range(2):
-        columns[count], entries[count] = 3 * i + axis, toward[axis]
+        columns[count], entries[count] = 3 * i + axis, sign * toward[axis]
         count += 1
-        if states[i, GUST + axis] >= 0:
-            columns[count], entries[count] = states[i, GUST + axis], gust_lead * toward[axis]
-            count += 1
-        if anchor < n:
-            columns[count], entries[count] = 3 * anchor + axis, -toward[axis]
-            count += 1
-            if states[anchor, GUST + axis] >= 0:
-                columns[count] = states[anchor, GUST + axis]
-                entries[count] = -gust_lead * toward[axis]
-                count += 1
-        elif states[i, WIND + axis] >= 0:
-            columns[count], entries[count] = states[i, WIND + axis], lead * toward[axis]
+    lead, gust_lead = leads
+    for m in range(states.first[i], states.first[i + 1]):
+        if states.acts[m] == DRIFT and (apart or not states.common[m]):
+            columns[count] = states.columns[m]
+            ahead = gust_lead if states.columns[m] >= states.first_changing else lead
+            entries[count] = sign * ahead * toward[states.axes[m, 0]]
             count += 1
     return count
 
 
-@compiled
+@kernel
 def move_circles(
     contact: Contact,
-    states: Index,
+    states: States,
     P: Array,
     step: int,
     heard: Index,
@@ -67,19 +63,21 @@ def move_circles(
 ) -> None:
     """Move circles, `moved` (n, 2, lanes) m, by what the covariance P now says, a lower triangle.
 
-    `states` are the columns of AugmentedSetup, `heard` (n, lanes) the steps of the last sighting of
-    each vehicle that was taken in; `sought` (n, lanes) counts steps.
+    `heard` (n, lanes) are the steps of the last sighting of each vehicle that was taken in;
+    `sought` (n, lanes) counts steps.
     """
-    n = len(states)
-    leads = contact.lead, contact.gust_lead
-    row = np.zeros(MOST_ENTRIES, dtype=np.int64), np.zeros(MOST_ENTRIES)
+    n, leads = len(heard), (contact.lead, contact.gust_lead)
+    most = most_entries(states)
+    columns, entries = np.zeros(most, dtype=np.int64), np.zeros(most)
     for i in contact.order:
         anchor, toward = contact.anchors[i], contact.toward[i]
         if anchor < 0:
             moved[i] = 0.0
             continue
-        count = _fill_row(states, i, anchor, leads, toward, row)
-        columns, entries = row
+        apart = anchor >= n
+        count = _add_place(i, 1.0, apart, states, leads, toward, columns, entries, 0)
+        if not apart:
+            count = _add_place(anchor, -1.0, apart, states, leads, toward, columns, entries, count)
         for lane in range(len(lanes)):
             spread = 0.0
             for a in range(count):

@@ -18,10 +18,9 @@ autonomous mobile robot, equation 8.
 
 import math
 
-from syncplan.arrays import Array, Index
-from syncplan.estimation.augmented_frame import GUST, WIND
-from syncplan.estimation.augmented_prediction import error_of
-from syncplan.estimation.lane_filter import Lanes, inner
+from syncplan.arrays import Array
+from syncplan.estimation.filter_setup import DRIFT, States
+from syncplan.estimation.kernels import Lanes, inner
 from syncplan.flight.flight_setup import Circles, Law
 
 STILL = 0.05
@@ -38,25 +37,33 @@ def command_plan(circles: Circles, commands: Array, lanes: Lanes) -> None:
 
 
 @inner
+def _air_at(x: Array, i: int, axis: int, states: States, lane: int) -> float:
+    """The velocity of the air at vehicle i along an axis, m/s."""
+    air = 0.0
+    for m in range(states.first[i], states.first[i + 1]):
+        if states.acts[m] == DRIFT and states.axes[m, 0] == axis:
+            air += x[states.columns[m], lane]
+    return air
+
+
+@inner
 def track(
     circles: Circles,
     law: Law,
     time: float,
     x: Array,
-    errors: Array,
-    columns: Index,
+    states: States,
     moved: Array,
     commands: Array,
     lanes: Lanes,
 ) -> None:
-    """Fill in commands (n, 2, lanes) from the estimates at `time` s.
+    """Fill in commands (n, 2, lanes) from the estimate x (3n + e, lanes) at `time` s.
 
-    `columns` are those of AugmentedSetup; circles are `moved` (n, 2, lanes) m from their places.
+    Circles are `moved` (n, 2, lanes) m from their places.
     """
-    n = len(x)
-    for i in range(n):
+    for i in range(len(commands)):
         rate, radius = circles.senses[i] * circles.rate, circles.radii[i]
-        phase, own = circles.phases[i] + rate * time, columns[i]
+        phase, r = circles.phases[i] + rate * time, 3 * i
         cos, sin = math.cos(phase), math.sin(phase)
         place_x, place_y = (
             circles.centers[i, 0] + radius * cos,
@@ -66,16 +73,14 @@ def track(
         bent_x, bent_y = -rate * rate * radius * cos, -rate * rate * radius * sin
         still = (STILL * rate * radius) ** 2
         for lane in range(len(lanes)):
-            air_x = error_of(errors, n, own[WIND], lane) + error_of(errors, n, own[GUST], lane)
-            air_y = error_of(errors, n, own[WIND + 1], lane)
-            air_y += error_of(errors, n, own[GUST + 1], lane)
-            near_x = law.place_gain * (place_x + moved[i, 0, lane] - x[i, 0, lane])
-            near_y = law.place_gain * (place_y + moved[i, 1, lane] - x[i, 1, lane])
+            air_x, air_y = _air_at(x, i, 0, states, lane), _air_at(x, i, 1, states, lane)
+            near_x = law.place_gain * (place_x + moved[i, 0, lane] - x[r, lane])
+            near_y = law.place_gain * (place_y + moved[i, 1, lane] - x[r + 1, lane])
             size = math.sqrt(near_x * near_x + near_y * near_y)
             share = min(1.0, law.closing_speeds[i] / max(size, 1e-12))
             free_x, free_y = along_x - air_x, along_y - air_y
             want_x, want_y = free_x + share * near_x, free_y + share * near_y
-            turn = math.atan2(want_y, want_x) - x[i, 2, lane]
+            turn = math.atan2(want_y, want_x) - x[r + 2, lane]
             turn -= 2.0 * math.pi * math.floor((turn + math.pi) / (2.0 * math.pi))
             square = free_x * free_x + free_y * free_y
             ahead = (free_x * bent_y - free_y * bent_x) / square if square > still else rate

@@ -16,8 +16,8 @@ commands the least speed that it can fly and, if that is not zero, its largest t
 import math
 
 from syncplan.arrays import Array, Index
-from syncplan.estimation.batched_filter import shortening
-from syncplan.estimation.lane_filter import Lanes, inner
+from syncplan.estimation.kernels import Lanes, inner
+from syncplan.estimation.motion_kernels import shortening
 from syncplan.flight.flight_setup import FlightSetup, Flown
 
 NEAR_SHARE = 1e-3

@@ -17,9 +17,13 @@ import math
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.estimation.augmented_setup import AugmentedSetup
-from syncplan.estimation.filter_setup import BEARING_KIND, COMPASS_KIND, DISTANCE_KIND
-from syncplan.estimation.lane_filter import Lanes, compiled, inner
+from syncplan.estimation.filter_setup import (
+    BEARING_KIND,
+    COMPASS_KIND,
+    DISTANCE_KIND,
+    FilterSetup,
+)
+from syncplan.estimation.kernels import Lanes, inner, kernel
 from syncplan.flight.flight_setup import Eyes, FlightSetup, Flown
 from syncplan.flight.keyed_noise import Word, normal_pair, uniform, words_at
 from syncplan.orbits.contacts import BOUNDARY_SLACK
@@ -28,12 +32,12 @@ HALF_WORD = np.uint64(32)
 LOW_HALF = np.uint64(0xFFFFFFFF)
 
 
-@compiled
+@kernel
 def sight_truly(
     flight: FlightSetup,
     flown: Flown,
     step: int,
-    setup: AugmentedSetup,
+    setup: FilterSetup,
     sightings: Array,
     lanes: Lanes,
 ) -> None:
@@ -42,7 +46,7 @@ def sight_truly(
     # whole records are costly to hand on: of each of their arrays, the users are counted
     ranges, landmarks, gone = eyes.ranges, eyes.landmarks, mishaps.gone_from
     every, sigmas, blind = eyes.every, eyes.sigmas, mishaps.blind_from
-    path, first, n = flown.path, setup.poses.first, len(ranges)
+    path, first, n = flown.path, setup.first, len(ranges)
     pose, away = path[step], np.empty((3, len(lanes)))
     for o in range(n):
         if gone[o] <= step:
@@ -59,8 +63,12 @@ def sight_truly(
                 continue
             near = _is_near(pose, landmarks, ranges[o], o, t, away, lanes)
             if near and _look(eyes, pose, o, away, lanes):
-                due = bearing, distance
-                _read(flight, flown, step, (o, t), due, away, setup, sightings)
+                b, d, taken = -1, -1, eyes.taken
+                if bearing:
+                    b = _new_row(flown, setup, BEARING_KIND, o, t, taken[BEARING_KIND, o])
+                if distance:
+                    d = _new_row(flown, setup, DISTANCE_KIND, o, t, taken[DISTANCE_KIND, o])
+                _read(flight, flown, step, (o, t), (b, d), away, sightings)
     first[step + 1] = flown.places[1]
     seen, longest = flown.seen, flown.longest
     for i in range(n):
@@ -149,7 +157,7 @@ def _read_compass(
     flown: Flown,
     step: int,
     o: int,
-    setup: AugmentedSetup,
+    setup: FilterSetup,
     sightings: Array,
     lanes: Lanes,
 ) -> None:
@@ -165,33 +173,32 @@ def _read_compass(
 
 
 @inner
-def _new_row(flown: Flown, setup: AugmentedSetup, kind: int, o: int, t: int, sigma: float) -> int:
+def _new_row(flown: Flown, setup: FilterSetup, kind: int, o: int, t: int, sigma: float) -> int:
     """Begin a row of sightings; return its number."""
-    poses, s = setup.poses, flown.places[1]
-    poses.observers[s], poses.targets[s], poses.kinds[s] = o, t, kind
-    poses.variances[s] = sigma * sigma
+    s = flown.places[1]
+    setup.observers[s], setup.targets[s], setup.kinds[s] = o, t, kind
+    setup.variances[s] = sigma * sigma
     flown.places[1] += 1
     return int(s)
 
 
-@compiled
+@kernel
 def _read(
     flight: FlightSetup,
     flown: Flown,
     step: int,
     pair: tuple[int, int],
-    due: tuple[bool, bool],
+    rows: tuple[int, int],
     away: Array,
-    setup: AugmentedSetup,
     sightings: Array,
 ) -> None:
-    """Record what vehicle o reads of body t, of each kind that is due, where it is in sight."""
-    (o, t), (bearing, distance) = pair, due
+    """Record what vehicle o reads of body t, where it is in sight.
+
+    `rows` of `sightings` are those of bearing and distance, -1 for one that is not due.
+    """
+    (o, t), (b, d) = pair, rows
     eyes, mishaps, width = flight.eyes, flight.mishaps, away.shape[1]
     bearing_sigma, distance_sigma = eyes.sigmas[BEARING_KIND, o], eyes.sigmas[DISTANCE_KIND, o]
-    taken = eyes.taken[BEARING_KIND, o], eyes.taken[DISTANCE_KIND, o]
-    b = _new_row(flown, setup, BEARING_KIND, o, t, taken[0]) if bearing else -1
-    d = _new_row(flown, setup, DISTANCE_KIND, o, t, taken[1]) if distance else -1
     shifts = flown.bearing_shifts[min(step, len(flown.bearing_shifts) - 1)]
     made = eyes.detection[o] * (1.0 - mishaps.dropout)
     for lane in range(width):

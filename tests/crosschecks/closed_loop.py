@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from syncplan.arrays import Array, Flags
 from syncplan.errors import InputError
-from syncplan.estimation.augmented_frame import GUST
-from syncplan.estimation.augmented_setup import AugmentedSetup, augmented_setup_of
 from syncplan.estimation.filter_options import FilterOptions
+from syncplan.estimation.filter_setup import FilterSetup
 from syncplan.estimation.montecarlo import _setup
 from syncplan.estimation.reference_states import (
     covariance_at_start,
@@ -67,7 +66,7 @@ def fly(flown: FlownTeam, trials: int, lag: float, make: MakePlant) -> Flight:
     Raises InputError where a team has more than cameras, or more lasting errors than wind.
     """
     _check(flown.team)
-    drawn, readings = flown.begun(range(trials))
+    drawn, readings, _ = flown.begun(range(trials))
     setup, n, steps = flown.setup, flown.team.count, flown.steps
     first = np.moveaxis(drawn.path[0], -1, 0)
     path, estimates = np.empty((2, steps + 1, trials, n, 3))
@@ -98,7 +97,7 @@ class _Pilots:
     def __init__(self, flown: FlownTeam, drawn: Flown, poses: Array, lag: float) -> None:
         self._flown, self._keys, self._law = flown, drawn.keys, _law_of(flown)
         self._setup = _every_bearing(flown.team)
-        further = np.zeros(len(self._setup.variances))
+        further = np.zeros(len(flown.layout.sigmas))
         self._states = np.array([np.concatenate([one.ravel(), further]) for one in poses])
         self._covariances = [covariance_at_start(self._setup) for _ in poses]
         self._moved = np.zeros_like(poses[..., :2])
@@ -115,10 +114,10 @@ class _Pilots:
 
     def commands(self, step: int) -> Array:
         """Return (trials n, 2) m/s, rad/s for the sample that begins at a step."""
-        columns = self._setup.columns
-        errors = np.where(columns >= 0, self._states[:, columns], 0.0)
-        time = step * self._flown.setup.time
-        wind = errors[..., :2] + errors[..., GUST : GUST + 2]
+        columns, time = self._flown.layout.columns, step * self._flown.setup.time
+        wind = np.zeros((*self.poses.shape[:2], 2))
+        for own in (columns[name] for name in ("wind", "gusts") if name in columns):
+            wind += np.where(own >= 0, self._states[:, own], 0.0)
         commands = self._law.commands(time, self.poses, wind, self._moved)
         self.expected = self._response.follow(commands)
         return commands.reshape(-1, 2)
@@ -144,7 +143,7 @@ class _Pilots:
             self._last[trial][together] = step
             if step % contact.look_every == 0:
                 unseen = step - self._last[trial]
-                self._moved[trial] = moved_circles(contact, self._setup, P, unseen)
+                self._moved[trial] = moved_circles(contact, self._flown.layout, P, unseen)
         return counts
 
 
@@ -167,12 +166,12 @@ def _air(drawn: Flown, step: int, n: int, trials: int) -> Array:
     return np.broadcast_to(np.moveaxis(air, -1, 0), (trials, n, 2)).reshape(-1, 2)
 
 
-def _every_bearing(team: Team) -> AugmentedSetup:
+def _every_bearing(team: Team) -> FilterSetup:
     """A set-up whose s-th sighting is that of body s mod bodies by vehicle s // bodies."""
     n, bodies = team.count, team.count + len(team.landmarks)
     observers, targets = (one.ravel() for one in np.indices((n, bodies)))
     every = Sightings(np.ones_like(observers), observers, targets, np.zeros_like(observers))
-    return augmented_setup_of(_setup(team, every, 1, FilterOptions()), layout_of(team))
+    return _setup(team, layout_of(team), every, 1, FilterOptions())
 
 
 def _bearings(team: Team, poses: Array) -> tuple[Array, Flags]:

@@ -23,6 +23,8 @@ def summary_of_kernels(flown: FlownTeam, trials: int) -> Summary:
     path = np.moveaxis(lanes.flown.path, -1, 1)
     kept = kept_of(path, flown.team.orbits, flown.setup.time)
     late = flown.steps - flown.steps // 2
-    squares = lanes.statistics.poses.late_squares[:, :2].sum(axis=1).mean(axis=0) / late
+    n = flown.team.count
+    poses = lanes.statistics.late_squares[: 3 * n].reshape(n, 3, -1)
+    squares = poses[:, :2].sum(axis=1).mean(axis=0) / late
     sighted = np.isfinite(lanes.run.readings.sightings[: lanes.flown.places[1]])
     return Summary(np.sqrt(squares), *kept, sighted.sum(axis=0).astype(float))

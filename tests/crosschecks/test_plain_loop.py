@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from syncplan.flight.keyed_noise import key_of, normal_pair, words_at
+from syncplan.flight.keyed_noise import Word, key_of, normal_pair, words_at
 from tests.crosschecks.closed_loop import fly, normal_of
 from tests.crosschecks.comparisons import summary_of
 from tests.crosschecks.courses import AIRS, COURSES, READINGS, Flying, flown_of
 from tests.crosschecks.kernel_flights import flown_by_kernels, summary_of_kernels
 from tests.crosschecks.responses import Step, answer_to, steady_errors
 from tests.crosschecks.unicycle_team import Response, unicycles
+from tests.tools.inner_kernels import called_alone
 
 TRIALS = 2
 LAG = 0.17
@@ -34,11 +35,11 @@ def test_what_is_flown_is_what_the_plain_loop_flies(air: str, readings: str) -> 
 
 
 def test_the_noise_of_a_bearing_is_that_of_the_kernels() -> None:
-    key = key_of(5, 2)
+    key, pair = key_of(5, 2), called_alone(normal_pair)
     for sighted in [(1, 0, 1), (2, 3, 0), (4000, 5, 7)]:
         words = words_at(key, *sighted)
         assert normal_of(key, *sighted) == pytest.approx(
-            normal_pair(words[0], words[1])[0], abs=1e-14
+            pair(Word(words[0]), Word(words[1]))[0], abs=1e-14
         )
 
 

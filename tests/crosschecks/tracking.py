@@ -17,10 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.estimation.augmented_frame import GUST
-from syncplan.estimation.augmented_setup import AugmentedSetup
 from syncplan.flight.flight_setup import Contact
 from syncplan.orbits.circles import Orbits, cross, dot, perpendicular, phase, position, unit, wrap
+from syncplan.orbits.error_states import StateLayout
 
 __all__ = ["TrackingLaw", "moved_circles"]
 
@@ -65,28 +64,29 @@ class TrackingLaw:
         return np.asarray(np.clip(commands, self.least, self.most))
 
 
-def moved_circles(contact: Contact, setup: AugmentedSetup, P: Array, unseen: Index) -> Array:
+def moved_circles(contact: Contact, layout: StateLayout, P: Array, unseen: Index) -> Array:
     """Return (n, 2) m, by how much circles are moved at a covariance P of the state.
 
     `unseen` (n,) is the number of steps since each vehicle's last sighting, of it or by it.
     """
-    columns, moved = setup.columns, np.zeros((len(setup.columns), 2))
+    n, moved = layout.count, np.zeros((layout.count, 2))
+    wind, gusts = (layout.columns.get(name, np.full((n, 2), -1)) for name in ("wind", "gusts"))
     for i in contact.order.tolist():
         anchor, toward = int(contact.anchors[i]), contact.toward[i]
         if anchor < 0:
             continue
         h = np.zeros(len(P))
         for k, sign in ((i, 1.0), (anchor, -1.0)):
-            if k < len(columns):
+            if k < n:
                 h[3 * k : 3 * k + 2] = sign * toward
-                if columns[k, GUST] >= 0:
-                    h[columns[k, GUST : GUST + 2]] = sign * contact.gust_lead * toward
+                if gusts[k, 0] >= 0:
+                    h[gusts[k]] = sign * contact.gust_lead * toward
         # two vehicles drift alike with the wind, a landmark does not
-        if anchor >= len(columns) and columns[i, 0] >= 0:
-            h[columns[i, :2]] = contact.lead * toward
+        if anchor >= n and wind[i, 0] >= 0:
+            h[wind[i]] = contact.lead * toward
         missing = contact.sigmas * math.sqrt(max(float(h @ P @ h), 0.0)) - contact.slacks[i]
         by = min(max(missing, 0.0), contact.most[i])
         if unseen[i] > contact.patience:
             by = contact.furthest[i]
-        moved[i] = by * toward + (moved[anchor] if anchor < len(columns) else 0.0)
+        moved[i] = by * toward + (moved[anchor] if anchor < n else 0.0)
     return moved

@@ -162,7 +162,7 @@ class Seeking:
     def __init__(self) -> None:
         self.run, self.anchors = _grid()
         self.contact: Contact = self.run.team.setup.contact
-        self.columns = self.run.team.filter_setup().columns
+        self.states = self.run.team.filter_setup().states
         self.P = np.zeros((20, 20, 1))
         self.moved, self.seen = np.zeros((6, 2, 1)), np.zeros((6, 1), dtype=np.int64)
         self.sought = np.zeros((6, 1), dtype=np.int64)
@@ -174,7 +174,7 @@ class Seeking:
     def look(self, step: int = 10) -> Array:
         """(n, 2) m, by how much circles are moved."""
         move_circles(
-            self.contact, self.columns, self.P, step, self.seen, self.moved, self.sought, LANES
+            self.contact, self.states, self.P, step, self.seen, self.moved, self.sought, LANES
         )
         return self.moved[..., 0].copy()
 

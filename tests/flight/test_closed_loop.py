@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from syncplan.arrays import Array
 from syncplan.flight.flown_figures import without_gone
 from syncplan.planning.planner import plan
 from syncplan.scenario.specification import Scenario
@@ -108,6 +109,11 @@ def _apart(a: Any, b: Any) -> float:
     return float(np.nanmax(np.abs(a - b), initial=0.0))
 
 
+def _poses(values: Array, n: int) -> Array:
+    """(n, 3, lanes) those of poses, of values (3n + e, lanes)."""
+    return values[: 3 * n].reshape(n, 3, -1)
+
+
 def test_vehicles_fly_the_same_paths(pair: Pair) -> None:
     for lane, plain in enumerate(pair.plain):
         there = plain.there[..., None]
@@ -137,18 +143,20 @@ def test_estimates_and_their_covariance_are_the_same(pair: Pair) -> None:
 
 
 def test_errors_are_summed_up_alike(pair: Pair) -> None:
-    found = pair.compiled.lanes.statistics.poses
+    found, n = pair.compiled.lanes.statistics, pair.compiled.run.plan.team.count
     steps = pair.compiled.run.team.steps
     for lane, plain in enumerate(pair.plain):
         squares = plain.offs**2
-        assert _apart(found.squares[..., lane], squares[1:].sum(axis=0)) < 1e-3 * TOLERANCE * steps
+        wanted = squares[1:].sum(axis=0)
+        assert _apart(_poses(found.squares, n)[..., lane], wanted) < 1e-3 * TOLERANCE * steps
         late = 2 * np.arange(steps + 1) > steps
-        assert _apart(found.late_squares[..., lane], squares[late].sum(axis=0)) < TOLERANCE * steps
-        assert _apart(found.final[..., lane], plain.offs[-1]) < TOLERANCE
+        wanted = squares[late].sum(axis=0)
+        assert _apart(_poses(found.late_squares, n)[..., lane], wanted) < TOLERANCE * steps
+        assert _apart(_poses(found.final, n)[..., lane], plain.offs[-1]) < TOLERANCE
 
 
 def test_normalised_errors_are_of_the_vehicles_that_are_there(pair: Pair) -> None:
-    found, steps = pair.compiled.lanes.statistics.poses, pair.compiled.run.team.steps
+    found, steps = pair.compiled.lanes.statistics, pair.compiled.run.team.steps
     sampled = [k for k in range(1, steps + 1) if k % 10 == 0 or k == steps]
     for lane, plain in enumerate(pair.plain):
         assert found.nees[lane] == pytest.approx(plain.nees[sampled].sum(), rel=1e-5)
@@ -156,7 +164,7 @@ def test_normalised_errors_are_of_the_vehicles_that_are_there(pair: Pair) -> Non
 
 def test_statistics_of_a_vehicle_that_leaves_are_of_its_time(pair: Pair) -> None:
     run = pair.compiled.run
-    found, steps = without_gone(run.team, pair.compiled.lanes).poses, run.team.steps
+    found, steps = without_gone(run.team, pair.compiled.lanes), run.team.steps
     sampled = np.array([k > 0 and (k % 10 == 0 or k == steps) for k in range(steps + 1)])
     for lane, plain in enumerate(pair.plain):
         squares, there = plain.offs**2, plain.there > 0
@@ -170,15 +178,16 @@ def test_statistics_of_a_vehicle_that_leaves_are_of_its_time(pair: Pair) -> None
             if not counted.any():
                 continue
             wanted = squares[1:, i][counted].mean(axis=0)
-            assert _apart(found.squares[i, :, lane] / steps, wanted) < TOLERANCE
+            own = slice(3 * i, 3 * i + 3)
+            assert _apart(found.squares[own, lane] / steps, wanted) < TOLERANCE
             if (there[:, i] & late).any():
                 wanted = squares[there[:, i] & late, i].mean(axis=0)
-                assert _apart(found.late_squares[i, :, lane] / late.sum(), wanted) < TOLERANCE
+                assert _apart(found.late_squares[own, lane] / late.sum(), wanted) < TOLERANCE
             taken = sampled & there[:, i]
             share = within[taken, i].mean() if taken.any() else np.nan
-            assert _apart(found.covered[i, lane] / (3 * sampled.sum()), share) < 1e-9
+            assert _apart(found.covered[own, lane].mean() / sampled.sum(), share) < 1e-9
             if not there[-1, i]:
-                assert np.isnan(found.final[i, :, lane]).all()
+                assert np.isnan(found.final[own, lane]).all()
 
 
 def test_circles_are_moved_alike(pair: Pair) -> None:

@@ -5,6 +5,7 @@ import pytest
 
 from syncplan.flight.keyed_noise import Word, key_of, normal_pair, uniform, words_at
 from tests.tools import plain_truth
+from tests.tools.inner_kernels import called_alone
 
 
 def _counters(generator: np.random.Generator) -> list[tuple[int, int, int]]:
@@ -29,7 +30,8 @@ def test_numbers_of_a_sighting_are_its_own() -> None:
 
 
 def test_uniform_numbers_are_never_0_or_1() -> None:
-    least, most = uniform(Word(0)), uniform(Word(2**64 - 1))
+    number = called_alone(uniform)
+    least, most = number(Word(0)), number(Word(2**64 - 1))
     assert 0.0 < least < 1e-15
     assert 1.0 - 1e-15 < most < 1.0
 
@@ -38,7 +40,8 @@ def test_pairs_are_independent_standard_normal_numbers() -> None:
     """4-sigma bands of 20,000 pairs."""
     key, count = key_of(3, 0), 20_000
     words = np.array([words_at(key, k, 1, 2) for k in range(1, count + 1)], dtype=np.uint64)
-    pairs = np.array([normal_pair(four[0], four[1]) for four in words])
+    pair = called_alone(normal_pair)
+    pairs = np.array([pair(four[0], four[1]) for four in words])
     band = 4.0 / np.sqrt(count)
     assert np.abs(pairs.mean(axis=0)).max() < band
     assert np.abs(np.mean(pairs**2, axis=0) - 1.0).max() < np.sqrt(2.0) * band

@@ -37,16 +37,16 @@ def flown(run: FlightRun) -> FlownLanes:
 
 def sensed(lanes: FlownLanes, late: int = 0) -> Iterator[Sensed]:
     """What the team of a flight has read, sample by sample; sightings so many samples late."""
-    poses, readings = lanes.setup.poses, lanes.readings
+    setup, readings = lanes.setup, lanes.readings
     for k in range(len(readings.speeds)):
         rows = range(0)
         if k >= late:
-            rows = range(poses.first[k - late + 1], poses.first[k - late + 2])
+            rows = range(setup.first[k - late + 1], setup.first[k - late + 2])
         sightings = [
             TimedSighting(
-                int(poses.observers[s]),
-                int(poses.targets[s]),
-                int(poses.kinds[s]),
+                int(setup.observers[s]),
+                int(setup.targets[s]),
+                int(setup.kinds[s]),
                 float(readings.sightings[s, 0]),
                 late,
             )

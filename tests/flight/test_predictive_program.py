@@ -15,10 +15,13 @@ from syncplan.flight.predictive_program import (
     write_separation,
 )
 from syncplan.flight.predictive_solver import ProgramSolver
+from tests.tools.inner_kernels import called_alone
 
 STEPS, STEP, NEIGHBOURS = 6, 0.5, 2
 UNITS = np.repeat([4.0, 0.2], STEPS)
 SMALL = 1e-5
+
+roll_alone = called_alone(roll)
 
 
 class Scene(NamedTuple):
@@ -33,7 +36,7 @@ class Scene(NamedTuple):
 def _flown(commands: Array, start: Array, wind: Array) -> Array:
     poses = np.tile(start, (len(commands) + 1, 1))
     for k, (v, w) in enumerate(commands):
-        roll(poses[k], poses[k + 1], v, w, STEP, wind)
+        roll_alone(poses[k], poses[k + 1], v, w, STEP, wind)
     return poses
 
 

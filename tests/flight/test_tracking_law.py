@@ -14,9 +14,12 @@ from syncplan.flight.tracking_law import command_plan, track
 from syncplan.orbits.circles import heading, perpendicular, position, unit
 from syncplan.planning.planner import plan
 from tests.tools.exact_flights import paper_grid, tracking
+from tests.tools.inner_kernels import called_alone
 from tests.tools.scenarios import changed
 
 LANES = np.zeros(1, dtype=np.int8)
+
+track_alone = called_alone(track)
 
 
 def _run(**keys: Any) -> FlightRun:
@@ -27,8 +30,8 @@ def _run(**keys: Any) -> FlightRun:
 
 def _commands(run: FlightRun, time: float, x: Array, errors: Array, moved: Array) -> Array:
     setup, found = run.team.setup, np.zeros((len(x), 2, 1))
-    columns = run.team.filter_setup().columns
-    track(setup.circles, setup.law, time, x, errors, columns, moved, found, LANES)
+    state, states = np.append(x, errors)[:, None], run.team.filter_setup().states
+    track_alone(setup.circles, setup.law, time, state, states, moved, found, LANES)
     return found[..., 0]
 
 
@@ -44,7 +47,7 @@ def _commands(run: FlightRun, time: float, x: Array, errors: Array, moved: Array
 )
 def test_commands_are_those_of_the_law_to_read(keys: dict[str, Any]) -> None:
     run, generator = _run(**keys), np.random.default_rng(5)
-    setup, orbits, n = run.team.filter_setup(), run.plan.orbits, run.plan.team.count
+    layout, orbits, n = run.team.layout, run.plan.orbits, run.plan.team.count
     endless = np.full(n, np.inf)
     free = FlightLimits(-endless, endless, endless, 0.0)
     delay = run.plan.sensors.sample_time + (run.plan.scenario.motion.lag_s or 0.0)
@@ -53,16 +56,15 @@ def test_commands_are_those_of_the_law_to_read(keys: dict[str, Any]) -> None:
         time = float(generator.uniform(0.0, 100.0))
         x = np.column_stack([position(orbits, time), heading(orbits, time)])
         x += generator.normal(size=(n, 3)) * generator.choice([0.1, 30.0]) * [1.0, 1.0, 0.1]
-        errors = generator.normal(size=len(setup.variances))
+        errors = generator.normal(size=len(layout.sigmas))
         moved = generator.normal(size=(n, 2))
         winds = np.zeros((n, 2))
-        for names in ((0, 1), (5, 6)):
-            for axis, name in enumerate(names):
-                for i, column in enumerate(setup.columns[:, name]):
-                    winds[i, axis] += errors[column - 3 * n] if column >= 0 else 0.0
+        for name in {"wind", "gusts"} & set(layout.columns):
+            for (i, axis), column in np.ndenumerate(layout.columns[name]):
+                winds[i, axis] += errors[column - 3 * n] if column >= 0 else 0.0
         seen = x - np.column_stack([moved, np.zeros(n)])
         wanted = tracking_commands(orbits, free, gains, time, seen, winds)
-        found = _commands(run, time, x[..., None], errors[:, None], moved[..., None])
+        found = _commands(run, time, x, errors, moved[..., None])
         np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-12)
 
 
@@ -82,14 +84,14 @@ def test_a_vehicle_in_place_flies_its_circle_over_ground(wind: tuple[float, floa
     psi = np.arctan2(now[:, 1], now[:, 0])
     turned = np.arctan2(after[:, 1], after[:, 0]) - np.arctan2(before[:, 1], before[:, 0])
     x = np.column_stack([position(orbits, time), psi])
-    found = _commands(run, time, x[..., None], air[:, None], np.zeros((6, 2, 1)))
+    found = _commands(run, time, x, air, np.zeros((6, 2, 1)))
     np.testing.assert_allclose(found[:, 0], np.hypot(*now.T), rtol=1e-12)
     np.testing.assert_allclose(found[:, 1], turned / (2.0 * step), rtol=1e-6)
 
 
 def test_open_loop_is_the_plans_own_speed_and_turn_rate() -> None:
     run, found = _run(orbit={"direction": "alternate"}), np.zeros((6, 2, 1))
-    command_plan(run.team.setup.circles, found, LANES)
+    called_alone(command_plan)(run.team.setup.circles, found, LANES)
     expected = np.column_stack([run.plan.orbits.speeds, run.plan.orbits.turn_rates])
     np.testing.assert_allclose(found[..., 0], expected, rtol=1e-12)
     assert {-1.0, 1.0} == set(run.plan.orbits.senses.tolist())

@@ -11,6 +11,7 @@ from syncplan.flight.flight_setup import FlightSetup, Flown
 from syncplan.flight.flying import flight_run
 from syncplan.flight.true_motion import is_held, move_truly
 from syncplan.planning.planner import plan
+from tests.tools.inner_kernels import called_alone
 from tests.tools.scenarios import changed
 
 QUIET = {
@@ -18,6 +19,8 @@ QUIET = {
     "initial_sigma": {"position_m": 1e-6, "heading_rad": 1e-6},
 }
 TIME = 0.1
+
+move_alone, held_alone = called_alone(move_truly), called_alone(is_held)
 
 
 @dataclass(frozen=True)
@@ -34,13 +37,13 @@ class Motion:
         for i, command in enumerate(commands):
             self.flown.commands[i, :, 0] = command
         lanes = np.zeros(1, dtype=np.int8)
-        move_truly(self.setup, self.flown, step, self.speeds, self.turn_rates, lanes)
+        move_alone(self.setup, self.flown, step, self.speeds, self.turn_rates, lanes)
 
 
 def _motion(keys: dict[str, Any] | None = None, **options: Any) -> Motion:
     scenario = changed("paper-grid-same", **(keys or {}))
     run = flight_run(plan(scenario, bound="never", pilot=False), None, duration=20.0, **options)
-    flown, readings = run.team.begun(range(1))
+    flown, readings, _ = run.team.begun(range(1))
     return Motion(run.team.setup, flown, readings.speeds[0], readings.turn_rates[0])
 
 
@@ -166,5 +169,5 @@ def test_a_held_vehicle_that_has_to_fly_turns_on_the_spot() -> None:
 
 def test_a_hold_is_from_its_first_step_until_before_its_last() -> None:
     begin, end = np.array([[3, 10]]), np.array([[5, 12]])
-    held = [step for step in range(15) if is_held(begin, end, 0, step)]
+    held = [step for step in range(15) if held_alone(begin, end, 0, step)]
     assert held == [3, 4, 10, 11]

@@ -5,20 +5,23 @@ from typing import Any
 import numpy as np
 import pytest
 
+from syncplan.flight import true_sightings
 from syncplan.flight.flight_setup import Eyes
-from syncplan.flight.true_sightings import _is_hidden
 from syncplan.orbits.circles import position
 from syncplan.orbits.sight_lines import crosses_interior
 from syncplan.orbits.sightings import sample_sightings
 from syncplan.planning.planner import plan
 from tests.flight.test_true_motion import QUIET
 from tests.tools.flown_trials import FlownTrials, flown
+from tests.tools.inner_kernels import called_alone
 from tests.tools.scenarios import changed
 
 HORSESHOE = np.array(
     [[0.0, 0.0], [6.0, 0.0], [6.0, 6.0], [4.0, 6.0], [4.0, 2.0], [2.0, 2.0], [2.0, 6.0], [0.0, 6.0]]
 )
 SQUARE = np.array([[8.0, 0.0], [12.0, 0.0], [12.0, 4.0], [8.0, 4.0]])
+
+is_hidden = called_alone(true_sightings._is_hidden)
 
 ON_PLAN = {
     "paper-grid-same": 70.0,
@@ -68,7 +71,7 @@ def test_what_hides_is_what_hides_on_the_plan() -> None:
     generator = np.random.default_rng(4)
     starts, ends = generator.uniform(-3.0, 14.0, (2, 3000, 2))
     hidden = [
-        _is_hidden(eyes, *start, *(end - start)) for start, end in zip(starts, ends, strict=True)
+        is_hidden(eyes, *start, *(end - start)) for start, end in zip(starts, ends, strict=True)
     ]
     blocked = crosses_interior(HORSESHOE, starts, ends) | crosses_interior(SQUARE, starts, ends)
     assert 500 < blocked.sum() < 2500
@@ -90,7 +93,7 @@ def test_a_wall_hides_what_is_behind_it_and_not_what_is_beside(
     start: tuple[float, float], end: tuple[float, float], hidden: bool
 ) -> None:
     way = np.subtract(end, start)
-    assert _is_hidden(_behind(SQUARE), *start, *way) == hidden
+    assert is_hidden(_behind(SQUARE), *start, *way) == hidden
 
 
 def _behind(*obstacles: np.ndarray[Any, np.dtype[np.float64]]) -> Eyes:

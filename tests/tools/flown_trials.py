@@ -6,8 +6,7 @@ from typing import Any, Unpack
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.estimation.augmented_setup import empty_augmented_statistics
-from syncplan.estimation.filter_statistics import empty_series
+from syncplan.estimation.filter_statistics import empty_series, empty_statistics
 from syncplan.flight.flight_options import FlightChanges
 from syncplan.flight.flight_results import FlightFigures
 from syncplan.flight.flown_figures import figures_of
@@ -34,25 +33,24 @@ class FlownTrials:
 
     def state(self, lane: int) -> Array:
         """(3n + e,) the estimate at the end."""
-        x, errors, _ = self.lanes.run.state
-        return np.concatenate([x[..., lane].ravel(), errors[:, lane]])
+        return self.lanes.run.state[0][:, lane]
 
     def covariance(self, lane: int) -> Array:
         """(3n + e, 3n + e) at the end."""
-        P = self.lanes.run.state[-1][..., lane]
+        P = self.lanes.run.state[1][..., lane]
         return np.asarray(np.tril(P) + np.tril(P, -1).T)
 
     def sightings(self, lane: int) -> list[list[Sighting]]:
         """Of each step."""
-        poses, read = self.lanes.setup.poses, self.lanes.readings.sightings
+        setup, read = self.lanes.setup, self.lanes.readings.sightings
         found: list[list[Sighting]] = []
-        for begin, end in zip(poses.first[:-1], poses.first[1:], strict=True):
+        for begin, end in zip(setup.first[:-1], setup.first[1:], strict=True):
             found.append(
                 [
                     Sighting(
-                        int(poses.observers[s]),
-                        int(poses.targets[s]),
-                        int(poses.kinds[s]),
+                        int(setup.observers[s]),
+                        int(setup.targets[s]),
+                        int(setup.kinds[s]),
                         float(read[s, lane]),
                     )
                     for s in range(begin, end)
@@ -72,6 +70,5 @@ def flown(subject: Any, chosen: range, **changes: Unpack[FlightChanges]) -> Flow
 
 def lanes_begun(team: FlownTeam, chosen: range) -> FlownLanes:
     """Return some trials of a flight at time 0."""
-    n, e = team.team.count, len(team.layout.sigmas)
-    none = empty_series(n, team.steps, wanted=False), np.zeros((0, e, 3))
-    return FlownLanes.begun(team, chosen, empty_augmented_statistics(n, e, len(chosen), none))
+    none = empty_series(team.size, team.steps, wanted=False)
+    return FlownLanes.begun(team, chosen, empty_statistics(len(chosen), none))

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.estimation.augmented_setup import AugmentedSetup
+from syncplan.estimation.filter_setup import FilterSetup
 from syncplan.estimation.reference_states import (
     covariance_at_start,
     moved_state,
@@ -137,7 +137,7 @@ def fly_plainly(run: FlightRun, trial: int, *, bound: bool = True) -> PlainFligh
     look_every = max(1, round(period / time / LOOKS_IN_PERIOD))
     states, variances, moved = [loop.state], [np.diag(loop.P)], [loop.moved.copy()]
     there = np.array([[not truth.gone(i, k) for i in range(n)] for k in range(steps + 1)])
-    trues = np.array([_true_state(loop.setup, truth, k) for k in range(steps + 1)])
+    trues = np.array([_true_state(run, truth, k) for k in range(steps + 1)])
     nees = [0.0]
     losses = {steps_until(one.time, time) for one in run.events.losses}
     if 0 in losses:
@@ -151,7 +151,7 @@ def fly_plainly(run: FlightRun, trial: int, *, bound: bool = True) -> PlainFligh
             loop.lose(step, truth)
         if step % look_every == 0:
             loop.move_circles(truth)
-        trues[step] = _true_state(loop.setup, truth, step)
+        trues[step] = _true_state(run, truth, step)
         states.append(loop.state)
         variances.append(np.diag(loop.P))
         moved.append(loop.moved.copy())
@@ -175,7 +175,7 @@ class _Filter:
     def __init__(self, run: FlightRun) -> None:
         self.run, self.team = run, run.team.team
         self.setup = run.team.filter_setup()
-        none = np.zeros(len(self.setup.variances))
+        none = np.zeros(len(self.setup.states.variances))
         self.state = np.concatenate([planned(self.team).ravel(), none])
         self.P = covariance_at_start(self.setup)
         self.moved = np.zeros((self.team.count, 2))
@@ -200,7 +200,7 @@ class _Filter:
 
     def _curvature(self, one: Sighting) -> float:
         """Variance of the second-order term of normal errors a along and b across the line."""
-        if one.kind == COMPASS or not self.setup.poses.second_order:
+        if one.kind == COMPASS or not self.setup.second_order:
             return 0.0
         n, o, t = self.team.count, 3 * one.observer, 3 * one.target
         relative, place = np.zeros((2, len(self.state))), self.state[t : t + 2]
@@ -249,9 +249,10 @@ class _Filter:
         state, n, time = self.state, self.team.count, self.team.sensors.sample_time
         for k in range(self.at, step):
             state = moved_state(state, truth.speeds[k], truth.turn_rates[k], self.setup)
-        poses, columns = state[: 3 * n].reshape(n, 3).copy(), self.setup.columns
+        poses, columns = state[: 3 * n].reshape(n, 3).copy(), self.run.team.layout.columns
         errors = np.append(state, 0.0)  # -1 stands for none
-        winds = errors[columns[:, :2]] + errors[columns[:, 5:7]]
+        drifts = [errors[columns[name]] for name in ("wind", "gusts") if name in columns]
+        winds = sum(drifts, np.zeros((n, 2)))
         # a circle that is moved is as a vehicle that is moved the other way
         poses[:, :2] -= self.moved
         gains = tracking_gains(orbits, run.limits, time + (run.plan.scenario.motion.lag_s or 0.0))
@@ -280,14 +281,13 @@ class _Filter:
     def _ahead(self, i: int) -> Array:
         """(2, 3n + e): how a place half a period ahead hangs on the states now."""
         lead, gust_time = LEAD_PERIODS * self.team.orbits.period, self.team.errors.gust_time
-        rows = np.zeros((2, len(self.state)))
+        rows, columns = np.zeros((2, len(self.state))), self.run.team.layout.columns
         for axis in range(2):
             rows[axis, 3 * i + axis] = 1.0
-            wind, gust = self.setup.columns[i, axis], self.setup.columns[i, 5 + axis]
-            if wind >= 0:
-                rows[axis, wind] = lead
-            if gust >= 0:
-                rows[axis, gust] = gust_time * (1.0 - math.exp(-lead / gust_time))
+            ahead = {"wind": lead, "gusts": gust_time * (1.0 - math.exp(-lead / gust_time))}
+            for name, time in ahead.items():
+                if name in columns and columns[name][i, axis] >= 0:
+                    rows[axis, columns[name][i, axis]] = time
         return rows
 
 
@@ -297,36 +297,26 @@ def _variance(one: Sighting, team: object) -> float:
     return float(kind.sigmas(team.sensors)[one.observer] ** 2)  # type: ignore[attr-defined]
 
 
-def _with(setup: AugmentedSetup, one: Sighting, variance: float) -> AugmentedSetup:
+def _with(setup: FilterSetup, one: Sighting, variance: float) -> FilterSetup:
     """The set-up with this sighting as its only one."""
-    poses = setup.poses._replace(
+    return setup._replace(
         kinds=np.array([one.kind]),
         observers=np.array([one.observer]),
         targets=np.array([one.target]),
         variances=np.array([variance]),
     )
-    return setup._replace(poses=poses)
 
 
-def _true_state(setup: AugmentedSetup, truth: PlainTruth, step: int) -> Array:
+def _true_state(run: FlightRun, truth: PlainTruth, step: int) -> Array:
     """(3n + e,) poses and the errors that are states."""
     n = truth.team.count
-    found = np.zeros(3 * n + len(setup.variances))
+    found = np.zeros(run.team.size)
     found[: 3 * n] = truth.path[step].ravel()
-    for i, own in enumerate(setup.columns.tolist()):
-        errors = truth.errors
-        values = [
-            *errors["wind"][0],
-            errors["speed_scale"][i],
-            errors["turn_rate_bias"][i],
-            errors["bearing_bias"][i],
-            *errors["gusts"][step, i],
-            errors["bearing_walk"][step, i],
-            errors["clock_offset"][i],
-        ]
-        for column, value in zip(own, values, strict=True):
-            if column >= 0:
-                found[column] = value
+    for name, columns in run.team.layout.columns.items():
+        of_run = np.asarray(truth.errors[name])
+        own = of_run[step] if name in ("gusts", "bearing_walk") else of_run
+        values = np.broadcast_to(own.reshape(-1, columns.shape[1]), columns.shape)
+        found[columns[columns >= 0]] = values[columns >= 0]
     return found
 
 
