@@ -8,11 +8,11 @@ nothing of it. The found error over that of the world as stated is what a wrong 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Unpack
+from typing import Any
 
 import numpy as np
 
-from syncplan.estimation.filter_options import FilterChanges, FilterOptions, options_with
+from syncplan.estimation.filter_options import FilterOptions, options_with
 from syncplan.phrases import listed
 from syncplan.planning.filter_choice import choose_filter
 from syncplan.planning.findings import MOST_NAMED, Cure, Finding
@@ -128,7 +128,7 @@ def stress_worlds(scenario: Scenario) -> Mapping[str, dict[str, Any]]:
 
 
 def stress_runs(
-    subject: PlanSubject, options: FilterOptions | None = None, **changes: Unpack[FilterChanges]
+    subject: PlanSubject, options: FilterOptions | None = None, **changes: Any
 ) -> dict[str, TrialRun]:
     """Return the set-ups of a stress test by world, that as stated first, under an empty name.
 
@@ -158,7 +158,7 @@ def stressed(
     *,
     threads: int | None = None,
     progress: Callable[[int], None] | None = None,
-    **changes: Unpack[FilterChanges],
+    **changes: Any,
 ) -> StressTest:
     """Return a plan's validations in worlds that are worse than its scenario states.
 

@@ -2,12 +2,12 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Unpack
+from typing import Any
 
 import numpy as np
 
 from syncplan.errors import InputError
-from syncplan.estimation.filter_options import FilterChanges, FilterOptions, options_with
+from syncplan.estimation.filter_options import FilterOptions, options_with
 from syncplan.orbits.circles import position
 from syncplan.orbits.graphs import bottleneck
 from syncplan.phrases import listed
@@ -60,7 +60,7 @@ def sweep(
     connected: bool = False,
     threads: int | None = None,
     progress: Callable[[int], None] | None = None,
-    **changes: Unpack[FilterChanges],
+    **changes: Any,
 ) -> Sweep:
     """Return a row for each value of the key `name`; see syncplan.planning.swept_keys.
 

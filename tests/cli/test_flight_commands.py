@@ -86,9 +86,9 @@ def test_a_terminal_shows_vehicles_and_what_happened(run: Any) -> None:
         (("--late", "400"), "--late: 400 given, the flight has 400 samples; give fewer"),
         (("--wind", "1.5"), "--wind: '1.5': give two numbers, x,y in m/s, such as 1.5,0"),
         (("--wind", "1,north"), "--wind"),
-        (("--dropout", "1"), "dropout: 1 given; a share is from 0 to below 1"),
+        (("--dropout", "1"), "dropout: 1 given; allowed is at least 0 and less than 1"),
         (("--late", "-1"), "late: -1 given"),
-        (("--filter", "ideal"), "filter: ideal takes the truth; nobody can fly by it"),
+        (("--filter", "ideal"), "'ideal' is not one of 'auto', 'ekf'"),
         (("--guidance", "luck"), "guidance"),
     ],
 )
