@@ -84,7 +84,7 @@ def test_a_terminal_shows_vehicles_and_what_happened(run: Any) -> None:
         ),
         (("--lose", "L1@39.95"), "lose: L1@39.95: the last sample of the flight begins at 39.9 s"),
         (("--late", "400"), "--late: 400 given, the flight has 400 samples; give fewer"),
-        (("--wind", "1.5"), "--wind: '1.5': give two numbers, x,y in m/s, such as 1.5,0"),
+        (("--wind", "1.5"), "--wind: '1.5': give two numbers, such as 1.5,0"),
         (("--wind", "1,north"), "--wind"),
         (("--dropout", "1"), "dropout: 1 given; allowed is at least 0 and less than 1"),
         (("--late", "-1"), "late: -1 given"),
