@@ -5,12 +5,12 @@ import json
 from dataclasses import asdict, dataclass, replace
 
 from syncplan.errors import InputError
-from syncplan.recordings.overviews import Overview
+from syncplan.recordings.log import Overview
 
 
 @dataclass(frozen=True, slots=True)
 class PackedRecording:
-    """A recording as bytes of syncplan.recordings.packed_logs, and in short, as JSON."""
+    """A recording as bytes of syncplan.recordings.log, and in short, as JSON."""
 
     data: bytes
     overview: str
@@ -21,8 +21,7 @@ def packed_recording(body: bytes, name: str | None) -> PackedRecording:
 
     Raises InputError, whose key is the file at fault.
     """
-    from syncplan.recordings.overviews import overview_of
-    from syncplan.recordings.packed_logs import pack_log
+    from syncplan.recordings.log import overview_of, pack_log
     from syncplan.recordings.recording_formats import read_archive
 
     try:

@@ -8,8 +8,8 @@ from syncplan.errors import InputError
 from syncplan.scenario.loading import decoded, parse_document
 
 if TYPE_CHECKING:
-    from syncplan.planning.judged_plan import Plan
     from syncplan.planning.plan_files import Loaded
+    from syncplan.planning.planner import Plan
 
 Syntax = Literal["json", "yaml"]
 

@@ -13,8 +13,7 @@ from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 from api.database_addresses import checked_address, sqlite_address
 from api.keys import ApiKey, check_keys, parsed_keys
 from syncplan.errors import InputError
-from syncplan.runtime.cores import usable_cores
-from syncplan.runtime.memory import usable_memory
+from syncplan.runtime.machine import usable_cores, usable_memory
 
 PREFIX = "SYNCPLAN_"
 _SECRET = {"api_keys"}

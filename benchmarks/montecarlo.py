@@ -26,7 +26,7 @@ from syncplan.orbits.noise import Noise
 from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import Sightings, sample_sightings
 from syncplan.orbits.team import Team
-from syncplan.runtime.cores import usable_cores
+from syncplan.runtime.machine import usable_cores
 
 Scene = tuple[Team, Sightings, int]
 

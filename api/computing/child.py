@@ -13,7 +13,7 @@ from api.computing.time_limit import Alarm, TimeUp
 from api.job_kinds.job_tasks import FinishedStart, Progress
 from syncplan.errors import Fault, InputError, NoGoError, NoSolutionError, ProcessEndedError
 from syncplan.runtime.child_processes import ChildProcess, connect_to_parent
-from syncplan.runtime.memory import limit_memory
+from syncplan.runtime.machine import limit_memory
 
 GRACE_S = 5.0
 """How long a task that was asked to end may take to end (s) before its process is killed."""

@@ -11,9 +11,8 @@ from api.plan_texts import Syntax, loaded_body, loaded_plan
 from syncplan.reports.job_contract import JobKindName
 
 if TYPE_CHECKING:
-    from syncplan.planning.judged_plan import Plan
-    from syncplan.planning.judgement import BoundChoice
-    from syncplan.plotting.palette import Theme
+    from syncplan.planning.planner import BoundChoice, Plan
+    from syncplan.plotting.figure_style import Theme
 
 __all__ = ["exported", "judged_losses", "plan_figure", "previewed", "ready", "report_figure"]
 
@@ -36,7 +35,7 @@ _QUICK: _LeftOut = {
 
 def ready() -> None:
     """Load what the first preview would otherwise wait for."""
-    import syncplan.plotting.catalogue  # noqa: F401
+    import syncplan.plotting.figures  # noqa: F401
 
 
 def previewed(
@@ -52,8 +51,8 @@ def previewed(
     A `quick` one is the plan without what takes most of the time, which its findings name.
     """
     from syncplan.planning.plan_files import plan_of
-    from syncplan.plotting.catalogue import specs_of
     from syncplan.plotting.figure_style import FigureStyle
+    from syncplan.plotting.figures import specs_of
     from syncplan.reports.plan_report import plan_document
 
     loaded = loaded_body(body, syntax, limits)
@@ -67,8 +66,8 @@ def plan_figure(text: str, name: str, theme: "Theme", parent_text: str | None) -
 
     With its parent's text, the plan is shown beside its parent.
     """
-    from syncplan.plotting.catalogue import specs_of
     from syncplan.plotting.figure_style import FigureStyle
+    from syncplan.plotting.figures import specs_of
     from syncplan.reports.refinement_schemas import RefinementResult
 
     style = FigureStyle(theme=theme)
@@ -82,8 +81,8 @@ def plan_figure(text: str, name: str, theme: "Theme", parent_text: str | None) -
 
 def report_figure(text: str, kind: JobKindName, name: str, theme: "Theme") -> str:
     """Return a figure of a job's report as JSON; raises InputError."""
-    from syncplan.plotting.catalogue import specs_of
     from syncplan.plotting.figure_style import FigureStyle
+    from syncplan.plotting.figures import specs_of
 
     model = JOB_KINDS[kind].report
     assert model is not None

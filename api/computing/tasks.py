@@ -66,7 +66,7 @@ def checked_request(
     """
     from pydantic import ValidationError
 
-    from syncplan.scenario.faults import validation_fault
+    from syncplan.scenario.quantities import validation_fault
 
     model = JOB_KINDS[kind].request
     document = parse_document(decoded(body, ""), "", syntax) if body.strip() else {}

@@ -21,8 +21,8 @@ from api.limits import RequestLimits, check_flights
 from api.plan_texts import loaded_plan
 from syncplan.flight.flight_events import events_of
 from syncplan.flight.flight_options import GUIDANCES, FlightOptions
-from syncplan.planning.filter_choice import asked_filter
 from syncplan.planning.plan_files import Loaded
+from syncplan.planning.validation import asked_filter
 from syncplan.reports.flight_schemas import FlightDocument
 from syncplan.scenario.specification import Scenario
 

@@ -10,7 +10,7 @@ from api.job_kinds.job_tasks import TrialTask, WholeTask
 from api.limits import RequestLimits
 from syncplan.planning.plan_files import Loaded
 from syncplan.plotting.figure_table import SubjectKind
-from syncplan.recordings.overviews import Overview
+from syncplan.recordings.log import Overview
 from syncplan.reports.job_contract import JobKindName
 from syncplan.scenario.quantities import Section
 

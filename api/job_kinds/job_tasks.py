@@ -13,7 +13,7 @@ from syncplan.reports.job_contract import JobKindName
 
 @dataclass(frozen=True, slots=True)
 class FinishedStart:
-    """What a start of a refinement has found, as syncplan.refinement.kept_starts keeps it."""
+    """What a start of a refinement has found, as syncplan.refinement.parallel_starts keeps it."""
 
     number: int
     data: bytes

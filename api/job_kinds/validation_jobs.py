@@ -11,8 +11,8 @@ from api.limits import RequestLimits, check_trials
 from api.plan_texts import loaded_plan
 from syncplan.estimation.filter_options import ValidationOptions
 from syncplan.planning.plan_files import Loaded
-from syncplan.planning.stress_tests import joined_worlds, stress_runs, stress_worlds
 from syncplan.planning.validation import TrialRun, Validation
+from syncplan.planning.variations import joined_worlds, stress_runs, stress_worlds
 from syncplan.reports.run_schemas import ValidationDocument
 
 

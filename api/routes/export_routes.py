@@ -10,8 +10,7 @@ from api.callers import CurrentCaller, computed
 from api.negotiation import accepts
 from api.problems import problem_responses
 from api.routes.plan_routes import Identifier, find_or_refuse
-from syncplan.exporting.autopilots import AutopilotName, VehicleName
-from syncplan.exporting.format_table import ALL, FORMATS
+from syncplan.exporting.format_table import ALL, FORMATS, AutopilotName, VehicleName
 
 NOTES = "Syncplan-Notes"
 _NOTES_HEADER = {
@@ -29,7 +28,7 @@ else:
 
 
 class ExportQuery(BaseModel):
-    """Options of an export, as syncplan.exporting.export_options has them."""
+    """Options of an export, as syncplan.exporting.format_table has them."""
 
     autopilot: AutopilotName = Field("ardupilot", description="Autopilot that missions are for")
     vehicle: VehicleName = Field("multicopter", description="Kind of vehicle that flies them")

@@ -8,7 +8,7 @@ from api.callers import CurrentCaller, computed
 from api.negotiation import accepts
 from api.problems import problem_responses
 from api.routes.plan_routes import Identifier, find_or_refuse
-from syncplan.planning.judgement import BoundChoice
+from syncplan.planning.planner import BoundChoice
 from syncplan.reports.loss_schemas import WhatIfDocument
 
 router = APIRouter(tags=["plans"], dependencies=[Depends(accepts("application/json"))])

@@ -1,4 +1,4 @@
-"""Sensors: what each vehicle can see, how often and how well."""
+"""Sensors: what each vehicle can see, how often and how well, and how it moves."""
 
 from dataclasses import dataclass, field, fields, replace
 
