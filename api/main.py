@@ -1,40 +1,101 @@
-"""The application: settings in, routes on, workers and database opened and closed around it."""
+"""The application of the service, with workers and database around it; that of a worker.
+
+Both answer, log, count and check keys alike.
+"""
 
 from collections.abc import AsyncIterator
 from contextlib import ExitStack, asynccontextmanager
+from typing import Any
 
 from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
 
-from api.application import without_routes
 from api.computing.pool import Pool
-from api.following.job_watch import JobWatch
+from api.failures import install_handlers
+from api.following import JobWatch
 from api.jobs.job_counts import JobCounts
 from api.jobs.queue import JobQueue
 from api.jobs.worker import Worker, guard_of
-from api.metrics import JobTally, Source
+from api.logs import RequestLog
+from api.metrics import JobTally, Metrics, RequestMetrics, Source
 from api.openapi import document_operations
+from api.readings import Cached, JobReadings, PoolReadings
 from api.routes import (
-    export_routes,
-    figure_routes,
-    health_routes,
     job_routes,
-    loss_routes,
     page_routes,
     plan_routes,
     recording_routes,
-    schema_routes,
+    rendition_routes,
+    service_routes,
 )
-from api.service import Service, limits_of
-from api.settings import Settings, load_settings
-from api.shares import ALONE, Share
-from api.storage.database import open_database
-from api.storage.plan_reader import PlanReader
-from api.storage.plan_writer import PlanWriter
-from api.telemetry import telemetry_options
-from api.watching.job_readings import JobReadings
-from api.watching.pool_readings import PoolReadings
-from api.watching.readings_cache import Cached
+from api.security import Keyring, KeyThrottle, LocalOnly, names_here
+from api.service import Ending, Service, limits_of
+from api.settings import ALONE, Settings, Share, load_settings
+from api.storage.database import Database, open_database
+from api.storage.plan_threads import PlanReader, PlanWriter
+from api.telemetry import OFF, telemetry_options
+from syncplan import __version__
+
+UPLOADS = "/v1/recordings"
+"""Where bodies may be larger than elsewhere."""
+
+
+def without_routes(settings: Settings, *, tally: JobTally | None = None, **options: Any) -> FastAPI:
+    """Return an application for routes to be added to; `options` are FastAPI's.
+
+    Its metrics include the jobs that `tally` counts.
+    """
+    app = FastAPI(
+        title="syncplan",
+        version=__version__,
+        docs_url=None,
+        redoc_url=None,
+        **options,
+    )
+    app.state.settings = settings
+    app.state.keyring = Keyring(settings)
+    app.state.key_throttle = KeyThrottle(settings.max_refused_keys)
+    app.state.metrics = Metrics(tally)
+    app.state.ending = Ending()
+    if not settings.asks_for_keys:
+        names = names_here((settings.host, settings.worker_host), settings.allowed_hosts)
+        app.add_middleware(LocalOnly, names=names)
+    install_handlers(
+        app, settings.body_limit_bytes, larger={UPLOADS: settings.recording_limit_bytes}
+    )
+    app.add_middleware(RequestMetrics, metrics=app.state.metrics)
+    app.add_middleware(RequestLog)
+    return app
+
+
+# --- a worker -------------------------------------------------------------------------------------
+
+
+def create_worker_app(
+    settings: Settings, database: Database, worker: Worker, counts: JobCounts
+) -> FastAPI:
+    """Return the application of a running worker: the paths that machines poll, and no others."""
+    app = without_routes(settings, tally=counts.tally, openapi_url=None, telemetry=OFF)
+    app.state.service = Service(
+        settings,
+        database,
+        worker.pool,
+        worker.queue,
+        limits_of(settings),
+        lambda: worker.guard.silent_s,
+        counts,
+        PlanReader(database),
+        PlanWriter(database),
+    )
+    app.state.metrics.watch(
+        PoolReadings({"jobs": worker.pool.depth}), Cached(JobReadings(database, worker.queue))
+    )
+    app.include_router(service_routes.health)
+    return app
+
+
+# --- the service ----------------------------------------------------------------------------------
+
 
 _DESCRIPTION = """Plans of synchronised circular orbits that let a team of robots localise itself:
 initial poses and phases at once, refinement and Monte Carlo as jobs that survive."""
@@ -60,16 +121,14 @@ def create_app(settings: Settings | None = None, share: Share = ALONE) -> FastAP
     app.state.share = share
     document_operations(app)
     for routes in (
-        plan_routes,
-        recording_routes,
-        job_routes,
-        figure_routes,
-        loss_routes,
-        export_routes,
-        schema_routes,
+        plan_routes.router,
+        recording_routes.router,
+        job_routes.router,
+        rendition_routes.router,
+        service_routes.schemas,
     ):
-        app.include_router(routes.router, prefix="/v1")
-    app.include_router(health_routes.router)
+        app.include_router(routes, prefix="/v1")
+    app.include_router(service_routes.health)
     app.include_router(page_routes.router)
     return app
 

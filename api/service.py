@@ -1,6 +1,9 @@
 """What the routes work with: the database, processes for plans, the queue of jobs."""
 
-from collections.abc import Callable
+import threading
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from threading import Event
 from typing import Annotated
@@ -8,15 +11,47 @@ from typing import Annotated
 from fastapi import Depends, Request
 
 from api.computing.pool import Pool
-from api.following.job_watch import JobWatch
+from api.following import JobWatch
 from api.jobs.job_counts import JobCounts
 from api.jobs.queue import JobQueue
 from api.limits import RequestLimits
+from api.problems import TooManyRequests
 from api.settings import Settings
 from api.storage.database import Database
-from api.storage.plan_reader import PlanReader
-from api.storage.plan_writer import PlanWriter
-from api.uploads import Uploads
+from api.storage.plan_threads import PlanReader, PlanWriter
+
+MOST = 4
+MOST_OF_OWNER = 2
+_RETRY_AFTER_S = 5.0
+
+
+class Uploads:
+    """The recordings that are taken in just now, by owner."""
+
+    def __init__(self) -> None:
+        self._held: Counter[str] = Counter()
+        self._lock = threading.Lock()
+
+    @contextmanager
+    def one_of(self, owner: str) -> Iterator[None]:
+        """Take part while one recording is taken in; raises TooManyRequests if there are enough."""
+        with self._lock:
+            if self._held[owner] >= MOST_OF_OWNER or self._held.total() >= MOST:
+                raise TooManyRequests(
+                    f"{self._held[owner]} of your recordings are being taken in, "
+                    f"{self._held.total()} of all; allowed are {MOST_OF_OWNER} and {MOST}; send "
+                    "one after the other",
+                    retry_after_s=_RETRY_AFTER_S,
+                )
+            self._held[owner] += 1
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._held[owner] -= 1
+                if not self._held[owner]:
+                    del self._held[owner]
+
 
 Ending = Event
 """Set once the server is about to end, so that what would go on for long comes to its end too."""

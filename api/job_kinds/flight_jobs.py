@@ -7,11 +7,19 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field, Strict
 
+from api.documents import loaded_plan
 from api.job_kinds.filter_requests import FilterRequest, our_keys
-from api.job_kinds.job_kind import JobKind, JobOperation, JobSubject
-from api.job_kinds.job_tasks import JobReport, JobSpec, TrialMethod, TrialProgress, TrialTask
+from api.job_kinds.job_kind import (
+    JobKind,
+    JobOperation,
+    JobReport,
+    JobSpec,
+    JobSubject,
+    TrialMethod,
+    TrialProgress,
+    TrialTask,
+)
 from api.limits import RequestLimits, check_flights
-from api.plan_texts import loaded_plan
 from syncplan.estimation.filters import FlightFilterChoice
 from syncplan.flight.flight_events import events_of
 from syncplan.flight.flight_options import (

@@ -10,9 +10,8 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
 from api.job_kinds.filter_requests import FilterRequest
-from api.job_kinds.filter_trials import FILTER_TRIALS
-from api.job_kinds.job_kind import JobKind, JobOperation, JobSubject
-from api.job_kinds.job_tasks import JobReport, JobSpec, TrialTask
+from api.job_kinds.job_kind import JobKind, JobOperation, JobReport, JobSpec, JobSubject, TrialTask
+from api.job_kinds.validation_jobs import FILTER_TRIALS
 from api.limits import RequestLimits, check_at_most, check_size, check_trials
 from syncplan.errors import InputError
 from syncplan.planning.swept_keys import SWEPT_KEYS, SweptKey, SweptOption, swept_key

@@ -2,21 +2,53 @@
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
+from api.documents import loaded_plan
 from api.job_kinds.filter_requests import DEFAULTS, FilterRequest
-from api.job_kinds.filter_trials import FILTER_TRIALS
-from api.job_kinds.job_kind import JobKind, JobOperation, JobSubject
-from api.job_kinds.job_tasks import JobReport, JobSpec, TrialTask
+from api.job_kinds.job_kind import (
+    JobKind,
+    JobOperation,
+    JobReport,
+    JobSpec,
+    JobSubject,
+    TrialMethod,
+    TrialProgress,
+    TrialTask,
+)
 from api.limits import RequestLimits, check_trials
-from api.plan_texts import loaded_plan
 from syncplan.estimation.filters import MotionName
 from syncplan.planning.plan_files import Loaded
 from syncplan.planning.stress_tests import joined_worlds, stress_runs, stress_worlds
 from syncplan.planning.validation import TrialRun, Validation
 from syncplan.reports.run_schemas import ValidationDocument
+
+if TYPE_CHECKING:
+    from syncplan.planning.validation import TrialRun, Validation
+
+
+def _computed(run: "TrialRun", first: int, trials: int, progress: TrialProgress) -> bytes:
+    from syncplan.estimation.trial_archive import pack
+    from syncplan.planning.validation import run_part
+
+    return pack(run_part(run, first, trials, threads=1, progress=progress))
+
+
+def _concluded(run: "TrialRun", parts: Sequence[bytes]) -> "Validation":
+    from syncplan.estimation.trial_archive import unpack
+    from syncplan.planning.validation import conclude
+
+    return conclude(run, [unpack(one) for one in parts])
+
+
+def _effort(run: "TrialRun") -> float:
+    """Samples and sightings of a trial."""
+    return run.steps + len(run.sightings.observers)
+
+
+FILTER_TRIALS: "TrialMethod[TrialRun, Validation]" = TrialMethod(_computed, _concluded, _effort)
 
 
 class ValidationRequest(FilterRequest):

@@ -11,13 +11,11 @@ from dbos import DBOS, DBOSConfig
 
 import api.jobs.workflows  # noqa: F401
 from api.computing.pool import Pool
-from api.jobs import dbos_runtime
-from api.jobs.dbos_runtime import Runtime
+from api.jobs import parts
 from api.jobs.guard import Guard
 from api.jobs.job_counts import JobCounts
-from api.jobs.part_watch import PartWatch
-from api.jobs.queue import APPLICATION, PARTS_QUEUE, VERSION, JobQueue
-from api.jobs.serialization import JSON_ROWS
+from api.jobs.parts import PartWatch, Runtime
+from api.jobs.queue import APPLICATION, JSON_ROWS, PARTS_QUEUE, VERSION, JobQueue
 from api.settings import Settings
 from api.storage.database import Database, unavailable
 
@@ -59,7 +57,7 @@ class Worker:
         self.queue = JobQueue(settings.database)
         watch = PartWatch(database, VERSION)
         self._runtime = Runtime(settings, database, self.queue, self.pool, counts, watch)
-        dbos_runtime.use(self._runtime)
+        parts.use(self._runtime)
         self.guard = guard_of(
             settings, database, self.queue, counts, self.executor_id, self._runtime.at_work
         )
@@ -112,7 +110,7 @@ class Worker:
         DBOS.destroy(workflow_completion_timeout_sec=0)
         self.guard.close()
         self.queue.close()
-        dbos_runtime.use(None)
+        parts.use(None)
 
 
 def guard_of(

@@ -12,11 +12,10 @@ from sqlalchemy import update
 
 from api.jobs.queue import JobQueue
 from api.metrics import METRICS, MetricEntry
+from api.readings import JobReadings
 from api.storage import executors, job_records
-from api.storage.clock import earlier
 from api.storage.database import open_database
-from api.storage.tables import jobs
-from api.watching.job_readings import JobReadings
+from api.storage.tables import earlier, jobs
 from tests.tools.processes import PATIENCE_S, wait_until
 from tests.tools.scenarios import document
 from tests.tools.serving import ROOT

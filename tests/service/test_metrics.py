@@ -9,11 +9,10 @@ from fastapi import APIRouter, FastAPI
 from fastapi.testclient import TestClient
 from prometheus_client.parser import text_string_to_metric_families
 
-from api.computing.pool_depth import PoolDepth
+from api.computing.pool import PoolDepth
 from api.metrics import Metrics, Readings, RequestMetrics, merged
 from api.problems import TooManyRequests
-from api.watching.pool_readings import PoolReadings
-from api.watching.readings_cache import Cached
+from api.readings import Cached, PoolReadings
 from tests.tools.api_apps import bare_app
 from tests.tools.processes import PATIENCE_S
 

@@ -10,10 +10,10 @@ import httpx2
 import pytest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily
 
+from api.connections import ConnectionTable, Place
 from api.metrics import Collected, merged
-from api.processes.scraping import Scrapes
-from api.settings import load_settings
-from api.shares import ConnectionTable, Place, Share, divided
+from api.settings import Share, divided, load_settings
+from api.supervisor import Scrapes
 from tests.tools.api_servers import done, serving, speaking
 from tests.tools.processes import PATIENCE_S, alive, command, family, wait_until
 from tests.tools.scenarios import document
@@ -182,7 +182,7 @@ def ann(pair: Server) -> Iterator[httpx2.Client]:
 
 def members_of(process: Process) -> list[int]:
     """Return the HTTP processes of a service, oldest first."""
-    return [one for one in family(process.popen.pid) if "api.processes.member" in command(one)]
+    return [one for one in family(process.popen.pid) if "api.member" in command(one)]
 
 
 def begun(server: Server) -> int:

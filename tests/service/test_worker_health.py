@@ -11,7 +11,7 @@ import pytest
 
 from api.computing.pool import Pool
 from api.problems import Unavailable
-from api.routes.health_routes import readyz
+from api.routes.service_routes import readyz
 from tests.tools.api_servers import key_of, problem
 from tests.tools.processes import wait_until
 from tests.tools.serving import QUICK, Process, free_port, running, settings_of
