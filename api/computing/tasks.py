@@ -141,7 +141,7 @@ def _trial_task(spec: JobSpec) -> TrialTask[Any, Any]:
 
 
 def warm_up(trials: bool) -> None:
-    """Load what the first task would otherwise wait for: the filter, or what draws previews."""
+    """Load what the first task would otherwise wait for: the filter, or what draws figures."""
     from syncplan.planning.planner import plan
 
     made = plan(scenario_from(_SMALL))
@@ -151,7 +151,12 @@ def warm_up(trials: bool) -> None:
 
         run_part(trial_run(made, trials=1, duration=1.0), 0, 1, threads=1)
     else:
-        import syncplan.plotting.catalogue  # noqa: F401
+        ready()
+
+
+def ready() -> None:
+    """Load what the first preview would otherwise wait for."""
+    import syncplan.plotting.catalogue  # noqa: F401
 
 
 _SMALL = {
