@@ -18,6 +18,9 @@ from api.documents import (
     loaded_plan,
     overview_of_text,
 )
+
+# a task as it is
+from api.documents import packed_recording as packed_recording
 from api.job_kinds.job_kind import (
     Batch,
     EarlierWork,
