@@ -19,7 +19,7 @@ Thin over syncplan, which does all the numbers. Modules, each using only those b
     routes.*, openapi       the routes, and what their document adds
     main                    the applications of the service and of a worker
     protocol, server        HTTP below the application, connections, serving it all
-    supervisor, member      several servers on one socket
+    processes               several servers on one socket
 
 A request is read, checked and computed in a child process, so that nothing ever holds up the
 event loop; a job is a row in the database and a durable workflow, entered in one transaction.

@@ -3,23 +3,25 @@
 Both answer, log, count and check keys alike.
 """
 
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import ExitStack, asynccontextmanager
+from functools import partial
 from typing import Any
 
 from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
 
-from api.computing.pool import Pool
+from api.computing.pool import Pool, PoolDepth
 from api.failures import install_handlers
 from api.following import JobWatch
+from api.jobs.guard import Guard
 from api.jobs.job_counts import JobCounts
 from api.jobs.queue import JobQueue
-from api.jobs.worker import Worker, guard_of
+from api.jobs.worker import Worker
 from api.logs import RequestLog
-from api.metrics import JobTally, Metrics, RequestMetrics, Source
+from api.metrics import JobTally, Metrics, RequestMetrics
 from api.openapi import document_operations
-from api.readings import Cached, JobReadings, PoolReadings
+from api.readings import Cached, job_readings, pool_readings
 from api.routes import (
     job_routes,
     page_routes,
@@ -78,18 +80,16 @@ def create_worker_app(
     app = without_routes(settings, tally=counts.tally, openapi_url=None, telemetry=OFF)
     app.state.service = Service(
         settings,
+        limits_of(settings),
         database,
         worker.pool,
         worker.queue,
-        limits_of(settings),
-        lambda: worker.guard.silent_s,
         counts,
         PlanReader(database),
         PlanWriter(database),
+        heartbeat=worker.guard,
     )
-    app.state.metrics.watch(
-        PoolReadings({"jobs": worker.pool.depth}), Cached(JobReadings(database, worker.queue))
-    )
+    _watch(app, database, worker.queue, {"jobs": worker.pool.depth})
     app.include_router(service_routes.health)
     return app
 
@@ -136,11 +136,10 @@ def create_app(settings: Settings | None = None, share: Share = ALONE) -> FastAP
 @asynccontextmanager
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     settings: Settings = app.state.settings
-    running = await run_in_threadpool(_Running, settings, app.state.share, app.state.metrics.jobs)
-    app.state.service = running.service
-    app.state.metrics.watch(*running.readings())
+    last_first = ExitStack()
+    app.state.service = await run_in_threadpool(_begun, app, last_first)
     app.state.watch = JobWatch(
-        running.database,
+        app.state.service.database,
         most_streams=settings.max_streams,
         keyring=app.state.keyring,
         is_ending=app.state.ending.is_set,
@@ -150,61 +149,60 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         yield
     finally:
         app.state.watch.close()
-        await run_in_threadpool(running.close)
+        await run_in_threadpool(last_first.close)
 
 
-class _Running:
-    """All that has to be closed when the application ends."""
+def _begun(app: FastAPI, last_first: ExitStack) -> Service:
+    """Begin all that the application works with; `last_first` ends it, the processes first."""
+    settings: Settings = app.state.settings
+    database = open_database(settings.database)
+    last_first.callback(database.close)
+    queue = JobQueue(settings.database)
+    last_first.callback(queue.close)
+    plans, writer = PlanReader(database), PlanWriter(database)
+    last_first.callback(plans.close)
+    last_first.callback(writer.close)
+    counts = JobCounts(database, app.state.metrics.jobs)
+    worker: Worker | None = None
+    if settings.embedded_worker:
+        # what can't be written to just now can be read nevertheless
+        worker = Worker(settings, database, counts, patient=True)
+        last_first.callback(worker.close)
+    else:
+        guard = Guard(settings, database, queue, None, job_over=counts.job_over)
+        guard.start()
+        last_first.callback(guard.close)
+    pool = Pool(
+        app.state.share.of(settings.process_count),
+        background=False,
+        memory_bytes=settings.task_memory,
+        most_waiting=settings.max_plan_queue,
+        most_of_owner=settings.max_requests,
+    )
+    last_first.callback(pool.close)
+    depths = {"requests": pool.depth}
+    if worker is not None:
+        depths["jobs"] = worker.pool.depth
+    _watch(app, database, queue, depths)
+    return Service(
+        settings,
+        limits_of(settings),
+        database,
+        pool,
+        queue,
+        counts,
+        plans,
+        writer,
+        heartbeat=None if worker is None else worker.guard,
+    )
 
-    def __init__(self, settings: Settings, share: Share, tally: JobTally) -> None:
-        self.database = open_database(settings.database)
-        self.queue = JobQueue(settings.database)
-        counts = JobCounts(self.database, tally)
-        self.worker = None
-        if settings.embedded_worker:
-            # what can't be written to just now can be read nevertheless
-            self.worker = Worker(settings, self.database, counts, patient=True)
-        self.guard = None
-        if self.worker is None:
-            self.guard = guard_of(settings, self.database, self.queue, counts, None)
-            self.guard.start()
-        self.pool = Pool(
-            share.of(settings.process_count),
-            background=False,
-            memory_bytes=settings.task_memory,
-            most_waiting=settings.max_plan_queue,
-            most_of_owner=settings.max_requests,
-        )
-        self.plans = PlanReader(self.database)
-        self.writer = PlanWriter(self.database)
-        self.service = Service(
-            settings,
-            self.database,
-            self.pool,
-            self.queue,
-            limits_of(settings),
-            self.silent_s,
-            counts,
-            self.plans,
-            self.writer,
-        )
 
-    def silent_s(self) -> float:
-        """Return how long ago this process's last heartbeat was, 0 if it runs no jobs."""
-        return 0.0 if self.worker is None else self.worker.guard.silent_s
-
-    def readings(self) -> tuple[Source, ...]:
-        """Return what each scrape reads of this process and its database."""
-        depths = {"requests": self.pool.depth}
-        if self.worker is not None:
-            depths["jobs"] = self.worker.pool.depth
-        return PoolReadings(depths), Cached(JobReadings(self.database, self.queue))
-
-    def close(self) -> None:
-        """End everything, the processes first, each whatever happens to the others."""
-        with ExitStack() as last_first:
-            last_first.callback(self.database.close)
-            last_first.callback(self.queue.close)
-            for one in (self.plans, self.writer, self.guard, self.worker, self.pool):
-                if one is not None:
-                    last_first.callback(one.close)
+def _watch(
+    app: FastAPI,
+    database: Database,
+    queue: JobQueue,
+    depths: Mapping[str, Callable[[], PoolDepth]],
+) -> None:
+    """Let each scrape read what the pools of an application do, and the jobs and workers."""
+    app.state.metrics.watch(partial(pool_readings, depths))
+    app.state.metrics.watch(Cached(partial(job_readings, database, queue)), of="service")

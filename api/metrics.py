@@ -1,20 +1,25 @@
 """What Prometheus reads of a process: one table of metrics, and what counts and renders them.
 
-What several processes count is summed, also what those have counted that have ended: a counter that
-fell would look like a restart. What each process reads alike from the database is taken once.
+Several HTTP processes keep their metrics in files that all of them read (prometheus_client's
+multiprocess mode, in the folder that PROMETHEUS_MULTIPROC_DIR names). Counts of processes that have
+ended stay: a counter that fell would look like a restart. That mode has no place for figures that
+are read at a scrape, so each process publishes its own once a second; what all read alike from the
+database is read by the process that is scraped.
 """
 
 import logging
+import os
+import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, ProcessCollector
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4, generate_latest
+from prometheus_client.multiprocess import MultiProcessCollector, mark_process_dead
 from prometheus_client.registry import Collector
-from prometheus_client.samples import Sample
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from api.logs import route_template
@@ -39,6 +44,7 @@ REQUEST_S = (
 JOB_S = (0.1, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0, 60.0, 300.0, 900.0, 3600.0, 14400.0)
 
 MetricType = Literal["counter", "gauge", "histogram"]
+Owner = Literal["process", "service"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +64,7 @@ class MetricEntry:
     type: MetricType
     meaning: str
     labels: tuple[str, ...] = ()
-    of: Literal["process", "service"] = "process"
+    of: Owner = "process"
     buckets: tuple[float, ...] = ()
     over: Literal["sum", "max"] = "sum"
 
@@ -190,64 +196,6 @@ def as_histogram(name: str) -> Histogram:
     return Histogram(entry.name, entry.meaning, entry.labels, buckets=entry.buckets, registry=None)
 
 
-# --- several processes ----------------------------------------------------------------------------
-
-
-Collected = Sequence[Metric]
-"""The metrics of a process at one moment."""
-
-_EARLIEST = ("process_start_time_seconds", "process_max_fds")
-_COUNTS = {"counter", "histogram"}
-
-_Key = tuple[str, tuple[tuple[str, str], ...]]
-
-
-def merged(processes: Iterable[Collected]) -> Collected:
-    """Return the metrics of a service of these processes."""
-    families: dict[str, list[Metric]] = {}
-    for metrics in processes:
-        for metric in metrics:
-            families.setdefault(metric.name, []).append(metric)
-    return [_one(found[:1] if _of_service(found[0]) else found) for found in families.values()]
-
-
-def counted(metrics: Collected) -> Collected:
-    """Return what stays of the metrics of a process that has ended: its counts."""
-    return [one for one in metrics if one.type in _COUNTS]
-
-
-def own(metrics: Collected) -> Collected:
-    """Return what holds of a process that can't be asked just now: not what it has read."""
-    return [one for one in metrics if not _of_service(one)]
-
-
-def _of_service(metric: Metric) -> bool:
-    entry = METRICS.get(metric.name)
-    return entry is not None and entry.of == "service"
-
-
-def _one(found: Collected) -> Metric:
-    values: dict[_Key, Sample] = {}
-    for metric in found:
-        for sample in metric.samples:
-            key = (sample.name, tuple(sorted(sample.labels.items())))
-            known = values.get(key)
-            values[key] = (
-                sample
-                if known is None
-                else known._replace(value=_reduction(sample.name)((known.value, sample.value)))
-            )
-    together = Metric(found[0].name, found[0].documentation, found[0].type)
-    together.samples = list(values.values())
-    return together
-
-
-def _reduction(name: str) -> Callable[[Iterable[float]], float]:
-    if name in METRICS and METRICS[name].over == "max":
-        return max
-    return min if name in _EARLIEST or name.endswith("_created") else sum
-
-
 # --- jobs -----------------------------------------------------------------------------------------
 
 
@@ -288,6 +236,12 @@ Readings = Mapping[str, Mapping[tuple[str, ...], float]]
 Source = Callable[[], Readings]
 """What a scrape asks for readings."""
 
+SHARED = "PROMETHEUS_MULTIPROC_DIR"
+"""The variable that names the folder of several processes' metrics, set before they start."""
+
+_EARLIEST = ("process_start_time_seconds", "process_max_fds")
+"""Figures of which the least of all processes is that of the service."""
+
 NO_ROUTE = "none"
 """Label of all paths that belong to no route: clients can invent any path."""
 
@@ -306,20 +260,25 @@ class Metrics:
         self._latency = as_histogram("syncplan_http_request_duration_seconds")
         self._refusals = as_counter("syncplan_http_refusals")
         in_flight = METRICS["syncplan_http_requests_in_flight"]
-        self.in_flight = Gauge(in_flight.name, in_flight.meaning, registry=None)
+        self.in_flight = Gauge(
+            in_flight.name, in_flight.meaning, registry=None, multiprocess_mode="livesum"
+        )
         self.jobs = jobs or JobTally()
-        self._watched = _Watched()
+        self._of_process = _Watched()
+        self._of_service = _Watched()
         for one in (
             self._requests,
             self._latency,
             self._refusals,
             self.in_flight,
             *self.jobs.collectors,
-            self._watched,
+            self._of_process,
+            self._of_service,
         ):
             registry.register(one)
-        ProcessCollector(registry=registry)
-        self.gather: Callable[[], Collected] = self.own
+        self._process = ProcessCollector(registry=registry)
+        self._published = _Published()
+        self._publishing = threading.Lock()
 
     def observe(self, method: str, route: str, status: str, duration_s: float) -> None:
         """Count one answered request."""
@@ -331,32 +290,27 @@ class Metrics:
         """Count one request that was answered with a problem."""
         self._refusals.labels(status, reason).inc()
 
-    def watch(self, *sources: Source) -> None:
+    def watch(self, *sources: Source, of: Owner = "process") -> None:
         """Let each scrape read these sources as well."""
-        self._watched.sources += sources
+        watched = self._of_process if of == "process" else self._of_service
+        watched.sources += sources
 
-    def own(self) -> Collected:
-        """Return the metrics of this process."""
-        return list(self._registry.collect())
+    def publish(self) -> None:
+        """Let scrapes of the other processes see what is read of this one."""
+        with self._publishing:
+            for collector in (self._of_process, self._process):
+                for family in collector.collect():
+                    self._published.take(family)
 
     def render(self) -> tuple[bytes, str]:
-        """Return (text in Prometheus' format, its media type), of the whole service.
-
-        It is that of this process unless `gather` was set to ask others.
-        """
-        families = _Gathered(self.gather())
-        return generate_latest(families), CONTENT_TYPE_PLAIN_0_0_4
-
-
-class _Gathered(Collector):
-    """Metrics that have been read already."""
-
-    def __init__(self, metrics: Collected) -> None:
-        self._metrics = metrics
-
-    def collect(self) -> Iterator[Metric]:
-        """Return them."""
-        return iter(self._metrics)
+        """Return (text in Prometheus' format, its media type), of all HTTP processes."""
+        registry = self._registry
+        if SHARED in os.environ:
+            self.publish()
+            registry = CollectorRegistry()
+            MultiProcessCollector(registry)  # type: ignore[no-untyped-call]
+            registry.register(self._of_service)
+        return generate_latest(registry), CONTENT_TYPE_PLAIN_0_0_4
 
 
 class _Watched(Collector):
@@ -376,6 +330,44 @@ class _Watched(Collector):
                 continue
             for name, values in readings.items():
                 yield _family(name, values)
+
+
+class _Published:
+    """Copies of figures that are read, as metrics that other processes find."""
+
+    def __init__(self) -> None:
+        self._copies: dict[str, Counter | Gauge] = {}
+        self._counted: dict[tuple[str, ...], float] = {}
+
+    def take(self, family: Metric) -> None:
+        """Set the copy of a family of counters or gauges to its present values."""
+        for sample in family.samples:
+            if family.name not in self._copies:
+                self._copies[family.name] = _copy_of(family, tuple(sample.labels))
+            copy = self._copies[family.name]
+            one = copy.labels(**sample.labels) if sample.labels else copy
+            if isinstance(one, Gauge):
+                one.set(sample.value)
+            else:
+                key = (family.name, *sample.labels.values())
+                one.inc(sample.value - self._counted.get(key, 0.0))
+                self._counted[key] = sample.value
+
+
+def _copy_of(family: Metric, labels: tuple[str, ...]) -> Counter | Gauge:
+    name, meaning = family.name, family.documentation
+    if family.type == "counter":
+        return Counter(name, meaning, labels, registry=None)
+    if name in _EARLIEST:
+        return Gauge(name, meaning, labels, registry=None, multiprocess_mode="livemin")
+    largest = name in METRICS and METRICS[name].over == "max"
+    mode: Literal["livemax", "livesum"] = "livemax" if largest else "livesum"
+    return Gauge(name, meaning, labels, registry=None, multiprocess_mode=mode)
+
+
+def forget_process(pid: int, folder: str) -> None:
+    """Drop the gauges of an HTTP process that has ended; its counts stay."""
+    mark_process_dead(pid, folder)  # type: ignore[no-untyped-call]
 
 
 def _family(name: str, values: Mapping[tuple[str, ...], float]) -> Metric:

@@ -23,7 +23,7 @@ from fastapi import FastAPI
 from api.connections import ConnectionLimits, Connections, Place, limits_of_connections, raise_limit
 from api.logs import SeldomLog
 from api.protocol import HttpProtocol, crowd
-from api.readings import ConnectionReadings
+from api.readings import connection_readings
 from api.service import Ending
 
 # --- taking connections ---------------------------------------------------------------------------
@@ -279,6 +279,5 @@ def _server_of(app: FastAPI, place: Place | None = None) -> LimitedServer:
     )
     limits = limits_of_connections(app.state.settings, raise_limit())
     server = LimitedServer(config, limits, app.state.ending, place)
-    app.state.connections = server.connections
-    app.state.metrics.watch(ConnectionReadings(server.connections))
+    app.state.metrics.watch(partial(connection_readings, server.connections))
     return server

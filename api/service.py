@@ -2,7 +2,7 @@
 
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from threading import Event
@@ -12,6 +12,7 @@ from fastapi import Depends, Request
 
 from api.computing.pool import Pool
 from api.following import JobWatch
+from api.jobs.guard import Guard
 from api.jobs.job_counts import JobCounts
 from api.jobs.queue import JobQueue
 from api.limits import RequestLimits
@@ -57,29 +58,6 @@ Ending = Event
 """Set once the server is about to end, so that what would go on for long comes to its end too."""
 
 
-@dataclass(frozen=True, slots=True)
-class Service:
-    """One running service.
-
-    Attributes
-    ----------
-    pool : processes for requests; those for jobs are the worker's
-    silent_s : how long ago this process's last heartbeat was; 0 if it runs no jobs
-    counts : of the jobs that end here
-    """
-
-    settings: Settings
-    database: Database
-    pool: Pool
-    queue: JobQueue
-    limits: RequestLimits
-    silent_s: Callable[[], float]
-    counts: JobCounts
-    plans: PlanReader
-    writer: PlanWriter
-    uploads: Uploads = field(default_factory=Uploads)
-
-
 def limits_of(settings: Settings) -> RequestLimits:
     """Return the limits on requests that the settings state."""
     return RequestLimits(
@@ -91,6 +69,29 @@ def limits_of(settings: Settings) -> RequestLimits:
         sweep_values=settings.max_sweep_values,
         sightings=settings.max_sightings,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class Service:
+    """One running service.
+
+    Attributes
+    ----------
+    pool : processes for requests; those for jobs are the worker's
+    counts : of the jobs that end here
+    heartbeat : of this process; None if it runs no jobs
+    """
+
+    settings: Settings
+    limits: RequestLimits
+    database: Database
+    pool: Pool
+    queue: JobQueue
+    counts: JobCounts
+    plans: PlanReader
+    writer: PlanWriter
+    heartbeat: Guard | None = None
+    uploads: Uploads = field(default_factory=Uploads)
 
 
 def service_of(request: Request) -> Service:

@@ -23,6 +23,7 @@ from collections.abc import Callable, Collection, Mapping
 from sqlalchemy import Connection
 
 from api.jobs.queue import APPLICATION, VERSION, JobQueue
+from api.settings import Settings
 from api.storage import executors, job_records
 from api.storage.database import Database, unavailable
 from api.storage.holdings import forget_answers, forget_plans, forget_recordings
@@ -161,44 +162,29 @@ class Guard:
     ----------
     executor_id : of this process; None for one that runs no jobs and only looks after others
     at_work : the workflows that this process is at, as they come and go
-    heartbeat_s, dead_after_s : between heartbeats; without one until a process is dead
-    keep_jobs_s, keep_answers_s : how long ended jobs and given answers are kept
-    keep_plans_s, keep_recordings_s : how long plans and recordings are kept; None: for ever
-    version_grace_s : how long jobs wait for a worker of the version that began them
     job_over : called with each job that is failed
     """
 
     def __init__(
         self,
+        settings: Settings,
         database: Database,
         queue: JobQueue,
         executor_id: str | None,
         *,
         at_work: Collection[str] = (),
-        heartbeat_s: float,
-        dead_after_s: float,
-        keep_jobs_s: float,
-        keep_answers_s: float,
-        keep_plans_s: float | None = None,
-        keep_recordings_s: float | None = None,
-        version_grace_s: float,
         job_over: Callable[[str], None] = lambda _job_id: None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
+        self._settings = settings
         self._database = database
         self._queue = queue
         self._client = queue.client
         self._executor_id = executor_id
         self._at_work = at_work
-        self._heartbeat_s = heartbeat_s
-        self._dead_after_s = dead_after_s
-        self._keep_jobs_s = keep_jobs_s
-        self._keep_answers_s = keep_answers_s
-        self._keep_plans_s = keep_plans_s
-        self._keep_recordings_s = keep_recordings_s
         self._clock = clock
         # what runs no jobs leaves those of other versions to workers
-        grace_s = None if executor_id is None else version_grace_s
+        grace_s = None if executor_id is None else settings.version_grace_s
         self._stranded = StrandedJobs(database, queue, grace_s, job_over)
         self._seen: dict[str, tuple[int, float]] = {}
         self._looked = self._swept = self._beaten = clock()
@@ -236,7 +222,7 @@ class Guard:
                 _logger.warning("could not remove this process from the list: %s", error)
 
     def _run(self) -> None:
-        while not self._stop.wait(self._heartbeat_s):
+        while not self._stop.wait(self._settings.heartbeat_s):
             try:
                 self.look_after()
             except Exception as error:
@@ -263,7 +249,7 @@ class Guard:
     def _dead(self, living: dict[str, int]) -> dict[str, int]:
         """Who has been silent for too long; this process itself has just raised its count."""
         now = self._clock()
-        self._watched_s += min(now - self._looked, self._heartbeat_s)
+        self._watched_s += min(now - self._looked, self._settings.heartbeat_s)
         self._looked = now
         self._seen = {
             name: self._seen[name]
@@ -274,7 +260,7 @@ class Guard:
         return {
             name: beats
             for name, (beats, since) in self._seen.items()
-            if self._watched_s - since >= self._dead_after_s
+            if self._watched_s - since >= self._settings.dead_after_s
         }
 
     def _take_new_jobs(self, living: Collection[str | None]) -> None:
@@ -312,15 +298,15 @@ class Guard:
 
     def _sweep(self) -> None:
         """Delete what was kept long enough; jobs last, so that none is forgotten half deleted."""
+        settings = self._settings
         with self._database.reading() as connection:
             time = executors.agreed_moment(connection)
-            old = ended_before(connection, earlier(time, self._keep_jobs_s), _SWEPT_AT_ONCE)
+            old = ended_before(connection, earlier(time, settings.keep_jobs_s), _SWEPT_AT_ONCE)
         for job_id in old:
             self._queue.delete(job_id)
         with self._database.writing() as connection:
-            forget_answers(connection, earlier(time, self._keep_answers_s))
+            forget_answers(connection, earlier(time, settings.keep_answers_s))
             delete_jobs(connection, old)
-            if self._keep_recordings_s is not None:
-                forget_recordings(connection, earlier(time, self._keep_recordings_s))
-            if self._keep_plans_s is not None:
-                forget_plans(connection, earlier(time, self._keep_plans_s))
+            forget_recordings(connection, earlier(time, settings.keep_recordings_s))
+            if settings.keep_plans_s is not None:
+                forget_plans(connection, earlier(time, settings.keep_plans_s))

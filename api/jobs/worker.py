@@ -5,7 +5,6 @@ import os
 import secrets
 import socket
 import threading
-from collections.abc import Collection
 
 from dbos import DBOS, DBOSConfig
 
@@ -58,8 +57,13 @@ class Worker:
         watch = PartWatch(database, VERSION)
         self._runtime = Runtime(settings, database, self.queue, self.pool, counts, watch)
         parts.use(self._runtime)
-        self.guard = guard_of(
-            settings, database, self.queue, counts, self.executor_id, self._runtime.at_work
+        self.guard = Guard(
+            settings,
+            database,
+            self.queue,
+            self.executor_id,
+            at_work=self._runtime.at_work,
+            job_over=counts.job_over,
         )
         self._settings = settings
         self._stopping = threading.Event()
@@ -111,31 +115,6 @@ class Worker:
         self.guard.close()
         self.queue.close()
         parts.use(None)
-
-
-def guard_of(
-    settings: Settings,
-    database: Database,
-    queue: JobQueue,
-    counts: JobCounts,
-    executor_id: str | None,
-    at_work: Collection[str] = (),
-) -> Guard:
-    """Return the guard of this process, not yet started."""
-    return Guard(
-        database,
-        queue,
-        executor_id,
-        at_work=at_work,
-        heartbeat_s=settings.heartbeat_s,
-        dead_after_s=settings.dead_after_s,
-        keep_jobs_s=settings.keep_jobs_s,
-        keep_answers_s=settings.keep_answers_s,
-        keep_plans_s=settings.keep_plans_s,
-        keep_recordings_s=settings.keep_recordings_s,
-        version_grace_s=settings.version_grace_s,
-        job_over=counts.job_over,
-    )
 
 
 def _config(settings: Settings, executor_id: str) -> DBOSConfig:

@@ -57,7 +57,7 @@ def readyz(service: CurrentService) -> Health:
         raise Unavailable(f"{detail}; what is stored can be read") from error
     if not service.pool.ready:
         raise Unavailable("the processes that compute are starting; try again")
-    silent_s = service.silent_s()
+    silent_s = 0.0 if service.heartbeat is None else service.heartbeat.silent_s
     if silent_s > service.settings.dead_after_s:
         raise Unavailable(f"no heartbeat for {silent_s:.0f} s; other workers take over its jobs")
     return Health()

@@ -10,6 +10,7 @@ from sqlalchemy import text
 from api.job_kinds.job_kind import Batch, JobReport
 from api.jobs.guard import Guard
 from api.jobs.queue import PARTS_QUEUE, VERSION, JobQueue
+from api.settings import load_settings
 from api.storage import executors, job_records, part_records
 from api.storage.database import Database, open_database
 from api.storage.holdings import Answer, find_answer, keep_answer
@@ -41,18 +42,12 @@ class Bench:
         self.guard = self.another("own")
 
     def another(self, name: str | None, keep_s: float = KEEP_S) -> Guard:
-        return Guard(
-            self.database,
-            self.queue,
-            name,
-            at_work=self.at_work,
-            heartbeat_s=BEAT_S,
-            dead_after_s=DEAD_AFTER_S,
-            keep_jobs_s=keep_s,
-            keep_answers_s=keep_s,
-            version_grace_s=GRACE_S,
-            clock=self.clock,
+        settings = load_settings(
+            heartbeat_s=BEAT_S, dead_after_s=DEAD_AFTER_S, version_grace_s=GRACE_S
         )
+        # unchecked: below 0, what is new is old
+        kept = settings.model_copy(update={"keep_jobs_s": keep_s, "keep_answers_s": keep_s})
+        return Guard(kept, self.database, self.queue, name, at_work=self.at_work, clock=self.clock)
 
     @property
     def client(self) -> DBOSClient:
