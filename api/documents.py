@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Literal
 
 from api.limits import RequestLimits, check_size
 from syncplan.errors import InputError
-from syncplan.recordings.overviews import Overview
+from syncplan.recordings.log import Overview
 from syncplan.scenario.loading import decoded, parse_document
 
 if TYPE_CHECKING:
-    from syncplan.planning.judged_plan import Plan
     from syncplan.planning.plan_files import Loaded
+    from syncplan.planning.planner import Plan
 
 Syntax = Literal["json", "yaml"]
 
@@ -74,7 +74,7 @@ def as_plan_text(plan: "Plan") -> PlanText:
 
 @dataclass(frozen=True, slots=True)
 class PackedRecording:
-    """A recording as bytes of syncplan.recordings.packed_logs, and in short, as JSON."""
+    """A recording as bytes of syncplan.recordings.log, and in short, as JSON."""
 
     data: bytes
     overview: str
@@ -85,8 +85,7 @@ def packed_recording(body: bytes, name: str | None) -> PackedRecording:
 
     Raises InputError, whose key is the file at fault.
     """
-    from syncplan.recordings.overviews import overview_of
-    from syncplan.recordings.packed_logs import pack_log
+    from syncplan.recordings.log import overview_of, pack_log
     from syncplan.recordings.recording_formats import read_archive
 
     try:

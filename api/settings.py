@@ -15,8 +15,7 @@ from sqlalchemy.exc import ArgumentError
 
 from api.keys import ApiKey, check_keys, parsed_keys
 from syncplan.errors import InputError
-from syncplan.runtime.cores import usable_cores
-from syncplan.runtime.memory import usable_memory
+from syncplan.runtime.machine import usable_cores, usable_memory
 
 # --- addresses of databases -----------------------------------------------------------------------
 

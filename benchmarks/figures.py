@@ -5,10 +5,9 @@ from dataclasses import dataclass
 from time import perf_counter
 
 from benchmarks import Figure, print_figures
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
-from syncplan.plotting.catalogue import specs_of
-from syncplan.plotting.html_page import figure_page
+from syncplan.planning.planner import Plan, plan
+from syncplan.plotting.figure_files import figure_page
+from syncplan.plotting.figures import specs_of
 from syncplan.scenario.loading import scenario_from
 
 __all__ = ["Timings", "figures", "main"]

@@ -17,12 +17,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks import Figure, print_figures
 from syncplan.observability.loss_ranks import decisive_losses
-from syncplan.observability.window_assessment import assess_team
-from syncplan.orbits.losses import single_losses
-from syncplan.planning.judged_plan import Plan
+from syncplan.observability.rank import assess_team
+from syncplan.orbits.sightings import single_losses
 from syncplan.planning.loss_study import what_if
-from syncplan.planning.planner import plan
-from syncplan.runtime.blas import single_threaded_blas
+from syncplan.planning.planner import Plan, plan
+from syncplan.runtime.numerics import single_threaded_blas
 from syncplan.scenario.loading import load_scenario, scenario_from
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples" / "scenarios"

@@ -22,11 +22,10 @@ from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.montecarlo import run_trials
 from syncplan.orbits.circles import Orbits, heading, position, wrap
 from syncplan.orbits.contacts import find_windows
-from syncplan.orbits.noise import Noise
-from syncplan.orbits.sensors import Sensors
+from syncplan.orbits.sensors import Noise, Sensors
 from syncplan.orbits.sightings import Sightings, sample_sightings
 from syncplan.orbits.team import Team
-from syncplan.runtime.cores import usable_cores
+from syncplan.runtime.machine import usable_cores
 
 Scene = tuple[Team, Sightings, int]
 

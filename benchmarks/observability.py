@@ -34,12 +34,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks import Figure, print_figures
 from syncplan.arrays import Array
-from syncplan.observability.rank import assess, link_information
-from syncplan.observability.singular_values import RANK_TOLERANCE
+from syncplan.observability.rank import RANK_TOLERANCE, assess, link_information
 from syncplan.orbits.circles import Orbits, heading, position, wrap
 from syncplan.orbits.contacts import find_windows
-from syncplan.orbits.noise import Noise
-from syncplan.orbits.sensors import Sensors
+from syncplan.orbits.sensors import Noise, Sensors
 from syncplan.orbits.sightings import Sightings, sample_sightings
 from syncplan.orbits.team import Team
 

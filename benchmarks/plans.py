@@ -80,10 +80,10 @@ def _works(count: int) -> dict[str, Callable[[], Any]]:
     from syncplan.estimation.bounds import posterior_bound
     from syncplan.observability.connectivity import connectivity_period
     from syncplan.observability.loss_ranks import decisive_losses
-    from syncplan.observability.window_assessment import assess_team
-    from syncplan.orbits.losses import single_losses
+    from syncplan.observability.rank import assess_team
+    from syncplan.orbits.sightings import single_losses
     from syncplan.planning.planner import plan
-    from syncplan.runtime.blas import single_threaded_blas
+    from syncplan.runtime.numerics import single_threaded_blas
     from syncplan.scenario.loading import scenario_from
 
     scenario = scenario_from(_scenario(count))

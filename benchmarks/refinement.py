@@ -33,11 +33,10 @@ from syncplan.planning.planner import plan
 from syncplan.refinement.ipopt import StagedSolver
 from syncplan.refinement.measures import Measurement, measure
 from syncplan.refinement.nlp import nlp_of
-from syncplan.refinement.problem import RefineProblem, circles_of, orbits_of
+from syncplan.refinement.problem import RefineProblem, Stage, circles_of, orbits_of, stages_of
 from syncplan.refinement.problem_setup import problem_of
 from syncplan.refinement.refiner import options_for
-from syncplan.refinement.stages import Stage, stages_of
-from syncplan.runtime.blas import single_threaded_blas
+from syncplan.runtime.numerics import single_threaded_blas
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.objectives import OBJECTIVES
 

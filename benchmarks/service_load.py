@@ -26,7 +26,7 @@ from benchmarks.busy_owner import BesideBusy, beside_a_busy_owner
 from benchmarks.load_clients import Request, ask, load, serving
 from benchmarks.readme_tables import README, machine, markdown, write_between
 from syncplan.runtime.child_processes import CHILD_VARIABLES
-from syncplan.runtime.cores import usable_cores
+from syncplan.runtime.machine import usable_cores
 from tests.tools.scenarios import example
 
 BEGIN, END = "<!-- load: python benchmarks/service_load.py --write -->", "<!-- end of load -->"

@@ -17,10 +17,8 @@ from scipy.special import expit, logsumexp
 from syncplan.arrays import Array, Flags, Index
 from syncplan.observability.referred_rows import NEAREST
 from syncplan.refinement.nlp import CONTACT_SAMPLES
-from syncplan.refinement.problem import RefineProblem
-from syncplan.refinement.sample_times import samples_of
+from syncplan.refinement.problem import RefineProblem, Stage, samples_of
 from syncplan.refinement.smooth_team import sighted_pairs
-from syncplan.refinement.stages import Stage
 
 __all__ = ["VectorisedTeam"]
 

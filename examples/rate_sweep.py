@@ -9,7 +9,7 @@ the log-determinant per period rises with the rate.
 from pathlib import Path
 
 import syncplan
-from syncplan.planning.sweeps import ValidatedRow
+from syncplan.planning.variations import ValidatedRow
 
 SCENARIO = Path(__file__).parent / "scenarios" / "paper-grid-same.yaml"
 RATES = (0.2, 0.4, 0.6, 0.8, 1.0)

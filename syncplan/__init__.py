@@ -95,7 +95,7 @@ __all__ = [
 __version__ = "0.1.0"
 
 _HOME = {
-    "load_plan": "planning.subjects",
+    "load_plan": "planning.plan_files",
     "choose_landmarks": "landmarks.site_choice",
     "Client": "client.service_client",
     "Flight": "flight.flying",
@@ -103,7 +103,7 @@ _HOME = {
     "Navigator": "flight.navigator",
     "NoGoError": "errors",
     "NoSolutionError": "errors",
-    "Plan": "planning.judged_plan",
+    "Plan": "planning.planner",
     "Replay": "estimation.replay_results",
     "Scenario": "scenario.specification",
     "SyncplanError": "errors",
@@ -117,11 +117,11 @@ _HOME = {
     "plan": "planning.planner",
     "refine": "refinement.refiner",
     "replay": "estimation.replays",
-    "sweep": "planning.sweeps",
+    "sweep": "planning.variations",
     "validate": "planning.validation",
     "what_if": "planning.loss_study",
 }
-_MODULES = {"figures": "plotting.plotly_figures"}
+_MODULES = {"figures": "plotting.figures"}
 
 if TYPE_CHECKING:
     from syncplan.client.service_client import Client
@@ -133,13 +133,12 @@ if TYPE_CHECKING:
     from syncplan.flight.navigator import Navigator
     from syncplan.landmarks.site_choice import choose_landmarks
     from syncplan.placement.centers import place
-    from syncplan.planning.judged_plan import Plan
     from syncplan.planning.loss_study import WhatIf, what_if
-    from syncplan.planning.planner import plan
-    from syncplan.planning.subjects import load_plan
-    from syncplan.planning.sweeps import sweep
+    from syncplan.planning.plan_files import load_plan
+    from syncplan.planning.planner import Plan, plan
     from syncplan.planning.validation import Validation, validate
-    from syncplan.plotting import plotly_figures as figures
+    from syncplan.planning.variations import sweep
+    from syncplan.plotting import figures
     from syncplan.recordings.recording_formats import load_log
     from syncplan.refinement.refiner import refine
     from syncplan.scenario.loading import load_scenario

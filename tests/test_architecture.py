@@ -16,7 +16,7 @@ import syncplan
 DEGREES_AT_THE_EDGE = {
     "syncplan.cli.terminal_tables",
     "syncplan.observability.unobservable_modes",
-    "syncplan.orbits.scenario_arrays",
+    "syncplan.orbits.team",
     "syncplan.plotting.canvas",
     "syncplan.scenario.specification",
 }

@@ -16,7 +16,7 @@ from api.computing import tasks
 from api.job_kinds.job_kind import FinishedStart, Progress
 from syncplan.errors import Fault, InputError, NoGoError, NoSolutionError, ProcessEndedError
 from syncplan.runtime.child_processes import ChildProcess, connect_to_parent
-from syncplan.runtime.memory import limit_memory
+from syncplan.runtime.machine import limit_memory
 
 # --- time limit -----------------------------------------------------------------------------------
 

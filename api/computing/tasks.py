@@ -38,9 +38,8 @@ from syncplan.reports.job_contract import JobKindName
 from syncplan.scenario.loading import decoded, parse_document, scenario_from
 
 if TYPE_CHECKING:
-    from syncplan.planning.judged_plan import Plan
-    from syncplan.planning.judgement import BoundChoice
-    from syncplan.plotting.palette import Theme
+    from syncplan.planning.planner import BoundChoice, Plan
+    from syncplan.plotting.figure_style import Theme
 
 # --- requests -----------------------------------------------------------------------------------
 
@@ -70,7 +69,7 @@ def checked_request(
     """
     from pydantic import ValidationError
 
-    from syncplan.scenario.faults import validation_fault
+    from syncplan.scenario.quantities import validation_fault
 
     model = JOB_KINDS[kind].request
     document = parse_document(decoded(body, ""), "", syntax) if body.strip() else {}
@@ -159,7 +158,7 @@ def warm_up(trials: bool) -> None:
 
 def ready() -> None:
     """Load what the first preview would otherwise wait for."""
-    import syncplan.plotting.catalogue  # noqa: F401
+    import syncplan.plotting.figures  # noqa: F401
 
 
 _SMALL = {
@@ -202,8 +201,8 @@ def previewed(
     A `quick` one is the plan without what takes most of the time, which its findings name.
     """
     from syncplan.planning.plan_files import plan_of
-    from syncplan.plotting.catalogue import specs_of
     from syncplan.plotting.figure_style import FigureStyle
+    from syncplan.plotting.figures import specs_of
     from syncplan.reports.plan_report import plan_document
 
     loaded = loaded_body(body, syntax, limits)
@@ -217,8 +216,8 @@ def plan_figure(text: str, name: str, theme: "Theme", parent_text: str | None) -
 
     With its parent's text, the plan is shown beside its parent.
     """
-    from syncplan.plotting.catalogue import specs_of
     from syncplan.plotting.figure_style import FigureStyle
+    from syncplan.plotting.figures import specs_of
     from syncplan.reports.refinement_schemas import RefinementResult
 
     style = FigureStyle(theme=theme)
@@ -232,8 +231,8 @@ def plan_figure(text: str, name: str, theme: "Theme", parent_text: str | None) -
 
 def report_figure(text: str, kind: JobKindName, name: str, theme: "Theme") -> str:
     """Return a figure of a job's report as JSON; raises InputError."""
-    from syncplan.plotting.catalogue import specs_of
     from syncplan.plotting.figure_style import FigureStyle
+    from syncplan.plotting.figures import specs_of
 
     model = JOB_KINDS[kind].report
     assert model is not None

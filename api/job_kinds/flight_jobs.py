@@ -29,8 +29,8 @@ from syncplan.flight.flight_options import (
     FlightOptions,
     GuidanceChoice,
 )
-from syncplan.planning.filter_choice import asked_filter
 from syncplan.planning.plan_files import Loaded
+from syncplan.planning.validation import asked_filter
 from syncplan.reports.flight_schemas import FlightDocument
 from syncplan.scenario.specification import Scenario
 

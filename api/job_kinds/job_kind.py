@@ -14,7 +14,7 @@ from api.documents import PlanText
 from api.limits import RequestLimits
 from syncplan.planning.plan_files import Loaded
 from syncplan.plotting.figure_table import SubjectKind
-from syncplan.recordings.overviews import Overview
+from syncplan.recordings.log import Overview
 from syncplan.reports.job_contract import JobKindName
 from syncplan.scenario.quantities import Section
 
@@ -23,7 +23,7 @@ from syncplan.scenario.quantities import Section
 
 @dataclass(frozen=True, slots=True)
 class FinishedStart:
-    """What a start of a refinement has found, as syncplan.refinement.kept_starts keeps it."""
+    """What a start of a refinement has found, as syncplan.refinement.parallel_starts keeps it."""
 
     number: int
     data: bytes

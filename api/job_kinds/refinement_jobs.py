@@ -20,9 +20,9 @@ from api.job_kinds.job_kind import (
 from api.limits import RequestLimits, check_at_most
 from syncplan.planning.plan_files import Loaded
 from syncplan.refinement.refiner import options_for
-from syncplan.scenario.chunked_validation import Many
+from syncplan.scenario.models import Bounds, Variable
 from syncplan.scenario.objectives import ObjectiveName
-from syncplan.scenario.refine_options import Bounds, Variable
+from syncplan.scenario.quantities import Many
 
 
 class RefinementRequest(JobRequest):
@@ -85,7 +85,7 @@ def _refined(spec: JobSpec, earlier: EarlierWork, workers: int, progress: Progre
     Progress counts the starts that must have ended, since others have begun.
     """
     from syncplan.planning.plan_files import plan_of
-    from syncplan.refinement.kept_starts import EarlierSearch
+    from syncplan.refinement.parallel_starts import EarlierSearch
     from syncplan.refinement.refiner import refine
 
     assert spec.plan is not None

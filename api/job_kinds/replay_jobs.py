@@ -25,11 +25,9 @@ from syncplan.estimation.replay_requests import options_of_request, settings_of_
 from syncplan.estimation.replay_settings import ReplaySettings
 from syncplan.estimation.replay_tuning import FIT_SHARE, MOST_RUNS
 from syncplan.estimation.replays import OPTIONS
-from syncplan.recordings.log import chosen_landmarks
-from syncplan.recordings.overviews import Overview
+from syncplan.recordings.log import Overview, chosen_landmarks
 from syncplan.reports.replay_schemas import ReplayDocument
-from syncplan.scenario.chunked_validation import Many
-from syncplan.scenario.quantities import Name
+from syncplan.scenario.quantities import Many, Name
 
 _USUAL = ReplaySettings()
 
@@ -138,7 +136,7 @@ def _fitted(sightings: int, runs: int) -> int:
 def _replayed(spec: JobSpec, _earlier: EarlierWork, _workers: int, progress: Progress) -> JobReport:
     from syncplan.estimation.replay_tuning import tuned
     from syncplan.estimation.replays import replay_with
-    from syncplan.recordings.packed_logs import unpack_log
+    from syncplan.recordings.log import unpack_log
     from syncplan.reports.replay_report import replay_document
     from syncplan.runtime.files import as_text
 

@@ -14,13 +14,11 @@ from api.job_kinds.job_kind import JobKind, JobOperation, JobReport, JobSpec, Jo
 from api.job_kinds.validation_jobs import FILTER_TRIALS
 from api.limits import RequestLimits, check_at_most, check_size, check_trials
 from syncplan.errors import InputError
-from syncplan.planning.swept_keys import SWEPT_KEYS, SweptKey, SweptOption, swept_key
 from syncplan.planning.validation import TrialRun, Validation
 from syncplan.reports.run_schemas import SweepReport
-from syncplan.scenario.chunked_validation import Many
-from syncplan.scenario.dotted_keys import numeric_keys
+from syncplan.scenario.dotted_keys import SWEPT_KEYS, SweptKey, SweptOption, numeric_keys, swept_key
 from syncplan.scenario.loading import scenario_from
-from syncplan.scenario.quantities import fault
+from syncplan.scenario.quantities import Many, fault
 from syncplan.scenario.specification import Scenario
 
 _SWEPT = {one.request: one for one in SWEPT_KEYS.values()}
@@ -167,7 +165,7 @@ def _within(section: str) -> Iterator[None]:
 
 @lru_cache(maxsize=2)
 def _planned(spec: JobSpec) -> list[Any]:
-    from syncplan.planning.sweeps import planned_rows
+    from syncplan.planning.variations import planned_rows
 
     request = SweepRequest.model_validate_json(spec.request)
     scenario = scenario_from(request.scenario)
@@ -177,15 +175,15 @@ def _planned(spec: JobSpec) -> list[Any]:
 
 @lru_cache(maxsize=2)
 def _runs(spec: JobSpec) -> list[TrialRun]:
-    from syncplan.planning.sweeps import options_of_row
     from syncplan.planning.validation import trial_run
+    from syncplan.planning.variations import options_of_row
 
     options = SweepRequest.model_validate_json(spec.request).run_options()
     return [trial_run(row.plan, options_of_row(row.plan, options)) for row in _planned(spec)]
 
 
 def _report(spec: JobSpec, concluded: Sequence[Validation]) -> JobReport:
-    from syncplan.planning.sweeps import ValidatedRow
+    from syncplan.planning.variations import ValidatedRow
     from syncplan.reports.validation_report import sweep_document, validation_document
     from syncplan.runtime.files import as_text
 

@@ -21,8 +21,8 @@ from api.job_kinds.job_kind import (
 from api.limits import RequestLimits, check_trials
 from syncplan.estimation.filters import MotionName
 from syncplan.planning.plan_files import Loaded
-from syncplan.planning.stress_tests import joined_worlds, stress_runs, stress_worlds
 from syncplan.planning.validation import TrialRun, Validation
+from syncplan.planning.variations import joined_worlds, stress_runs, stress_worlds
 from syncplan.reports.run_schemas import ValidationDocument
 
 if TYPE_CHECKING:

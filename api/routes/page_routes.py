@@ -15,8 +15,7 @@ from fastapi import APIRouter, Header, Response
 
 from api.job_kinds.job_table import JOB_KINDS
 from api.problems import NotFound
-from syncplan.exporting.autopilots import AUTOPILOTS
-from syncplan.exporting.format_table import FORMATS
+from syncplan.exporting.format_table import AUTOPILOTS, FORMATS
 from syncplan.flight.flight_options import GUIDANCES
 from syncplan.plotting.figure_table import FIGURES, always_there
 from syncplan.reports.job_contract import STATES, has_ended

@@ -18,9 +18,8 @@ from api.routes.job_routes import Owned, report_or_refuse
 from api.routes.plan_routes import Identifier, find_or_refuse
 from api.storage.holdings import Answer
 from syncplan.errors import InputError
-from syncplan.exporting.autopilots import AutopilotName, VehicleName
-from syncplan.exporting.format_table import ALL, FORMATS
-from syncplan.planning.judgement import BoundChoice
+from syncplan.exporting.format_table import ALL, FORMATS, AutopilotName, VehicleName
+from syncplan.planning.planner import BoundChoice
 from syncplan.plotting.figure_table import FIGURES, always_there
 from syncplan.reports.loss_schemas import WhatIfDocument
 
@@ -191,7 +190,7 @@ else:
 
 
 class ExportQuery(BaseModel):
-    """Options of an export, as syncplan.exporting.export_options has them."""
+    """Options of an export, as syncplan.exporting.format_table has them."""
 
     autopilot: AutopilotName = Field("ardupilot", description="Autopilot that missions are for")
     vehicle: VehicleName = Field("multicopter", description="Kind of vehicle that flies them")

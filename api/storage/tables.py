@@ -147,7 +147,7 @@ recordings = Table(
     Column("size", Integer, nullable=False),
     # in short, as JSON
     Column("overview", Text, nullable=False),
-    # as syncplan.recordings.packed_logs packs it
+    # as syncplan.recordings.log packs it
     Column("data", LargeBinary, nullable=False),
     Index("recordings_of_owner", "owner", "id"),
 )

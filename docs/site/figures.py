@@ -8,12 +8,10 @@ import numpy as np
 
 from docs.site import studies
 from syncplan.orbits.circles import position
-from syncplan.planning.judged_plan import Plan
-from syncplan.plotting.canvas import Spec, axis, layout, numbers
-from syncplan.plotting.catalogue import specs_of
-from syncplan.plotting.figure_style import PLAIN
-from syncplan.plotting.layout_fitting import fitted
-from syncplan.plotting.palette import BLUE, GREEN, ORANGE, VERMILLION
+from syncplan.planning.planner import Plan
+from syncplan.plotting.canvas import Spec, axis, fitted, layout, numbers
+from syncplan.plotting.figure_style import BLUE, GREEN, ORANGE, PLAIN, VERMILLION
+from syncplan.plotting.figures import specs_of
 from syncplan.reports.run_schemas import ValidationDocument
 
 __all__ = ["DRAWN", "Drawn", "final_error", "sight_direction"]

@@ -10,8 +10,8 @@ from docs.site.kind_tables import with_tables
 from docs.site.reference import PAGES
 from syncplan.errors import InputError
 from syncplan.plotting.canvas import CONFIG, Spec
-from syncplan.plotting.html_page import embedded, plotly_script
-from syncplan.plotting.palette import DARK
+from syncplan.plotting.figure_files import embedded, plotly_script
+from syncplan.plotting.figure_style import DARK
 
 __all__ = ["DOCS", "with_figures", "write_pages"]
 

@@ -17,7 +17,7 @@ Names that are not on this page are not public and may move.
 
 _SECTIONS = (
     ("## The package", syncplan, "syncplan"),
-    ("## Figures", figures, "syncplan.plotting.plotly_figures"),
+    ("## Figures", figures, "syncplan.plotting.figures"),
     ("## Exports", formats, "syncplan.exporting.formats"),
 )
 

@@ -95,7 +95,7 @@ DOCUMENTS: Mapping[str, DocumentKind] = MappingProxyType(
             title="Replay",
             shown_by="replay_tables.show_replay",
         ),
-        "sync": DocumentKind("syncplan.exporting.sync_document", "SyncDocument"),
+        "sync": DocumentKind("syncplan.exporting.sidecar", "SyncDocument"),
         "sweep": DocumentKind(
             _RUNS,
             "SweepReport",
@@ -127,7 +127,7 @@ def checked(model: type[Model], values: Any, source: str) -> Model:
     """Return values as a model; raises InputError, naming the source, where they don't fit."""
     from pydantic import ValidationError
 
-    from syncplan.scenario.faults import validation_fault
+    from syncplan.scenario.quantities import validation_fault
 
     try:
         return model.model_validate(values)

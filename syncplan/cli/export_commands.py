@@ -9,8 +9,13 @@ import typer
 from syncplan.cli.arguments import Duration, MaxVehicles, SubjectFile
 from syncplan.cli.console import check_output, say, say_notes
 from syncplan.errors import InputError
-from syncplan.exporting.autopilots import AutopilotName, VehicleName
-from syncplan.exporting.format_table import ALL, FORMATS, default_altitudes
+from syncplan.exporting.format_table import (
+    ALL,
+    FORMATS,
+    AutopilotName,
+    VehicleName,
+    default_altitudes,
+)
 
 if TYPE_CHECKING:
     from syncplan.exporting.formats import Export, ExportOptions
@@ -100,7 +105,7 @@ def _export(
     speed it holds, who meets whom, and the verdict. A plan that a finding stops is refused with
     exit status 3, unless forced.
     """
-    from syncplan.exporting.export_options import ExportOptions
+    from syncplan.exporting.format_table import ExportOptions
 
     options = ExportOptions(
         altitude_m=altitude_m,

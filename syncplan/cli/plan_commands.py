@@ -34,7 +34,7 @@ from syncplan.scenario.objectives import OBJECTIVES, listed
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from syncplan.planning.judged_plan import Plan
+    from syncplan.planning.planner import Plan
     from syncplan.scenario.specification import Scenario
 
 VARIABLES = ("phases", "centers", "radii")
@@ -271,8 +271,7 @@ def _landmarks(
 
     With --scenario-out, plan and the other commands take what is written as it is.
     """
-    from syncplan.landmarks.candidates import load_candidates, new_sites
-    from syncplan.landmarks.site_choice import choose_landmarks
+    from syncplan.landmarks.site_choice import choose_landmarks, load_candidates, new_sites
     from syncplan.planning.plan_files import loaded_from, plan_of
     from syncplan.reports.sites_report import sites_document
     from syncplan.scenario.loading import parse_document, read_text
@@ -299,7 +298,7 @@ def _write_scenario(text: str, source: str, chosen: "Scenario", target: "Path") 
     Where its text is empty, because its centres were found, write the scenario chosen as a whole.
     """
     from syncplan.runtime.files import as_text, write_text
-    from syncplan.scenario.landmark_edits import with_landmarks
+    from syncplan.scenario.loading import with_landmarks
 
     landmarks = dict(zip(chosen.landmark_names, chosen.landmarks, strict=True))
     as_json = target.suffix.lower() == ".json"

@@ -12,14 +12,13 @@ from syncplan.cli.console import check_output, say
 from syncplan.cli.document_table import checked, read_report
 from syncplan.cli.required_verdicts import say_verdict
 from syncplan.errors import InputError
-from syncplan.plotting.figure_style import COLUMN_PX, FigureStyle
+from syncplan.plotting.figure_style import COLUMN_PX, FigureStyle, Theme
 from syncplan.plotting.figure_table import FIGURES, IMAGE_FORMATS, SUBJECTS
-from syncplan.plotting.palette import Theme
 
 if TYPE_CHECKING:
-    from syncplan.planning.judged_plan import Plan
+    from syncplan.planning.planner import Plan
     from syncplan.plotting.canvas import Spec
-    from syncplan.plotting.catalogue import Subject
+    from syncplan.plotting.figures import Subject
     from syncplan.reports.refinement_schemas import RefinementResult
     from syncplan.reports.verdict_schemas import PlanVerdict
 
@@ -39,7 +38,7 @@ class JudgedSubject:
 
     def specs(self, names: list[str], style: FigureStyle) -> "dict[str, Spec]":
         """Return its figures of these names, or all of them."""
-        from syncplan.plotting.catalogue import specs_of
+        from syncplan.plotting.figures import specs_of
 
         return specs_of(self.subject, names, style=style, refined=self.refined, after=self.after)
 
@@ -177,8 +176,8 @@ def _targets(output: Path | None, ending: str, names: list[str]) -> list[Path | 
 
 
 def _subject(file: str, compare: str | None, max_vehicles: int | None) -> JudgedSubject:
-    from syncplan.planning.judged_plan import Plan
     from syncplan.planning.plan_files import load, plan_of
+    from syncplan.planning.planner import Plan
     from syncplan.reports.verdict_schemas import plan_verdict
     from syncplan.scenario.models import MAX_VEHICLES
 
@@ -219,7 +218,7 @@ def _read(file: str, most: int) -> "tuple[Subject, RefinementResult | None, str]
 
 def _page(given: JudgedSubject, names: list[str], style: FigureStyle, theme: Theme | None) -> bytes:
     """A page of figures: it has the colours of both themes, and layouts for two widths."""
-    from syncplan.plotting.html_page import figure_page
+    from syncplan.plotting.figure_files import figure_page
 
     light = replace(style, theme="light")
     specs = given.specs(names, light)
@@ -232,8 +231,8 @@ def _images(
     given: JudgedSubject, names: list[str], image_format: str, style: FigureStyle
 ) -> list[bytes]:
     """An image of each figure, in that order; of the first one if none is named."""
-    from syncplan.plotting.catalogue import first_figure
-    from syncplan.plotting.images import figure_images
+    from syncplan.plotting.figure_files import figure_images
+    from syncplan.plotting.figures import first_figure
 
     if not names:
         names = [first_figure(given.subject, refined=given.refined, after=given.after)]

@@ -155,7 +155,7 @@ def _replay(
     """
     from syncplan.cli.start_option import poses_of
     from syncplan.estimation.replay_settings import START_SIGMAS, ReplaySettings
-    from syncplan.orbits.noise import Noise
+    from syncplan.orbits.sensors import Noise
 
     recording, known_to = _opened(log, output), START_SIGMAS[start.value]
     settings = ReplaySettings(

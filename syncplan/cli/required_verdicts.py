@@ -7,9 +7,9 @@ import typer
 from syncplan.cli.console import say
 
 if TYPE_CHECKING:
-    from syncplan.planning.findings import Verdict
-    from syncplan.planning.judged_plan import Plan
-    from syncplan.planning.stress_tests import StressTest
+    from syncplan.planning.judged_team import Verdict
+    from syncplan.planning.planner import Plan
+    from syncplan.planning.variations import StressTest
     from syncplan.reports.verdict_schemas import PlanVerdict
 
 NOT_MET = 3

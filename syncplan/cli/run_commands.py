@@ -39,7 +39,7 @@ from syncplan.cli.truth_option import TruthKeys, numeric_keys_from, truth_of
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filters import FORMER_NAMES
-from syncplan.planning.swept_keys import SWEPT_KEYS, SweptKey, SweptOption, swept_key
+from syncplan.scenario.dotted_keys import SWEPT_KEYS, SweptKey, SweptOption, swept_key
 
 runs = typer.Typer()
 
@@ -120,11 +120,9 @@ def _validate(
 ) -> int:
     """Run the filter on a plan: Monte Carlo errors beside the bound, and consistency."""
     from syncplan.estimation.trial_readings import needs_augmented
-    from syncplan.planning.filter_choice import choose_filter
-    from syncplan.planning.plan_files import load, plan_of
-    from syncplan.planning.stress_tests import stress_worlds, stressed
-    from syncplan.planning.subjects import in_world
-    from syncplan.planning.validation import validate
+    from syncplan.planning.plan_files import in_world, load, plan_of
+    from syncplan.planning.validation import choose_filter, validate
+    from syncplan.planning.variations import stress_worlds, stressed
     from syncplan.reports.validation_report import stress_document, validation_document
     from syncplan.scenario.models import MAX_VEHICLES
 
@@ -209,8 +207,8 @@ def _sweep(
 ) -> int:
     """Vary one key: plan and validate each value, tables like the paper's Tables 1 and 2."""
     from syncplan.estimation.trial_readings import needs_augmented
-    from syncplan.planning.subjects import in_world
-    from syncplan.planning.sweeps import planned_rows, validated
+    from syncplan.planning.plan_files import in_world
+    from syncplan.planning.variations import planned_rows, validated
     from syncplan.reports.validation_report import sweep_document, validation_document
     from syncplan.scenario.loading import load_scenario
     from syncplan.scenario.models import MAX_VEHICLES

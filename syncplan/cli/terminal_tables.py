@@ -18,8 +18,6 @@ from syncplan.cli.verdict_lines import show_findings, show_verdict
 from syncplan.estimation.filters import FORMER_NAMES
 from syncplan.phrases import listed
 from syncplan.placement.centers import Placement
-from syncplan.planning.figures_of_merit import ROWS
-from syncplan.planning.swept_keys import swept_key
 from syncplan.reports.consistency_words import interval_words, verdict_words
 from syncplan.reports.plan_schemas import LandmarkLink, Link, PlanDocument
 from syncplan.reports.refinement_schemas import RefinementResult
@@ -30,6 +28,8 @@ from syncplan.reports.run_schemas import (
     SweepReport,
     ValidationDocument,
 )
+from syncplan.scenario.dotted_keys import swept_key
+from syncplan.scenario.objectives import ROWS
 
 MOST_ROWS = 40
 MOST_NAMED = 12

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, Self
 
-from syncplan.planning.judged_plan import Plan
 from syncplan.planning.plan_files import loaded_from, plan_of
+from syncplan.planning.planner import Plan
 from syncplan.reports.job_contract import JobKindName, JobState, has_ended
 
 

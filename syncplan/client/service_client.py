@@ -24,9 +24,8 @@ from syncplan.estimation.filter_options import FilterChanges, FilterOptions, opt
 from syncplan.estimation.trial_archive import unpack
 from syncplan.flight.flight_archive import unpack_flight
 from syncplan.flight.flight_options import FlightChanges, FlightOptions, flight_options_with
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.judgement import BoundChoice
 from syncplan.planning.plan_files import loaded_from, stated
+from syncplan.planning.planner import BoundChoice, Plan
 from syncplan.planning.validation import Validation, conclude, trial_run
 from syncplan.recordings.recording_formats import archived
 from syncplan.reports.job_contract import JobKindName

@@ -16,8 +16,7 @@ from syncplan.estimation.wide_system import WideSystem
 from syncplan.observability.referred_rows import sighting_rows
 from syncplan.orbits.contacts import Windows
 from syncplan.orbits.error_states import layout_of
-from syncplan.orbits.losses import Remainder
-from syncplan.orbits.sightings import Sightings, steps_within
+from syncplan.orbits.sightings import Remainder, Sightings, steps_within
 from syncplan.orbits.team import Team
 
 SAME_SCALE = 1e-12

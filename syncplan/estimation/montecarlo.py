@@ -37,7 +37,7 @@ from syncplan.orbits.error_states import layout_of
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, sigmas_by_kind
 from syncplan.orbits.sightings import Sightings
 from syncplan.orbits.team import Team
-from syncplan.runtime.cores import threads_for
+from syncplan.runtime.machine import threads_for
 
 if TYPE_CHECKING:
     from syncplan.estimation.lane_filter import LaneFilter

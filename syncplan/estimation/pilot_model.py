@@ -16,9 +16,14 @@ import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.estimation.pilot_readings import PilotReadings
-from syncplan.orbits.bearings import BEARING
-from syncplan.orbits.sighting_kind import ACROSS, ALONG
-from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, place_of, turns_by_kind
+from syncplan.orbits.sighting_kinds import (
+    ACROSS,
+    ALONG,
+    BEARING,
+    SIGHTING_KINDS,
+    place_of,
+    turns_by_kind,
+)
 from syncplan.orbits.team import Team
 
 _BEARINGS = place_of(BEARING)

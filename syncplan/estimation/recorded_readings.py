@@ -14,9 +14,7 @@ import numpy as np
 from syncplan.arrays import Array, Index
 from syncplan.errors import InputError
 from syncplan.estimation.replay_settings import ReplaySettings
-from syncplan.orbits.bearings import BEARING
-from syncplan.orbits.distances import DISTANCE
-from syncplan.orbits.sighting_kinds import place_of
+from syncplan.orbits.sighting_kinds import BEARING, DISTANCE, place_of
 from syncplan.recordings.log import NOBODY, Log
 from syncplan.scenario.rules import excess
 

@@ -23,8 +23,8 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.estimation.filter_setup import MotionModel
-from syncplan.orbits.bearings import BEARING
 from syncplan.orbits.circles import perpendicular, unit, wrap
+from syncplan.orbits.sighting_kinds import BEARING
 
 
 def displacement(

@@ -11,7 +11,7 @@ from syncplan.errors import InputError
 from syncplan.estimation.filter_options import REQUEST_KEYS, FilterChanges, FilterOptions
 from syncplan.estimation.replay_settings import GROUND_ROBOTS, START_SIGMAS, ReplaySettings
 from syncplan.estimation.replays import replay_options
-from syncplan.orbits.noise import Noise
+from syncplan.orbits.sensors import Noise
 
 KEYS: Mapping[str, str] = MappingProxyType(
     {

@@ -6,7 +6,7 @@ from types import MappingProxyType
 
 from syncplan.arrays import Array
 from syncplan.errors import InputError
-from syncplan.orbits.noise import Noise
+from syncplan.orbits.sensors import Noise
 
 GROUND_ROBOTS = Noise(
     speed_sigma=0.09, turn_rate_sigma=0.22, position_sigma=0.01, heading_sigma=0.01

@@ -51,9 +51,7 @@ from syncplan.estimation.withheld_sightings import (
     judged,
     predictions_of,
 )
-from syncplan.orbits.bearings import BEARING
-from syncplan.orbits.distances import DISTANCE
-from syncplan.orbits.sighting_kinds import place_of
+from syncplan.orbits.sighting_kinds import BEARING, DISTANCE, place_of
 from syncplan.recordings.log import Log
 
 FIT_SHARE = 1.0 / 3.0

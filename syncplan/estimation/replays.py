@@ -34,7 +34,7 @@ from syncplan.estimation.replay_settings import (
 from syncplan.estimation.replay_tuning import Tuning, tuned
 from syncplan.estimation.trials import MonteCarloResult, accuracy
 from syncplan.orbits.error_states import ERROR_STATES
-from syncplan.orbits.noise import Noise
+from syncplan.orbits.sensors import Noise
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 from syncplan.recordings.log import Log
 
@@ -71,7 +71,7 @@ def replay(
     `landmarks` are the names of those whose sightings count (numbers, where the recording numbers
     them), all if None; `meetings` says whether sightings between robots count, `distances` whether
     distances do, where they are recorded. `bearing_sigma` and `range_sigma` are in rad and m,
-    `sample_time` in s; the sigmas of `noise`, a syncplan.orbits.noise.Noise, are per sample, and
+    `sample_time` in s; the sigmas of `noise`, a syncplan.orbits.sensors.Noise, are per sample, and
     GROUND_ROBOTS if None. Each robot's speed scale, turn-rate bias (rad/s), bearing bias (rad) and
     bearing walk (rad), an error whose correlation falls to 1/e over `bearing_walk_time` s, is
     estimated where its sigma is more than 0. Sightings are taken to be made `delay` s before

@@ -26,7 +26,7 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.estimation.foreseen_sightings import Foreseen
 from syncplan.observability.referred_rows import NEAREST
-from syncplan.orbits.paths import body_paths
+from syncplan.orbits.circles import body_paths
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, sigmas_by_kind
 from syncplan.orbits.sightings import Sightings, steps_within
 from syncplan.orbits.team import Team

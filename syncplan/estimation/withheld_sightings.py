@@ -24,8 +24,7 @@ from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.lasting_innovations import BLOCK_S
 from syncplan.estimation.recorded_run import filtered, run_of
 from syncplan.estimation.replay_settings import ReplaySettings
-from syncplan.orbits.bearings import BEARING
-from syncplan.orbits.sighting_kinds import place_of
+from syncplan.orbits.sighting_kinds import BEARING, place_of
 from syncplan.recordings.log import Log
 
 WILD = 0.01

@@ -1,19 +1,149 @@
-"""The table of export formats. A new format is a module that writes it and a line here.
+"""The table of export formats, and what an export may be asked for.
 
-Costs nothing to import: a format's own module is loaded once it writes.
+A new format is a function that writes it and a line in FORMATS. Costs nothing to import: a format's
+own module is loaded once it writes.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
+from math import isfinite
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, get_args
 
-from syncplan.exporting.autopilots import AutopilotName
+from syncplan.errors import InputError
 
 if TYPE_CHECKING:
     from syncplan.exporting.exported_files import Written
     from syncplan.exporting.scheduled_plan import ScheduledPlan
+
+
+AutopilotName = Literal["ardupilot", "px4"]
+VehicleName = Literal["multicopter", "fixed_wing"]
+
+
+@dataclass(frozen=True, slots=True)
+class Vehicle:
+    """A kind of vehicle.
+
+    Attributes
+    ----------
+    code : its MAV_TYPE
+    holds_airspeed : whether its autopilot holds airspeed rather than ground speed
+    """
+
+    code: int
+    holds_airspeed: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Autopilot:
+    """An autopilot.
+
+    Attributes
+    ----------
+    code : its MAV_AUTOPILOT
+    titles : what it is called on each kind of vehicle
+    loiter_turns : whether its missions may hold loiter turns
+    whole_metres : whether it stores acceptance radii in whole metres
+    yaw : of a waypoint that the vehicle is to pass nose first; None where it must be left out
+    """
+
+    code: int
+    titles: Mapping[VehicleName, str]
+    loiter_turns: bool
+    whole_metres: bool
+    yaw: float | None
+
+
+VEHICLES: Mapping[VehicleName, Vehicle] = MappingProxyType(
+    {"multicopter": Vehicle(2, False), "fixed_wing": Vehicle(1, True)}
+)
+"""All kinds of vehicles by name."""
+
+AUTOPILOTS: Mapping[AutopilotName, Autopilot] = MappingProxyType(
+    {
+        "ardupilot": Autopilot(
+            code=3,
+            titles={"multicopter": "ArduPilot Copter", "fixed_wing": "ArduPilot Plane"},
+            loiter_turns=True,
+            whole_metres=True,
+            yaw=0.0,
+        ),
+        "px4": Autopilot(
+            code=12,
+            titles={"multicopter": "PX4 multicopter", "fixed_wing": "PX4 fixed wing"},
+            loiter_turns=False,
+            whole_metres=False,
+            yaw=None,
+        ),
+    }
+)
+"""All autopilots by name."""
+
+
+HIGHEST_M = 100_000.0
+LONGEST_S = 1e7
+MOST_TURNS = 20_000
+"""Longest flown, in turns: as long as a scenario's run may be."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExportOptions:
+    """What an export may be asked for; None stands for the default that the text names.
+
+    Attributes
+    ----------
+    altitude_m : height flown above the origin, m; None: the format's, see
+        syncplan.exporting.format_table.FORMATS
+    altitude_step_m : each vehicle flies this much higher than the last, m
+    duration : time flown, s; None: the scenario's duration_s
+    turns : whole turns flown, instead of `duration`
+    sample_time_s : time between poses, s; None: the scenario's sample time
+    autopilot : that a mission is for; PX4 takes no loiter turns and gets waypoints
+    vehicle : multicopter (ground speed) or fixed_wing (airspeed)
+    waypoints : fly a polygon of waypoints where loiter turns would do
+    sagitta_m : most that the arc is to stand off from the chord between waypoints, m
+    snap_radius : fly the nearest radii that ArduPilot can store, at the same rate
+    force : export a plan although its verdict stops it
+
+    Raises InputError, with the name of the attribute, for a value out of range.
+    """
+
+    altitude_m: float | None = None
+    altitude_step_m: float = 0.0
+    duration: float | None = None
+    turns: int | None = None
+    sample_time_s: float | None = None
+    autopilot: AutopilotName = "ardupilot"
+    vehicle: VehicleName = "multicopter"
+    waypoints: bool = False
+    sagitta_m: float = 0.5
+    snap_radius: bool = False
+    force: bool = False
+
+    def __post_init__(self) -> None:
+        _check_range("altitude_m", self.altitude_m, -1000.0, HIGHEST_M)
+        _check_range("altitude_step_m", self.altitude_step_m, 0.0, 1000.0)
+        _check_range("duration", self.duration, 1e-3, LONGEST_S)
+        _check_range("turns", self.turns, 1, MOST_TURNS)
+        _check_range("sample_time_s", self.sample_time_s, 1e-4, LONGEST_S)
+        _check_range("sagitta_m", self.sagitta_m, 1e-3, 1000.0)
+        if self.duration is not None and self.turns is not None:
+            raise InputError("goes without a duration; give one of the two", key="turns")
+        _check_choice("autopilot", self.autopilot, get_args(AutopilotName))
+        _check_choice("vehicle", self.vehicle, get_args(VehicleName))
+
+
+def _check_range(key: str, value: float | None, least: float, most: float) -> None:
+    if value is not None and not (isfinite(value) and least <= value <= most):
+        raise InputError(f"{value:g}: must be from {least:g} to {most:g}", key=key)
+
+
+def _check_choice(key: str, value: str, known: tuple[str, ...]) -> None:
+    if value not in known:
+        raise InputError(f"{value!r}: must be {' or '.join(known)}", key=key)
+
 
 ALL = "all"
 """Every format at once, each in a folder of its name."""
@@ -49,21 +179,23 @@ class ExportFormat:
 
 FORMATS: Mapping[str, ExportFormat] = MappingProxyType(
     {
-        "qgc": ExportFormat("QGroundControl missions", "qgc.write_qgc", 50.0, True, True),
+        "qgc": ExportFormat("QGroundControl missions", "missions.write_qgc", 50.0, True, True),
         "ardupilot": ExportFormat(
             "ArduPilot missions (WPL 110)",
-            "ardupilot.write_ardupilot",
+            "missions.write_ardupilot",
             50.0,
             True,
             True,
             only_for="ardupilot",
         ),
-        "csv": ExportFormat("Timed poses (CSV)", "poses.write_poses", 0.0),
-        "rosbag2": ExportFormat("ROS 2 bag (sqlite3)", "bags.write_rosbag2", 0.0),
-        "mcap": ExportFormat("ROS 2 bag (MCAP)", "bags.write_mcap", 0.0),
-        "crazyswarm": ExportFormat("Crazyswarm 2 trajectories", "crazyswarm.write_crazyswarm", 1.0),
-        "geojson": ExportFormat("GeoJSON", "geojson.write_geojson", 50.0, True),
-        "kml": ExportFormat("KML", "kml.write_kml", 50.0, True),
+        "csv": ExportFormat("Timed poses (CSV)", "trajectories.write_poses", 0.0),
+        "rosbag2": ExportFormat("ROS 2 bag (sqlite3)", "trajectories.write_rosbag2", 0.0),
+        "mcap": ExportFormat("ROS 2 bag (MCAP)", "trajectories.write_mcap", 0.0),
+        "crazyswarm": ExportFormat(
+            "Crazyswarm 2 trajectories", "trajectories.write_crazyswarm", 1.0
+        ),
+        "geojson": ExportFormat("GeoJSON", "map_files.write_geojson", 50.0, True),
+        "kml": ExportFormat("KML", "map_files.write_kml", 50.0, True),
     }
 )
 """All formats by name, in the order people are shown them."""

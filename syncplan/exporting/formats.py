@@ -5,16 +5,13 @@ from dataclasses import replace
 import numpy as np
 
 from syncplan.errors import InputError, NoGoError
-from syncplan.exporting.export_options import ExportOptions
 from syncplan.exporting.exported_files import Export, ExportedFile, as_archive, write_files
-from syncplan.exporting.format_table import ALL, FORMATS, ExportFormat
-from syncplan.exporting.geodesy import ground_error
-from syncplan.exporting.loiter_turns import snapped_radii
+from syncplan.exporting.format_table import ALL, FORMATS, ExportFormat, ExportOptions
+from syncplan.exporting.mission_routes import snapped_radii
 from syncplan.exporting.missions import flies_loiter_turns
-from syncplan.exporting.scheduled_plan import ScheduledPlan, scheduled
+from syncplan.exporting.scheduled_plan import ScheduledPlan, ground_error, scheduled
 from syncplan.exporting.sidecar import sidecar_file
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.judgement import BoundChoice, judge
+from syncplan.planning.planner import BoundChoice, Plan, judge
 
 __all__ = [
     "ALL",

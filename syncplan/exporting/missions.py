@@ -1,14 +1,25 @@
-"""Missions of autopilots: loiter turns where the autopilot has them, else waypoints."""
+"""Missions of autopilots, one file for each vehicle: QGroundControl plans, ArduPilot's WPL 110.
+
+QGroundControl's files are JSON (QGroundControl developer guide, "Plan File Format"). ArduPilot's
+have one item a line, tab-separated: index, current, frame, command, parameters 1 to 4, latitude,
+longitude, altitude, autocontinue; item 0 is home (MAVLink, "File Formats").
+"""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from syncplan.exporting.exported_files import ExportedFile, Written
-from syncplan.exporting.loiter_turns import loiter_missions
-from syncplan.exporting.mission_items import Mission
-from syncplan.exporting.polygons import waypoint_missions
+from syncplan.exporting.mission_routes import (
+    WAYPOINT,
+    Mission,
+    MissionItem,
+    loiter_missions,
+    waypoint_missions,
+)
 from syncplan.exporting.scheduled_plan import ScheduledPlan, start_of, start_second
+from syncplan.runtime.files import as_text
 
 _GRAVITY = 9.81
 _STEEP = 45.0
@@ -85,3 +96,102 @@ def _waiting_notes(flown: ScheduledPlan) -> list[str]:
         f"missions wait for whole seconds: all vehicles begin {late:.3g} s after start_time, "
         "alike, and meet as planned"
     ]
+
+
+RELATIVE_TO_HOME = 1
+
+
+def write_qgc(flown: ScheduledPlan) -> Written:
+    """Return a .plan file for each vehicle; altitudes are above home.
+
+    Raises InputError as missions_of does.
+    """
+    return write_missions(flown, "plan", _qgc_text)
+
+
+def _qgc_text(flown: ScheduledPlan, mission: Mission) -> str:
+    return as_text(_plan(flown, mission))
+
+
+def _plan(flown: ScheduledPlan, mission: Mission) -> dict[str, Any]:
+    origin = flown.origin
+    return {
+        "fileType": "Plan",
+        "version": 1,
+        "groundStation": "QGroundControl",
+        "mission": {
+            "version": 2,
+            "firmwareType": flown.autopilot.code,
+            "vehicleType": flown.vehicle.code,
+            "globalPlanAltitudeMode": RELATIVE_TO_HOME,
+            "cruiseSpeed": mission.speed,
+            "hoverSpeed": mission.speed,
+            "plannedHomePosition": [origin.lat_deg, origin.lon_deg, origin.alt_m],
+            "items": [
+                _qgc_item(item, number) for number, item in enumerate(mission.items, start=1)
+            ],
+        },
+        "geoFence": {"version": 2, "circles": [], "polygons": []},
+        "rallyPoints": {"version": 2, "points": []},
+    }
+
+
+def _qgc_item(item: MissionItem, number: int) -> dict[str, Any]:
+    values: dict[str, Any] = {
+        "type": "SimpleItem",
+        "command": item.command,
+        "frame": item.frame,
+        "doJumpId": number,
+        "autoContinue": True,
+        "params": [
+            *item.parameters,
+            round(item.latitude, 9),
+            round(item.longitude, 9),
+            item.altitude,
+        ],
+    }
+    if item.placed:
+        altitude = {"AMSLAltAboveTerrain": None, "AltitudeMode": RELATIVE_TO_HOME}
+        values.update(altitude, Altitude=item.altitude)
+    return values
+
+
+HEADER = "QGC WPL 110"
+FRAME_GLOBAL = 0
+
+
+def write_ardupilot(flown: ScheduledPlan) -> Written:
+    """Return a .waypoints file for each vehicle; altitudes are above home, home's above the sea.
+
+    Raises InputError as missions_of does.
+    """
+    return write_missions(flown, "waypoints", _wpl_text)
+
+
+def _wpl_text(flown: ScheduledPlan, mission: Mission) -> str:
+    origin = flown.origin
+    home = MissionItem(
+        WAYPOINT,
+        FRAME_GLOBAL,
+        (0.0, 0.0, 0.0, 0.0),
+        origin.lat_deg,
+        origin.lon_deg,
+        origin.alt_m,
+    )
+    lines = [_wpl_line(item, number) for number, item in enumerate((home, *mission.items))]
+    return "\n".join([HEADER, *lines]) + "\n"
+
+
+def _wpl_line(item: MissionItem, number: int) -> str:
+    fields = [
+        str(number),
+        "1" if number == 0 else "0",
+        str(item.frame),
+        str(item.command),
+        *(f"{value or 0.0:.6f}" for value in item.parameters),
+        f"{item.latitude:.9f}",
+        f"{item.longitude:.9f}",
+        f"{item.altitude:.6f}",
+        "1",
+    ]
+    return "\t".join(fields)

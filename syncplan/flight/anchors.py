@@ -15,9 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.orbits.contacts import Windows
-from syncplan.orbits.paths import relative_motion
-from syncplan.orbits.separation import least_distances
+from syncplan.orbits.circles import relative_motion
+from syncplan.orbits.contacts import Windows, least_distances
 from syncplan.orbits.team import Team
 
 NEARER, NEAREST = 0.5, 0.15

@@ -27,7 +27,7 @@ from syncplan.flight.flight_series import sums_of, tracks_of
 from syncplan.flight.flown_figures import figures_of, without_gone
 from syncplan.flight.flown_lanes import ClosedLoop, FlownLanes
 from syncplan.flight.flown_team import FlownTeam
-from syncplan.runtime.cores import threads_for
+from syncplan.runtime.machine import threads_for
 
 
 def fly_trials(

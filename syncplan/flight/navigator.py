@@ -34,7 +34,7 @@ from syncplan.flight.onboard_kernels import keep_contact, steer
 from syncplan.flight.predictive_guidance import Memory, PredictiveGuidance, PredictiveOptions
 from syncplan.orbits.circles import heading, position
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
-from syncplan.planning.subjects import PlanSubject
+from syncplan.planning.plan_files import PlanSubject
 
 
 class Navigator:

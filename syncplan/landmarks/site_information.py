@@ -19,11 +19,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.observability.rank import link_information, lone_rows, stacked_rows
-from syncplan.observability.singular_values import RANK_TOLERANCE
+from syncplan.observability.rank import RANK_TOLERANCE, link_information, lone_rows, stacked_rows
 from syncplan.orbits.contacts import find_windows, reachable_pairs
 from syncplan.orbits.sightings import sightings_over
-from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import Plan
 
 MOST_CUTS = 8
 """Cuts are made for this many vehicles, those of least precision, unless fewer are asked for."""

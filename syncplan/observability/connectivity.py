@@ -5,9 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.observability.certificate import DISTINCT_LANDMARKS
-from syncplan.observability.rank import LINK_TOLERANCE, pair_rows
-from syncplan.observability.window_assessment import Assessment
+from syncplan.observability.rank import DISTINCT_LANDMARKS, LINK_TOLERANCE, Assessment, pair_rows
 from syncplan.orbits.graphs import disjoint_sets
 from syncplan.orbits.sightings import sample_sightings, steps_within
 

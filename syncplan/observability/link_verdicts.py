@@ -11,16 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.observability.certificate import counts
-from syncplan.observability.rank import LinkInformation
+from syncplan.observability.rank import Assessment, LinkInformation, counts
 from syncplan.observability.unobservable_modes import lost_bearing
-from syncplan.observability.window_assessment import Assessment
-from syncplan.orbits.circles import wrap
-from syncplan.orbits.contacts import merge_windows
-from syncplan.orbits.paths import relative_motion
-from syncplan.orbits.separation import least_distances
+from syncplan.orbits.circles import relative_motion, wrap
+from syncplan.orbits.contacts import least_distances, merge_windows
 from syncplan.orbits.team import Team
-from syncplan.synchronisation.phase_tolerance import contact_tolerances, rule_residuals
+from syncplan.synchronisation.contact_tables import contact_tolerances, rule_residuals
 
 _TOO_WEAK = "of full rank by itself, but too weak beside the team's other sightings"
 

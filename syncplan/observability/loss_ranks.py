@@ -19,11 +19,16 @@ from itertools import pairwise
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.observability.rank import assess, link_information, lone_rows, stacked_rows
+from syncplan.observability.rank import (
+    RANK_TOLERANCE,
+    Assessment,
+    assess,
+    link_information,
+    lone_rows,
+    stacked_rows,
+)
 from syncplan.observability.referred_rows import sighting_rows
-from syncplan.observability.singular_values import RANK_TOLERANCE
-from syncplan.observability.window_assessment import Assessment
-from syncplan.orbits.losses import Loss, remainder_of
+from syncplan.orbits.sightings import Loss, remainder_of
 
 CLEAR = 1e-4
 """1 - s^2 above which it is no rounding error."""

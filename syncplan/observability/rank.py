@@ -1,6 +1,10 @@
-"""Windowed observability: the matrix of equations (5)-(9) in closed form, its rank and its gap.
+"""Windowed observability: the matrix of equations (5)-(9) in closed form, rank, certificate.
 
-Its rows are those of syncplan.observability.referred_rows. Each link's rows are first reduced to at
+    windows -> sampled sightings -> what each pair determines -> rank -> certificate
+
+Plans are judged by this chain, and so is every candidate of a refinement.
+
+Rows are those of syncplan.observability.referred_rows. Each link's rows are first reduced to at
 most six by its own singular value decomposition. That is an orthogonal change of the rows: the
 singular values of the whole matrix stay what they are, and nothing is ever squared.
 
@@ -11,20 +15,64 @@ compass does, belongs to no link: its rows enter the matrix alone.
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.observability.referred_rows import sighting_rows
-from syncplan.observability.singular_values import (
-    RANK_TOLERANCE,
-    decomposed,
-    matrix_rank,
-    rank_gap,
-)
+from syncplan.orbits.contacts import Windows, find_windows
+from syncplan.orbits.graphs import components, spanning_forest
 from syncplan.orbits.sighting_kinds import of_targets
-from syncplan.orbits.sightings import Sightings
+from syncplan.orbits.sightings import Remainder, Sightings, sightings_over
 from syncplan.orbits.team import Team
+
+# --- singular values ------------------------------------------------------------------------------
+
+
+RANK_TOLERANCE = 1e-8
+"""A singular value of the whole matrix counts above this share of the largest."""
+
+VECTORS_LIMIT = 900
+"""State dimension above which singular vectors are computed only where rank is lacking."""
+
+
+def decomposed(matrix: Array, size: int) -> tuple[Array, Array, Array]:
+    """Return singular values (size,), null space, diagonal of the information's pseudo-inverse.
+
+    `matrix` is (r, size), with r at most `size`. Large matrices of full rank need no singular
+    vectors, which halves the time.
+    """
+    if size > VECTORS_LIMIT and len(matrix) == size:
+        values = np.asarray(np.linalg.svd(matrix, compute_uv=False), dtype=float)
+        if matrix_rank(values, RANK_TOLERANCE) == size:
+            return values, np.zeros((0, size)), np.sum(np.linalg.inv(matrix) ** 2, axis=1)
+    _, found, vectors = np.linalg.svd(matrix, full_matrices=True)
+    right = np.asarray(vectors, dtype=float)
+    values = np.concatenate([found, np.zeros(size - len(found))]).astype(float)
+    rank = matrix_rank(values, RANK_TOLERANCE)
+    variances = np.sum((right[:rank] / values[:rank, None]) ** 2, axis=0)
+    return values, right[rank:], variances
+
+
+def matrix_rank(values: Array, tolerance: float) -> int:
+    """Return how many singular values, descending, are above `tolerance` times the largest."""
+    if len(values) == 0 or values[0] == 0.0:
+        return 0
+    return int(np.sum(values > tolerance * values[0]))
+
+
+def rank_gap(values: Array, rank: int) -> float:
+    """Return the last singular value that counts over the first that does not.
+
+    Infinite where all count or the rest is exactly zero.
+    """
+    below = values[rank] if rank < len(values) else 0.0
+    return float(values[rank - 1] / below) if rank and below > 0.0 else float("inf")
+
+
+# --- links and the team ---------------------------------------------------------------------------
+
 
 NEGLIGIBLE = 1e-15
 """Rows smaller than this share of the largest singular value of any link are left out."""
@@ -239,3 +287,173 @@ def stacked_rows(links: list[LinkInformation], count: int, alone: Array | None =
     if alone is not None and len(alone):
         blocks.append(alone)
     return np.concatenate(blocks) if blocks else np.zeros((0, 3 * count))
+
+
+# --- the certificate ------------------------------------------------------------------------------
+#
+# Drop the landmarks and keep the vehicle links of rank 3. The team is observable if every connected
+# component of vehicles has links of rank 2 to two distinct landmarks (as printed in the paper, the
+# theorem also accepts components joined only through a landmark, which can turn about it unseen).
+# Sufficient, not necessary: the rank of the windowed matrix decides, the certificate explains.
+#
+# A link counts if the singular value its rank rests on exceeds LINK_TOLERANCE times the largest of
+# its own, and times the largest of the whole team's matrix as well. Its own alone is not enough:
+# beside a close pass elsewhere, a link that is barely of rank 3 and seen from afar is lost in
+# rounding, and the team's rank, judged at RANK_TOLERANCE of the largest of all, falls short of what
+# was certified.
+#
+#     L1        L2            two landmarks hold each component ...
+#       \      /
+#        v3 - v4              ... whose vehicles a tree of rank-3 links makes rigid
+#        |     |
+#        v2    v5
+
+
+DISTINCT_LANDMARKS = 0.1
+"""Two landmarks count as distinct when further apart than this share of the mean radius."""
+
+
+@dataclass(frozen=True, slots=True)
+class WitnessTree:
+    """Why one component is observable: two landmark links and a spanning tree of vehicle links.
+
+    Attributes
+    ----------
+    vehicles : indices in the component
+    landmark_links : ((vehicle, landmark), (vehicle, landmark)), to distinct landmarks
+    vehicle_links : (a, b) pairs of a spanning tree, all of rank 3
+    """
+
+    vehicles: tuple[int, ...]
+    landmark_links: tuple[tuple[int, int], ...]
+    vehicle_links: tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Certificate:
+    """Whether the corrected Theorem 3.3 holds, why or why not, and its witness.
+
+    Attributes
+    ----------
+    lacking : vehicles of the first component that fails, empty where the certificate holds
+    anchors : landmarks that component has links of rank 2 to
+    """
+
+    holds: bool
+    witness: tuple[WitnessTree, ...]
+    lacking: tuple[int, ...] = ()
+    anchors: tuple[int, ...] = ()
+
+
+def counts(link: LinkInformation, needed: int, largest: float) -> bool:
+    """Return whether a link has rank `needed` for the certificate.
+
+    `largest` is the largest singular value of the whole team's matrix.
+    """
+    values = link.singular_values
+    if len(values) < needed:
+        return False
+    return bool(values[needed - 1] > LINK_TOLERANCE * max(float(values[0]), largest))
+
+
+class Bodies(Protocol):
+    """What sees and is seen: a team, or the robots and landmarks of a recording."""
+
+    @property
+    def count(self) -> int:
+        """Number of vehicles."""
+
+    @property
+    def landmarks(self) -> Array:
+        """(m, 2) m."""
+
+
+def certify(team: Bodies, verdict: Observability, links: list[LinkInformation]) -> Certificate:
+    """Return the certificate of a team, from the links of one window and its verdict.
+
+    Landmarks in the result are numbered from zero.
+    """
+    count = team.count
+    largest = float(verdict.singular_values[0])
+    rigid = [link for link in links if link.b < count and counts(link, 3, largest)]
+    held = [link for link in links if link.b >= count and counts(link, 2, largest)]
+    edges = [(link.a, link.b) for link in rigid]
+    weights = [float(link.singular_values[0] / link.singular_values[2]) for link in rigid]
+    tree = [edges[k] for k in spanning_forest(count, edges, weights)]
+    witness = []
+    for part in components(count, edges):
+        inside = set(part)
+        anchors = [(link.a, link.b - count) for link in held if link.a in inside]
+        pair = _distinct_pair(anchors, team.landmarks, DISTINCT_LANDMARKS * verdict.scale)
+        if pair is None:
+            found = tuple(sorted({landmark for _, landmark in anchors}))
+            return Certificate(False, (), tuple(part), found)
+        witness.append(WitnessTree(tuple(part), pair, tuple(e for e in tree if e[0] in inside)))
+    return Certificate(True, tuple(witness))
+
+
+def _distinct_pair(
+    anchors: list[tuple[int, int]], landmarks: Array, distance: float
+) -> tuple[tuple[int, int], tuple[int, int]] | None:
+    """The two anchors whose landmarks are furthest apart, if further than `distance` m."""
+    if len(anchors) < 2:
+        return None
+    places = landmarks[[landmark for _, landmark in anchors]]
+    apart = np.hypot(*(places[:, None] - places[None]).T)
+    first, second = np.unravel_index(int(np.argmax(apart)), apart.shape)
+    if apart[first, second] <= distance:
+        return None
+    return anchors[min(first, second)], anchors[max(first, second)]
+
+
+# --- one window -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Assessment:
+    """What the exact code finds of a team over one window.
+
+    Attributes
+    ----------
+    windows : of contact, over one period
+    sightings : at the samples k Ts in the window, k >= 0
+    information : what the sightings of each pair determine, ordered by (a, b)
+    observability, certificate : of all sightings together
+    """
+
+    team: Team
+    windows: Windows
+    sightings: Sightings
+    information: list[LinkInformation]
+    observability: Observability
+    certificate: Certificate
+
+    @property
+    def largest(self) -> float:
+        """Largest singular value of the team's matrix, beside which a link must not drown."""
+        return float(self.observability.singular_values[0])
+
+    def measured_in(self, scale: float) -> Observability:
+        """Return rank and singular values with positions in `scale` m instead of mean radii."""
+        if scale == self.observability.scale:
+            return self.observability
+        links = link_information(self.team, self.sightings, scale)
+        return assess(self.team, links, lone_rows(self.team, self.sightings, scale), scale)
+
+
+def assess_team(team: Team, window: float) -> Assessment:
+    """Return what the sightings of a team over `window` s determine."""
+    windows = find_windows(team)
+    return _assessed(team, windows, sightings_over(team, windows, window))
+
+
+def assess_remainder(before: Assessment, left: Remainder) -> Assessment:
+    """Return what the sightings that a loss leaves determine, over the same window."""
+    return _assessed(left.team, left.windows(before.windows), left.sightings(before.sightings)[0])
+
+
+def _assessed(team: Team, windows: Windows, sightings: Sightings) -> Assessment:
+    information = link_information(team, sightings)
+    verdict = assess(team, information, lone_rows(team, sightings))
+    certificate = certify(team, verdict, information)
+    return Assessment(team, windows, sightings, information, verdict, certificate)

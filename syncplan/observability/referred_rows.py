@@ -26,8 +26,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Index
+from syncplan.orbits.circles import body_paths
 from syncplan.orbits.error_states import ERROR_STATES, StateLayout
-from syncplan.orbits.paths import body_paths
 from syncplan.orbits.sighting_kinds import (
     SIGHTING_KINDS,
     of_targets,

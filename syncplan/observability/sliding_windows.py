@@ -16,8 +16,13 @@ from itertools import pairwise
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.observability.certificate import Certificate, certify
-from syncplan.observability.rank import LinkInformation, Observability, judged_rank
+from syncplan.observability.rank import (
+    Certificate,
+    LinkInformation,
+    Observability,
+    certify,
+    judged_rank,
+)
 from syncplan.orbits.circles import perpendicular
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 

@@ -11,11 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.observability.rank import LinkInformation
-from syncplan.observability.window_assessment import Assessment
+from syncplan.observability.rank import Assessment, LinkInformation
 from syncplan.orbits.circles import Orbits, perpendicular, position, unit
+from syncplan.orbits.contacts import circle_gaps
 from syncplan.orbits.graphs import components
-from syncplan.orbits.separation import circle_gaps
 from syncplan.orbits.sight_lines import obstructible
 from syncplan.orbits.team import Team
 from syncplan.phrases import joined

@@ -30,10 +30,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index, short_repr
-from syncplan.orbits.circles import cross, dot
-from syncplan.orbits.paths import body_paths
+from syncplan.orbits.circles import body_paths, cross, dot, real_roots
 from syncplan.orbits.team import Team
-from syncplan.orbits.trigonometric_polynomials import real_roots
 
 BOUNDARY_SLACK = 1e-12
 """Of the largest coordinate: nearer than this, a point counts as on the boundary."""

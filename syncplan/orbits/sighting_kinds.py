@@ -10,18 +10,163 @@ heading, a sighting z depends on the poses through q and psi alone:
 
 A compass has no target: its sightings name the observer as their target.
 
-A further kind is a module beside `bearings` and a further member of SIGHTING_KINDS, at its end.
-Sightings refer to kinds by their place in the table.
+With errors of the target's place relative to the observer, split into a along and b across the line
+of sight at distance rho, what the slopes leave out of a sighting is a product to second order:
+
+    bearing    -(a / rho) (b / rho)
+    distance   rho / 2 (b / rho)^2
+    compass    nothing
+
+A further kind is a further member of SIGHTING_KINDS, at its end: sightings refer to kinds by their
+place in the table.
 """
+
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.orbits.bearings import BEARING
-from syncplan.orbits.compasses import COMPASS
-from syncplan.orbits.distances import DISTANCE
 from syncplan.orbits.sensors import Sensors
-from syncplan.orbits.sighting_kind import SightingKind
+
+ALONG, ACROSS = 0, 1
+"""Ways of an error, from the line of sight."""
+
+
+@dataclass(frozen=True, slots=True)
+class SecondOrder:
+    """What the slopes of a sighting leave out: a product of two errors over the distance.
+
+    Attributes
+    ----------
+    ways : of the two errors, ALONG or ACROSS the line of sight
+    size : of distances (...) m, the product's factor, in the sighting's unit
+    """
+
+    ways: tuple[int, int]
+    size: Callable[[Array], Array]
+
+
+@dataclass(frozen=True, slots=True)
+class OwnSensor:
+    """What measures one kind of sighting and nothing else; a vehicle may be without, or lose it.
+
+    Attributes
+    ----------
+    words : what it is called
+    key : of the scenario, which gives its standard deviation; without it there is none
+    """
+
+    words: str
+    key: str
+
+
+@dataclass(frozen=True, slots=True)
+class SightingKind:
+    """What one kind of sighting measures.
+
+    Attributes
+    ----------
+    sigma_name : attribute of Sensors that holds its standard deviations, (n,) by observer;
+        infinite where a vehicle's sensor does not measure this kind
+    unit : of the sighting and its standard deviation
+    measured : of q (2, ...) m and psi (...) rad, the noiseless sighting; angles are not wrapped
+    slopes : of q (2, ...) m and weights (...), each weight times dz / dq, (2, ...); 0 at q = 0
+    by_heading : dz / dpsi
+    of_target : whether it measures something that must be within range and view; otherwise a
+        vehicle measures it of itself
+    every_name : attribute of Sensors that holds from how many samples one is made, (n,)
+    second_order : what the slopes leave out; None where nothing
+    own_sensor : what measures it; None where every vehicle's sensor does
+    """
+
+    sigma_name: str
+    unit: str
+    measured: Callable[[Array, Array], Array]
+    slopes: Callable[[Array, Array], Array]
+    by_heading: float
+    of_target: bool = True
+    every_name: str = "every"
+    second_order: SecondOrder | None = None
+    own_sensor: OwnSensor | None = None
+
+    def sigmas(self, sensors: Sensors) -> Array:
+        """Return (n,) standard deviations by observer; infinite where there is no such sensor."""
+        found: Array = getattr(sensors, self.sigma_name)
+        return found
+
+
+def _bearings(q: Array, heading: Array) -> Array:
+    return np.asarray(np.arctan2(q[1], q[0]) - heading)
+
+
+def _bearing_slopes(q: Array, weights: Array) -> Array:
+    squared = q[0] * q[0] + q[1] * q[1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        toward = q * (weights / squared)
+    toward[:, squared == 0.0] = 0.0
+    return np.stack([-toward[1], toward[0]])
+
+
+BEARING = SightingKind(
+    "bearing_sigmas",
+    "rad",
+    _bearings,
+    _bearing_slopes,
+    by_heading=-1.0,
+    second_order=SecondOrder((ALONG, ACROSS), np.ones_like),
+)
+"""Direction in which the target appears, from the observer's heading, in rad."""
+
+
+def _distances(q: Array, heading: Array) -> Array:
+    return np.asarray(np.hypot(q[0], q[1]))
+
+
+def _distance_slopes(q: Array, weights: Array) -> Array:
+    rho = np.hypot(q[0], q[1])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        toward = q * (weights / rho)
+    toward[:, rho == 0.0] = 0.0
+    return np.asarray(toward)
+
+
+def _half(distances: Array) -> Array:
+    return 0.5 * distances
+
+
+DISTANCE = SightingKind(
+    "range_sigmas",
+    "m",
+    _distances,
+    _distance_slopes,
+    by_heading=0.0,
+    second_order=SecondOrder((ACROSS, ACROSS), _half),
+    own_sensor=OwnSensor("distance sensor", "sensor.range_sigma_m"),
+)
+"""Distance from the observer to the target, in m."""
+
+
+def _headings(q: Array, heading: Array) -> Array:
+    return np.array(heading, dtype=float)
+
+
+def _no_slopes(q: Array, weights: Array) -> Array:
+    return np.zeros_like(q)
+
+
+COMPASS = SightingKind(
+    "compass_sigmas",
+    "rad",
+    _headings,
+    _no_slopes,
+    by_heading=1.0,
+    of_target=False,
+    every_name="compass_every",
+    own_sensor=OwnSensor("compass", "heading_sigma_rad"),
+)
+"""The vehicle's own heading, in rad."""
+
 
 SIGHTING_KINDS = {"bearing": BEARING, "distance": DISTANCE, "compass": COMPASS}
 """By name."""

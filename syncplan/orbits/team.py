@@ -1,12 +1,18 @@
-"""The team: vehicles on their circles with their sensors and noise, and the landmarks they know."""
+"""The team: vehicles on their circles with their sensors and noise, and the landmarks they know.
+
+A scenario as arrays, and with its circles the team, at the end.
+"""
 
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from syncplan.arrays import Array, Index, short_repr
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.error_states import NO_ERRORS, ErrorSigmas
-from syncplan.orbits.noise import Noise
-from syncplan.orbits.sensors import Sensors
+from syncplan.orbits.sensors import Noise, Sensors
+from syncplan.scenario.disturbances import Wind
+from syncplan.scenario.specification import Scenario, per_vehicle
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -75,3 +81,83 @@ class WithTeam:
     def errors(self) -> ErrorSigmas:
         """The team's lasting errors."""
         return self.team.errors
+
+
+def radii_of(scenario: Scenario) -> Array:
+    """Return (n,) m: the radius of each vehicle's circle."""
+    return np.array(per_vehicle(scenario.orbit.radius_m, scenario.size), dtype=float)
+
+
+def obstacles_of(scenario: Scenario) -> tuple[Array, ...]:
+    """Return the polygons that block sight, each (k, 2) m."""
+    return tuple(np.array(corners, dtype=float) for corners in scenario.obstacles_m or [])
+
+
+def sensors_of(scenario: Scenario) -> Sensors:
+    """Return the sensors of a scenario's vehicles."""
+    sensors = scenario.sensors
+    return Sensors(
+        ranges=np.array([sensor.range_m for sensor in sensors]),
+        fields_of_view=np.radians([sensor.fov_deg for sensor in sensors]),
+        boresights=np.radians([sensor.boresight_deg for sensor in sensors]),
+        bearing_sigmas=np.array([sensor.bearing_sigma_rad for sensor in sensors]),
+        sample_time=scenario.sample_time,
+        range_sigmas=np.array([sensor.range_sigma_m or np.inf for sensor in sensors]),
+        compass_sigmas=_compass_sigmas(scenario),
+        compass_every=np.array(scenario.samples_in(scenario.heading_interval_s)),
+        every=np.array([scenario.samples_in(one.interval_s) for one in sensors]),
+        detection=np.array([sensor.detection_probability or 1.0 for sensor in sensors]),
+        bearing_bias_sigmas=np.array([one.bearing_bias_sigma_rad or 0.0 for one in sensors]),
+        bearing_walk_sigmas=np.array([one.bearing_walk_sigma for one in sensors]),
+        bearing_walk_times=np.array(
+            [one.bearing_walk.time_s if one.bearing_walk else np.inf for one in sensors]
+        ),
+    )
+
+
+def team_of(scenario: Scenario, orbits: Orbits) -> Team:
+    """Return the team of a scenario's vehicles on the orbits given."""
+    return Team(
+        orbits=orbits,
+        landmarks=np.array(scenario.landmarks, dtype=float).reshape(-1, 2),
+        sensors=sensors_of(scenario),
+        noise=Noise(
+            speed_sigma=scenario.motion.speed_sigma(scenario.sample_time),
+            turn_rate_sigma=scenario.motion.turn_rate_sigma(scenario.sample_time),
+            position_sigma=scenario.initial_sigma.position_m,
+            heading_sigma=scenario.initial_sigma.heading_rad,
+        ),
+        errors=_errors_of(scenario),
+        obstacles=obstacles_of(scenario),
+    )
+
+
+def true_team_of(scenario: Scenario, team: Team) -> Team:
+    """Return the team of the simulated world, of a scenario whose own team is given."""
+    if scenario.truth is None:
+        return team
+    true = team_of(scenario.in_truth, team.orbits)
+    false = np.full(team.count, scenario.truth.false_bearings or 0.0)
+    return replace(
+        true,
+        sensors=replace(true.sensors, false_bearings=false),
+        errors=replace(true.errors, estimated=team.errors.estimated),
+    )
+
+
+def _compass_sigmas(scenario: Scenario) -> Array:
+    given = per_vehicle(scenario.heading_sigma_rad, scenario.size)
+    return np.array([np.inf if one is None else one for one in given])
+
+
+def _errors_of(scenario: Scenario) -> ErrorSigmas:
+    motion, wind = scenario.motion, scenario.wind or Wind()
+    return ErrorSigmas(
+        wind=wind.sigma_mps,
+        gust=wind.gust_sigma_mps,
+        gust_time=wind.gust_time_s,
+        speed_scale=motion.speed_scale_sigma or 0.0,
+        turn_rate_bias=motion.turn_rate_bias_sigma_rad_s or 0.0,
+        clock_offset=motion.clock_offset_sigma_s or 0.0,
+        estimated=tuple(scenario.estimated),
+    )

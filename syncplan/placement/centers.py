@@ -13,14 +13,12 @@ import numpy as np
 
 from syncplan.arrays import Array, Index, as_pairs, short_repr
 from syncplan.errors import InputError, NoSolutionError
-from syncplan.orbits.separation import outer_gaps
-from syncplan.placement.demands import Demands, demands_of
-from syncplan.placement.drawing import Drawing, draw
-from syncplan.placement.hidden_sight import hidden_pairs
+from syncplan.orbits.contacts import outer_gaps
+from syncplan.placement.drawing import Demands, Drawing, demands_of, draw, hidden_pairs
 from syncplan.placement.improvement import improved
 from syncplan.placement.infeasibility import complaint, obstacle
 from syncplan.placement.layouts import starting_layouts
-from syncplan.runtime.blas import single_threaded_blas
+from syncplan.runtime.numerics import single_threaded_blas
 from syncplan.scenario.areas import Area
 from syncplan.scenario.formations import SHAPES
 from syncplan.scenario.loading import scenario_from

@@ -1,19 +1,196 @@
-"""A drawing of circles, measured: what it attains of its demands, and what it misses.
+"""A drawing of circles: what it must meet, what it attains and misses, what obstacles hide."""
 
-    gap = D - R_a - R_b             of two circles: the least distance their vehicles can come to
-    off = |D - R|                   of a circle and a landmark
-    clearance                       of a circle in an area, see syncplan.scenario.areas
-
-All is computed here in NumPy from the centres; nothing rests on a solver's word.
-"""
-
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from syncplan.arrays import Array, Index, as_pairs
-from syncplan.orbits.separation import outer_gaps
-from syncplan.placement.demands import Demands
+from syncplan.errors import InputError, NoSolutionError
+from syncplan.orbits.circles import Orbits
+from syncplan.orbits.contacts import find_windows, outer_gaps
+from syncplan.orbits.graphs import components
+from syncplan.orbits.sensors import Sensors
+from syncplan.orbits.team import Team, obstacles_of, radii_of
+from syncplan.scenario.areas import Area
+from syncplan.scenario.formations import SHAPES
+from syncplan.scenario.specification import Scenario
+from syncplan.synchronisation.contact_tables import seeing_team
+from syncplan.synchronisation.sighted_phases import hidden_at_all_phases
+
+# --- demands --------------------------------------------------------------------------------------
+#
+# They are read once from a scenario, from its links or from its shape, and stated in SI units; what
+# follows, the drawing and its certificate, sees the demands alone.
+
+
+MARGIN_SHARE = 0.02
+"""Share of the range by which links stay within it where no margin is given."""
+
+_LEAST_SHARE = 0.01
+"""Share of the range that circles are kept apart where min_separation_m asks for less."""
+
+_APART_SHARE = 1.1
+"""Gap of unlinked circles aimed for, in ranges: just too far to meet."""
+
+_GAP_TOLERANCE = 1e-7
+_CROSSING = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Names:
+    """What messages name: vehicles, landmarks, and the margin in m that links are to keep."""
+
+    vehicles: Sequence[str]
+    landmarks: Sequence[str]
+    margin: float
+
+    def link(self, pair: Array | Index) -> str:
+        """Return a link as a-b."""
+        return f"{self.vehicles[int(pair[0])]}-{self.vehicles[int(pair[1])]}"
+
+
+@dataclass(frozen=True, slots=True)
+class Demands:
+    """What n circles must fulfil, and what they should; lengths in m.
+
+    Attributes
+    ----------
+    names : of the vehicles and landmarks
+    radii : (n,)
+    links : (e, 2) pairs a < b that must come within range
+    least : least gap of any two circles
+    most : (e,) largest gap of each link
+    wanted : (e,) gap of each link aimed for
+    apart : gap of unlinked circles aimed for at least
+    landmarks : (m, 2)
+    sight : (n,) largest distance off its circle at which a vehicle sights a landmark
+    groups : connected components of the links; each is to sight two landmarks, or the only one
+    area : where the circles may lie
+    ranges : (n,)
+    obstacles : polygons (k, 2) that block sight
+    """
+
+    names: Names
+    radii: Array
+    links: Index
+    least: float
+    most: Array
+    wanted: Array
+    apart: float
+    landmarks: Array
+    sight: Array
+    groups: tuple[Index, ...]
+    area: Area
+    ranges: Array
+    obstacles: tuple[Array, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of circles."""
+        return len(self.radii)
+
+    @property
+    def unit(self) -> float:
+        """Typical distance of two linked centres in m."""
+        return 2.0 * float(np.mean(self.radii)) + float(
+            np.mean(self.wanted) if len(self.wanted) else self.apart
+        )
+
+
+def demands_of(scenario: Scenario, margin: float | None) -> Demands:
+    """Return the demands of a scenario that gives no centres.
+
+    Raises InputError for a margin beyond the range, NoSolutionError for a gap of a shape below
+    the separation.
+    """
+    ranges = np.array([sensor.range_m for sensor in scenario.sensors])
+    names = Names(scenario.vehicle_names, scenario.landmark_names, _margin(scenario, margin))
+    if scenario.formation.shape is None:
+        return _of_links(scenario, names, ranges)
+    return _of_shape(scenario, names, ranges)
+
+
+def _margin(scenario: Scenario, margin: float | None) -> float:
+    shortest = min(sensor.range_m for sensor in scenario.sensors)
+    refine = scenario.refine
+    if margin is None:
+        given = refine.margin_m if refine is not None else None
+        margin = MARGIN_SHARE * shortest if given is None else given
+    if not 0.0 <= margin < shortest:
+        raise InputError(
+            f"{margin:g} m: must be at least 0 and less than the range, {shortest:g} m",
+            key="margin",
+        )
+    return margin
+
+
+def _of_links(scenario: Scenario, names: Names, ranges: Array) -> Demands:
+    links = as_pairs(scenario.linked)
+    least = max(scenario.separation, _LEAST_SHARE * float(ranges.min()))
+    most = ranges[links].max(axis=1) - names.margin
+    return Demands(
+        names=names,
+        radii=radii_of(scenario),
+        links=links,
+        least=least,
+        most=most,
+        wanted=0.5 * (least + most),
+        apart=max(_APART_SHARE * float(ranges.max()), least),
+        landmarks=np.array(scenario.landmarks, dtype=float).reshape(-1, 2),
+        sight=ranges - names.margin,
+        groups=tuple(np.array(part) for part in components(scenario.size, scenario.linked)),
+        area=Area.of(scenario.area_m, scenario.keep_out_m),
+        ranges=ranges,
+        obstacles=obstacles_of(scenario),
+    )
+
+
+def _of_shape(scenario: Scenario, names: Names, ranges: Array) -> Demands:
+    """Neighbours' circles gap_m apart: within range or not, and whatever landmarks there are."""
+    formation, radii = scenario.formation, radii_of(scenario)
+    gap, separation = formation.gap_m or 0.0, scenario.separation
+    links = SHAPES[formation.shape or ""].neighbours(len(radii), formation.columns)
+    if gap < separation:
+        raise NoSolutionError(
+            f"formation.gap_m {gap:g}: less than min_separation_m {separation:g}; raise the gap or "
+            "lower the separation"
+        )
+    most = np.maximum(gap, ranges[links].max(axis=1) - names.margin)
+    least = min(gap, max(separation, _CROSSING))
+    return Demands(
+        names=names,
+        radii=radii,
+        links=links,
+        least=least * (1.0 - _GAP_TOLERANCE),
+        most=most * (1.0 + _GAP_TOLERANCE),
+        wanted=np.full(len(links), gap),
+        apart=least,
+        landmarks=np.zeros((0, 2)),
+        sight=np.zeros(len(radii)),
+        groups=(),
+        area=Area.of(scenario.area_m, scenario.keep_out_m),
+        ranges=ranges,
+        obstacles=obstacles_of(scenario),
+    )
+
+
+def others(count: int, links: Index) -> Index:
+    """Return the (p, 2) pairs a < b that are not linked."""
+    a, b = np.triu_indices(count, 1)
+    linked = np.zeros((count, count), dtype=bool)
+    linked[links[:, 0], links[:, 1]] = True
+    free = ~linked[a, b]
+    return np.column_stack([a[free], b[free]])
+
+
+# --- a drawing, measured --------------------------------------------------------------------------
+#
+#     gap = D - R_a - R_b             of two circles: the least distance their vehicles can come to
+#     off = |D - R|                   of a circle and a landmark
+#     clearance                       of a circle in an area, see syncplan.scenario.areas
+#
+# All is computed here in NumPy from the centres; nothing rests on a solver's word.
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,3 +279,37 @@ def _sightings(demands: Demands, centers: Array) -> Index:
         for landmark in np.sort(np.argsort(best, kind="stable")[:needed]):
             chosen.append((int(group[nearest[landmark]]), int(landmark)))
     return as_pairs(chosen)
+
+
+# --- what obstacles hide --------------------------------------------------------------------------
+#
+# Circles within range need not see each other past an obstacle. No step of a drawing's improvement
+# looks at that; of the drawings that meet all demands, the one that hides least is taken.
+
+
+def hidden_pairs(drawing: Drawing, links: Index) -> Index:
+    """Return (k, 2) bodies within range that obstacles hide from each other at all phases.
+
+    They are among the (e, 2) links and the drawing's sightings; bodies from n on are landmarks.
+    """
+    demands = drawing.demands
+    if not demands.obstacles:
+        return np.zeros((0, 2), dtype=np.int64)
+    team = _seeing(demands, drawing.centers)
+    reach = demands.ranges[links].max(axis=1)
+    near = links[outer_gaps(drawing.centers, demands.radii, links) <= reach]
+    vehicles, landmarks = drawing.sightings.T
+    targets = demands.count + landmarks
+    unseen = np.diff(find_windows(team, (vehicles, targets)).first) == 0
+    sightings = np.column_stack([vehicles, targets])
+    return np.concatenate([near[hidden_at_all_phases(team, near)], sightings[unseen]])
+
+
+def _seeing(demands: Demands, centers: Array) -> Team:
+    """The vehicles with all-round views, whose senses and phases are yet to be found."""
+    count = demands.count
+    orbits = Orbits(centers, demands.radii, np.ones(count), np.zeros(count), 1.0)
+    sensors = Sensors(
+        demands.ranges, np.full(count, 2.0 * np.pi), np.zeros(count), np.ones(count), 1.0
+    )
+    return seeing_team(orbits, sensors, demands.obstacles, demands.landmarks)

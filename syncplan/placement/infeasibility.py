@@ -8,8 +8,7 @@ import math
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.placement.demands import Demands
-from syncplan.placement.drawing import Drawing
+from syncplan.placement.drawing import Demands, Drawing
 
 _SHOWN = 3
 _REMEDY = "give a longer range, smaller circles or fewer links"

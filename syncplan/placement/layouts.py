@@ -13,10 +13,9 @@ import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.orbits.circles import turned
+from syncplan.orbits.contacts import outer_gaps
 from syncplan.orbits.graphs import drawings
-from syncplan.orbits.separation import outer_gaps
-from syncplan.placement.demands import Demands
-from syncplan.placement.drawing import draw
+from syncplan.placement.drawing import Demands, draw
 
 _POSES = 300
 """Poses that are tried for each component."""

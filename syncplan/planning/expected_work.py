@@ -20,10 +20,9 @@ from syncplan.arrays import Array, Index
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import reachable_pairs
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
-from syncplan.orbits.scenario_arrays import radii_of, team_of
 from syncplan.orbits.sighting_kinds import kinds_measured, of_targets, samples_between
-from syncplan.orbits.team import Team
-from syncplan.planning.judgement import bound_is_affordable
+from syncplan.orbits.team import Team, radii_of, team_of
+from syncplan.planning.planner import bound_is_affordable
 from syncplan.scenario.specification import Scenario
 
 _INSTANTS, _PHASES = 72, 8

@@ -1,22 +1,197 @@
-"""Whether a plan can be flown by vehicles that steer by their estimates: findings of a flight.
-
-A plan that was not flown has none of these. Trials are few, so what happened in some of them is a
-warning, and what happened in more than MOST_SHARE of them stops the flight.
-"""
+"""Findings on vehicles that steer by their estimates: before a flight, and of a flight."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import exp, hypot, sqrt
 
 import numpy as np
 
 from syncplan.arrays import Array
+from syncplan.errors import NoSolutionError
 from syncplan.observability.link_verdicts import LinkVerdict
+from syncplan.observability.rank import assess_remainder, assess_team
+from syncplan.orbits.contacts import pairs_nearer_than
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
+from syncplan.orbits.sightings import Loss, remainder_of
 from syncplan.phrases import joined, listed, percent
-from syncplan.planning.findings import Cure, Finding, Level
 from syncplan.planning.flight_record import FlightRecord
-from syncplan.planning.judged_team import JudgedTeam
-from syncplan.planning.needed_links import without_links
+from syncplan.planning.judged_team import MOST_NAMED, Cure, Finding, JudgedTeam, Level
+from syncplan.runtime.numerics import single_threaded_blas
+
+# --- links that the team needs --------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class WithoutLinks:
+    """A team without all sightings of some of its links.
+
+    Attributes
+    ----------
+    needed : whether the team is not observable without them
+    cost : in words, what is predicted of the worst vehicle, and of the one that loses most, with
+        them and without; empty where nothing is predicted
+    """
+
+    needed: bool
+    cost: str
+
+
+@single_threaded_blas
+def without_links(judged: JudgedTeam, links: Collection[tuple[int, int]]) -> WithoutLinks:
+    """Return what is left of a team without some links, each a < b, all of them at once.
+
+    Circles and limits are as before: what a verdict may stop anew is observability alone.
+    """
+    left = remainder_of(judged.team, Loss(links=tuple(links)))
+    assessed = assess_team(judged.team, judged.scenario.window)
+    observable = assess_remainder(assessed, left).observability.observable
+    before = judged.prediction.rms
+    if not observable or before is None:
+        return WithoutLinks(needed=not observable, cost="")
+    from syncplan.estimation.loss_bounds import LossBounds
+
+    bounds = LossBounds.along(judged.team, judged.windows, judged.scenario.duration_s)
+    try:
+        after = bounds.after(left).rms_second_half()
+    except NoSolutionError:
+        return WithoutLinks(needed=False, cost="")
+    worst = int(np.argmax(after - before))
+    name = judged.scenario.vehicle_names[worst]
+    cost = f"{before.max():.3g} -> {after.max():.3g} m of the worst vehicle"
+    if worst != int(np.argmax(after)):
+        cost += f", {before[worst]:.3g} -> {after[worst]:.3g} m of {name}"
+    return WithoutLinks(needed=False, cost=cost)
+
+
+# --- errors that leave no room --------------------------------------------------------------------
+#
+# Vehicles steer by their estimates, so they are off their places by the errors of these at least. A
+# plan supposes none of that: what lies between its meetings and the limits of sensors, or between
+# two vehicles and the separation asked, has to take it. Flights show whether it does; a plan that
+# was flown has their findings instead.
+
+
+SIGMAS = 2.0
+"""Room is enough for so many standard deviations of an error, as phases in flight are judged."""
+
+_FLY = "fly the plan (fly, plan --fly), which shows how often it goes wrong"
+
+
+def start_uncertain(judged: JudgedTeam) -> Iterator[Finding]:
+    """Yield the finding that vehicles may start nearer to each other than the plan has them.
+
+    Each starts off its place by the initial sigma, and until it sees something the error of its
+    heading, with sigma h, turns its path about the start: by 2 R^2 (1 - exp(-h^2 / 2)) m^2 a
+    coordinate over a period.
+    """
+    nearest = judged.approach
+    if nearest is None or judged.flight is not None:
+        return
+    noise, pair = judged.noise, (nearest.a, nearest.b)
+    turned = 2.0 * (1.0 - exp(-0.5 * noise.heading_sigma**2))
+    apart = hypot(*(hypot(noise.position_sigma, sqrt(turned) * _radius(judged, k)) for k in pair))
+    room = nearest.distance - judged.scenario.separation
+    if apart > max(room, 0.0):
+        names = tuple(judged.scenario.vehicle_names[k] for k in pair)
+        yield Finding(
+            "start-uncertain",
+            "warning",
+            f"from initial_sigma {noise.position_sigma:g} m and {noise.heading_sigma:g} rad places "
+            f"relative to each other are off by {apart:.3g} m (sigma) before anything is seen; "
+            f"{names[0]} and {names[1]} have {_room(judged, room)}",
+            names,
+            Cure(f"a better known start, or more separation; {_FLY}"),
+        )
+
+
+def separation_uncertain(judged: JudgedTeam) -> Iterator[Finding]:
+    """Yield the finding that predicted errors may bring vehicles nearer than they may come."""
+    errors = _coordinate_errors(judged)
+    if errors is None or judged.approach is None:
+        return
+    asked = judged.scenario.separation
+    near = pairs_nearer_than(judged.orbits, asked + SIGMAS * sqrt(2.0) * float(errors.max()))
+    names, found = judged.scenario.vehicle_names, []
+    for one in near:
+        apart, room = hypot(errors[one.a], errors[one.b]), one.distance - asked
+        if room > 0.0 and SIGMAS * apart > room:
+            found.append(((names[one.a], names[one.b]), apart, room))
+    if found:
+        each = [
+            f"{a} and {b} off by {apart:.3g} m with {_room(judged, room)}"
+            for (a, b), apart, room in found
+        ]
+        yield Finding(
+            "separation-uncertain",
+            "warning",
+            "predicted errors (sigma) leave vehicles little room to each other: "
+            f"{listed(each, MOST_NAMED)}",
+            tuple(dict.fromkeys(name for pair, *_ in found for name in pair)),
+            Cure(f"circles further apart, or smaller errors; {_FLY}"),
+        )
+
+
+def meetings_uncertain(judged: JudgedTeam) -> Iterator[Finding]:
+    """Yield the finding that predicted errors may end meetings without which a team is lost."""
+    errors = _coordinate_errors(judged)
+    if errors is None:
+        return
+    links = (*judged.links, *judged.incidental_links, *judged.landmark_links)
+    unsure = sorted(
+        (share, one.a, one.b)
+        for one in links
+        if (share := _room_in_sigmas(judged, one, errors)) < SIGMAS
+    )
+    if unsure and without_links(judged, [(a, b) for _, a, b in unsure]).needed:
+        names = [*judged.scenario.vehicle_names, *judged.scenario.landmark_names]
+        each = [f"{names[a]}-{names[b]} by {share:.3g} sigma" for share, a, b in unsure]
+        yield Finding(
+            "meetings-uncertain",
+            "warning",
+            "the team is lost without meetings that predicted errors may end, of place or of "
+            f"phase: {listed(each, MOST_NAMED)}",
+            tuple(dict.fromkeys(names[k] for _, *pair in unsure for k in pair)),
+            Cure(
+                f"meetings that are further within range, further links or smaller errors; {_FLY}"
+            ),
+        )
+
+
+def _room_in_sigmas(judged: JudgedTeam, link: LinkVerdict, errors: Array) -> float:
+    """How many standard deviations of place or phase a meeting bears, whichever is fewer."""
+    vehicles = [k for k in (link.a, link.b) if k < judged.orbits.count]
+    off = hypot(*(float(errors[k]) for k in vehicles))
+    seen_from = [k for k, seen in ((link.a, link.forward), (link.b, link.backward)) if len(seen)]
+    reach = max(float(judged.sensors.ranges[k]) for k in seen_from)
+    late = max(float(errors[k] / judged.orbits.radii[k]) for k in vehicles)
+    with np.errstate(divide="ignore"):
+        room = np.divide([reach - link.min_distance, link.tolerance], [off, late])
+    return float(room.min())
+
+
+def _coordinate_errors(judged: JudgedTeam) -> Array | None:
+    """(n,) m, predicted sigma of a coordinate; None where it says nothing or the plan was flown."""
+    rms = judged.prediction.rms
+    if rms is None or judged.flight is not None or not judged.observability.observable:
+        return None
+    return np.asarray(rms / sqrt(2.0))
+
+
+def _radius(judged: JudgedTeam, vehicle: int) -> float:
+    return float(judged.orbits.radii[vehicle])
+
+
+def _room(judged: JudgedTeam, room: float) -> str:
+    asked = judged.scenario.separation
+    return f"{room:.3g} m" + (f" to min_separation_m {asked:g}" if asked else " between them")
+
+
+# --- findings of a flight -------------------------------------------------------------------------
+#
+# A plan that was not flown has none of these. Trials are few, so what happened in some of them is a
+# warning, and what happened in more than MOST_SHARE of them stops the flight.
+
 
 MOST_SHARE = 0.05
 """Share of trials, or of a pair's meetings, above which what goes wrong is no accident."""
@@ -28,7 +203,7 @@ out of contact."""
 MOST_SATURATED = 0.2
 """Share of the time at a limit from which on guidance does not have its way."""
 
-MOST_NAMED, MOST_EVENTS = 3, 8
+MOST_STRAYING, MOST_EVENTS = 3, 8
 
 PHASE_SIGMAS = 2.0
 """A phase is kept where so many times its RMS error is within what is allowed."""
@@ -116,7 +291,7 @@ def phase_not_kept(judged: JudgedTeam) -> Iterator[Finding]:
             "phase-not-kept",
             "stop" if random or needed else "warning",
             f"phases stray (RMS) by more than {'' if gone else 'half of '}what is allowed in "
-            f"{_flown(flight)}: {listed(each, MOST_NAMED)}{without}",
+            f"{_flown(flight)}: {listed(each, MOST_STRAYING)}{without}",
             tuple(one.name for one in off),
             _steering_cure(flight),
         )
@@ -151,7 +326,7 @@ def meetings_missed(judged: JudgedTeam) -> Iterator[Finding]:
             "meetings-missed",
             "stop" if gone and needed else "warning",
             f"meetings that the plan's figures rest on are missed in {_flown(flight)}: "
-            f"{listed(each, MOST_NAMED)}{without}",
+            f"{listed(each, MOST_STRAYING)}{without}",
             tuple(dict.fromkeys(name for _, between, _ in missed for name in between)),
             _steering_cure(flight),
         )
@@ -176,7 +351,7 @@ def _without(judged: JudgedTeam, links: Sequence[tuple[int, int]]) -> tuple[bool
     if not links:
         return False, ""
     names = [*judged.scenario.vehicle_names, *judged.scenario.landmark_names]
-    which = f"without {joined([f'{names[a]}-{names[b]}' for a, b in links], MOST_NAMED)}"
+    which = f"without {joined([f'{names[a]}-{names[b]}' for a, b in links], MOST_STRAYING)}"
     found = without_links(judged, links)
     if found.needed:
         return True, f"; {which} the team is not observable"

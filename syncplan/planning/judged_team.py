@@ -1,24 +1,252 @@
-"""A team on its orbits with all that was found of it, and how the orbits were found."""
+"""A team on its orbits with all that was found of it: distances, predicted errors, findings."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
 
-from syncplan.observability.certificate import Certificate
+import numpy as np
+
+from syncplan.arrays import Array
+from syncplan.errors import NoSolutionError
+from syncplan.estimation.considered_errors import expected_errors, neglected_errors
+from syncplan.estimation.referred_system import PosteriorBound
 from syncplan.observability.error_modes import ErrorVerdict
 from syncplan.observability.link_verdicts import LinkVerdict
-from syncplan.observability.rank import Observability
+from syncplan.observability.rank import Certificate, Observability
 from syncplan.observability.unobservable_modes import UnobservableMode
-from syncplan.orbits.contacts import Windows
-from syncplan.orbits.losses import Loss
-from syncplan.orbits.scenario_arrays import true_team_of
-from syncplan.orbits.separation import Approach
-from syncplan.orbits.team import Team, WithTeam
+from syncplan.orbits.contacts import Approach, Windows
+from syncplan.orbits.error_states import layout_of
+from syncplan.orbits.sightings import Loss
+from syncplan.orbits.team import Team, WithTeam, true_team_of
 from syncplan.placement.centers import Placement
 from syncplan.planning.flight_record import FlightRecord
-from syncplan.planning.predicted_errors import Prediction
 from syncplan.planning.refinement_record import RefinementRecord
 from syncplan.planning.start_up import StartUp
 from syncplan.scenario.specification import Scenario
 from syncplan.synchronisation.phases import Synchronisation
+
+# --- least distances ------------------------------------------------------------------------------
+#
+# One rule for the verdict, which judges it, and for refinement, which keeps it.
+
+
+TOLERANCE = 1e-6
+"""Share of a limit by which it may be missed and still be met: what a solver's accuracy leaves."""
+
+TOO_NEAR = 0.1
+"""Share of the mean radius below which a distance is too small where no least one is stated."""
+
+
+@dataclass(frozen=True, slots=True)
+class DistanceLimit:
+    """A least distance.
+
+    Attributes
+    ----------
+    key : of the scenario, which states it
+    stated : m; None where the scenario does not state it
+    """
+
+    key: str
+    stated: float | None
+
+    def least(self, radii: Array) -> float:
+        """Return the least distance in m, for a team of circles of `radii` (n,) m."""
+        return TOO_NEAR * float(radii.mean()) if self.stated is None else self.stated
+
+    def worded(self, radii: Array) -> str:
+        """Return the limit in words."""
+        if self.stated is not None:
+            return f"{self.key} {self.stated:g}"
+        least = self.least(radii)
+        return f"{least:.4g} m, a tenth of the mean radius, as no {self.key} is stated"
+
+
+def separation_limit(scenario: Scenario) -> DistanceLimit:
+    """Return how near two vehicles may come to each other."""
+    return DistanceLimit("min_separation_m", scenario.min_separation_m)
+
+
+def landmark_limit(scenario: Scenario) -> DistanceLimit:
+    """Return how near a vehicle may come to a landmark."""
+    return DistanceLimit("landmark_clearance_m", scenario.landmark_clearance_m)
+
+
+# --- predicted errors -----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class PredictedState:
+    """A state of the filter that is no pose.
+
+    Attributes
+    ----------
+    label : what it is, `wind x` or `speed scale of v1`
+    unit : in words
+    sigma : its standard deviation before anything is seen
+    rms : predicted RMS error over the second half of the run, along circles flown in still air
+    """
+
+    label: str
+    unit: str
+    sigma: float
+    rms: float
+
+
+@dataclass(frozen=True, slots=True)
+class Neglect:
+    """What errors that the filter does not estimate are expected to cost.
+
+    Attributes
+    ----------
+    names : of the errors, as in ERROR_STATES
+    expected : (n,) m, RMS position errors over the second half of the run; None where the
+        covariance did not stay positive definite
+    """
+
+    names: tuple[str, ...]
+    expected: Array | None
+
+    @property
+    def expected_of_all(self) -> float | None:
+        """RMS over the vehicles of what is expected, in m; None where that is."""
+        return None if self.expected is None else float(np.sqrt(np.mean(self.expected**2)))
+
+
+@dataclass(frozen=True, slots=True)
+class Prediction:
+    """Predicted position errors in m, from the posterior Cramer-Rao bound.
+
+    Attributes
+    ----------
+    rms : (n,) over the second half of the run, or None where not computed
+    steady : (n,) over a period once periodic, infinite if it never is; None where not asked for
+    window : (n,) bound from one window without motion noise; NaN where not determined
+    note : why a figure is missing
+    states : of the filter that are no poses; empty where there are none or no bound is computed
+    neglect : what is to be expected instead, as the filter leaves errors out; None where it leaves
+        out none or no bound is computed
+    """
+
+    rms: Array | None
+    steady: Array | None
+    window: Array
+    note: str
+    states: tuple[PredictedState, ...] = ()
+    neglect: Neglect | None = None
+
+
+def predicted_states(
+    team: Team, bound: PosteriorBound, names: Sequence[str]
+) -> tuple[PredictedState, ...]:
+    """Return what a bound says of further states, of vehicles with these names."""
+    layout = layout_of(team)
+    return tuple(
+        PredictedState(*one)
+        for one in zip(
+            layout.labels(names),
+            layout.units,
+            layout.sigmas.tolist(),
+            bound.errors_second_half().tolist(),
+            strict=True,
+        )
+    )
+
+
+def expected_in_world(team: Team, true: Team, windows: Windows, duration: float) -> Array | None:
+    """Return (n,) m what the filter of a team makes of the true world, second half of a run.
+
+    `windows` are the contacts there. None where that is not computed.
+    """
+    try:
+        return expected_errors(team, windows, duration, true=true).rms_second_half()
+    except NoSolutionError:
+        return None
+
+
+def neglect_of(team: Team, windows: Windows, duration: float) -> Neglect | None:
+    """Return what errors that the filter leaves out cost in a run of `duration` s; None if none."""
+    names = neglected_errors(team)
+    if not names:
+        return None
+    try:
+        return Neglect(names, expected_errors(team, windows, duration).rms_second_half())
+    except NoSolutionError:
+        return Neglect(names, None)
+
+
+# --- findings and the verdict ---------------------------------------------------------------------
+
+
+Level = Literal["stop", "warning", "note"]
+
+MOST_NAMED = 5
+"""Findings of one code, or subjects of one finding, that are worded one by one; the rest is
+counted."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cure:
+    """What would remedy a finding.
+
+    Attributes
+    ----------
+    text : in words
+    change : scenario keys, dotted, with the values that cure it; empty where none is known
+    """
+
+    text: str
+    change: Mapping[str, float | str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing found of a plan.
+
+    Attributes
+    ----------
+    code : stable word by which software knows the finding
+    level : stop, the plan is not to be flown; warning, it may fail; note
+    message : a sentence with its figures
+    subjects : names of the vehicles and landmarks concerned
+    cure : what would remedy it; None where nothing is to be remedied
+    """
+
+    code: str
+    level: Level
+    message: str
+    subjects: tuple[str, ...] = ()
+    cure: Cure | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """All findings of a plan, in the order of the checks."""
+
+    findings: tuple[Finding, ...]
+
+    @property
+    def go(self) -> bool:
+        """Whether nothing found stops the flight."""
+        return not self.stops
+
+    @property
+    def stops(self) -> tuple[Finding, ...]:
+        """The findings that stop the flight."""
+        return tuple(one for one in self.findings if one.level == "stop")
+
+    @property
+    def headline(self) -> str:
+        """GO, or NO-GO with the number of reasons."""
+        return headline_of(len(self.stops))
+
+
+def headline_of(stops: int) -> str:
+    """Return the first line on a plan with that many findings that stop the flight."""
+    return f"NO-GO: {stops} reason{'s' if stops > 1 else ''}" if stops else "GO"
+
+
+# --- the team -------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)

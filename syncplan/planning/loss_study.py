@@ -11,25 +11,22 @@ from syncplan.arrays import Array
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.bounds import window_bound
 from syncplan.observability.error_modes import ErrorVerdict
+from syncplan.observability.rank import Assessment, assess_remainder, assess_team
 from syncplan.observability.unobservable_modes import UnobservableMode
-from syncplan.observability.window_assessment import Assessment, assess_remainder, assess_team
-from syncplan.orbits.losses import Loss, Remainder, remainder_of
-from syncplan.planning.findings import Verdict
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.judged_team import JudgedTeam
-from syncplan.planning.judgement import BoundChoice, judged, listed_pairs, why_no_bound
+from syncplan.orbits.sightings import Loss, Remainder, remainder_of
+from syncplan.planning.judged_team import JudgedTeam, Prediction, Verdict
 from syncplan.planning.lost_parts import (
     lost_together,
     names_of,
     possible_losses,
     scenario_after,
 )
-from syncplan.planning.predicted_errors import Prediction
-from syncplan.planning.subjects import PlanSubject, planned
+from syncplan.planning.plan_files import PlanSubject, planned
+from syncplan.planning.planner import BoundChoice, Plan, judged, listed_pairs, why_no_bound
 from syncplan.planning.verdict_checks import verdict_of
 from syncplan.results import Result
-from syncplan.runtime.blas import single_threaded_blas
-from syncplan.runtime.cores import threads_for
+from syncplan.runtime.machine import threads_for
+from syncplan.runtime.numerics import single_threaded_blas
 
 if TYPE_CHECKING:
     from syncplan.estimation.loss_bounds import LossBounds

@@ -8,12 +8,10 @@ import numpy as np
 
 from syncplan.arrays import as_pairs
 from syncplan.errors import InputError
-from syncplan.orbits.losses import BLIND_RANGE_M, Loss, single_losses
-from syncplan.orbits.scenario_arrays import sensors_of
-from syncplan.orbits.separation import circle_gaps
-from syncplan.orbits.sighting_kind import SightingKind
-from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
-from syncplan.orbits.team import Team
+from syncplan.orbits.contacts import circle_gaps
+from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, SightingKind
+from syncplan.orbits.sightings import BLIND_RANGE_M, Loss, single_losses
+from syncplan.orbits.team import Team, sensors_of
 from syncplan.scenario.disturbances import EstimableName
 from syncplan.scenario.specification import Scenario, per_vehicle
 

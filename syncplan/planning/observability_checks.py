@@ -1,13 +1,19 @@
-"""Whether every pose is determined, and by how much: findings on rank and certificate."""
+"""Findings on what sightings determine: rank, certificate, links, single points of failure."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from syncplan.observability.unobservable_modes import UnobservableMode
-from syncplan.planning.findings import Cure, Finding, Level
-from syncplan.planning.judged_team import JudgedTeam
+from syncplan.orbits.sight_lines import hidden_landmarks, hidden_paths
+from syncplan.orbits.sightings import Loss
+from syncplan.phrases import listed
+from syncplan.planning.judged_team import MOST_NAMED, Cure, Finding, JudgedTeam, Level
+from syncplan.planning.lost_parts import names_of, phrase_of
 from syncplan.scenario.specification import per_vehicle
+
+# --- rank and certificate -------------------------------------------------------------------------
+
 
 LARGEST_CONDITION_NUMBER = 1e6
 """Of the windowed matrix: beyond it, full rank rests on noise-free geometry."""
@@ -60,7 +66,7 @@ def error_undetermined(judged: JudgedTeam) -> Iterator[Finding]:
             "takes long",
             cure=Cure(
                 "a smaller team of the same pattern, or fewer errors in filter.estimate; in Python "
-                "syncplan.observability.extended_rank.assess_extended has no limit"
+                "syncplan.observability.error_modes.assess_extended has no limit"
             ),
         )
     yield from _resting_on_priors(judged, poses=False)
@@ -103,3 +109,138 @@ def _desynchronised(judged: JudgedTeam, mode: UnobservableMode) -> dict[str, flo
     if np.ptp(judged.orbits.senses) == 0.0 or max(map(abs, now)) >= mode.desync:
         return {}
     return {"orbit.desync_rad": mode.desync}
+
+
+# --- links ----------------------------------------------------------------------------------------
+
+
+FRAGILE_SHARE = 0.01
+"""Of a period: a link that a vehicle this late loses is fragile."""
+
+
+def lost_links(judged: JudgedTeam) -> Iterator[Finding]:
+    """Yield the listed links that never come into contact."""
+    names = judged.scenario.vehicle_names
+    cure = "a longer range, nearer circles, or other phases"
+    if judged.team.obstacles:
+        cure += "; where sight is blocked, circles with nothing between them"
+    for item in judged.dropped_links:
+        yield Finding(
+            "link-lost",
+            "warning",
+            f"link {names[item.a]}-{names[item.b]} dropped: {item.reason}",
+            (names[item.a], names[item.b]),
+            Cure(cure),
+        )
+
+
+def landmarks_hidden(judged: JudgedTeam) -> Iterator[Finding]:
+    """Yield the landmarks that lie within an obstacle."""
+    names = judged.scenario.landmark_names
+    for landmark, obstacle in hidden_landmarks(judged.team).items():
+        yield Finding(
+            "landmark-hidden",
+            "warning",
+            f"{names[landmark]} lies within obstacles_m[{obstacle}], where nobody can see it",
+            (names[landmark],),
+            Cure("move the landmark to the obstacle's outline or off it, or correct the outline"),
+        )
+
+
+def vehicles_hidden(judged: JudgedTeam) -> Iterator[Finding]:
+    """Yield a finding for each obstacle within which vehicles fly all the way round."""
+    hidden = hidden_paths(judged.team)
+    for obstacle in sorted(set(hidden.values())):
+        names = [
+            judged.scenario.vehicle_names[k] for k, where in hidden.items() if where == obstacle
+        ]
+        yield Finding(
+            "vehicle-hidden",
+            "warning",
+            f"the whole path of {listed(names, MOST_NAMED)} lies within obstacles_m[{obstacle}], "
+            "where nobody sees or is seen",
+            tuple(names),
+            Cure(
+                "leave out of obstacles_m what vehicles fly in; the border of the area is area_m, "
+                "and walls round it are thin polygons"
+            ),
+        )
+
+
+def fragile_links(judged: JudgedTeam) -> Iterator[Finding]:
+    """Yield one finding on all links that a small delay of one vehicle loses."""
+    names, rate = judged.scenario.vehicle_names, judged.orbits.rate
+    limit = FRAGILE_SHARE * judged.orbits.period
+    fragile = sorted(
+        (item for item in judged.links if item.tolerance / rate < limit),
+        key=lambda item: item.tolerance,
+    )
+    if not fragile:
+        return
+    each = [f"{names[item.a]}-{names[item.b]} by {item.tolerance / rate:.3g} s" for item in fragile]
+    yield Finding(
+        "link-fragile",
+        "warning",
+        f"a vehicle that is late loses {listed(each, MOST_NAMED)}; less than {limit:.3g} s, 1 % of "
+        "a period, is little to keep to",
+        tuple(dict.fromkeys(names[k] for item in fragile for k in (item.a, item.b))),
+        Cure("a longer range, nearer circles, or refinement with a larger margin"),
+    )
+
+
+# --- single points of failure ---------------------------------------------------------------------
+
+
+MOST_POINTS = 8
+
+
+def single_points_of_failure(judged: JudgedTeam) -> Iterator[Finding]:
+    """Yield what, lost alone, ends observability."""
+    if judged.single_points is None:
+        yield Finding(
+            "single-point-of-failure",
+            "note",
+            f"not checked for {judged.team.count} vehicles which losses end observability; "
+            "syncplan what-if finds them",
+        )
+        return
+    if judged.single_points:
+        names, landmarks = judged.scenario.vehicle_names, judged.scenario.landmark_names
+        lost = [
+            (one.vehicles + one.sensors + tuple(k for _, k in one.kinds), one.landmarks)
+            for one in judged.single_points
+        ]
+        yield Finding(
+            "single-point-of-failure",
+            "note",
+            _sentence(_phrases(judged, judged.single_points)),
+            tuple(
+                dict.fromkeys(
+                    [names[k] for vehicles, _ in lost for k in vehicles]
+                    + [landmarks[k] for _, places in lost for k in places]
+                )
+            ),
+            Cure("another landmark in view, or further links; syncplan what-if says what is lost"),
+        )
+
+
+def _phrases(judged: JudgedTeam, losses: Sequence[Loss]) -> list[str]:
+    """Losses in words, a vehicle and its sensor named once: vehicles, sensors, landmarks."""
+    names, gone = judged.scenario.vehicle_names, {k for one in losses for k in one.vehicles}
+    blind = {k for one in losses for k in one.sensors}
+    return [
+        *(f"{names[k]}{' or its sensor' if k in blind else ''}" for k in sorted(gone)),
+        *(f"the sensor of {names[k]}" for k in sorted(blind - gone)),
+        *(
+            phrase_of(name)
+            for one in losses
+            if one.kinds
+            for name in names_of(one, judged.scenario)
+        ),
+        *(judged.scenario.landmark_names[k] for one in losses for k in one.landmarks),
+    ]
+
+
+def _sentence(phrases: list[str]) -> str:
+    named = listed(phrases, MOST_POINTS)
+    return f"losing {'any one of ' if len(phrases) > 1 else ''}{named} ends observability"

@@ -1,23 +1,20 @@
-"""Plan files read back: the orbits they state, judged afresh."""
+"""Plan files read back, and whatever else a plan can be made of: their orbits, judged afresh."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
-from syncplan.errors import InputError
-from syncplan.orbits.circles import Orbits
-from syncplan.planning.derived_keys import check_derived
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.judgement import BoundChoice, judge
-from syncplan.planning.planner import plan
+from syncplan.arrays import Array
+from syncplan.errors import Fault, InputError
+from syncplan.orbits.circles import Orbits, heading, position
+from syncplan.planning.planner import BoundChoice, Plan, judge, plan
 from syncplan.planning.written_records import WrittenRecord, with_record, written_record
-from syncplan.scenario.chunked_validation import Many
-from syncplan.scenario.faults import validation_fault
 from syncplan.scenario.loading import (
     is_plan,
     parse_document,
@@ -25,9 +22,130 @@ from syncplan.scenario.loading import (
     scenario_from,
 )
 from syncplan.scenario.models import MAX_VEHICLES
-from syncplan.scenario.quantities import Angle, Length, Name, Point
+from syncplan.scenario.quantities import Angle, Length, Many, Name, Point, validation_fault
 from syncplan.scenario.rules import check_shared_circles
 from syncplan.scenario.specification import Scenario
+from syncplan.scenario.truths import with_truth
+
+# --- keys that follow from others -----------------------------------------------------------------
+
+
+ROUNDING = 1e-4
+"""Difference that rounding explains, of a radius, a radian, a speed or a period."""
+
+COORDINATE_ROUNDING = 1e-6
+"""The same, of a coordinate."""
+
+
+@dataclass(frozen=True, slots=True)
+class DerivedKey:
+    """A key of a vehicle that follows from others.
+
+    Attributes
+    ----------
+    follows_from : the other keys, in words
+    values : (n,) or (n, 2) as they follow from the orbits
+    apart : difference of two such values
+    tolerance : (n,) difference that rounding explains
+    """
+
+    follows_from: str
+    values: Callable[[Orbits], Array]
+    apart: Callable[[Array, Array], float]
+    tolerance: Callable[[Orbits], Array]
+
+
+def _distance(one: Array, other: Array) -> float:
+    return float(np.max(np.abs(one - other)))
+
+
+def _angle(one: Array, other: Array) -> float:
+    return abs(float((one - other + np.pi) % (2.0 * np.pi) - np.pi))
+
+
+VEHICLE_KEYS: Mapping[str, DerivedKey] = MappingProxyType(
+    {
+        "speed_mps": DerivedKey(
+            "radius_m and the angular rate of scenario.orbit",
+            lambda orbits: orbits.speeds,
+            _distance,
+            lambda orbits: ROUNDING * orbits.speeds,
+        ),
+        "position_m": DerivedKey(
+            "center_m, radius_m and phase_rad",
+            lambda orbits: position(orbits, 0.0),
+            _distance,
+            lambda orbits: (
+                ROUNDING * orbits.radii + COORDINATE_ROUNDING * np.abs(orbits.centers).max(axis=1)
+            ),
+        ),
+        "heading_rad": DerivedKey(
+            "phase_rad and direction",
+            lambda orbits: heading(orbits, 0.0) % (2.0 * np.pi),
+            _angle,
+            lambda orbits: np.full(orbits.count, ROUNDING),
+        ),
+    }
+)
+"""The keys of a vehicle that follow from others."""
+
+
+def check_derived(document: Mapping[str, Any], orbits: Orbits, source: str) -> None:
+    """Raise InputError naming each derived key of a plan file that contradicts its orbits.
+
+    Keys that are left out contradict nothing.
+    """
+    faults = [*_period_fault(document, orbits), *_vehicle_faults(document["vehicles"], orbits)]
+    if faults:
+        first, more = faults[0], len(faults) - 1
+        problem = f"{first.value}: {first.problem}" + (f" (and {more} more)" if more else "")
+        raise InputError(problem, key=first.key, source=source, faults=tuple(faults))
+
+
+def _period_fault(document: Mapping[str, Any], orbits: Orbits) -> Iterator[Fault]:
+    if "period_s" in document:
+        given, period = document["period_s"], orbits.period
+        if not _agrees(given, np.array(period), _distance, ROUNDING * period):
+            rate = "the angular rate of scenario.orbit"
+            yield Fault("period_s", _contradiction(rate, np.array(period)), _shown(given))
+
+
+def _vehicle_faults(vehicles: list[Mapping[str, Any]], orbits: Orbits) -> Iterator[Fault]:
+    for key, one in VEHICLE_KEYS.items():
+        values, tolerance = one.values(orbits), one.tolerance(orbits)
+        for k, vehicle in enumerate(vehicles):
+            if key not in vehicle:
+                continue
+            if not _agrees(vehicle[key], values[k], one.apart, float(tolerance[k])):
+                problem = _contradiction(one.follows_from, values[k])
+                yield Fault(f"vehicles[{k}].{key}", problem, _shown(vehicle[key]))
+
+
+def _agrees(
+    given: Any, value: Array, apart: Callable[[Array, Array], float], tolerance: float
+) -> bool:
+    try:
+        stated = np.array(given, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        return False
+    if stated.shape != value.shape or not np.isfinite(stated).all():
+        return False
+    return apart(stated, value) <= tolerance
+
+
+def _contradiction(follows_from: str, value: Array) -> str:
+    return f"follows from {follows_from}, which give {_shown(value.tolist())}; change those, or \
+leave this key out"
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, list) and value and all(isinstance(one, int | float) for one in value):
+        return f"[{', '.join(f'{one:.6g}' for one in value[:3])}{', ...' if value[3:] else ''}]"
+    text = f"{value:.6g}" if isinstance(value, float) else repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+# --- plan files -----------------------------------------------------------------------------------
 
 
 class StatedOrbit(BaseModel):
@@ -196,3 +314,61 @@ def _check_circles(vehicles: list[StatedOrbit], source: str) -> None:
         )
     except PydanticCustomError as error:
         raise InputError(error.message(), key="vehicles", source=source) from None
+
+
+# --- what a function takes as a plan --------------------------------------------------------------
+
+
+PlanSubject = Plan | Scenario | str | Path | Mapping[str, Any]
+"""A plan; a scenario, which is planned; or a file or a mapping that holds one or the other."""
+
+
+def planned(subject: PlanSubject, *, bound: BoundChoice = "auto", pilot: bool = True) -> Plan:
+    """Return a plan as it is, and the plan of anything else.
+
+    `bound` and `pilot` are those of syncplan.plan. Raises InputError for a file or mapping that
+    holds neither a plan nor a scenario.
+    """
+    if isinstance(subject, Plan):
+        return subject
+    if isinstance(subject, Scenario):
+        return plan_of(Loaded(subject, None), bound=bound, pilot=pilot)
+    if isinstance(subject, str | Path):
+        return plan_of(load(subject), bound=bound, pilot=pilot)
+    if isinstance(subject, Mapping):
+        return plan_of(loaded_from(subject), bound=bound, pilot=pilot)
+    raise InputError(
+        f"is a {type(subject).__name__}; give a Plan, a Scenario, the path of a file or a mapping",
+        key="subject",
+    )
+
+
+def in_world(plan: Plan, truth: Mapping[str, Any] | None) -> Plan:
+    """Return a plan in a simulated world with these keys too, beside its scenario's truth.
+
+    Raises InputError naming the key at fault.
+    """
+    if not truth:
+        return plan
+    return replace(plan, scenario=with_truth(plan.scenario, truth))
+
+
+def load_plan(
+    path: str | Path,
+    *,
+    bound: BoundChoice = "auto",
+    steady: bool = False,
+    max_vehicles: int = MAX_VEHICLES,
+) -> Plan:
+    """Return the plan of a file that `Plan.save` or `syncplan plan -o` wrote; "-" reads input.
+
+    Its orbits are taken as they stand and judged afresh. `bound` and `steady` are those of
+    syncplan.plan. Raises InputError naming the file, the key, its value and what is allowed, and
+    for a scenario, which syncplan.load_scenario reads.
+    """
+    loaded = load(path, max_vehicles=max_vehicles)
+    if loaded.orbits is None:
+        raise InputError(
+            "is a scenario, not a plan; syncplan.plan makes one of it", source=str(path)
+        )
+    return plan_of(loaded, bound=bound, steady=steady)

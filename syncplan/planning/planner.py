@@ -1,28 +1,334 @@
-"""The planner: from a scenario to a judged plan. The only module that sees the whole chain."""
+"""The planner and the judge: from a scenario to a plan, or from orbits given.
+
+The judge takes nothing over from whoever made the orbits: every verdict is found afresh by the
+exact code. Only this module sees the whole chain.
+"""
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from syncplan.arrays import Array, Index
-from syncplan.errors import InputError
+from syncplan.arrays import Array, Index, as_pairs
+from syncplan.errors import InputError, NoSolutionError
+from syncplan.estimation.bounds import posterior_bound, steady_bound, window_bound
+from syncplan.estimation.referred_system import PosteriorBound
+from syncplan.observability.connectivity import connectivity_period
+from syncplan.observability.error_modes import judge_errors
+from syncplan.observability.link_verdicts import landmark_verdicts, vehicle_verdicts
+from syncplan.observability.loss_ranks import decisive_losses
+from syncplan.observability.rank import Assessment, assess_team
+from syncplan.observability.unobservable_modes import name_modes
 from syncplan.orbits.circles import Orbits
-from syncplan.orbits.contacts import reachable_pairs
-from syncplan.orbits.scenario_arrays import radii_of, team_of
-from syncplan.orbits.team import Team
+from syncplan.orbits.contacts import (
+    Approach,
+    Windows,
+    closest_approach,
+    pairs_nearer_than,
+    reachable_pairs,
+)
+from syncplan.orbits.error_states import ERROR_STATES, layout_of
+from syncplan.orbits.sightings import Loss, single_losses
+from syncplan.orbits.team import Team, radii_of, team_of
 from syncplan.placement.centers import place
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.judgement import BoundChoice, judge, listed_pairs
-from syncplan.runtime.blas import single_threaded_blas
+from syncplan.planning.judged_team import (
+    TOLERANCE,
+    DistanceLimit,
+    JudgedTeam,
+    Prediction,
+    UnmetLink,
+    Verdict,
+    neglect_of,
+    predicted_states,
+    separation_limit,
+)
+from syncplan.planning.start_up import StartUp, start_up_of
+from syncplan.planning.verdict_checks import verdict_of
+from syncplan.results import Result
+from syncplan.runtime.numerics import single_threaded_blas
 from syncplan.scenario.loading import scenario_of
 from syncplan.scenario.rules import SAME_PLACE_M
 from syncplan.scenario.specification import Scenario, per_vehicle
-from syncplan.synchronisation.phases import synchronise
-from syncplan.synchronisation.senses import alternating_senses
-from syncplan.synchronisation.sighted_phases import hidden_at_all_phases
+from syncplan.synchronisation.contact_tables import contact_of_pairs
+from syncplan.synchronisation.phases import Synchronisation, alternating_senses, synchronise
+from syncplan.synchronisation.sighted_phases import hidden_at_all_phases, obstacles_blocking
+
+# --- the plan -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Plan(Result, JudgedTeam):
+    """Orbits with all that the exact code found of them; attributes are those of JudgedTeam."""
+
+    _verdict: Verdict | None = field(default=None, init=False, compare=False)
+
+    def __repr__(self) -> str:
+        """Return one line: name, vehicles, rank, period."""
+        verdict, count = self.observability, self.team.count
+        name = f"{self.scenario.name!r}: " if self.scenario.name else ""
+        return (
+            f"<{type(self).__name__} {name}{count} vehicle{'s' if count > 1 else ''}, "
+            f"rank {verdict.rank} of {verdict.state_dim}, "
+            f"{'observable' if verdict.observable else 'not observable'}, "
+            f"period {self.orbits.period:.4g} s>"
+        )
+
+    @property
+    def observable(self) -> bool:
+        """Whether every position and heading is determined over the window."""
+        return self.observability.observable
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether the plan can be flown, with all that was found for and against it.
+
+        Computed at the first access and kept.
+        """
+        found = self._verdict
+        if found is None:
+            found = verdict_of(self)
+            object.__setattr__(self, "_verdict", found)
+        return found
+
+
+# --- the judge ------------------------------------------------------------------------------------
+
+
+BoundChoice = Literal["auto", "always", "never"]
+
+BOUND_WORK_LIMIT = 4e10
+"""Steps times state dimension squared times vehicles up to which `auto` computes the bound."""
+
+
+LARGEST_SEARCHED = 200
+"""Vehicles up to which every plan says what its single points of failure are."""
+
+MOST_STATES = 1500
+"""Poses' coordinates and errors up to which every plan says which of them a window determines."""
+
+MOST_STATES_LEFT = 400
+"""The same after a loss, of which there are many: 60 vehicles with errors of every kind."""
+
+
+@single_threaded_blas
+def judge(
+    scenario: Scenario,
+    orbits: Orbits,
+    *,
+    bound: BoundChoice = "auto",
+    steady: bool = False,
+    pilot: bool = True,
+    single_points: bool = True,
+    given: Index | None = None,
+    found: Synchronisation | None = None,
+) -> Plan:
+    """Return the plan of given orbits; nothing is taken over from whoever made them.
+
+    `bound`, `steady`, `pilot` and `single_points` are those of syncplan.plan. `given` are the
+    (e, 2) links that the phases were found for, by default those that the scenario lists or its
+    circles allow; `found`, how the phases were found, has the reasons of links that they could not
+    keep.
+    """
+    resolved = scenario.resolved()
+    team = team_of(resolved, orbits)
+    assessed = assess_team(team, resolved.window)
+    pairs = listed_pairs(resolved, team) if given is None else given
+    along, note = _bound_along(assessed, resolved.duration_s, bound)
+    return judged(
+        assessed,
+        resolved,
+        pairs,
+        _predict(assessed, resolved, steady, along, note),
+        start_up=_start_up(assessed, resolved, along, pilot),
+        found=found,
+        single_points=single_points,
+    )
+
+
+def judged(
+    assessed: Assessment,
+    scenario: Scenario,
+    pairs: Index,
+    prediction: Prediction,
+    *,
+    start_up: StartUp | None = None,
+    found: Synchronisation | None = None,
+    remainder: bool = False,
+    single_points: bool = True,
+) -> Plan:
+    """Return the plan of a team assessed, from its resolved scenario, its links and its prediction.
+
+    With `remainder`, of a team that has lost something, what is not asked of one is left out: the
+    connectivity period, links not listed and what a further loss would do. Without
+    `single_points` it is not looked for which losses end observability, as in teams too large.
+    """
+    team, orbits = assessed.team, assessed.team.orbits
+    names = scenario.vehicle_names
+    listed = [(a, b) for a, b in pairs.tolist()]
+    met = _met_pairs(team, assessed.windows)
+    kept = [pair for pair in listed if pair in met]
+    unlisted = [] if remainder else sorted(met - set(listed))
+    return Plan(
+        scenario=scenario,
+        team=team,
+        windows=assessed.windows,
+        synchronisation=None,
+        alternating_proven=None,
+        links=tuple(vehicle_verdicts(assessed, as_pairs(kept))),
+        incidental_links=tuple(vehicle_verdicts(assessed, as_pairs(unlisted))),
+        landmark_links=tuple(landmark_verdicts(assessed)),
+        dropped_links=tuple(_unmet(team, listed, met, found)),
+        connectivity_period=None if remainder else connectivity_period(assessed),
+        approach=closest_approach(orbits),
+        too_close=_too_close(orbits, separation_limit(scenario)),
+        observability=assessed.observability,
+        certificate=assessed.certificate,
+        unobservable=tuple(name_modes(assessed, names, scenario.landmark_names)),
+        prediction=prediction,
+        error_verdict=judge_errors(assessed, names, MOST_STATES_LEFT if remainder else MOST_STATES),
+        start_up=start_up,
+        single_points=() if remainder else _single_points(assessed, sought=single_points),
+    )
+
+
+# --- links --------------------------------------------------------------------------------------
+
+
+def listed_pairs(scenario: Scenario, team: Team) -> Index:
+    """Return the (e, 2) links to synchronise, a < b: as listed, or all that can come within range.
+
+    Of the team's orbits only the circles matter.
+    """
+    if scenario.formation.links is not None:
+        return as_pairs(scenario.linked)
+    a, b = reachable_pairs(team.orbits, team.sensors.ranges)
+    return np.unique(np.column_stack([np.minimum(a, b), np.maximum(a, b)]), axis=0)
+
+
+def _met_pairs(team: Team, windows: Windows) -> set[tuple[int, int]]:
+    """Vehicle pairs (a < b) in contact at some time, either way."""
+    met = (np.diff(windows.first) > 0) & (windows.targets < team.count)
+    a, b = windows.observers[met], windows.targets[met]
+    return set(zip(np.minimum(a, b).tolist(), np.maximum(a, b).tolist(), strict=True))
+
+
+def _unmet(
+    team: Team,
+    listed: list[tuple[int, int]],
+    met: set[tuple[int, int]],
+    found: Synchronisation | None,
+) -> list[UnmetLink]:
+    known = {item.link: item.reason for item in found.dropped} if found else {}
+    return [
+        UnmetLink(a, b, known.get(k) or _why_never_in_contact(team, a, b))
+        for k, (a, b) in enumerate(listed)
+        if (a, b) not in met
+    ]
+
+
+def _why_never_in_contact(team: Team, a: int, b: int) -> str:
+    pair = team.only(np.array([a, b]))
+    near = pairs_nearer_than(pair.orbits, np.inf)[0].distance
+    reach = float(pair.sensors.ranges.max())
+    if near > reach:
+        return f"comes no nearer than {near:.4g} m with these phases, range {reach:.4g} m"
+    both = np.array([[0, 1]])
+    if blocking := obstacles_blocking(
+        pair, lambda seeing: float(contact_of_pairs(seeing, both)[0])
+    ):
+        return f"comes within range, but sight is always blocked by {blocking} with these phases"
+    return "comes within range, but never inside a field of view"
+
+
+def _single_points(assessed: Assessment, *, sought: bool) -> tuple[Loss, ...] | None:
+    if not assessed.observability.observable:
+        return ()
+    if not sought or assessed.team.count > LARGEST_SEARCHED:
+        return None
+    return tuple(decisive_losses(assessed, single_losses(assessed.team)))
+
+
+def _too_close(orbits: Orbits, limit: DistanceLimit) -> tuple[Approach, ...]:
+    least = limit.least(orbits.radii)
+    near = pairs_nearer_than(orbits, least)
+    return tuple(item for item in near if item.distance < least * (1.0 - TOLERANCE))
+
+
+# --- predicted errors ---------------------------------------------------------------------------
+
+
+def bound_is_affordable(team: Team, duration: float) -> bool:
+    """Return whether the posterior bound is cheap enough to be computed without being asked for."""
+    steps = duration / team.sensors.sample_time
+    size = float(layout_of(team, tuple(ERROR_STATES)).size)
+    return steps * size**2 * team.count <= BOUND_WORK_LIMIT
+
+
+def why_no_bound(team: Team, duration: float, bound: BoundChoice) -> str:
+    """Return why the posterior bound is not computed, empty where it is."""
+    if bound == "never":
+        return "the posterior bound was not asked for"
+    if bound == "auto" and not bound_is_affordable(team, duration):
+        return (
+            f"the posterior bound of {team.count} vehicles over {duration:g} s is "
+            "computed on request (--bound always)"
+        )
+    return ""
+
+
+def _bound_along(
+    assessed: Assessment, duration: float, bound: BoundChoice
+) -> tuple[PosteriorBound | None, str]:
+    """The posterior bound with its start-up index, or why it is missing."""
+    team = assessed.team
+    if why := why_no_bound(team, duration, bound):
+        return None, why
+    observable = assessed.observability.observable
+    try:
+        return posterior_bound(team, assessed.windows, duration, start_up=observable), ""
+    except NoSolutionError as error:
+        return None, str(error)
+
+
+def _predict(
+    assessed: Assessment,
+    scenario: Scenario,
+    steady: bool,
+    along: PosteriorBound | None,
+    note: str,
+) -> Prediction:
+    team = assessed.team
+    window = window_bound(assessed.observability)
+    limit = None
+    if steady:
+        limit = steady_bound(team, assessed.windows)
+        if scenario.window >= team.orbits.period * (1.0 - 1e-9):
+            limit = np.where(np.isnan(window), np.inf, limit)
+    if along is None:
+        return Prediction(rms=None, steady=limit, window=window, note=note)
+    return Prediction(
+        rms=along.rms_second_half(),
+        steady=limit,
+        window=window,
+        note=note,
+        states=predicted_states(team, along, scenario.vehicle_names),
+        neglect=neglect_of(team, assessed.windows, scenario.duration_s),
+    )
+
+
+def _start_up(
+    assessed: Assessment, scenario: Scenario, along: PosteriorBound | None, pilot: bool
+) -> StartUp | None:
+    if along is None:
+        return None
+    asked = None if scenario.filter is None else scenario.filter.kind
+    length = scenario.duration_s
+    return start_up_of(assessed.team, assessed.windows, length, along, asked=asked, pilot=pilot)
+
+
+# --- the planner ----------------------------------------------------------------------------------
 
 
 @single_threaded_blas

@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-from syncplan.planning.figures_of_merit import Figures
 from syncplan.planning.start_up import StartBefore
-from syncplan.scenario.refine_options import RefineOptions
+from syncplan.scenario.models import RefineOptions
+from syncplan.scenario.objectives import Figures
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,7 @@ from syncplan.estimation.filter_options import (
     steps_in_run,
 )
 from syncplan.estimation.filter_setup import judged_from
+from syncplan.estimation.filters import AUTO
 from syncplan.estimation.montecarlo import run_trials
 from syncplan.estimation.outlying_trials import TrialErrors, trial_errors
 from syncplan.estimation.trial_readings import possible_sightings
@@ -24,20 +25,65 @@ from syncplan.estimation.trials import Accuracy, MonteCarloResult, accuracy, mer
 from syncplan.orbits.contacts import Windows, find_windows
 from syncplan.orbits.sightings import Sightings
 from syncplan.orbits.team import Team
-from syncplan.planning.filter_choice import choose_filter
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.judgement import bound_is_affordable
-from syncplan.planning.predicted_errors import (
+from syncplan.planning.judged_team import (
     PredictedState,
     Prediction,
     expected_in_world,
     neglect_of,
     predicted_states,
 )
-from syncplan.planning.start_up import StartTrials, concluded
-from syncplan.planning.subjects import PlanSubject, in_world, planned
+from syncplan.planning.plan_files import PlanSubject, in_world, planned
+from syncplan.planning.planner import Plan, bound_is_affordable
+from syncplan.planning.start_up import CLEARED_FILTER, CLEARING_INDEX, StartTrials, concluded
 from syncplan.results import Result
-from syncplan.runtime.blas import single_threaded_blas
+from syncplan.runtime.numerics import single_threaded_blas
+from syncplan.scenario.specification import Scenario
+
+# --- the choice of the filter ---------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class FilterChoice:
+    """A filter, and why it was chosen.
+
+    Attributes
+    ----------
+    name : in syncplan.estimation.filters.FILTERS
+    reason : in words
+    """
+
+    name: str
+    reason: str
+
+    def applied(self, options: FilterOptions) -> FilterOptions:
+        """Return the options with this filter."""
+        return replace(options, filter=self.name)
+
+
+def asked_filter(scenario: Scenario, options: FilterOptions) -> FilterChoice | None:
+    """Return the filter that options or scenario name; None where neither does."""
+    if options.filter != AUTO:
+        return FilterChoice(options.filter, "asked for")
+    kind = None if scenario.filter is None else scenario.filter.kind
+    return None if kind in (None, AUTO) else FilterChoice(kind, "the scenario's filter.kind")
+
+
+def choose_filter(flown: Plan, options: FilterOptions) -> FilterChoice:
+    """Return the filter that runs on a plan: the one asked for, or what its start calls for."""
+    asked = asked_filter(flown.scenario, options)
+    if asked is not None:
+        return asked
+    found = flown.start_up
+    if found is None:
+        return FilterChoice(CLEARED_FILTER, "the default; the plan has no start-up index")
+    index = f"start-up index {found.index.value:.3g}"
+    if found.cleared:
+        return FilterChoice(found.filter, f"{index}, at most {CLEARING_INDEX:g} is clear")
+    limit = f"over the {CLEARING_INDEX:g} that an {CLEARED_FILTER} is clear of"
+    return FilterChoice(found.filter, f"{index}, {limit}")
+
+
+# --- the validation -------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True, repr=False)

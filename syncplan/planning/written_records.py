@@ -9,14 +9,13 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from syncplan.arrays import as_pairs
 from syncplan.orbits.team import Team
-from syncplan.planning.figures_of_merit import FIGURES, Figures
 from syncplan.planning.flight_record import FlightRecord, FlownPairRecord, FlownVehicleRecord
-from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import Plan
 from syncplan.planning.refinement_record import RefinementRecord, StartRecord
-from syncplan.planning.search_checks import CENTRES_PLACED, CLEARED, PLACED
 from syncplan.planning.start_up import StartBefore
-from syncplan.scenario.chunked_validation import Many
-from syncplan.scenario.objectives import OBJECTIVES
+from syncplan.planning.verdict_checks import CENTRES_PLACED, CLEARED, PLACED
+from syncplan.scenario.objectives import FIGURES, OBJECTIVES, Figures
+from syncplan.scenario.quantities import Many
 from syncplan.synchronisation.phases import Synchronisation
 from syncplan.synchronisation.sighted_phases import attainable_contact
 

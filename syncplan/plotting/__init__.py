@@ -1,21 +1,19 @@
-"""The figures, one module each: what they draw, as plain values that Plotly understands.
+"""The figures: what they draw, as plain values that Plotly understands.
 
-palette              colours that everyone can tell apart, in light and dark
-figure_style         size, scale of text and theme of a figure
-canvas               axes, layouts and numbers that figures share
-layout_fitting       a figure's frame fitted to its width: lines, legend, margins, height
-link_styles          how links are drawn
-link_lines           where links are drawn: from rim to rim
-map_subject          what maps are drawn of
-map_view             what a map shows, and its scale
+figure_style         size, scale of text and colours of a figure
+canvas               axes, layouts and numbers that figures share, and a layout's fit to its width
+links                how links are drawn, and where
+maps                 what maps show, and their layers
 map_labels           names on maps, clear of links and rims
-map_layers           layers of maps: areas, circles, vehicles
-panels_over_time     axes of panels that share an axis of time
-event_marks          events of flights on axes of time
-flight_panels        figures of flights over time, a panel a vehicle
+series_figures       runs over time: errors, estimates, further states
+flight_figures       flights: errors and phases over time, events, meetings, separation
+flight_tracks_figure tracks of a flight over its plan
+study_figures        losses, worse worlds, sweeps
+formation_figures    the formation, still and animated
+contact_figures      the timeline of contacts, and singular values
+accuracy_figures     errors vehicle by vehicle, and consistency
+comparison_figure    two plans, and a refinement
 figure_table         the table of figures; it names the module of each
-catalogue            the figures of a plan or report, drawn
-html_page            a page of figures that works offline
-images               figures as PNG, SVG and PDF
-plotly_figures       figures as Plotly's own objects: syncplan.figures
+figures              the figures of a subject, also as Plotly's own objects: syncplan.figures
+figure_files         a page of figures that works offline, and PNG, SVG and PDF
 """

@@ -3,9 +3,8 @@
 import numpy as np
 
 from syncplan.errors import InputError
-from syncplan.planning.figures_of_merit import ROWS
-from syncplan.planning.judged_plan import Plan
-from syncplan.plotting.accuracy_figure import bars
+from syncplan.planning.planner import Plan
+from syncplan.plotting.accuracy_figures import bars
 from syncplan.plotting.canvas import (
     Spec,
     axis,
@@ -17,14 +16,19 @@ from syncplan.plotting.canvas import (
     numbers,
     panel_title,
 )
-from syncplan.plotting.figure_style import FigureStyle
-from syncplan.plotting.link_styles import body_names
+from syncplan.plotting.figure_style import BLUE, MUTED, ORANGE, FigureStyle
+from syncplan.plotting.links import body_names
 from syncplan.plotting.map_labels import Obstructions, landmark_trace, name_trace
-from syncplan.plotting.map_layers import area_traces, circle_points, line_trace, sense_heads
-from syncplan.plotting.map_view import MapView, view_of
-from syncplan.plotting.palette import BLUE, MUTED, ORANGE
+from syncplan.plotting.maps import (
+    MapView,
+    area_traces,
+    circle_points,
+    line_trace,
+    sense_heads,
+    view_of,
+)
 from syncplan.reports.refinement_schemas import FiguresOfMerit, RefinementResult
-from syncplan.scenario.objectives import OBJECTIVES
+from syncplan.scenario.objectives import OBJECTIVES, ROWS
 
 _BARS_PX = 170
 _GAP_PX = 84

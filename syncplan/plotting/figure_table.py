@@ -1,4 +1,4 @@
-"""The table of figures. A new figure is a module that draws it and an entry here.
+"""The table of figures. A new figure is a function that draws it and an entry here.
 
 Costs nothing to import: a figure's own module is loaded once it draws.
 """
@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
-    from syncplan.planning.judged_plan import Plan
+    from syncplan.planning.planner import Plan
     from syncplan.plotting.canvas import Spec
     from syncplan.plotting.figure_style import FigureStyle
     from syncplan.reports.refinement_schemas import RefinementResult
@@ -100,8 +100,8 @@ class Figure:
 
     def draw(self, given: FigureInput) -> "Spec":
         """Return the figure as Plotly's plain values, in the style given."""
-        from syncplan.plotting.layout_fitting import fitted
-        from syncplan.plotting.palette import themed
+        from syncplan.plotting.canvas import fitted
+        from syncplan.plotting.figure_style import themed
 
         module, _, function = self.maker.partition(".")
         make = getattr(import_module(f"{__package__}.{module}"), function)
@@ -115,14 +115,14 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "Circles with their directions, vehicles at time 0, links by rank and certificate, "
             "landmarks; arrows show motions that no sighting can detect.",
             "plan",
-            "formation_figure.formation_spec",
+            "formation_figures.formation_spec",
             takes=_subject_in_style,
         ),
         "animation": Figure(
             "One period",
             "Where the vehicles are and who sees whom, through one period.",
             "plan",
-            "animation_figure.animation_spec",
+            "formation_figures.animation_spec",
             takes=_subject_in_style,
         ),
         "timeline": Figure(
@@ -130,20 +130,20 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "When each vehicle sees which other vehicle or landmark, and what the union of these "
             "sightings connects as time goes on.",
             "plan",
-            "timeline_figure.timeline_spec",
+            "contact_figures.timeline_spec",
             takes=_subject_in_style,
         ),
         "spectrum": Figure(
             "Singular values",
             "Singular values of the windowed observability matrix; the rank rests on the gap.",
             "plan",
-            "spectrum_figure.spectrum_spec",
+            "contact_figures.spectrum_spec",
         ),
         "prediction": Figure(
             "Predicted error",
             "The least RMS position error that any unbiased filter can reach, vehicle by vehicle.",
             "plan",
-            "accuracy_figure.prediction_spec",
+            "accuracy_figures.prediction_spec",
             takes=_subject_in_style,
         ),
         "refinement": Figure(
@@ -169,7 +169,7 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "Error found",
             "RMS position errors of the filter, beside the predicted ones where these are known.",
             "run",
-            "accuracy_figure.accuracy_spec",
+            "accuracy_figures.accuracy_spec",
             takes=_subject_in_style,
             of_errors=True,
             why_not="the recording has no truth, so errors are not known",
@@ -178,7 +178,7 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "Sigmas",
             "The filter's own position sigmas, where a recording has no truth.",
             "run",
-            "accuracy_figure.sigmas_spec",
+            "accuracy_figures.sigmas_spec",
             takes=_subject_in_style,
             there=lambda given: not given.subject.has_errors,
             why_not="errors are known",
@@ -187,7 +187,7 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "Errors over time",
             "Errors in x, y and heading with the filter's own 3-sigma band.",
             "run",
-            "errors_figure.errors_spec",
+            "series_figures.errors_spec",
             takes=_subject_in_style,
             part="series",
             why_not="the report has no errors over time (--series keeps them where the truth is "
@@ -198,7 +198,7 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "Estimated x and y of each robot with the filter's own 3-sigma band, where a recording "
             "has no truth.",
             "run",
-            "estimates_figure.estimates_spec",
+            "series_figures.estimates_spec",
             takes=_subject_in_style,
             part="estimates",
             why_not="the report has no estimates over time (--series keeps those of a recording "
@@ -209,7 +209,7 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "RMS error of each state of the filter that is no pose, such as wind or a bias, beside "
             "the filter's own sigma and the predicted error.",
             "run",
-            "states_figure.states_spec",
+            "series_figures.states_spec",
             takes=_subject_in_style,
             part="series.errors",
             why_not="the report has no errors of further states over time (--series keeps those "
@@ -219,14 +219,14 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "Consistency",
             "Whether the filter's errors are as large as it says: ANEES, NIS, 3-sigma coverage.",
             "run",
-            "consistency_figure.consistency_spec",
+            "accuracy_figures.consistency_spec",
             takes=_subject_in_style,
         ),
         "stress": Figure(
             "Stress",
             "By how much the error grows in worlds that are worse than the scenario states.",
             "run",
-            "stress_figure.stress_spec",
+            "study_figures.stress_spec",
             part="stress",
             why_not="the report has no worse worlds (validate --stress adds them)",
         ),
@@ -245,7 +245,7 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "RMS distance from the plan and RMS error of the estimate over time, beside the bound "
             "along the path, the filter's own sigma and the plan's prediction.",
             "flight",
-            "flight_errors_figure.flight_errors_spec",
+            "flight_figures.flight_errors_spec",
             takes=_subject_in_style,
             part="series",
             why_not=_NO_SERIES,
@@ -255,7 +255,7 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "How far each vehicle is ahead of the plan, or behind it, over time, and how far it "
             "may be.",
             "flight",
-            "flight_phases_figure.flight_phases_spec",
+            "flight_figures.flight_phases_spec",
             takes=_subject_in_style,
             part="series",
             why_not=_NO_SERIES,
@@ -265,19 +265,19 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "The share of trials in which any two vehicles come nearer than a distance, beside the "
             "separation asked for and the plan's own.",
             "flight",
-            "flight_separation_figure.flight_separation_spec",
+            "flight_figures.flight_separation_spec",
         ),
         "meetings": Figure(
             "Meetings kept",
             "The share of planned meetings in which a sighting was made, link by link.",
             "flight",
-            "flight_meetings_figure.flight_meetings_spec",
+            "flight_figures.flight_meetings_spec",
         ),
         "events": Figure(
             "What was lost",
             "What was lost or held, and when.",
             "flight",
-            "flight_events_figure.flight_events_spec",
+            "flight_figures.flight_events_spec",
             part="events",
             why_not="nothing was lost (--lose) and no vehicle held (--hold)",
         ),
@@ -285,14 +285,14 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "Sweep",
             "Errors over the value that was varied.",
             "sweep",
-            "sweep_figure.sweep_spec",
+            "study_figures.sweep_spec",
         ),
         "losses": Figure(
             "Losses",
             "The worst predicted error after each loss of a vehicle, sensor or landmark, and which "
             "losses end observability.",
             "losses",
-            "losses_figure.losses_spec",
+            "study_figures.losses_spec",
         ),
     }
 )

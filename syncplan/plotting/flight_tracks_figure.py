@@ -8,12 +8,18 @@ from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.orbits.circles import Orbits, unit
 from syncplan.plotting.canvas import Spec, escaped, gapped, layout, numbers
-from syncplan.plotting.event_marks import event_words
-from syncplan.plotting.figure_style import FigureStyle
+from syncplan.plotting.figure_style import (
+    BLUE,
+    INK,
+    MUTED,
+    ORANGE,
+    VERMILLION,
+    FigureStyle,
+    translucent,
+)
+from syncplan.plotting.flight_figures import event_words
 from syncplan.plotting.map_labels import landmark_trace, name_trace, obstructions
-from syncplan.plotting.map_layers import area_traces, circle_points, line_trace
-from syncplan.plotting.map_view import MapView, view_about
-from syncplan.plotting.palette import BLUE, INK, MUTED, ORANGE, VERMILLION, translucent
+from syncplan.plotting.maps import MapView, area_traces, circle_points, line_trace, view_about
 from syncplan.reports.flight_schemas import FlightDocument
 from syncplan.reports.flight_series_schemas import (
     FlightGround,

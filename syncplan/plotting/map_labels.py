@@ -8,10 +8,9 @@ import numpy as np
 from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import unit
 from syncplan.plotting.canvas import Spec, numbers
-from syncplan.plotting.link_lines import link_ends
-from syncplan.plotting.map_subject import Mapped
-from syncplan.plotting.map_view import MapView
-from syncplan.plotting.palette import INK
+from syncplan.plotting.figure_style import INK
+from syncplan.plotting.links import link_ends
+from syncplan.plotting.maps import Mapped, MapView
 
 NAME_PX = 13.0
 LEAST_NAME_PX = 7.0

@@ -1,7 +1,11 @@
-"""What a recording holds, whatever layout it came in."""
+"""What a recording holds, whatever layout it came in; who is who in it, in short, and as bytes."""
 
+import io
+import json
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -84,3 +88,87 @@ def chosen_landmarks(known: Iterable[int | str], names: Iterable[int | str] | No
             there = listed([str(one) for one in all_names], MOST_LISTED) or "none"
             raise InputError(f"no landmark {name!r}; there are {there}", key="landmarks")
     return [place for place, name in enumerate(all_names) if name in wanted]
+
+
+@dataclass(frozen=True, slots=True)
+class Overview:
+    """A recording in short.
+
+    Attributes
+    ----------
+    name, robots, landmarks : names; numbers where the layout numbers landmarks
+    begin_s, duration_s : s, of the odometry, by the recording's clock
+    bearings, distances : number of readings that have them
+    has_truth : whether it is recorded where every robot truly was
+    """
+
+    name: str
+    robots: tuple[str, ...]
+    landmarks: tuple[int | str, ...]
+    begin_s: float
+    duration_s: float
+    bearings: int
+    distances: int
+    has_truth: bool
+
+
+def overview_of(log: Log) -> Overview:
+    """Return a recording in short."""
+    begin = min(float(robot.odometry[0, 0]) for robot in log.robots)
+    end = max(float(robot.odometry[-1, 0]) for robot in log.robots)
+    return Overview(
+        name=log.name,
+        robots=tuple(robot.name for robot in log.robots),
+        landmarks=log.landmark_names,
+        begin_s=begin,
+        duration_s=end - begin,
+        bearings=sum(int(np.isfinite(robot.bearings).sum()) for robot in log.robots),
+        distances=sum(int(np.isfinite(robot.ranges).sum()) for robot in log.robots),
+        has_truth=log.has_truth,
+    )
+
+
+_NUMBERS = ("truth", "odometry", "times", "subjects", "bearings", "ranges")
+
+
+def pack_log(log: Log) -> bytes:
+    """Return a recording as bytes, compressed."""
+    words = {
+        "name": log.name,
+        "robots": [(robot.name, robot.subject) for robot in log.robots],
+        "landmarks": log.landmark_names,
+    }
+    arrays: dict[str, Any] = {
+        f"{name}_{k}": getattr(robot, name)
+        for k, robot in enumerate(log.robots)
+        for name in _NUMBERS
+    }
+    buffer = io.BytesIO()
+    np.savez_compressed(
+        buffer,
+        **arrays,
+        landmark_subjects=log.landmark_subjects,
+        landmarks=log.landmarks,
+        words=np.frombuffer(json.dumps(words).encode(), np.uint8),
+    )
+    return buffer.getvalue()
+
+
+def unpack_log(data: bytes) -> Log:
+    """Return the recording that `pack_log` turned into bytes; raises InputError for others."""
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as stored:
+            words = json.loads(stored["words"].tobytes())
+            robots = tuple(
+                RobotLog(name, subject, **{one: stored[f"{one}_{k}"] for one in _NUMBERS})
+                for k, (name, subject) in enumerate(words["robots"])
+            )
+            return Log(
+                name=words["name"],
+                robots=robots,
+                landmark_names=tuple(words["landmarks"]),
+                landmark_subjects=stored["landmark_subjects"],
+                landmarks=stored["landmarks"],
+            )
+    except (OSError, EOFError, BadZipFile, ValueError, KeyError) as error:
+        raise InputError(f"not a recording: {error}", key="recording") from None

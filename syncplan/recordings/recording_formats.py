@@ -68,8 +68,8 @@ FORMATS: Mapping[str, RecordingFormat] = MappingProxyType(
             title="ROS 2 bag",
             sign="metadata.yaml",
             files=("metadata.yaml", "*.mcap", "*.db3"),
-            detector="bag_layout.holds_bag",
-            reader="bag_layout.read_bag",
+            detector="ros_bags.holds_bag",
+            reader="ros_bags.read_bag",
         ),
     }
 )
@@ -95,7 +95,7 @@ def read_archive(stream: BinaryIO, source: str = "") -> "Log":
     Raises InputError as `load_log` does, also for an archive that is broken, too large or holds
     what it should not.
     """
-    from syncplan.recordings.archives import unpack_files
+    from syncplan.recordings.recorded_files import unpack_files
 
     names = [name for one in FORMATS.values() for name in one.files]
     with TemporaryDirectory(prefix="syncplan-") as scratch:
@@ -135,7 +135,7 @@ def recorded_files_in(path: Path) -> list[Path]:
 
 def _format_of(path: Path) -> RecordingFormat | None:
     """The layout of a folder or file, None for an archive."""
-    from syncplan.recordings.archives import holds_archive
+    from syncplan.recordings.recorded_files import holds_archive
 
     try:
         path.stat()

@@ -1,21 +1,150 @@
-"""ROS 2 bags, in SQLite or MCAP: the readings of the topics that count."""
+"""Recordings as ROS 2 bags, in SQLite or MCAP.
 
-from collections.abc import Iterator
+    /NAME/odom           nav_msgs/Odometry or geometry_msgs/TwistStamped, of which the twist is read
+    /NAME/sightings      vision_msgs/Detection3DArray: class_id names what was seen, the pose says
+                         where, seen from the robot: x ahead, y to the left
+    /NAME/bearings       the same where only the direction was measured
+    /NAME/ranges         the same where only the distance was
+    /NAME/ground_truth   geometry_msgs/PoseStamped or nav_msgs/Odometry, of which the pose is read
+    /landmarks           vision_msgs/Detection3DArray: names, and places on the ground
+
+Times are those of the messages' headers. Targets that are neither robots nor landmarks count as
+not recognised: detectors also report other things. Only these types are read, by definitions that
+stand here or come with rosbags: those that a bag brings along would be compiled to code.
+"""
+
+import math
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.phrases import listed
+from syncplan.recordings.log import NOBODY, Log
+from syncplan.recordings.named_teams import NamedTeam, SeenBodies, landmark_problem
 from syncplan.recordings.recorded_files import LARGEST_VALUE, name_problem
-from syncplan.recordings.ros_messages import TOPICS, Reading, typestore
 
 if TYPE_CHECKING:
     from rosbags.rosbag2 import Reader
+    from rosbags.typesys.store import Typestore
+
+
+Reading = tuple[tuple[float, ...], str]
+"""Numbers, of which the first is a time in s, and the name of what was seen."""
+
+ODOMETRY = "nav_msgs/msg/Odometry"
+DETECTIONS = "vision_msgs/msg/Detection3DArray"
+
+_VISION = {
+    DETECTIONS: "std_msgs/Header header\nvision_msgs/Detection3D[] detections",
+    "vision_msgs/msg/Detection3D": (
+        "std_msgs/Header header\nvision_msgs/ObjectHypothesisWithPose[] results\n"
+        "vision_msgs/BoundingBox3D bbox\nstring id"
+    ),
+    "vision_msgs/msg/ObjectHypothesisWithPose": (
+        "vision_msgs/ObjectHypothesis hypothesis\ngeometry_msgs/PoseWithCovariance pose"
+    ),
+    "vision_msgs/msg/ObjectHypothesis": "string class_id\nfloat64 score",
+    "vision_msgs/msg/BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size",
+}
+"""As of vision_msgs 4, since ROS 2 Humble."""
+
+
+@dataclass(frozen=True, slots=True)
+class TopicKind:
+    """What a topic holds.
+
+    Attributes
+    ----------
+    columns : what the numbers of a reading are
+    taken : what is taken from a message, by its type
+    of_robot : whether each robot has its own
+    """
+
+    columns: tuple[str, ...]
+    taken: Mapping[str, Callable[[Any], list[Reading]]]
+    of_robot: bool = True
+
+
+@cache
+def typestore() -> "Typestore":
+    """Return the definitions of all types that are read; raises ImportError without rosbags."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    for name, text in _VISION.items():
+        store.register(get_types_from_msg(text, name))
+    return store
+
+
+def _moved(message: Any) -> list[Reading]:
+    return [((_seconds(message), message.twist.linear.x, message.twist.angular.z), "")]
+
+
+def _moved_by_odometry(message: Any) -> list[Reading]:
+    twist = message.twist.twist
+    return [((_seconds(message), twist.linear.x, twist.angular.z), "")]
+
+
+def _placed(message: Any) -> list[Reading]:
+    return [((_seconds(message), *_planar(message.pose)), "")]
+
+
+def _placed_by_odometry(message: Any) -> list[Reading]:
+    return [((_seconds(message), *_planar(message.pose.pose)), "")]
+
+
+def _detected(message: Any) -> list[Reading]:
+    """The place of each detection, with its likeliest name."""
+    readings: list[Reading] = []
+    for detection in message.detections:
+        if detection.results:
+            best = max(detection.results, key=lambda result: result.hypothesis.score)
+            place = best.pose.pose.position
+            readings.append(((_seconds(message), place.x, place.y), best.hypothesis.class_id))
+    return readings
+
+
+def _seconds(message: Any) -> float:
+    stamp = message.header.stamp
+    # the quotient of whole numbers is rounded once
+    return float((stamp.sec * 1_000_000_000 + stamp.nanosec) / 1_000_000_000)
+
+
+def _planar(pose: Any) -> tuple[float, float, float]:
+    """Place in m and heading in rad, of a pose whose z axis is up."""
+    q = pose.orientation
+    heading = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y**2 + q.z**2))
+    return pose.position.x, pose.position.y, heading
+
+
+_PLACES = ("time", "x", "y")
+
+TOPICS: Mapping[str, TopicKind] = MappingProxyType(
+    {
+        "odom": TopicKind(
+            ("time", "speed", "turn rate"),
+            {ODOMETRY: _moved_by_odometry, "geometry_msgs/msg/TwistStamped": _moved},
+        ),
+        "sightings": TopicKind(_PLACES, {DETECTIONS: _detected}),
+        "bearings": TopicKind(_PLACES, {DETECTIONS: _detected}),
+        "ranges": TopicKind(_PLACES, {DETECTIONS: _detected}),
+        "ground_truth": TopicKind(
+            ("time", "x", "y", "heading"),
+            {"geometry_msgs/msg/PoseStamped": _placed, ODOMETRY: _placed_by_odometry},
+        ),
+        "landmarks": TopicKind(_PLACES, {DETECTIONS: _detected}, of_robot=False),
+    }
+)
+"""Topics that count, by the last part of their name."""
+
 
 SUFFIXES = (".mcap", ".db3")
 """Of files of bags."""
@@ -163,3 +292,98 @@ def _in_order(topic: Topic, readings: list[Reading], path: Path) -> TopicReading
         raise InputError(problem, source=f"{path}: {topic.name}")
     order = np.argsort(numbers[:, 0], kind="stable")
     return TopicReadings(numbers[order], tuple(readings[k][1] for k in order.tolist()))
+
+
+SEEN = {"sightings": (True, True), "bearings": (True, False), "ranges": (False, True)}
+"""Whether direction and distance were measured, by the kind of topic."""
+
+
+def holds_bag(path: Path) -> bool:
+    """Return whether a file is a bag, or a folder holds one; raises OSError if it can't be read."""
+    if path.is_dir():
+        return any(one.name == "metadata.yaml" or one.suffix in SUFFIXES for one in path.iterdir())
+    return path.suffix in SUFFIXES
+
+
+def read_bag(path: Path) -> Log:
+    """Return the recording in a bag, its folder or one file of it.
+
+    Raises InputError naming the topic and the reading at fault, and where rosbags is missing.
+    """
+    topics = read_topics(path)
+    odometry = {topic.robot: one.numbers for topic, one in topics.items() if topic.kind == "odom"}
+    truth = {
+        topic.robot: one.numbers for topic, one in topics.items() if topic.kind == "ground_truth"
+    }
+    _check_odometry(odometry, truth, topics, path)
+    landmarks = _landmarks(topics.get(Topic("", "landmarks")), odometry, path)
+    team = NamedTeam.of(odometry, landmarks, str(path))
+    seen = {}
+    for robot in team.robots:
+        parts = [
+            _seen(topics[topic], topic, team, path)
+            for topic in (Topic(robot, kind) for kind in SEEN)
+            if topic in topics
+        ]
+        if parts:
+            seen[robot] = _merged(parts)
+    return team.log(path.resolve().name, odometry, seen, truth)
+
+
+def _check_odometry(
+    odometry: Container[str], truth: dict[str, Array], topics: Iterable[Topic], path: Path
+) -> None:
+    """Raise InputError if a robot has no odometry, or no truth where others have."""
+    robots = sorted({topic.robot for topic in topics} - {""})
+    for robot in robots:
+        if robot not in odometry:
+            raise InputError("holds no messages", source=f"{path}: {Topic(robot, 'odom').name}")
+        if truth and robot not in truth:
+            problem = "holds no messages, but others have truth; record that of all, or of none"
+            source = f"{path}: {Topic(robot, 'ground_truth').name}"
+            raise InputError(problem, source=source)
+
+
+def _landmarks(
+    readings: TopicReadings | None, robots: Container[str], path: Path
+) -> dict[str, tuple[float, float]]:
+    """Places by name; each may be there many times, at one place."""
+    places: dict[str, tuple[float, float]] = {}
+    if readings is None:
+        return places
+    for name, (_, x, y) in zip(readings.names, readings.numbers.tolist(), strict=True):
+        problem = landmark_problem(name, robots)
+        if places.setdefault(name, (x, y)) != (x, y):
+            problem = "it is at two places; landmarks stay where they are"
+        if problem:
+            raise InputError(f"class_id is {name!r}; {problem}", source=f"{path}: /landmarks")
+    return places
+
+
+def _seen(readings: TopicReadings, topic: Topic, team: NamedTeam, path: Path) -> SeenBodies:
+    """What a topic says that its robot saw; a robot that sees itself was mistaken."""
+    subjects = {name: number for name, number in team.subjects.items() if name != topic.robot}
+    times, x, y = readings.numbers.T
+    nowhere = (x == 0.0) & (y == 0.0)
+    directions, distances = SEEN[topic.kind]
+    if directions and nowhere.any():
+        problem = f"reading {nowhere.argmax() + 1}: the target is where the robot is; no direction"
+        raise InputError(problem, source=f"{path}: {topic.name}")
+    not_measured = np.full(len(times), np.nan)
+    return SeenBodies(
+        times=times,
+        subjects=np.array([subjects.get(name, NOBODY) for name in readings.names], np.int64),
+        bearings=np.arctan2(y, x) if directions else not_measured,
+        ranges=np.hypot(x, y) if distances else not_measured,
+    )
+
+
+def _merged(parts: list[SeenBodies]) -> SeenBodies:
+    """What one robot saw, of several topics, in order of time."""
+    order = np.argsort(np.concatenate([one.times for one in parts]), kind="stable")
+    return SeenBodies(
+        times=np.concatenate([one.times for one in parts])[order],
+        subjects=np.concatenate([one.subjects for one in parts])[order],
+        bearings=np.concatenate([one.bearings for one in parts])[order],
+        ranges=np.concatenate([one.ranges for one in parts])[order],
+    )

@@ -7,17 +7,170 @@ takes a soft minimum of |q|^2 at many samples, which is never above the true min
 that |q|^2 can fall between two samples: never more than the true least distance.
 
 A circle passes a landmark at ||c - L| - R|. It clears a keep-out by the distances of its edges less
-R or, going round it, by R less those of its corners; see syncplan.refinement.sides.
+R or, going round it, by R less those of its corners.
 """
+
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.orbits.paths import relative_motion
-from syncplan.refinement.constraint_blocks import Blocks, pair_blocks, single_blocks, stacked_blocks
+from syncplan.orbits.circles import relative_motion
 from syncplan.refinement.problem import RefineProblem
-from syncplan.refinement.sides import kept_landmarks
+
+# --- blocks ---------------------------------------------------------------------------------------
+#
+# The function of one block is differentiated once and mapped over all blocks; its derivatives by
+# the block's own circles are then put in their places. Colouring the whole Jacobian instead would
+# take a sweep over all constraints for each variable of the vehicle with the most neighbours.
+
+
+@dataclass(frozen=True, slots=True)
+class Blocks:
+    """Constraints on circles (4, n), each bounded from below.
+
+    Attributes
+    ----------
+    values : (g,)
+    jacobian : (g, 4 n) sparse, by the circles column by column
+    lower : (g,) what the values must reach
+    labels : (g,) what each is
+    """
+
+    values: ca.MX
+    jacobian: ca.MX
+    lower: Array
+    labels: tuple[str, ...]
+
+
+def pair_blocks(
+    function: ca.Function,
+    circles: ca.MX,
+    pairs: Index,
+    parameters: Sequence[ca.DM | ca.MX],
+    lower: Array,
+    labels: list[str],
+) -> Blocks:
+    """Return the blocks of a function (a, b, ...) -> scalar for (e, 2) pairs of circles (4, n)."""
+    inputs = [circles[:, pairs[:, 0].tolist()], circles[:, pairs[:, 1].tolist()], *parameters]
+    return _blocks(function, inputs, [pairs[:, 0], pairs[:, 1]], circles.size2(), lower, labels)
+
+
+def single_blocks(
+    function: ca.Function,
+    circles: ca.MX,
+    vehicles: Index,
+    parameters: Sequence[ca.DM | ca.MX],
+    lower: Array,
+    labels: list[str],
+) -> Blocks:
+    """Return the blocks of a function (a, ...) -> scalar for (e,) vehicles of circles (4, n)."""
+    inputs = [circles[:, vehicles.tolist()], *parameters]
+    return _blocks(function, inputs, [vehicles], circles.size2(), lower, labels)
+
+
+def stacked_blocks(blocks: list[Blocks], count: int) -> Blocks:
+    """Return blocks on `count` vehicles, one below the other; without any, (0,) values."""
+    return Blocks(
+        ca.vertcat(ca.MX(0, 1), *(block.values for block in blocks)),
+        ca.vertcat(ca.MX(0, 4 * count), *(block.jacobian for block in blocks)),
+        np.concatenate([np.zeros(0), *(block.lower for block in blocks)]),
+        tuple(label for block in blocks for label in block.labels),
+    )
+
+
+def _blocks(
+    function: ca.Function,
+    inputs: Sequence[ca.DM | ca.MX],
+    owners: list[Index],
+    count: int,
+    lower: Array,
+    labels: list[str],
+) -> Blocks:
+    number = len(owners[0])
+    values = function.map(number)(*inputs)
+    output = function.name_out(0)
+    names = [f"jac:{output}:{function.name_in(k)}" for k in range(len(owners))]
+    derivative = function.factory(f"{function.name()}_jacobian", function.name_in(), names)
+    found = derivative.map(number)(*inputs)
+    parts = [ca.vec(part) for part in (found if isinstance(found, tuple | list) else [found])]
+    row = np.tile(np.repeat(np.arange(number), 4), len(owners))
+    column = np.concatenate([(4 * owner[:, None] + np.arange(4)).ravel() for owner in owners])
+    order = np.lexsort((row, column))
+    sparsity = ca.Sparsity.triplet(number, 4 * count, row.tolist(), column.tolist())
+    entries = ca.vertcat(*(ca.densify(part) for part in parts))
+    return Blocks(ca.vec(values), ca.MX(sparsity, entries[order.tolist()]), lower, tuple(labels))
+
+
+# --- sides ----------------------------------------------------------------------------------------
+#
+# A landmark lies outside a circle or within it, and so does a keep-out that its path must not
+# cross: flying round an obstacle is a plan. Each is a constraint of its own, so the side is fixed
+# while a stage is solved, and every start has its own.
+#
+#       (   x   )    within: the circle goes round it
+#       (       )  x    outside
+
+
+_SAFETY = 1e-4
+"""Share of a clearance by which the solver keeps beyond it."""
+
+_LEAST_SHARE = 1e-3
+"""Share of a clearance that is asked for where bounds allow less."""
+
+
+def kept_landmarks(problem: RefineProblem) -> Index:
+    """Return the (g, 2) vehicles and landmarks whose clearance the solver keeps."""
+    guarded = problem.guarded_landmarks()
+    moves = np.any(problem.freedom.free[:3, guarded[:, 0]], axis=0)
+    return np.asarray(guarded[moves])
+
+
+def side_count(problem: RefineProblem) -> int:
+    """Return the number of values of `sides_of`."""
+    return len(kept_landmarks(problem)) + len(problem.area.outside) * problem.orbits.count
+
+
+def sides_of(problem: RefineProblem, circles: Array) -> Array:
+    """Return the side that circles (4, n) in m are on, of each landmark kept, then each keep-out.
+
+    Positive outside, negative within. Landmarks: 1 / m, the side over the clearance to be kept;
+    keep-outs: 1, those of each polygon for all vehicles.
+    """
+    return np.concatenate([_of_landmarks(problem, circles), _of_keep_outs(problem, circles)])
+
+
+def _of_landmarks(problem: RefineProblem, circles: Array) -> Array:
+    """The side of the start, unless its bounds allow more room on the other and too little here.
+
+    Where they allow too little on either, as much as they allow is kept.
+    """
+    k, landmark = kept_landmarks(problem).T
+    places = problem.landmarks[landmark]
+    asked = problem.guarded_clearance * (1.0 + _SAFETY)
+    nearest, furthest = problem.freedom.reaches(k, places)
+    least, most = problem.freedom.lower[2, k], problem.freedom.upper[2, k]
+    outside, within = furthest - least, most - nearest
+    beyond = np.hypot(*(circles[:2, k].T - places).T) >= circles[2, k]
+    own, other = np.where(beyond, outside, within), np.where(beyond, within, outside)
+    swapped = (own < asked) & (other > own)
+    kept = np.clip(np.where(swapped, other, own), _LEAST_SHARE * asked, asked)
+    return np.asarray(np.where(beyond != swapped, 1.0, -1.0) / kept)
+
+
+def _of_keep_outs(problem: RefineProblem, circles: Array) -> Array:
+    centers, radii = circles[:2].T, circles[2]
+    round_them = [
+        problem.area.goes_round(number, centers, radii)
+        for number in range(len(problem.area.outside))
+    ]
+    return np.where(np.concatenate([np.zeros(0, dtype=bool), *round_them]), -1.0, 1.0)
+
+
+# --- clearances -----------------------------------------------------------------------------------
+
 
 _SAMPLES = 120
 _SHARPNESS = 200.0

@@ -9,13 +9,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.orbits.bearings import BEARING
 from syncplan.orbits.circles import Orbits
-from syncplan.orbits.separation import least_circle_gaps
+from syncplan.orbits.contacts import least_circle_gaps
+from syncplan.orbits.sensors import Sensors
+from syncplan.orbits.sighting_kinds import BEARING
+from syncplan.orbits.sightings import samples_before
 from syncplan.orbits.team import Team, WithTeam
-from syncplan.planning.distance_limits import DistanceLimit
+from syncplan.planning.judged_team import DistanceLimit
 from syncplan.scenario.areas import Area
 from syncplan.scenario.objectives import Objective
+
+WINDOW_BOUND = "window bound of the worst vehicle"
+"""Label of the constraint on it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,3 +163,107 @@ def orbits_of(circles: Array, like: Orbits) -> Orbits:
         phases=circles[3] % (2.0 * np.pi),
         rate=like.rate,
     )
+
+
+# --- samples --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class SampleTimes:
+    """The samples of a window, or groups of neighbours where there are many.
+
+    Attributes
+    ----------
+    angles : (k,) rad turned since time 0
+    counts : (k,) samples in each group
+    ready : (k, n) those of them at which each vehicle's sensor sights targets; None where all are
+    """
+
+    angles: Array
+    counts: Array
+    ready: Array | None = None
+
+    @property
+    def spacing(self) -> float:
+        """Typical angle in rad between neighbours."""
+        return float(2.0 * np.pi / max(len(self.angles), 1))
+
+    def sighted(self, observers: Index) -> Array:
+        """Return (k, e) the samples in each group at which the observers (e,) sight targets."""
+        if self.ready is None:
+            return np.repeat(self.counts[:, None], len(observers), axis=1)
+        return np.asarray(self.ready[:, observers])
+
+
+def samples_of(window: float, sensors: Sensors, rate: float, most: int) -> SampleTimes:
+    """Return the samples k Ts in [0, window) s as at most `most` angles turned at `rate` rad/s."""
+    number = samples_before(window, sensors.sample_time)
+    passed = np.arange(number) * (rate * sensors.sample_time)
+    turned = np.asarray(passed % (2.0 * np.pi), dtype=float)
+    order = np.argsort(turned)
+    turned = turned[order]
+    ready = None
+    if np.any(sensors.every > 1):
+        ready = np.where(order[:, None] % sensors.every == 0, 1.0, 0.0)
+    if number <= most:
+        return SampleTimes(turned, np.ones(number), ready)
+    group = np.minimum((turned / (2.0 * np.pi) * most).astype(int), most - 1)
+    counts = np.bincount(group, minlength=most).astype(float)
+    angles = np.bincount(group, weights=turned, minlength=most)
+    held = counts > 0.0
+    if ready is not None:
+        ready = np.stack([np.bincount(group, one, minlength=most) for one in ready.T], axis=1)
+        ready = ready[held]
+    return SampleTimes(angles[held] / counts[held], counts[held], ready)
+
+
+# --- stages ---------------------------------------------------------------------------------------
+
+
+_LEAST_WIDTH, _LARGEST_WIDTH = 0.002, 0.05
+_STEP_OF_SPACING = 0.25
+_FEW, _MANY = 64, 400
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """How one stage looks at the problem.
+
+    Attributes
+    ----------
+    samples : most samples of a window that are distinguished
+    width : of the step between seen and unseen, as a share of the range
+    barrier : weight of the logarithmic barrier, of the objectives that have one
+    iterations : most that IPOPT may take
+    tolerance : at which IPOPT calls it solved
+    last : whether contacts keep a safety distance from their limits
+    """
+
+    samples: int
+    width: float
+    barrier: float
+    iterations: int
+    tolerance: float
+    last: bool
+
+
+def stages_of(problem: RefineProblem) -> tuple[Stage, ...]:
+    """Return soft, sharper, nearly hard: the last step as wide as what passes between samples."""
+    most = int(np.clip(12_000 // max(problem.orbits.count, 1), 2 * _FEW, _MANY))
+    last = max(_LEAST_WIDTH, step_width(problem, samples_in(problem, problem.window, most)))
+    return (
+        Stage(_FEW, 0.1, 0.3, 60, 1e-3, False),
+        Stage(_FEW, max(0.04, last), 0.05, 60, 1e-3, False),
+        Stage(most, last, 0.01, 150, 1e-4, True),
+    )
+
+
+def samples_in(problem: RefineProblem, span: float, most: int) -> SampleTimes:
+    """Return the samples in `span` s, at most `most` of them distinguished."""
+    return samples_of(span, problem.sensors, problem.orbits.rate, most)
+
+
+def step_width(problem: RefineProblem, times: SampleTimes) -> float:
+    """Return a share of the range: about what passes between neighbouring samples, at most 5 %."""
+    passed = 2.0 * problem.orbits.radii.max() * times.spacing
+    return float(min(_STEP_OF_SPACING * passed / problem.sensors.ranges.max(), _LARGEST_WIDTH))

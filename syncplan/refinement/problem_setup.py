@@ -12,13 +12,13 @@ import numpy as np
 from syncplan.arrays import Array, Index, as_pairs
 from syncplan.errors import NoSolutionError
 from syncplan.orbits.sightings import sightings_over
-from syncplan.planning.distance_limits import landmark_limit, separation_limit
-from syncplan.planning.judged_plan import Plan
+from syncplan.planning.judged_team import landmark_limit, separation_limit
+from syncplan.planning.planner import Plan
 from syncplan.refinement.measures import Measurement, measure
 from syncplan.refinement.problem import Freedom, RefineProblem, circles_of
 from syncplan.scenario.areas import Area
+from syncplan.scenario.models import DEFAULT_BOX_M, RefineOptions
 from syncplan.scenario.objectives import OBJECTIVES, Objective, default_objective
-from syncplan.scenario.refine_options import DEFAULT_BOX_M, RefineOptions
 
 PAIR_SAMPLES, ANCHOR_SAMPLES = 3, 2
 """Samples in contact that a vehicle link of rank 3 and a landmark link of rank 2 need."""

@@ -18,26 +18,24 @@ from syncplan.arrays import Array, as_pairs
 from syncplan.errors import InputError
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import reachable_pairs
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.judgement import BoundChoice, bound_is_affordable, judge
+from syncplan.planning.plan_files import PlanSubject, planned
+from syncplan.planning.planner import BoundChoice, Plan, bound_is_affordable, judge
 from syncplan.planning.refinement_record import RefinementRecord, StartRecord
-from syncplan.planning.subjects import PlanSubject, planned
-from syncplan.refinement.measures import WINDOW_BOUND, Measurement, measure
-from syncplan.refinement.problem import RefineProblem, orbits_of
+from syncplan.refinement.measures import Measurement, measure
+from syncplan.refinement.problem import WINDOW_BOUND, RefineProblem, orbits_of
 from syncplan.refinement.problem_setup import problem_of, refuse_conflicts
-from syncplan.runtime.blas import single_threaded_blas
-from syncplan.runtime.cores import usable_cores
-from syncplan.scenario.faults import validation_fault
+from syncplan.runtime.machine import usable_cores
+from syncplan.runtime.numerics import single_threaded_blas
 from syncplan.scenario.loading import scenario_from
+from syncplan.scenario.models import RefineOptions
 from syncplan.scenario.objectives import Objective, default_objective
-from syncplan.scenario.refine_options import RefineOptions
+from syncplan.scenario.quantities import validation_fault
 from syncplan.scenario.specification import Scenario
 from syncplan.synchronisation.phases import synchronise
 
 if TYPE_CHECKING:
     from syncplan.refinement.ipopt import SolverProgress
-    from syncplan.refinement.kept_starts import EarlierSearch
-    from syncplan.refinement.parallel_starts import Attempt
+    from syncplan.refinement.parallel_starts import Attempt, EarlierSearch
 
 RefineProgress = Callable[[int, int, float], None]
 """Called with (start, iteration, the objective as the solver sees it)."""
@@ -147,9 +145,14 @@ def _search(
 
     If only the window bound keeps them from passing, all start once more with it as a constraint.
     """
-    from syncplan.refinement.kept_starts import keeper, kept_attempts
-    from syncplan.refinement.objective_forms import FORMS
-    from syncplan.refinement.parallel_starts import RefineTask, run_starts, searched_nearby
+    from syncplan.refinement.nlp import FORMS
+    from syncplan.refinement.parallel_starts import (
+        RefineTask,
+        keeper,
+        kept_attempts,
+        run_starts,
+        searched_nearby,
+    )
 
     began = case.began - (0.0 if earlier is None else earlier.spent_s)
     problem, options, before = case.problem, case.options, case.before

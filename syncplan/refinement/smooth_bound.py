@@ -13,8 +13,7 @@ import numpy as np
 
 from syncplan.arrays import Index
 from syncplan.estimation.referred_system import arc_noise_gain
-from syncplan.refinement.problem import RefineProblem
-from syncplan.refinement.sample_times import SampleTimes
+from syncplan.refinement.problem import RefineProblem, SampleTimes
 
 _STEPS_A_TURN = 32
 _MOST_TURNS = 60.0

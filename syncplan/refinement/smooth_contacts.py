@@ -8,9 +8,8 @@ slope stays large far from contact, where that of the number itself vanishes.
 import casadi as ca
 import numpy as np
 
-from syncplan.refinement.sample_times import SampleTimes
-from syncplan.refinement.smooth_sight_lines import ConvexPiece, sight_gap
-from syncplan.refinement.smooth_sightings import ROUNDED_ANGLE
+from syncplan.refinement.problem import SampleTimes
+from syncplan.refinement.smooth_sightings import ROUNDED_ANGLE, ConvexPiece, sight_gap
 
 _Seen = tuple[ca.SX | None, ca.SX | None]
 """How far targets are within the view, and sight lines clear of obstacles, where there are such."""

@@ -2,8 +2,7 @@
 
 from collections.abc import Sequence
 
-from syncplan.observability.error_modes import ErrorVerdict
-from syncplan.observability.extended_rank import ExtendedObservability
+from syncplan.observability.error_modes import ErrorVerdict, ExtendedObservability
 from syncplan.orbits.error_states import ERROR_STATES
 from syncplan.reports.document_base import finite_or_none
 from syncplan.reports.plan_schemas import ExtendedRank, StateVerdict, UndeterminedErrors

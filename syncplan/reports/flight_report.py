@@ -8,8 +8,8 @@ from syncplan import __version__
 from syncplan.arrays import Array
 from syncplan.flight.flight_options import AS_COMMANDED, GUIDANCES, FlightOptions
 from syncplan.flight.flying import Flight
-from syncplan.planning.judged_plan import Plan
 from syncplan.planning.lost_parts import phrase_of
+from syncplan.planning.planner import Plan
 from syncplan.reports.document_base import finite_or_none
 from syncplan.reports.flight_notes import notes_of
 from syncplan.reports.flight_schemas import (

@@ -8,7 +8,7 @@ from syncplan.arrays import Array
 from syncplan.flight.flight_records import RecordedSteps, Track
 from syncplan.flight.flight_series import mean_series
 from syncplan.flight.flying import Flight
-from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import Plan
 from syncplan.reports.document_base import Point
 from syncplan.reports.flight_series_schemas import (
     FlightGround,

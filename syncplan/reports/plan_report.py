@@ -10,7 +10,7 @@ from syncplan.arrays import Array
 from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.observability.unobservable_modes import UnobservableMode
 from syncplan.orbits.circles import heading, position
-from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import Plan
 from syncplan.reports.document_base import Window, finite_or_none
 from syncplan.reports.error_report import extended_rank_record, state_verdicts
 from syncplan.reports.flown_plan_schemas import flown_plan

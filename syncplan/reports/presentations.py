@@ -9,10 +9,10 @@ from syncplan.errors import InputError
 from syncplan.estimation.replay_results import Replay
 from syncplan.flight.flying import Flight
 from syncplan.landmarks.site_choice import SiteChoice
-from syncplan.planning.judged_plan import Plan
 from syncplan.planning.loss_study import WhatIf
-from syncplan.planning.sweeps import Sweep
+from syncplan.planning.planner import Plan
 from syncplan.planning.validation import Validation
+from syncplan.planning.variations import Sweep
 from syncplan.reports.document_base import Document
 from syncplan.reports.flight_report import flight_document
 from syncplan.reports.flight_schemas import FlightDocument, PhaseError

@@ -2,7 +2,6 @@
 
 from typing import Any
 
-from syncplan.planning.figures_of_merit import FIGURES, Figures
 from syncplan.planning.refinement_record import RefinementRecord, StartRecord
 from syncplan.planning.start_up import StartBefore
 from syncplan.reports.document_base import finite_or_none
@@ -12,6 +11,7 @@ from syncplan.reports.refinement_schemas import (
     RefinementResult,
     StartResult,
 )
+from syncplan.scenario.objectives import FIGURES, Figures
 
 
 def refinement_result(record: RefinementRecord) -> RefinementResult:

@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field, create_model
 
-from syncplan.planning.figures_of_merit import FIGURES
 from syncplan.reports.document_base import Document, DocumentPart
+from syncplan.scenario.objectives import FIGURES
 
 
 class _ComparedPlan(DocumentPart):

@@ -6,11 +6,11 @@ from pydantic import AfterValidator, Field
 
 from syncplan.errors import InputError
 from syncplan.estimation.filters import FilterName, MotionName
-from syncplan.planning.swept_keys import swept_key
 from syncplan.reports.document_base import Document, DocumentPart, VersionedDocument
 from syncplan.reports.state_error_schemas import StateErrorFigures, StateErrorSeries
 from syncplan.reports.truth_schemas import ExpectedErrors, TrueKey
 from syncplan.reports.verdict_schemas import PlanVerdict
+from syncplan.scenario.dotted_keys import swept_key
 
 
 class Spread(DocumentPart):

@@ -6,7 +6,7 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.phrases import listed
-from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import Plan
 from syncplan.reports.truth_schemas import ExpectedErrors, TrueKey
 from syncplan.scenario.truths import changed_keys
 

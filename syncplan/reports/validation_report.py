@@ -11,11 +11,9 @@ from syncplan.arrays import Array
 from syncplan.estimation.consistency import Consistency
 from syncplan.estimation.outlying_trials import TrialErrors
 from syncplan.estimation.trials import Accuracy, MonteCarloResult, series
-from syncplan.planning.findings import Verdict
-from syncplan.planning.stress_tests import StressTest
-from syncplan.planning.sweeps import ValidatedRow
-from syncplan.planning.swept_keys import swept_key
+from syncplan.planning.judged_team import Verdict
 from syncplan.planning.validation import Validation
+from syncplan.planning.variations import StressTest, ValidatedRow
 from syncplan.reports.document_base import finite_or_none
 from syncplan.reports.run_schemas import (
     ErrorFigures,
@@ -33,6 +31,7 @@ from syncplan.reports.state_errors_report import series_of_states, state_errors_
 from syncplan.reports.truth_report import expected_in_truth, keys_in_truth, truth_note
 from syncplan.reports.validation_notes import notes_on
 from syncplan.reports.verdict_schemas import plan_verdict
+from syncplan.scenario.dotted_keys import swept_key
 
 _FACTORS = (3.0, 10.0)
 """Multiples of the bound that the shares of trials are over."""

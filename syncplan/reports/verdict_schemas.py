@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from syncplan.planning.findings import Verdict, headline_of
+from syncplan.planning.judged_team import Verdict, headline_of
 from syncplan.reports.document_base import DocumentPart
 
 

@@ -1,10 +1,7 @@
-"""The machine: cores and threads, child processes, files written whole, solvers loaded late.
+"""The machine: cores, memory, child processes, files written whole, numerical libraries.
 
-blas              one thread for linear algebra
-control_groups    what a container may use
-cores             how many cores this process may use
-memory            how much memory there is, and limits on it
+machine           how many cores and how much memory this process may use
+numerics          one thread for linear algebra, and convex problems solved by cvxpy
 child_processes   processes that end with their parent and inherit no secrets
 files             files written whole or not at all
-convex_solver     convex problems solved by cvxpy
 """

@@ -10,8 +10,7 @@ from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from syncplan.scenario.chunked_validation import Many
-from syncplan.scenario.quantities import Section, fault
+from syncplan.scenario.quantities import Many, Section, fault
 
 Sigma = Annotated[float, Field(ge=0, le=1e3)]
 Positive = Annotated[float, Field(gt=0, le=1e3)]

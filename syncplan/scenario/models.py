@@ -9,21 +9,148 @@ import re
 from collections.abc import Iterable
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic import ConfigDict, Field, Strict, ValidationInfo, field_validator, model_validator
 
-from syncplan.scenario.chunked_validation import Many
 from syncplan.scenario.formations import ShapeName
+from syncplan.scenario.objectives import (
+    OBJECTIVES,
+    PREDICTED_UP_TO,
+    ObjectiveName,
+    default_objective,
+)
 from syncplan.scenario.quantities import (
     Angle,
     Length,
     ListedOrNamed,
+    Many,
     Name,
     OneOrMany,
     Pair,
     Section,
     fault,
 )
-from syncplan.scenario.rules import check_interval
+
+# --- limits and refinement ------------------------------------------------------------------------
+
+
+DEFAULT_BOX_M = 5.0
+"""How far a centre may move each way where neither a box nor an area is given."""
+
+Variable = Literal["phases", "centers", "radii"]
+Bounds = Annotated[tuple[Length, Length], Strict(False)]
+Speed = Annotated[float, Field(ge=1e-9, le=1e6)]
+Speeds = Annotated[tuple[Speed, Speed], Strict(False)]
+
+
+def _described_objectives() -> str:
+    """What can be improved, each in words, and what is if nothing else is named."""
+    each = "; ".join(f"{one.name}, {one.sentence}" for one in OBJECTIVES.values())
+    small, large = default_objective(PREDICTED_UP_TO), default_objective(PREDICTED_UP_TO + 1)
+    return (
+        f"What to improve: {each}. If not given, {small.name} for teams of up to "
+        f"{PREDICTED_UP_TO} and {large.name} for larger ones. Only predicted errors count what the "
+        "filter estimates beside the poses"
+    )
+
+
+class Limits(Section):
+    """What the vehicles can fly or drive."""
+
+    speed_mps: Speeds | None = Field(
+        default=None, description="Least and largest speed along the circle", examples=[[3.0, 6.0]]
+    )
+    turn_rate_rad_s: Annotated[float, Field(gt=0, le=1e4)] | None = Field(
+        default=None, description="Largest turn rate", examples=[0.5]
+    )
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        _check_order("speed_mps", self.speed_mps)
+        return self
+
+
+class RefineOptions(Section):
+    """How a plan is refined: variables, limits, objective, effort."""
+
+    vary: Many[Variable] = Field(
+        default=["phases", "centers"],
+        description="What may change: phases, centers, radii",
+        examples=[["phases", "centers"]],
+        json_schema_extra={"minItems": 1, "uniqueItems": True},
+    )
+    center_box_m: Annotated[float, Field(gt=0, le=1e7)] | None = Field(
+        default=None,
+        description="How far each centre may move along x and along y; "
+        f"{DEFAULT_BOX_M:g} if neither this nor area_m is given",
+        examples=[5.0],
+    )
+    radius_m: Bounds | None = Field(
+        default=None, description="Least and largest radius", examples=[[15.0, 25.0]]
+    )
+    objective: ObjectiveName | None = Field(
+        default=None,
+        description=_described_objectives(),
+        examples=["predicted_rms"],
+    )
+    margin_m: Annotated[float, Field(ge=0, le=1e7)] | None = Field(
+        default=None,
+        description="By how much meetings stay within range; a fiftieth of the range if not given",
+        examples=[1.0],
+    )
+    time_limit_s: Annotated[float, Field(gt=0, le=1e6)] = Field(
+        default=60.0, description="Wall time after which the best plan so far is taken"
+    )
+    starts: Annotated[int, Field(ge=1, le=1000)] = Field(
+        default=4,
+        description="Starting points: the plan, the rules desynchronised, then random ones",
+    )
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(
+        default=0, description="Seed of the starting points"
+    )
+
+    @model_validator(mode="after")
+    def _agreeing(self) -> Self:
+        if not self.vary:
+            raise fault("vary", "is empty; name at least one of phases, centers, radii")
+        if len(set(self.vary)) < len(self.vary):
+            raise fault("vary", "names one value twice", self.vary)
+        _check_order("radius_m", self.radius_m)
+        if self.radius_m is not None and "radii" not in self.vary:
+            raise fault("radius_m", "does nothing unless vary names radii")
+        if self.radius_m is None and "radii" in self.vary:
+            raise fault("radius_m", "is missing: vary names radii; give [least, largest]")
+        if self.center_box_m is not None and "centers" not in self.vary:
+            raise fault("center_box_m", "does nothing unless vary names centers")
+        return self
+
+
+def _check_order(key: str, limits: tuple[float, float] | None) -> None:
+    if limits is not None and limits[0] > limits[1]:
+        raise fault(key, "the least is larger than the largest", list(limits))
+
+
+# --- place on Earth -------------------------------------------------------------------------------
+
+
+Latitude = Annotated[float, Field(ge=-90, le=90)]
+Longitude = Annotated[float, Field(ge=-180, le=180)]
+Altitude = Annotated[float, Field(ge=-1000, le=100_000)]
+
+
+class GeoOrigin(Section):
+    """The point on Earth (WGS 84) at which the plane has [0, 0]."""
+
+    lat_deg: Latitude = Field(description="Latitude, positive north", examples=[47.3977])
+    lon_deg: Longitude = Field(description="Longitude, positive east", examples=[8.5456])
+    alt_m: Altitude = Field(
+        default=0.0,
+        description="Altitude above mean sea level, used by autopilots as that of home",
+        examples=[488.0],
+    )
+
+
+# --- circles, formation, sensor -------------------------------------------------------------------
+
 
 MAX_VEHICLES = 2000
 """Largest team accepted unless the caller says otherwise."""
@@ -35,7 +162,17 @@ Interval = Annotated[float, Field(ge=1e-6, le=1e6)]
 """Time between sightings or readings in s."""
 
 Rate = Annotated[float, Field(ge=1e-6, le=1e4)]
-Speed = Annotated[float, Field(ge=1e-9, le=1e6)]
+
+
+def check_interval(key: str, interval: float, sample_time: float) -> None:
+    """Raise the fault if an interval in s is not a whole number of samples."""
+    samples = interval / sample_time
+    if round(samples) < 1 or abs(samples - round(samples)) > 1e-6 * samples:
+        raise fault(
+            key,
+            f"is not a multiple of sample_time_s, {sample_time:g} s; readings are taken at samples",
+            interval,
+        )
 
 
 def _given(*keys: str, absent: Iterable[str] = ()) -> dict[str, Any]:

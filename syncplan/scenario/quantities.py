@@ -1,10 +1,17 @@
-"""Types of the quantities a scenario holds: finite, within stated limits, units in key names."""
+"""Types of the quantities a scenario holds, its sections, and the faults found in them.
 
+Values are finite and within stated limits, units stand in the names of keys. Every fault becomes
+one line of the error of syncplan: its key, its value and what is allowed.
+"""
+
+import difflib
+import itertools
+import json
 import math
 import re
 from collections.abc import Mapping
 from datetime import datetime
-from typing import Annotated, Any, Literal, Self, TypeVar
+from typing import Annotated, Any, Literal, NoReturn, Self, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -19,15 +26,179 @@ from pydantic import (
     Tag,
     TypeAdapter,
     ValidationError,
+    ValidatorFunctionWrapHandler,
     WrapValidator,
 )
 from pydantic.json_schema import JsonSchemaValue
-from pydantic_core import CoreSchema, PydanticCustomError
+from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError
 
-from syncplan.scenario.chunked_validation import Many, as_template, in_portions
-from syncplan.scenario.faults import validation_fault
+from syncplan.errors import Fault, InputError
+
+# --- long lists -----------------------------------------------------------------------------------
+
 
 T = TypeVar("T")
+
+PORTION = 1000
+"""Values in a chunk; the check ends with the first chunk that has faults."""
+
+
+def in_portions(value: Any, check: ValidatorFunctionWrapHandler) -> Any:
+    """Return a checked list or mapping; a wrap validator.
+
+    A body of a megabyte can hold half a million faults, each of them an object of a kilobyte.
+    """
+    if not isinstance(value, list | dict) or len(value) <= PORTION:
+        return check(value)
+    if isinstance(value, dict):
+        checked: dict[Any, Any] = {}
+        items = iter(value.items())
+        while portion := dict(itertools.islice(items, PORTION)):
+            checked.update(check(portion))
+        return checked
+    return [
+        one
+        for start in range(0, len(value), PORTION)
+        for one in _portion(value[start : start + PORTION], start, check)
+    ]
+
+
+def _portion(values: list[Any], start: int, check: ValidatorFunctionWrapHandler) -> list[Any]:
+    """Check part of a list; faults carry their positions in the whole."""
+    try:
+        checked: list[Any] = check(values)
+    except ValidationError as error:
+        faults: list[InitErrorDetails] = [
+            {
+                # the text is a template
+                "type": PydanticCustomError(
+                    fault["type"], as_template(fault["msg"]), fault.get("ctx")
+                ),
+                "loc": (int(fault["loc"][0]) + start, *fault["loc"][1:]),
+                "input": fault["input"],
+            }
+            for fault in error.errors(include_url=False)
+        ]
+        raise ValidationError.from_exception_data(error.title, faults) from None
+    return checked
+
+
+def as_template(text: str) -> str:
+    """Return a text as the message of a PydanticCustomError, which is a template."""
+    return text.replace("{", "{{").replace("}", "}}")
+
+
+Many = Annotated[list[T], WrapValidator(in_portions)]
+"""A list of any length."""
+
+
+# --- faults of a model ----------------------------------------------------------------------------
+
+
+LARGEST_LIST = 20
+"""Most faults that one error lists."""
+
+_TAGS = {"one", "many", "listed", "named"}
+_VALUE_LENGTH = 60
+
+
+def validation_fault(error: ValidationError, model: type[BaseModel], source: str) -> NoReturn:
+    """Raise the InputError for a model's faults, unknown keys before all others.
+
+    Its message is that of the first and their number; `faults` holds all, up to LARGEST_LIST of
+    them.
+    """
+    faults = error.errors(include_url=False)
+    faults.sort(key=lambda item: item["type"] != "extra_forbidden")
+    listed = tuple(_fault(dict(item), model) for item in faults[:LARGEST_LIST])
+    first, more = listed[0], len(faults) - 1
+    problem = first.problem if more == 0 else f"{first.problem} (and {more} more)"
+    message = f"{first.value}: {problem}" if first.value else problem
+    raise InputError(
+        message, key=first.key, source=source, faults=listed, more=len(faults) - len(listed)
+    ) from None
+
+
+def _fault(item: dict[str, Any], model: type[BaseModel]) -> Fault:
+    key = _dotted(item["loc"], item.get("ctx", {}).get("key", ""))
+    return Fault(key, *_remedy(item, model))
+
+
+def _dotted(location: tuple[int | str, ...], inner: str) -> str:
+    key = ""
+    for part in location:
+        if part in _TAGS or part == "[key]":
+            continue
+        if isinstance(part, int):
+            key += f"[{part}]"
+        else:
+            key += f".{part}" if key else str(part)
+    joint = "" if inner.startswith("[") else "."
+    return f"{key}{joint}{inner}" if key and inner else key or inner
+
+
+def _remedy(fault: dict[str, Any], model: type[BaseModel]) -> tuple[str, str]:
+    """What is wrong and what is allowed, and the value at fault where it is worth repeating."""
+    kind, message = fault["type"], fault["msg"]
+    if kind == "extra_forbidden":
+        allowed = list(_model_at(model, fault["loc"][:-1]).model_fields)
+        near = difflib.get_close_matches(str(fault["loc"][-1]), allowed, n=1)
+        hint = f"did you mean {near[0]}? " if near else ""
+        return f"unknown key; {hint}allowed: {', '.join(allowed)}", ""
+    if kind == "missing":
+        return "is missing", ""
+    if kind == "rule":
+        (value,) = fault["ctx"].get("value", (None,))
+        return message, "" if value is None else described(value)
+    if kind == "model_type":
+        return "must be a section of keys", described(fault["input"])
+    for old, new in (
+        ("Input should be", "must be"),
+        ("Input should have", "must have"),
+        ("String should", "must"),
+        ("List should", "must"),
+        ("Tuple should", "must"),
+        ("a valid tuple", "a pair, as [x, y] or [v1, v2]"),
+        (" after validation, not", ", not"),
+    ):
+        message = message.replace(old, new)
+    return message, described(fault["input"])
+
+
+def _model_at(model: type[BaseModel], location: tuple[int | str, ...]) -> type[BaseModel]:
+    """The model a location lies in: the deepest one its field names lead to."""
+    for part in location:
+        field = model.model_fields.get(str(part))
+        inner = _model_in(field.annotation) if field is not None else None
+        if inner is not None:
+            model = inner
+    return model
+
+
+def _model_in(annotation: Any) -> type[BaseModel] | None:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    for argument in getattr(annotation, "__args__", ()):
+        found = _model_in(argument)
+        if found is not None:
+            return found
+    return None
+
+
+def described(value: Any) -> str:
+    """Return a value as short JSON, or in words where it has none."""
+    if value is None:
+        return "nothing"
+    try:
+        text = repr(value) if isinstance(value, str) else json.dumps(value, default=str)
+    except (ValueError, RecursionError):
+        text = f"a {type(value).__name__} that contains itself"
+    except TypeError:
+        text = f"a {type(value).__name__} with keys that are not text"
+    return text if len(text) <= _VALUE_LENGTH else text[: _VALUE_LENGTH - 3] + "..."
+
+
+# --- sections and quantities ----------------------------------------------------------------------
 
 
 _ANY_SIZE = {"max_vehicles": math.inf}

@@ -1,10 +1,54 @@
-"""Rules that span the keys of a scenario; each raises the fault that names the key to mend."""
+"""Rules that span the keys of a scenario; each raises the fault that names the key to correct."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Annotated, Any
 
-from syncplan.scenario.quantities import FURTHEST_M, Pair, Point, fault
-from syncplan.scenario.refine_options import Limits, RefineOptions
+from pydantic import BeforeValidator
+
+from syncplan.scenario.areas import polygon_fault
+from syncplan.scenario.models import Limits, RefineOptions
+from syncplan.scenario.quantities import FURTHEST_M, Many, Pair, Point, Polygon, fault
+
+# --- polygons -------------------------------------------------------------------------------------
+
+
+MAX_OBSTACLE_CORNERS = 1000
+"""Most corners of all obstacles together: each is looked at for every pair that it may hide."""
+
+
+def _not_one_alone(value: Any) -> Any:
+    """Raise the fault if what should be a list of polygons is one of them."""
+    corner = value[0] if isinstance(value, list | tuple) and value else None
+    if isinstance(corner, list | tuple) and corner and isinstance(corner[0], int | float):
+        raise fault("", "is one polygon; give a list of polygons, as [[[x, y], [x, y], [x, y]]]")
+    return value
+
+
+Polygons = Annotated[Many[Polygon], BeforeValidator(_not_one_alone)]
+
+
+def check_polygons(polygons: Mapping[str, Sequence[Point]]) -> None:
+    """Raise the fault if the corners under a key make no polygon."""
+    for key, corners in polygons.items():
+        problem = polygon_fault(corners)
+        if problem:
+            raise fault(key, problem)
+
+
+def check_obstacles(obstacles: Sequence[Sequence[Point]]) -> None:
+    """Raise the fault if obstacles have more corners than contact windows can be found among."""
+    corners = sum(map(len, obstacles))
+    if corners > MAX_OBSTACLE_CORNERS:
+        raise fault(
+            "obstacles_m",
+            f"has {corners} corners in all, more than {MAX_OBSTACLE_CORNERS}; give each obstacle "
+            "fewer corners, or leave out those that stand between no circles",
+        )
+
+
+# --- the rest of a scenario -----------------------------------------------------------------------
+
 
 MAX_LANDMARKS = 10_000
 MAX_SAMPLES = 200_000
@@ -61,17 +105,6 @@ def check_samples(
             raise fault(key, f"a period of {problem}" if key == "orbit" else problem)
     if durations["duration_s"] < times[0]:
         raise fault("duration_s", f"must be at least sample_time_s, {times[0]:g} s")
-
-
-def check_interval(key: str, interval: float, sample_time: float) -> None:
-    """Raise the fault if an interval in s is not a whole number of samples."""
-    samples = interval / sample_time
-    if round(samples) < 1 or abs(samples - round(samples)) > 1e-6 * samples:
-        raise fault(
-            key,
-            f"is not a multiple of sample_time_s, {sample_time:g} s; readings are taken at samples",
-            interval,
-        )
 
 
 def excess(duration: float, sample_time: float, period: float, count: int) -> str:

@@ -16,9 +16,16 @@ from syncplan.scenario.disturbances import (
     check_estimated,
 )
 from syncplan.scenario.formations import SHAPES
-from syncplan.scenario.georeference import GeoOrigin
-from syncplan.scenario.models import Formation, Interval, Orbit, Sensor
-from syncplan.scenario.polygon_rules import Polygons, check_obstacles, check_polygons
+from syncplan.scenario.models import (
+    Formation,
+    GeoOrigin,
+    Interval,
+    Limits,
+    Orbit,
+    RefineOptions,
+    Sensor,
+    check_interval,
+)
 from syncplan.scenario.quantities import (
     ListedOrNamed,
     OneOrMany,
@@ -29,16 +36,17 @@ from syncplan.scenario.quantities import (
     Title,
     fault,
 )
-from syncplan.scenario.refine_options import Limits, RefineOptions
 from syncplan.scenario.rules import (
+    Polygons,
     check_extent,
-    check_interval,
     check_landmarks,
     check_lengths,
     check_limits,
     check_link_names,
     check_links,
     check_names,
+    check_obstacles,
+    check_polygons,
     check_samples,
     check_shared_circles,
 )

@@ -14,10 +14,8 @@ from pydantic import Field, ValidationError, create_model
 
 from syncplan.errors import InputError
 from syncplan.scenario.disturbances import WALKS, InitialSigma, Motion, Wind
-from syncplan.scenario.faults import validation_fault
-from syncplan.scenario.models import Interval, Sensor
-from syncplan.scenario.quantities import OneOrMany, Section, fault
-from syncplan.scenario.refine_options import Limits
+from syncplan.scenario.models import Interval, Limits, Sensor
+from syncplan.scenario.quantities import OneOrMany, Section, fault, validation_fault
 
 IN_BOTH = frozenset({"sample_time_s"})
 """Keys of these sections that are the filter's and the world's alike."""

@@ -12,8 +12,7 @@ import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import wrap
-from syncplan.synchronisation.difference_constraints import central_solution
-from syncplan.synchronisation.difference_tables import DifferenceTables
+from syncplan.synchronisation.difference_tables import DifferenceTables, central_solution
 from syncplan.synchronisation.phase_rules import Rules, closest_distance, residuals
 
 _SAMPLES, _SAMPLES_SEPARATED = 513, 2049

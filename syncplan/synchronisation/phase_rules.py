@@ -15,9 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.orbits.circles import perpendicular, unit, wrap
-from syncplan.orbits.paths import RelativeMotion
-from syncplan.orbits.separation import least_distances
+from syncplan.orbits.circles import RelativeMotion, perpendicular, unit, wrap
+from syncplan.orbits.contacts import least_distances
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,6 +3,17 @@
 With a limited view the nearest meeting may be one at which nobody looks, and among obstacles one
 behind a wall. So phases maximise the contact time of each link, in either direction and within
 range and view, as a share of the most that any phases give it, smallest share first.
+
+The graph of links, and of pairs to be kept apart, falls into blocks that bind each other by single
+vehicles:
+
+    bridge           the link's own best difference, free of all others; so on trees
+    3 or 4 vehicles  cell search: global
+    more             coordinate descent from many starts, at once
+
+Bisection then finds the largest smallest share for those turns round the cycles, and raises that of
+the links which are not held back. The phases taken are the central ones among those that give every
+link 97 % of what was found, so that no vehicle flies at the edge of a window.
 """
 
 from collections.abc import Callable
@@ -11,13 +22,206 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
+from syncplan.orbits.graphs import blocks, traversal
 from syncplan.orbits.sight_lines import obstructible
 from syncplan.orbits.team import Team
 from syncplan.phrases import listed
-from syncplan.synchronisation.contact_search import ContactPhases, phases_of_most_contact
 from syncplan.synchronisation.contact_tables import seen_when_shifted, tabulated_contact
-from syncplan.synchronisation.difference_tables import DifferenceTables
+from syncplan.synchronisation.difference_tables import (
+    MOST_VEHICLES,
+    DifferenceTables,
+    best_phases,
+    descended,
+    most_served,
+)
 from syncplan.synchronisation.phase_rules import Rules, closest_distance, rules_of
+
+FLOOR = 1e-3
+"""Share of what is attainable from which a link counts as served."""
+
+KEPT = 0.97
+"""Of the share found, that the central phases keep."""
+
+LATE_SHARE = 0.01
+"""Of a period: that late, either way, a link whose rule is met must keep its share as well."""
+
+_EXACT_RAD = 1e-9
+
+_ROUNDS = 4
+_TIGHT, _ROOM = 1.02, 0.99
+_STARTS_TO_POLISHED = 8
+_TURN = 2.0 * np.pi
+
+
+@dataclass(frozen=True, slots=True)
+class ContactPhases:
+    """Time-phases (n,), whether every rule is met exactly, and the links (k,) that none serve."""
+
+    theta: Array
+    by_rule: bool
+    unserved: Index
+
+
+def phases_of_most_contact(
+    tables: DifferenceTables, offset: Array, count: int, starts: int
+) -> ContactPhases:
+    """Return phases of `count` vehicles whose smallest share of contact is largest.
+
+    `offset` (e,) rad is the difference that each pair's rule asks for. Rules are met where that
+    costs next to nothing. `starts` are those of the descent in blocks of more than four vehicles.
+    """
+    unserved: list[int] = []
+    placed: list[tuple[Index, Array]] = []
+    by_rule = True
+    waiting = [np.array(rows) for rows in blocks(count, tables.edges)]
+    while waiting:
+        rows = waiting.pop()
+        part = tables.only(rows)
+        found = _of_block(part, offset[rows], starts)
+        lost = rows[found.unserved]
+        if len(lost) == 0:
+            vehicles = np.unique([tables.a[rows], tables.b[rows]])
+            placed.append((vehicles, found.theta))
+            by_rule &= found.by_rule or not part.links.any()
+            continue
+        unserved += lost.tolist()
+        # what is not served need only be kept apart, and the block falls apart without it
+        value = tables.value.copy()
+        value[lost] = np.inf
+        tables = replace(tables, value=value)
+        left = rows[np.isfinite(tables.clearance[rows]).any(axis=1) | tables.links[rows]]
+        edges = [tables.edges[k] for k in left.tolist()]
+        waiting += [left[part] for part in blocks(count, edges)]
+    return ContactPhases(_joined(placed, count), by_rule, np.array(sorted(unserved), dtype=int))
+
+
+def _joined(placed: list[tuple[Index, Array]], count: int) -> Array:
+    """Time-phases of all vehicles: blocks that share a vehicle agree on its phase."""
+    theta, known = np.zeros(count), np.zeros(count, dtype=bool)
+    of_vehicle: dict[int, list[int]] = {}
+    for number, (vehicles, _) in enumerate(placed):
+        for k in vehicles.tolist():
+            of_vehicle.setdefault(k, []).append(number)
+    done = np.zeros(len(placed), dtype=bool)
+    for root in range(count):
+        known[root] = True
+        waiting = [root]
+        while waiting:
+            shared = waiting.pop()
+            for number in of_vehicle.get(shared, []):
+                if done[number]:
+                    continue
+                done[number] = True
+                vehicles, local = placed[number]
+                turned = local + theta[shared] - local[np.searchsorted(vehicles, shared)]
+                new = ~known[vehicles]
+                theta[vehicles[new]] = turned[new]
+                known[vehicles[new]] = True
+                waiting += vehicles[new].tolist()
+    return theta
+
+
+def _of_block(part: DifferenceTables, offset: Array, starts: int) -> ContactPhases:
+    none = np.zeros(0, dtype=np.int64)
+    count = int(max(part.a.max(), part.b.max())) + 1
+    theta = _by_rule(part, offset, count)
+    if theta is not None:
+        return ContactPhases(theta, True, none)
+    if count == 2:
+        theta, best = _widest(part)
+        served = np.array([best > FLOOR])
+    elif count <= MOST_VEHICLES:
+        theta, best = best_phases(part, count)
+        if not best > FLOOR:
+            theta, best = best_phases(part, count, most_served(FLOOR, FLOOR))
+        served = part.at(theta) >= FLOOR
+        if served.all():
+            theta = _central(part, *_polished(part, theta))
+    else:
+        theta, served = _of_many(part, offset, count, starts)
+    clear = bool(np.all(part.at(theta) > -np.inf))
+    if not clear and not served[part.links].any() and np.isfinite(part.clearance).any():
+        # no phases keep all apart: then links are served as if none had to be
+        return _of_block(part.without_clearance(), offset, starts)
+    return ContactPhases(theta, False, np.flatnonzero(part.links & ~served))
+
+
+def _by_rule(part: DifferenceTables, offset: Array, count: int) -> Array | None:
+    """Phases that meet every rule, if the links see well there and a little to either side."""
+    links = np.flatnonzero(part.links)
+    if len(links) == 0:
+        return None
+    theta = np.zeros(count)
+    for parent, child, k in traversal(count, [part.edges[k] for k in links.tolist()]):
+        row = links[k]
+        theta[child] = theta[parent] + (-offset[row] if part.a[row] == parent else offset[row])
+    residual = theta[part.a] - theta[part.b] - offset
+    residual -= _TURN * np.rint(residual / _TURN)
+    if np.any(np.abs(residual[links]) > _EXACT_RAD) or np.any(part.at(theta) == -np.inf):
+        return None
+    samples = part.value.shape[1]
+    late = np.arange(-np.ceil(LATE_SHARE * samples), np.ceil(LATE_SHARE * samples) + 1)
+    place = np.rint((theta[part.a] - theta[part.b])[links] * (samples / _TURN))
+    near = part.value[links[:, None], (place[:, None] + late).astype(np.int64) % samples]
+    return theta if np.all(near >= KEPT) else None
+
+
+def _widest(part: DifferenceTables) -> tuple[Array, float]:
+    """Middle of the widest range of differences near a single pair's best, and that best."""
+    worth = part.worth[0]
+    best = float(worth.max())
+    good = worth >= (KEPT * best if np.isfinite(best) else best)
+    samples = len(worth)
+    if good.all():
+        return np.zeros(2), best
+    first = int(np.argmin(good))
+    turned = np.roll(good, -first)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], turned, [False]]).astype(int)))
+    begins, ends = edges[::2], edges[1::2] - 1
+    k = int(np.argmax(ends - begins))
+    middle = first + 0.5 * (begins[k] + ends[k])
+    return np.array([middle * (_TURN / samples), 0.0]), best
+
+
+def _of_many(part: DifferenceTables, offset: Array, count: int, starts: int) -> tuple[Array, Flags]:
+    """Phases of a large block, and which pairs they serve (e,)."""
+    candidates = descended(part, offset, count, starts)
+    reached = part.at(candidates)
+    smallest = reached.min(axis=1)
+    order = np.argsort(-smallest, kind="stable")[: max(starts // _STARTS_TO_POLISHED, 1)]
+    polished = [_polished(part, candidates[k]) for k in order if smallest[k] > FLOOR]
+    if polished:
+        theta, levels = max(polished, key=lambda one: float(np.min(one[1])))
+        return _central(part, theta, levels), np.ones(len(part), dtype=bool)
+    number = np.where(np.isposinf(reached), 0, reached >= FLOOR).sum(axis=1)
+    number[np.any(reached == -np.inf, axis=1)] = -1
+    best = int(np.argmax(number))
+    return candidates[best], reached[best] >= FLOOR
+
+
+def _polished(part: DifferenceTables, theta: Array) -> tuple[Array, Array]:
+    """Phases of the largest smallest share with the turns of `theta`, and each link's level."""
+    levels = np.full(len(part), np.inf)
+    free = part.links.copy()
+    if not free.any():
+        return theta, levels
+    for _ in range(_ROUNDS):
+        found = part.highest(theta, free, _ROOM * np.where(free, np.inf, levels))
+        if found is None:
+            levels[free] = part.at(theta)[free]
+            break
+        theta, level = found
+        levels[free] = level
+        free = free & (part.at(theta) > _TIGHT * level)
+        if not free.any():
+            break
+    return theta, levels
+
+
+def _central(part: DifferenceTables, theta: Array, levels: Array) -> Array:
+    central = part.central(KEPT * levels, theta)
+    return theta if central is None else central
+
 
 _SAMPLES, _SAMPLES_APART = 1024, 4096
 """Differences in a table, without and with distances to keep."""

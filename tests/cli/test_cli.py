@@ -19,8 +19,8 @@ from syncplan.estimation.lane_filter import LaneFilter
 from syncplan.exporting.format_table import ALL, FORMATS
 from syncplan.plotting.figure_table import FIGURES
 from syncplan.scenario.loading import load_scenario
+from syncplan.scenario.models import Variable
 from syncplan.scenario.objectives import OBJECTIVES
-from syncplan.scenario.refine_options import Variable
 from tests.tools.processes import PATIENCE_S, wait_until, worked
 from tests.tools.scenarios import BAD_FILES, FILES, document
 
@@ -338,7 +338,7 @@ def test_a_sweep_announces_the_kernels_of_all_its_values(
         return kernel is not AUGMENTED
 
     monkeypatch.setattr(LaneFilter, "is_compiled", uncompiled)
-    monkeypatch.setattr("syncplan.planning.sweeps.validate", unready)
+    monkeypatch.setattr("syncplan.planning.variations.validate", unready)
     short = ("--trials", "1", "--duration", "2")
     varied = ("--key", "sensor.detection_probability", "--values")
     _, _, said = run("sweep", GRID, *varied, "1", *short)

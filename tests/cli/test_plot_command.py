@@ -17,9 +17,9 @@ import pytest
 from syncplan import figures
 from syncplan.errors import InputError
 from syncplan.planning.planner import plan
-from syncplan.plotting.catalogue import specs_of
+from syncplan.plotting.figure_files import figure_page
 from syncplan.plotting.figure_style import FigureStyle
-from syncplan.plotting.html_page import figure_page
+from syncplan.plotting.figures import specs_of
 from tests.tools.image_browser import BROWSER, needs_browser
 from tests.tools.processes import PATIENCE_S
 from tests.tools.scenarios import FILES, document, small
@@ -254,7 +254,7 @@ def test_a_missing_extra_is_named(
 def test_values_of_figures_need_no_plotly() -> None:
     code = (
         "import sys; sys.modules['plotly'] = None; import syncplan\n"
-        "from syncplan.plotting.catalogue import specs_of\n"
+        "from syncplan.plotting.figures import specs_of\n"
         f"made = syncplan.plan(syncplan.load_scenario({GRID!r}))\n"
         "print(len(specs_of(made)))"
     )

@@ -19,7 +19,7 @@ from syncplan.client.connection import RemoteError
 from syncplan.client.remote_records import RemoteJob, RemotePlan
 from syncplan.client.service_client import Client
 from syncplan.errors import InputError
-from syncplan.planning.sweeps import sweep
+from syncplan.planning.variations import sweep
 from syncplan.reports.flight_report import flight_document
 from syncplan.reports.loss_report import what_if_document
 from syncplan.reports.plan_report import plan_document

@@ -11,8 +11,7 @@ from syncplan.flight.flight_options import FlightOptions
 from syncplan.flight.flown_team import FlownTeam, team_in_flight
 from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.error_states import ErrorSigmas
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from syncplan.refinement.refiner import refine
 from syncplan.scenario.loading import load_scenario
 

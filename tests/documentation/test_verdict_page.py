@@ -5,9 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from syncplan.planning.findings import Finding
-from syncplan.planning.judgement import judge
-from syncplan.planning.planner import plan
+from syncplan.planning.judged_team import Finding
+from syncplan.planning.planner import judge, plan
 from syncplan.planning.verdict_checks import CHECKS
 from tests.tools.scenarios import example, small
 from tests.tools.serving import ROOT

@@ -12,8 +12,7 @@ from syncplan.orbits.circles import position
 from syncplan.orbits.error_states import ERROR_STATES, ErrorSigmas, layout_of
 from syncplan.orbits.sightings import sample_sightings, steps_within
 from syncplan.orbits.team import Team
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from tests.tools.dense_models import dense_true_covariances
 from tests.tools.scenarios import EVERYTHING, changed
 

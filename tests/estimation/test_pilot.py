@@ -13,8 +13,7 @@ from syncplan.estimation.montecarlo import run_trials
 from syncplan.estimation.pilot import pilot_squares
 from syncplan.estimation.pilot_readings import INSTANTS_A_TURN, thinned
 from syncplan.orbits.sightings import sample_sightings
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from tests.tools.scenarios import changed, example, small
 
 

@@ -20,8 +20,7 @@ from syncplan.estimation.pilot_readings import PilotReadings, thinned
 from syncplan.estimation.second_order import second_order_variance
 from syncplan.estimation.start_search import ROUNDS, search_further
 from syncplan.orbits.sightings import sample_sightings
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from tests.tools.scenarios import changed, small
 
 KINDS: dict[str, Any] = {"sensor": {"range_sigma_m": 1.0}, "heading_sigma_rad": 0.2}

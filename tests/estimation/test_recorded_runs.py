@@ -19,7 +19,7 @@ from syncplan.estimation.replay_settings import ReplaySettings
 from syncplan.estimation.replay_tuning import MOST_RUNS, tuned
 from syncplan.estimation.replays import OPTIONS, replay
 from syncplan.estimation.trials import series
-from syncplan.orbits.noise import Noise
+from syncplan.orbits.sensors import Noise
 from syncplan.recordings.log import Log, RobotLog
 from syncplan.recordings.recording_formats import load_log
 from syncplan.reports.replay_report import replay_document

@@ -12,9 +12,7 @@ from syncplan.estimation.foreseen_sightings import Asked, Foreseen
 from syncplan.estimation.reference_filter import predict_bearing
 from syncplan.estimation.start_up_index import index_of_run, lines_of_sight, second_order_terms
 from syncplan.orbits.circles import position
-from syncplan.orbits.compasses import COMPASS
-from syncplan.orbits.distances import DISTANCE
-from syncplan.orbits.sighting_kinds import place_of
+from syncplan.orbits.sighting_kinds import COMPASS, DISTANCE, place_of
 from syncplan.orbits.sightings import Sightings, sample_sightings
 from syncplan.orbits.team import Team
 from syncplan.planning.planner import plan

@@ -15,11 +15,10 @@ from syncplan.estimation.wide_system import WideSystem
 from syncplan.orbits.circles import position
 from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
-from syncplan.orbits.losses import Loss, remainder_of
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
+from syncplan.orbits.sightings import Loss, remainder_of
 from syncplan.orbits.team import Team
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from tests.tools.dense_models import dense_covariances, dense_run, start_of
 from tests.tools.scenarios import EVERYTHING, changed, small
 

@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from syncplan.errors import InputError
-from syncplan.exporting.crazyswarm import TOLERANCE_M, arc_pieces
 from syncplan.exporting.formats import ExportOptions, export
+from syncplan.exporting.trajectories import TOLERANCE_M, arc_pieces
 from syncplan.orbits.circles import Orbits, heading, position
-from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import Plan
 from tests.tools.exported import contents, mixed_team, team
 
 

@@ -20,9 +20,9 @@ from hypothesis import strategies as st
 import syncplan
 from syncplan.cli.export_commands import FormatName
 from syncplan.errors import InputError
+from syncplan.exporting.exported_files import LONGEST_BYTES, file_names, file_title, ros_names
 from syncplan.exporting.formats import ALL, FORMATS, ExportOptions, as_archive, export, write_files
-from syncplan.exporting.safe_names import LONGEST_BYTES, file_names, file_title, ros_names
-from syncplan.exporting.sync_document import SyncDocument
+from syncplan.exporting.sidecar import SyncDocument
 from syncplan.orbits.circles import heading, position
 from syncplan.reports.plan_report import plan_document
 from syncplan.scenario.loading import scenario_from

@@ -12,10 +12,9 @@ from hypothesis import strategies as st
 
 from syncplan.errors import InputError
 from syncplan.exporting.formats import FORMATS, ExportOptions, export
-from syncplan.exporting.loiter_turns import snapped_radii
-from syncplan.exporting.polygons import px4_corner_speed
+from syncplan.exporting.mission_routes import px4_corner_speed, snapped_radii
 from syncplan.orbits.circles import position
-from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import Plan
 from tests.tools.exported import ORIGIN, contents, mixed_team, team, to_plane
 from tests.tools.fake_vehicle import stored_loiter
 

@@ -11,11 +11,9 @@ from syncplan.flight.anchors import Anchors, anchors_of
 from syncplan.flight.flight_setup import Contact
 from syncplan.flight.flying import FlightRun, flight_run
 from syncplan.flight.seeking import move_circles
-from syncplan.orbits.circles import Orbits
-from syncplan.orbits.contacts import find_windows
-from syncplan.orbits.paths import relative_motion
+from syncplan.orbits.circles import Orbits, relative_motion
+from syncplan.orbits.contacts import find_windows, least_distances
 from syncplan.orbits.sensors import Sensors
-from syncplan.orbits.separation import least_distances
 from syncplan.orbits.team import Team
 from syncplan.planning.planner import plan
 from tests.tools.draws import NOISE

@@ -13,8 +13,7 @@ from syncplan.flight.flight_records import MOMENTS, MOST_TIMES, RecordedSteps, t
 from syncplan.flight.flight_results import FlightResult, joined_flights
 from syncplan.flight.flight_series import FlightSeries, mean_series
 from syncplan.flight.flying import FlightRun, flight_run, fly_part
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from tests.tools.scenarios import changed
 
 CHUNK = 16

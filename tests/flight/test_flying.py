@@ -11,8 +11,7 @@ from syncplan.errors import InputError, NoSolutionError
 from syncplan.flight.flight_results import FlightResult
 from syncplan.flight.flown_figures import _settled
 from syncplan.flight.flying import Flight, conclude_flight, flight_run, fly, fly_part
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from syncplan.reports.flight_report import flight_document
 from tests.tools.scenarios import changed, document, small
 

@@ -15,7 +15,7 @@ from syncplan.flight.flying import FlightRun, flight_run
 from syncplan.flight.navigator import Navigator
 from syncplan.flight.onboard_data import Sensed, TimedSighting
 from syncplan.orbits.circles import heading, position
-from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import Plan
 from tests.tools.flown_trials import lanes_begun
 from tests.tools.scenarios import example
 

@@ -15,15 +15,18 @@ from syncplan.arrays import Array
 from syncplan.cli.site_tables import show_sites
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.bounds import window_bound
-from syncplan.landmarks.candidates import load_candidates, named_candidates
-from syncplan.landmarks.site_choice import SiteChoice, choose_landmarks
+from syncplan.landmarks.site_choice import (
+    SiteChoice,
+    choose_landmarks,
+    load_candidates,
+    named_candidates,
+)
 from syncplan.landmarks.site_information import candidate_information, evaluate
-from syncplan.landmarks.site_relaxation import relax
+from syncplan.landmarks.site_search import relax
 from syncplan.observability.rank import assess, link_information
 from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.sightings import sample_sightings
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from syncplan.reports.sites_report import sites_document
 from syncplan.scenario.quantities import Point
 from syncplan.scenario.specification import Scenario
@@ -117,7 +120,7 @@ def test_the_bound_holds_however_poor_the_solvers_multipliers(
         weights = generator.random(len(cuts.heights))
         return generator.permutation([1.0] * 3 + [0.0] * 5), weights / weights.sum()
 
-    monkeypatch.setattr("syncplan.landmarks.site_relaxation._propose", nonsense)
+    monkeypatch.setattr("syncplan.landmarks.site_search._propose", nonsense)
     assert relax(information, 3).ceiling >= good * (1.0 - 1e-3)
 
 

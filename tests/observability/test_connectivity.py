@@ -6,15 +6,19 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from syncplan.observability.certificate import certify
 from syncplan.observability.connectivity import (
     SEARCHED_PERIODS,
     _clearly_certified,
     _Starts,
     connectivity_period,
 )
-from syncplan.observability.rank import LINK_TOLERANCE, link_information
-from syncplan.observability.window_assessment import Assessment, assess_team
+from syncplan.observability.rank import (
+    LINK_TOLERANCE,
+    Assessment,
+    assess_team,
+    certify,
+    link_information,
+)
 from syncplan.orbits.sightings import Sightings, sample_sightings, steps_within
 from syncplan.orbits.team import Team
 from tests.tools.draws import draw_equipped_team, draw_team

@@ -8,21 +8,17 @@ import numpy as np
 import pytest
 
 from syncplan.arrays import Array
-from syncplan.observability import extended_rank
-from syncplan.observability.error_modes import judge_errors
-from syncplan.observability.extended_rank import ExtendedObservability, assess_extended
+from syncplan.observability import error_modes
+from syncplan.observability.error_modes import ExtendedObservability, assess_extended, judge_errors
+from syncplan.observability.rank import RANK_TOLERANCE, Assessment, assess_team
 from syncplan.observability.referred_rows import NEAREST
-from syncplan.observability.singular_values import RANK_TOLERANCE
-from syncplan.observability.window_assessment import Assessment, assess_team
 from syncplan.orbits.circles import Orbits, heading, position, wrap
 from syncplan.orbits.error_states import ERROR_STATES, StateLayout
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, measured_by_kind, sigmas_by_kind
 from syncplan.orbits.team import Team
-from syncplan.planning import judgement
-from syncplan.planning.findings import Finding
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.judgement import judge
-from syncplan.planning.planner import plan
+from syncplan.planning import planner
+from syncplan.planning.judged_team import Finding
+from syncplan.planning.planner import Plan, judge, plan
 from syncplan.reports.plan_report import plan_document
 from syncplan.scenario.specification import Scenario
 from tests.tools.draws import draw_equipped_team
@@ -222,7 +218,7 @@ def test_a_plan_without_such_errors_says_nothing_of_them() -> None:
 
 
 def test_too_many_states_are_counted_and_not_judged(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(judgement, "MOST_STATES", 19)
+    monkeypatch.setattr(planner, "MOST_STATES", 19)
     made = _planned("paper-grid-same", "wind")
     (finding,) = _findings(made, "error-undetermined")
     assert "not checked for 20 states" in finding.message
@@ -369,9 +365,9 @@ def test_null_spaces_of_large_teams_are_those_by_all_singular_vectors(
 ) -> None:
     for assessed, found in _assessments(15):
         with monkeypatch.context() as patch:
-            patch.setattr(extended_rank, "VECTORS_LIMIT", 0)
+            patch.setattr(error_modes, "VECTORS_LIMIT", 0)
             if found.gap > 1e6:
-                patch.delattr(extended_rank, "decomposed")
+                patch.delattr(error_modes, "decomposed")
             other = assess_extended(assessed)
         assert other is not None
         assert other.rank == found.rank

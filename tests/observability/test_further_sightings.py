@@ -5,12 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from syncplan.observability.rank import link_information, lone_rows, pair_rows
-from syncplan.observability.window_assessment import Assessment, assess_remainder, assess_team
-from syncplan.orbits.losses import Loss, remainder_of
+from syncplan.observability.rank import (
+    Assessment,
+    assess_remainder,
+    assess_team,
+    link_information,
+    lone_rows,
+    pair_rows,
+)
 from syncplan.orbits.sighting_kinds import of_targets
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
+from syncplan.orbits.sightings import Loss, remainder_of
+from syncplan.planning.planner import Plan, plan
 from syncplan.scenario.specification import Scenario
 from tests.tools.draws import draw_equipped_team
 from tests.tools.scenarios import changed, small

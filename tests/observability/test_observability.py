@@ -7,20 +7,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from syncplan.observability.certificate import DISTINCT_LANDMARKS
-from syncplan.observability.rank import assess, link_information, lone_rows
+from syncplan.observability.rank import (
+    DISTINCT_LANDMARKS,
+    RANK_TOLERANCE,
+    assess,
+    assess_team,
+    link_information,
+    lone_rows,
+)
 from syncplan.observability.referred_rows import NEAREST, sighting_rows
-from syncplan.observability.singular_values import RANK_TOLERANCE
 from syncplan.observability.unobservable_modes import name_modes
-from syncplan.observability.window_assessment import assess_team
 from syncplan.orbits.circles import Orbits, heading, position
 from syncplan.orbits.graphs import rpmg_at, union_over
 from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import sample_sightings
 from syncplan.orbits.team import Team
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.judgement import judge
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, judge, plan
 from syncplan.reports.plan_report import plan_document
 from syncplan.reports.plan_schemas import PlanDocument
 from tests.tools.draws import draw_equipped_team, draw_team, judge_team, sightings_of
@@ -299,7 +301,7 @@ def test_a_window_as_long_as_the_connectivity_period_certifies_from_any_start() 
 
 def _certified_from(made: Plan, start: int, length: float) -> bool:
     """Whether the sightings after sample start - 1, over `length` s, certify the team."""
-    from syncplan.observability.certificate import certify
+    from syncplan.observability.rank import certify
 
     sample_time = made.sensors.sample_time
     last = start - 1 + round(length / sample_time)

@@ -10,9 +10,8 @@ import pytest
 import syncplan
 from syncplan.arrays import Array
 from syncplan.estimation.replays import replay
-from syncplan.observability.rank import assess, link_information
+from syncplan.observability.rank import assess, assess_team, link_information
 from syncplan.observability.sliding_windows import WatchedTeam, judged_windows, undetermined
-from syncplan.observability.window_assessment import assess_team
 from syncplan.orbits.circles import position
 from syncplan.orbits.sighting_kinds import sigmas_by_kind
 from syncplan.recordings.log import Log, RobotLog

@@ -8,13 +8,16 @@ import pytest
 from syncplan.arrays import Array
 from syncplan.estimation.batched_filter import sighting_lanes
 from syncplan.observability.referred_rows import sighting_rows
-from syncplan.orbits.bearings import BEARING
 from syncplan.orbits.circles import heading, position, wrap
-from syncplan.orbits.compasses import COMPASS
 from syncplan.orbits.contacts import find_windows
-from syncplan.orbits.distances import DISTANCE
-from syncplan.orbits.sighting_kind import SightingKind
-from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, place_of
+from syncplan.orbits.sighting_kinds import (
+    BEARING,
+    COMPASS,
+    DISTANCE,
+    SIGHTING_KINDS,
+    SightingKind,
+    place_of,
+)
 from syncplan.orbits.sightings import sample_sightings
 from syncplan.orbits.team import Team
 from tests.tools.draws import draw_team, sightings_of

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from syncplan.orbits.trigonometric_polynomials import derivative, evaluate, real_roots, rotate
+from syncplan.orbits.circles import derivative, evaluate, real_roots, rotate
 
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 37, endpoint=False)
 # below the least normal number a coefficient has too few digits for its roots to mean anything

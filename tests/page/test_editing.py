@@ -11,7 +11,7 @@ from playwright.sync_api import Page, Route, expect
 
 from syncplan.planning.planner import plan
 from syncplan.plotting.figure_style import PLAIN
-from syncplan.plotting.map_view import view_of
+from syncplan.plotting.maps import view_of
 from syncplan.scenario.loading import load_scenario
 from tests.page.gestures import downloaded, drag, handle, opened, saved
 from tests.tools.browsing import Visit, accessibility_faults

@@ -9,7 +9,7 @@ import pytest
 
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.placement.centers import Placement, place
-from syncplan.placement.demands import MARGIN_SHARE
+from syncplan.placement.drawing import MARGIN_SHARE
 from syncplan.planning.planner import plan
 from syncplan.scenario.areas import Area
 from syncplan.scenario.formations import SHAPES

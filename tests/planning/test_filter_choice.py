@@ -5,8 +5,8 @@ import pytest
 import syncplan
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import FilterOptions
-from syncplan.planning.filter_choice import choose_filter
-from syncplan.planning.sweeps import sweep
+from syncplan.planning.validation import choose_filter
+from syncplan.planning.variations import sweep
 from tests.tools.scenarios import changed, example
 
 

@@ -9,10 +9,10 @@ import pytest
 
 import syncplan
 from syncplan.observability.link_verdicts import LinkVerdict
-from syncplan.planning.findings import Finding
 from syncplan.planning.flight_checks import LEAST_KEPT, MOST_SATURATED, MOST_SHARE
 from syncplan.planning.flight_record import FlightRecord, FlownPairRecord, FlownVehicleRecord
-from syncplan.planning.judged_plan import Plan
+from syncplan.planning.judged_team import Finding
+from syncplan.planning.planner import Plan
 
 GRID = "examples/scenarios/paper-grid-same.yaml"
 HARD = Path(__file__).parents[1] / "data" / "hard"

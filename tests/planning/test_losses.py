@@ -15,15 +15,18 @@ from syncplan.errors import InputError
 from syncplan.estimation.bounds import posterior_bound
 from syncplan.estimation.loss_bounds import LossBounds
 from syncplan.observability.loss_ranks import decisive_losses
-from syncplan.observability.window_assessment import assess_remainder, assess_team
+from syncplan.observability.rank import assess_remainder, assess_team
 from syncplan.orbits.contacts import find_windows
-from syncplan.orbits.losses import BLIND_RANGE_M, Loss, remainder_of, single_losses
-from syncplan.orbits.scenario_arrays import sensors_of
-from syncplan.orbits.sightings import sightings_over
-from syncplan.planning import judgement
-from syncplan.planning.findings import Finding
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.judgement import judge
+from syncplan.orbits.sightings import (
+    BLIND_RANGE_M,
+    Loss,
+    remainder_of,
+    sightings_over,
+    single_losses,
+)
+from syncplan.orbits.team import sensors_of
+from syncplan.planning import planner
+from syncplan.planning.judged_team import Finding
 from syncplan.planning.loss_study import WhatIf, what_if
 from syncplan.planning.lost_parts import (
     lost_together,
@@ -32,7 +35,7 @@ from syncplan.planning.lost_parts import (
     possible_losses,
     scenario_after,
 )
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, judge, plan
 from syncplan.reports.loss_report import what_if_document
 from syncplan.reports.loss_schemas import WhatIfDocument
 from tests.tools.draws import draw_equipped_team
@@ -374,7 +377,7 @@ def test_a_plan_that_survives_every_loss_says_nothing_of_it() -> None:
 
 
 def test_a_team_too_large_to_be_searched_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(judgement, "LARGEST_SEARCHED", 1)
+    monkeypatch.setattr(planner, "LARGEST_SEARCHED", 1)
     (said,) = single_points(plan(example("paper-grid-same"), bound="never"))
     assert said.level == "note"
     assert "not checked for 6 vehicles" in said.message

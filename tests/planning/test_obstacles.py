@@ -8,11 +8,9 @@ import pytest
 
 from syncplan.landmarks.site_information import candidate_information
 from syncplan.orbits.contacts import find_windows
-from syncplan.orbits.losses import Loss, remainder_of
-from syncplan.planning.findings import Finding
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.judgement import judge
-from syncplan.planning.planner import plan
+from syncplan.orbits.sightings import Loss, remainder_of
+from syncplan.planning.judged_team import Finding
+from syncplan.planning.planner import Plan, judge, plan
 from tests.tools.scenarios import small
 
 WALL = [[33.0, -60.0], [37.0, -60.0], [37.0, 60.0], [33.0, 60.0]]

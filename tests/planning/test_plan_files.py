@@ -8,9 +8,8 @@ from typing import Any
 import pytest
 
 from syncplan.errors import InputError
-from syncplan.planning.judged_plan import Plan
 from syncplan.planning.plan_files import loaded_from, plan_of
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from syncplan.refinement.refiner import refine
 from syncplan.reports.plan_report import plan_document
 from syncplan.scenario.loading import scenario_from

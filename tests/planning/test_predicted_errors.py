@@ -8,9 +8,8 @@ import pytest
 from rich.console import Console
 
 from syncplan.cli.state_tables import further_states_table, merits_line
-from syncplan.planning.judged_plan import Plan
 from syncplan.planning.plan_files import loaded_from, plan_of
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from syncplan.refinement.refiner import refine
 from syncplan.reports.plan_report import plan_document
 from syncplan.reports.plan_schemas import PlanDocument

@@ -5,8 +5,7 @@ import re
 import pytest
 
 from syncplan.landmarks.site_choice import choose_landmarks
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from syncplan.planning.validation import validate
 from tests.tools.scenarios import example
 

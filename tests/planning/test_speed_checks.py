@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 import syncplan
-from syncplan.planning.findings import Finding
 from syncplan.planning.flight_record import FlightRecord
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.judgement import judge
-from syncplan.planning.speed_checks import wind_made_up_for
+from syncplan.planning.judged_team import Finding
+from syncplan.planning.path_checks import wind_made_up_for
+from syncplan.planning.planner import Plan, judge
 from tests.tools.scenarios import changed
 
 HIGH = 6.0

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from syncplan.planning import start_up
-from syncplan.planning.findings import Finding
-from syncplan.planning.judged_plan import Plan
+from syncplan.planning.judged_team import Finding
 from syncplan.planning.plan_files import loaded_from, plan_of
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from syncplan.planning.start_up import (
     CLEARING_INDEX,
     SAFE_RATIO,

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from syncplan.estimation.considered_errors import expected_errors
-from syncplan.orbits.scenario_arrays import true_team_of
+from syncplan.orbits.team import true_team_of
+from syncplan.planning.plan_files import in_world
 from syncplan.planning.planner import plan
-from syncplan.planning.stress_tests import (
+from syncplan.planning.variations import (
     ALL_SIGMAS,
     FALSE_BEARINGS,
     MISSES,
@@ -14,8 +15,7 @@ from syncplan.planning.stress_tests import (
     stress_worlds,
     stressed,
 )
-from syncplan.planning.subjects import in_world
-from syncplan.plotting.stress_figure import stress_spec
+from syncplan.plotting.study_figures import stress_spec
 from syncplan.reports.validation_report import stress_document
 from tests.tools.scenarios import EVERYTHING, changed, small
 

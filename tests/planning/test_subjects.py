@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import syncplan
-from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import Plan
 from syncplan.runtime.files import as_text
 from tests.tools.scenarios import small
 

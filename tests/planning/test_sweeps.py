@@ -10,12 +10,11 @@ from pydantic import ValidationError
 from syncplan.errors import InputError
 from syncplan.orbits.graphs import rpmg_at
 from syncplan.planning.planner import plan
-from syncplan.planning.sweeps import connected_range, sweep
-from syncplan.planning.swept_keys import SWEPT_KEYS, SweptOption, swept_key
-from syncplan.plotting.sweep_figure import sweep_spec
+from syncplan.planning.variations import connected_range, sweep
+from syncplan.plotting.study_figures import sweep_spec
 from syncplan.reports.run_schemas import SweepReport
 from syncplan.reports.validation_report import sweep_document, validation_document
-from syncplan.scenario.dotted_keys import IN_TRUTH, numeric_keys
+from syncplan.scenario.dotted_keys import IN_TRUTH, SWEPT_KEYS, SweptOption, numeric_keys, swept_key
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario
 from tests.tools.scenarios import example, small

@@ -8,9 +8,8 @@ import pytest
 from syncplan.estimation.bounds import posterior_bound
 from syncplan.estimation.considered_errors import expected_errors
 from syncplan.flight.flying import fly
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
-from syncplan.planning.subjects import in_world
+from syncplan.planning.plan_files import in_world
+from syncplan.planning.planner import Plan, plan
 from syncplan.planning.validation import validate
 from syncplan.reports.flight_report import flight_document
 from syncplan.reports.validation_report import validation_document

@@ -12,11 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from syncplan.orbits.circles import position
-from syncplan.planning.findings import Finding
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.judgement import judge
+from syncplan.planning.judged_team import Finding
 from syncplan.planning.plan_files import loaded_from, stated
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, judge, plan
 from syncplan.planning.verdict_checks import CHECKS
 from syncplan.scenario.areas import Area
 from tests.tools.scenarios import example, small

@@ -11,10 +11,9 @@ from plotly.graph_objects import Figure
 from syncplan import figures
 from syncplan.errors import InputError
 from syncplan.flight.flying import Flight
-from syncplan.plotting.catalogue import first_figure, specs_of
 from syncplan.plotting.figure_style import PLAIN, FigureStyle
-from syncplan.plotting.flight_errors_figure import flight_errors_spec
-from syncplan.plotting.flight_panels import MOST_VEHICLES
+from syncplan.plotting.figures import first_figure, specs_of
+from syncplan.plotting.flight_figures import MOST_VEHICLES, flight_errors_spec
 from syncplan.plotting.flight_tracks_figure import SIGMAS, flight_tracks_spec
 from syncplan.reports.flight_report import flight_document
 from syncplan.reports.flight_schemas import FlightDocument

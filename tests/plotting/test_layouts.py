@@ -11,14 +11,13 @@ from hypothesis import strategies as st
 
 from syncplan import figures
 from syncplan.errors import InputError
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from syncplan.planning.validation import validate
-from syncplan.plotting.catalogue import specs_of
-from syncplan.plotting.errors_figure import errors_spec
+from syncplan.plotting.contact_figures import MANY_SIGHTINGS, lanes_of, rows_of, within_period
 from syncplan.plotting.figure_style import LIMITS, PLAIN, FigureStyle
-from syncplan.plotting.link_styles import body_names
-from syncplan.plotting.timeline_figure import MANY_SIGHTINGS, lanes_of, rows_of, within_period
+from syncplan.plotting.figures import specs_of
+from syncplan.plotting.links import body_names
+from syncplan.plotting.series_figures import errors_spec
 from syncplan.reports.run_schemas import ValidationDocument
 from syncplan.reports.validation_report import validation_document
 from tests.tools.scenarios import example, small

@@ -11,14 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from syncplan.orbits.circles import Orbits
-from syncplan.planning.judged_plan import Plan
 from syncplan.planning.plan_files import Loaded, plan_of
-from syncplan.planning.planner import plan
-from syncplan.plotting.catalogue import specs_of
+from syncplan.planning.planner import Plan, plan
+from syncplan.plotting.figure_files import figure_images
 from syncplan.plotting.figure_style import PLAIN, FigureStyle
-from syncplan.plotting.images import figure_images
-from syncplan.plotting.link_lines import link_ends
-from syncplan.plotting.map_view import view_of
+from syncplan.plotting.figures import specs_of
+from syncplan.plotting.links import link_ends
+from syncplan.plotting.maps import view_of
 from tests.tools.image_browser import needs_browser
 from tests.tools.scenarios import example, small
 

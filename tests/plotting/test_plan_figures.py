@@ -12,16 +12,14 @@ from plotly.graph_objects import Figure
 from syncplan import figures
 from syncplan.errors import InputError
 from syncplan.orbits.circles import Orbits, heading, perpendicular, position, unit
-from syncplan.planning.judged_plan import Plan
 from syncplan.planning.plan_files import Loaded, plan_of
-from syncplan.planning.planner import plan
-from syncplan.plotting import formation_figure as drawing
-from syncplan.plotting.animation_figure import FRAMES, live
-from syncplan.plotting.catalogue import specs_of
-from syncplan.plotting.figure_style import FigureStyle
+from syncplan.planning.planner import Plan, plan
+from syncplan.plotting import formation_figures as drawing
+from syncplan.plotting.contact_figures import union_growth, within_period
+from syncplan.plotting.figure_style import DARK, FigureStyle
 from syncplan.plotting.figure_table import FIGURES
-from syncplan.plotting.palette import DARK
-from syncplan.plotting.timeline_figure import union_growth, within_period
+from syncplan.plotting.figures import specs_of
+from syncplan.plotting.formation_figures import FRAMES, live
 from tests.tools.scenarios import example, small
 
 KINDS = {"link", "incidental", "landmark"}

@@ -13,11 +13,10 @@ from syncplan.errors import InputError
 from syncplan.estimation.trials import series
 from syncplan.planning.loss_study import what_if
 from syncplan.planning.planner import plan
-from syncplan.planning.sweeps import sweep
 from syncplan.planning.validation import Validation, validate
-from syncplan.plotting.catalogue import specs_of
-from syncplan.plotting.errors_figure import MOST_VEHICLES
-from syncplan.plotting.panels_over_time import MOST_POINTS
+from syncplan.planning.variations import sweep
+from syncplan.plotting.figures import specs_of
+from syncplan.plotting.series_figures import MOST_POINTS, MOST_VEHICLES
 from syncplan.reports.loss_report import what_if_document
 from syncplan.reports.run_schemas import SweepReport, ValidationDocument
 from syncplan.reports.validation_report import sweep_document, validation_document

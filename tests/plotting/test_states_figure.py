@@ -7,9 +7,9 @@ import pytest
 
 from syncplan.errors import InputError
 from syncplan.planning.validation import validate
-from syncplan.plotting.catalogue import specs_of
 from syncplan.plotting.figure_style import FigureStyle
-from syncplan.plotting.states_figure import MOST_STATES
+from syncplan.plotting.figures import specs_of
+from syncplan.plotting.series_figures import MOST_STATES
 from syncplan.reports.run_schemas import ValidationDocument
 from syncplan.reports.validation_report import validation_document
 from tests.tools.scenarios import small

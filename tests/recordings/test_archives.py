@@ -14,10 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from syncplan.errors import InputError
-from syncplan.recordings import archives
-from syncplan.recordings.archives import MOST_MEMBERS
-from syncplan.recordings.log import Log
-from syncplan.recordings.packed_logs import pack_log, unpack_log
+from syncplan.recordings import recorded_files
+from syncplan.recordings.log import Log, pack_log, unpack_log
+from syncplan.recordings.recorded_files import MOST_MEMBERS
 from syncplan.recordings.recording_formats import load_log, read_archive
 from tests.tools.recorded_bags import write_bag
 from tests.tools.recordings import REAL, Recipe, tarred, write_csv, write_recording, zipped
@@ -152,7 +151,7 @@ def test_what_grows_too_large_is_not_unpacked(
     pack: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    monkeypatch.setattr(archives, "MOST_BYTES", 2**20)
+    monkeypatch.setattr(recorded_files, "MOST_BYTES", 2**20)
     for name in ("odometry.csv", "words.txt"):
         assert "sent: holds more than 1 MiB, unpacked" in _refused(pack({name: bytes(2**20 + 1)}))
     assert list(tmp_path.iterdir()) == []
@@ -185,7 +184,7 @@ def test_an_archive_of_empty_files_is_refused_by_their_number(
 
 @pytest.mark.parametrize("pack", [_zipped, _tarred])
 def test_folders_count_as_members(pack: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(archives, "MOST_MEMBERS", 3)
+    monkeypatch.setattr(recorded_files, "MOST_MEMBERS", 3)
     assert "holds none of *.dat" in _refused(pack({f"{k}.txt": b"" for k in range(3)}))
     assert "holds at least 4 files and" in _refused(pack({f"{k}.txt": b"" for k in range(4)}))
     stream = io.BytesIO()
@@ -205,8 +204,8 @@ def test_entries_of_a_directory_are_counted_wherever_a_part_ends(
     at: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stream = _zipped({"a.txt": b"", "b.txt": b"", "c.txt": b""})
-    monkeypatch.setattr(archives, "_AT_ONCE", stream.getvalue().find(b"PK\x01\x02") - at)
-    monkeypatch.setattr(archives, "MOST_MEMBERS", 2)
+    monkeypatch.setattr(recorded_files, "_AT_ONCE", stream.getvalue().find(b"PK\x01\x02") - at)
+    monkeypatch.setattr(recorded_files, "MOST_MEMBERS", 2)
     assert "holds at least 3 files" in _refused(stream)
 
 

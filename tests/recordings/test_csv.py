@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from syncplan.errors import InputError
 from syncplan.estimation.replays import replay
-from syncplan.recordings import csv_tables, named_teams, recorded_files
+from syncplan.recordings import csv_layout, named_teams, recorded_files
 from syncplan.recordings.log import NOBODY, Log
 from syncplan.recordings.recording_formats import load_log
 from syncplan.reports.replay_report import replay_document
@@ -120,7 +120,7 @@ def test_long_files_are_read_piece_by_piece(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = load_log(_written(tmp_path / "small"))
-    monkeypatch.setattr(csv_tables, "ROWS_AT_ONCE", 1)
+    monkeypatch.setattr(csv_layout, "ROWS_AT_ONCE", 1)
     _assert_same(whole, load_log(tmp_path / "small"))
     with pytest.raises(InputError, match=r"odometry.csv: line 4: speed_mps is 'fast'; a number"):
         load_log(

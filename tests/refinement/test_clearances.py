@@ -11,16 +11,20 @@ from hypothesis import strategies as st
 
 from syncplan.arrays import Array
 from syncplan.orbits.circles import position
-from syncplan.orbits.separation import landmark_gaps
-from syncplan.planning.distance_limits import landmark_limit
-from syncplan.planning.judged_plan import Plan
+from syncplan.orbits.contacts import landmark_gaps
+from syncplan.planning.judged_team import landmark_limit
 from syncplan.planning.plan_files import loaded_from, plan_of
-from syncplan.planning.planner import plan
-from syncplan.refinement.clearances import area_clearances, landmark_clearances
+from syncplan.planning.planner import Plan, plan
+from syncplan.refinement.clearances import (
+    area_clearances,
+    kept_landmarks,
+    landmark_clearances,
+    side_count,
+    sides_of,
+)
 from syncplan.refinement.problem import Freedom, RefineProblem, circles_of
 from syncplan.refinement.problem_setup import problem_of
 from syncplan.refinement.refiner import options_for, refine
-from syncplan.refinement.sides import kept_landmarks, side_count, sides_of
 from syncplan.reports.plan_report import plan_document
 from syncplan.scenario.areas import Area
 from tests.tools.scenarios import small

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from syncplan.errors import NoSolutionError
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from syncplan.refinement.refiner import refine
 from tests.tools.scenarios import small
 

@@ -4,9 +4,8 @@ import json
 
 import pytest
 
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
-from syncplan.refinement.kept_starts import EarlierSearch
+from syncplan.planning.planner import Plan, plan
+from syncplan.refinement.parallel_starts import EarlierSearch
 from syncplan.refinement.refiner import refine
 from syncplan.reports.plan_report import plan_document
 from syncplan.runtime.files import as_text

@@ -5,11 +5,10 @@ import pickle
 import numpy as np
 import pytest
 
-from syncplan.planning.figures_of_merit import FIGURES, ROWS, Figures
-from syncplan.refinement.objective_forms import FORMS, MeasuredTeam
+from syncplan.refinement.nlp import FORMS, MeasuredTeam
 from syncplan.reports.refinement_schemas import FiguresOfMerit
-from syncplan.scenario.objectives import OBJECTIVES
-from syncplan.scenario.refine_options import RefineOptions
+from syncplan.scenario.models import RefineOptions
+from syncplan.scenario.objectives import FIGURES, OBJECTIVES, ROWS, Figures
 
 FIGURES_OF_A_PLAN = Figures(
     rank=6,

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from syncplan.arrays import Array
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from syncplan.refinement.measures import Measurement, measure
 from syncplan.refinement.problem import RefineProblem, circles_of, orbits_of
 from syncplan.refinement.problem_setup import problem_of

@@ -9,20 +9,16 @@ import pytest
 
 from syncplan.arrays import Array
 from syncplan.estimation.bounds import posterior_bound
-from syncplan.orbits.contacts import find_windows
-from syncplan.orbits.paths import relative_motion
-from syncplan.orbits.separation import least_distances
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.judgement import judge
-from syncplan.planning.planner import plan
+from syncplan.orbits.circles import relative_motion
+from syncplan.orbits.contacts import find_windows, least_distances
+from syncplan.planning.planner import Plan, judge, plan
 from syncplan.refinement.clearances import separations
 from syncplan.refinement.nlp import StageNlp, nlp_of
-from syncplan.refinement.problem import RefineProblem, circles_of, orbits_of
+from syncplan.refinement.problem import RefineProblem, Stage, circles_of, orbits_of
 from syncplan.refinement.problem_setup import problem_of
 from syncplan.refinement.refiner import options_for
 from syncplan.refinement.smooth_bound import coarse_run, smooth_rms
 from syncplan.refinement.smooth_team import SmoothTeam
-from syncplan.refinement.stages import Stage
 from syncplan.scenario.objectives import OBJECTIVES
 from tests.tools.scenarios import example, small
 from tests.tools.smooth_problems import (

@@ -10,16 +10,14 @@ import pytest
 from syncplan.arrays import Array
 from syncplan.estimation.bounds import posterior_bound
 from syncplan.orbits.contacts import find_windows
-from syncplan.planning.judgement import judge
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import judge, plan
 from syncplan.refinement.nlp import nlp_of
-from syncplan.refinement.problem import RefineProblem, circles_of
+from syncplan.refinement.problem import RefineProblem, Stage, circles_of
 from syncplan.refinement.problem_setup import problem_of
 from syncplan.refinement.refiner import options_for
 from syncplan.refinement.smooth_bound import coarse_run, smooth_rms
 from syncplan.refinement.smooth_team import SmoothTeam
 from syncplan.refinement.smooth_wide_bound import smooth_wide_rms
-from syncplan.refinement.stages import Stage
 from tests.tools.scenarios import small
 from tests.tools.smooth_problems import MIXED, differences, scaled_circles
 

@@ -9,16 +9,14 @@ import pytest
 import shapely
 
 from syncplan.arrays import Array
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from syncplan.refinement.ipopt import StagedSolver
 from syncplan.refinement.measures import measure
 from syncplan.refinement.nlp import nlp_of
-from syncplan.refinement.problem import RefineProblem, circles_of, orbits_of
+from syncplan.refinement.problem import RefineProblem, Stage, circles_of, orbits_of
 from syncplan.refinement.problem_setup import problem_of
 from syncplan.refinement.refiner import options_for, refine
-from syncplan.refinement.smooth_sight_lines import ConvexPiece, convex_pieces, sight_gap
-from syncplan.refinement.stages import Stage
+from syncplan.refinement.smooth_sightings import ConvexPiece, convex_pieces, sight_gap
 from tests.tools.scenarios import small
 from tests.tools.smooth_problems import differences, exact_information, smooth_information
 

@@ -6,8 +6,7 @@ from typing import Any
 import pytest
 
 from syncplan.arrays import Array
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from syncplan.refinement.ipopt import SolverRun, StagedSolver, Steering
 from syncplan.refinement.measures import Measurement, measure
 from syncplan.refinement.refiner import refine

@@ -10,7 +10,7 @@ import pandas
 import pytest
 
 import syncplan
-from syncplan.planning.judged_plan import Plan
+from syncplan.planning.planner import Plan
 from syncplan.reports.plan_report import plan_document
 from syncplan.reports.presentations import MOST_ROWS, PRESENTATIONS
 from syncplan.results import Result

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from syncplan.runtime.cores import usable_cores
+from syncplan.runtime.machine import usable_cores
 
 SYSTEMD = "1:name=systemd:/service"
 MANY = 64

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from syncplan.runtime.child_processes import ChildProcess, connect_to_parent
-from syncplan.runtime.memory import limit_memory, usable_memory
+from syncplan.runtime.machine import limit_memory, usable_memory
 from tests.runtime.test_cores import group, process
 
 

@@ -7,7 +7,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from syncplan.errors import InputError
-from syncplan.orbits.scenario_arrays import sensors_of, team_of
+from syncplan.orbits.team import sensors_of, team_of
 from syncplan.planning.planner import plan
 from syncplan.scenario.loading import scenario_from
 from tests.tools.scenarios import FILES

@@ -32,8 +32,7 @@ from syncplan.estimation.montecarlo import _setup
 from syncplan.estimation.trial_readings import TrialReadings, possible_sightings
 from syncplan.orbits.circles import wrap
 from syncplan.orbits.error_states import layout_of
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from syncplan.scenario.loading import scenario_from
 from tests.tools.scenario_draws import draw_document, with_world
 

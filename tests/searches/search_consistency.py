@@ -17,8 +17,7 @@ import numpy as np
 from syncplan.estimation.consistency import chi_square_band
 from syncplan.estimation.montecarlo import run_trials
 from syncplan.orbits.team import Team
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from syncplan.planning.validation import Validation, conclude, trial_run
 from tests.tools.scenarios import example
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from syncplan.observability.extended_rank import assess_extended
-from syncplan.observability.window_assessment import assess_team
+from syncplan.observability.error_modes import assess_extended
+from syncplan.observability.rank import assess_team
 from tests.tools.draws import draw_equipped_team
 
 DRAWS_PER_TASK = 1000

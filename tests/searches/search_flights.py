@@ -34,9 +34,8 @@ from syncplan.arrays import Array
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.trials import MonteCarloResult
 from syncplan.flight.flying import Flight, fly
-from syncplan.planning.judged_plan import Plan
 from syncplan.planning.loss_study import what_if
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from syncplan.planning.validation import validate
 from syncplan.refinement.refiner import refine
 from syncplan.scenario.loading import scenario_from

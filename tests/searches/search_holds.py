@@ -24,8 +24,7 @@ from syncplan.flight.predictive_guidance import (
     PredictiveGuidance,
     PredictiveOptions,
 )
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from syncplan.scenario.loading import scenario_from
 from tests.tools.flown_trials import lanes_begun
 from tests.tools.scenarios import changed

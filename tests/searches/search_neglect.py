@@ -22,8 +22,7 @@ from typing import Any
 import numpy as np
 
 from syncplan.errors import NoSolutionError
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from syncplan.planning.validation import validate
 from syncplan.scenario.loading import scenario_from
 from tests.searches.search_start_up import draw_plan

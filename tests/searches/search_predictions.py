@@ -20,8 +20,7 @@ from functools import partial
 import numpy as np
 
 from syncplan.errors import InputError, NoSolutionError
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from syncplan.planning.validation import validate
 from syncplan.scenario.loading import scenario_from
 from tests.tools.scenario_draws import draw_document, with_strays, with_world

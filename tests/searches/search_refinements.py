@@ -19,8 +19,7 @@ import numpy as np
 import shapely
 
 from syncplan.arrays import Array
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from syncplan.refinement.refiner import refine
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario

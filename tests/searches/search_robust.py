@@ -32,8 +32,7 @@ from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.montecarlo import run_trials
 from syncplan.estimation.trial_readings import possible_sightings
 from syncplan.orbits.sightings import steps_within
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from syncplan.scenario.loading import scenario_from
 from tests.tools.scenario_draws import HEADING_RAD_A_METRE, draw_document
 

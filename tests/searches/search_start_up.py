@@ -22,8 +22,7 @@ import numpy as np
 
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.filters import AUTO, FILTERS
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from syncplan.planning.start_up import CLEARING_INDEX
 from syncplan.planning.validation import validate
 from syncplan.scenario.loading import scenario_from

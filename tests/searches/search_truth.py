@@ -21,10 +21,9 @@ from functools import partial
 import numpy as np
 
 from syncplan.estimation.considered_errors import expected_errors
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
-from syncplan.planning.stress_tests import doubled_sigmas
+from syncplan.planning.planner import Plan, plan
 from syncplan.planning.validation import validate
+from syncplan.planning.variations import doubled_sigmas
 from syncplan.scenario.loading import scenario_from
 from tests.searches.search_start_up import draw_plan
 

@@ -32,12 +32,10 @@ import numpy as np
 
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.flight.flying import Flight, fly
-from syncplan.observability.rank import assess, lone_rows
-from syncplan.observability.window_assessment import assess_team
-from syncplan.planning.findings import Verdict
+from syncplan.observability.rank import assess, assess_team, lone_rows
 from syncplan.planning.flight_checks import LEAST_KEPT, MOST_SHARE
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
+from syncplan.planning.judged_team import Verdict
+from syncplan.planning.planner import Plan, plan
 from syncplan.scenario.loading import scenario_from
 from tests.tools.scenario_draws import draw_document
 

@@ -14,9 +14,9 @@ from api.computing.tasks import previewed
 from api.limits import RequestLimits
 from api.routes.rendition_routes import ExportName, PlanFigure, ReportFigure, StoredFigure
 from syncplan.exporting.formats import ALL, FORMATS, as_archive, export
-from syncplan.plotting.catalogue import specs_of
 from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.figure_table import FIGURES
+from syncplan.plotting.figures import specs_of
 from syncplan.reports.plan_report import plan_document
 from syncplan.scenario.loading import scenario_from
 from tests.tools.api_servers import done, problem

@@ -26,8 +26,7 @@ from syncplan.client.service_client import Client
 from syncplan.errors import InputError
 from syncplan.estimation.recorded_readings import clock_of, true_poses
 from syncplan.estimation.replays import replay
-from syncplan.recordings.overviews import Overview
-from syncplan.recordings.packed_logs import pack_log, unpack_log
+from syncplan.recordings.log import Overview, pack_log, unpack_log
 from syncplan.recordings.recording_formats import load_log
 from syncplan.reports.replay_report import replay_document
 from syncplan.reports.replay_schemas import ReplayDocument

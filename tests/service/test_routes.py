@@ -10,7 +10,7 @@ import httpx2
 import pytest
 
 from api.responses import Job, StoredPlan
-from syncplan.planning.stress_tests import stressed
+from syncplan.planning.variations import stressed
 from syncplan.reports.validation_report import stress_document
 from syncplan.runtime.files import as_text
 from syncplan.scenario.loading import load_scenario

@@ -9,7 +9,7 @@ from sqlalchemy.engine import make_url
 
 from api.settings import Settings, load_settings
 from syncplan.errors import InputError
-from syncplan.runtime.cores import usable_cores
+from syncplan.runtime.machine import usable_cores
 
 KEY = "0123456789abcdef"
 OTHER = "fedcba9876543210"

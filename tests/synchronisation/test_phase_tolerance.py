@@ -5,10 +5,9 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from syncplan.orbits.circles import Orbits
-from syncplan.orbits.paths import relative_motion
-from syncplan.orbits.separation import least_distances
-from syncplan.synchronisation.phase_tolerance import separation_tolerances
+from syncplan.orbits.circles import Orbits, relative_motion
+from syncplan.orbits.contacts import least_distances
+from syncplan.synchronisation.contact_tables import separation_tolerances
 
 PAIR = np.array([[0, 1]])
 RADII = st.floats(5.0, 40.0)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from syncplan.orbits.circles import heading, position, wrap
-from syncplan.orbits.separation import closest_approach
+from syncplan.orbits.contacts import closest_approach
 from syncplan.planning.planner import plan
 from syncplan.reports.plan_report import plan_document
 from syncplan.reports.plan_schemas import PlanDocument

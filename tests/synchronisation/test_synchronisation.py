@@ -8,13 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from syncplan.orbits.circles import Orbits, heading, position, wrap
+from syncplan.orbits.contacts import closest_approach, pairs_nearer_than
 from syncplan.orbits.graphs import odd_cycle, two_colouring
-from syncplan.orbits.separation import closest_approach, pairs_nearer_than
 from syncplan.planning.planner import plan
 from syncplan.scenario.formations import SHAPES
 from syncplan.synchronisation.phase_rules import closest_distance, residuals, rules_of
-from syncplan.synchronisation.phases import Synchronisation, synchronise
-from syncplan.synchronisation.senses import alternating_senses
+from syncplan.synchronisation.phases import Synchronisation, alternating_senses, synchronise
 from tests.tools.scenarios import document, example, small
 
 Array = np.ndarray

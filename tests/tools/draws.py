@@ -5,13 +5,18 @@ from dataclasses import replace
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.observability.certificate import Certificate, certify
-from syncplan.observability.rank import Observability, assess, link_information, lone_rows
+from syncplan.observability.rank import (
+    Certificate,
+    Observability,
+    assess,
+    certify,
+    link_information,
+    lone_rows,
+)
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.error_states import ERROR_STATES, ErrorSigmas
-from syncplan.orbits.noise import Noise
-from syncplan.orbits.sensors import Sensors
+from syncplan.orbits.sensors import Noise, Sensors
 from syncplan.orbits.sightings import Sightings, sample_sightings
 from syncplan.orbits.team import Team
 

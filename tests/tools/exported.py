@@ -7,8 +7,7 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.exporting.formats import Export, ExportOptions
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from tests.tools.scenarios import small
 
 __all__ = ["FORCED", "ORIGIN", "contents", "mixed_team", "team", "to_plane"]

@@ -6,10 +6,8 @@ from typing import Any
 import numpy as np
 
 from syncplan.orbits.circles import Orbits
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.judgement import judge
 from syncplan.planning.loss_study import LossOutcome
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, judge, plan
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario
 

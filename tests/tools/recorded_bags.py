@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from syncplan.recordings.log import Log
-from syncplan.recordings.ros_messages import DETECTIONS, typestore
+from syncplan.recordings.ros_bags import DETECTIONS, typestore
 
 __all__ = ["BagMessages", "Message", "write_bag", "write_messages"]
 

@@ -10,8 +10,7 @@ from syncplan.arrays import Array
 from syncplan.observability.referred_rows import sighting_rows
 from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.sightings import sightings_over
-from syncplan.refinement.problem import RefineProblem, circles_of
-from syncplan.refinement.sample_times import samples_of
+from syncplan.refinement.problem import RefineProblem, circles_of, samples_of
 from syncplan.refinement.smooth_team import SmoothTeam
 
 MIXED: dict[str, Any] = {

@@ -23,10 +23,9 @@ from api.jobs.queue import APPLICATION
 from api.settings import load_settings
 from syncplan import __version__
 from syncplan.flight.flying import fly
-from syncplan.planning.judged_plan import Plan
-from syncplan.planning.planner import plan
-from syncplan.planning.sweeps import sweep
+from syncplan.planning.planner import Plan, plan
 from syncplan.planning.validation import validate
+from syncplan.planning.variations import sweep
 from syncplan.refinement.refiner import refine
 from syncplan.reports.flight_report import flight_document
 from syncplan.reports.plan_report import plan_document

@@ -22,7 +22,7 @@ from typing import Any
 
 from markdown_it import MarkdownIt
 
-from syncplan.landmarks.candidates import named_candidates
+from syncplan.landmarks.site_choice import named_candidates
 from syncplan.scenario.loading import parse_values, scenario_from
 from syncplan.scenario.specification import Scenario
 from tests.tools.likeness import Likeness

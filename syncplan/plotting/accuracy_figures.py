@@ -1,0 +1,381 @@
+"""Errors vehicle by vehicle, predicted, found or stated, and whether the filter is honest.
+
+ANEES and NIS are shown with their intervals, beside the share of errors within 3 sigma.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from syncplan.estimation.consistency import TOLERANCE
+from syncplan.planning.planner import Plan
+from syncplan.plotting.canvas import Spec, axis, escaped, layout, message, numbers, panel_title
+from syncplan.plotting.figure_style import (
+    BLUE,
+    GREEN,
+    INK,
+    MUTED,
+    ORANGE,
+    SKY,
+    VERMILLION,
+    FigureStyle,
+    translucent,
+)
+from syncplan.reports.consistency_words import interval_words, verdict_words
+from syncplan.reports.replay_schemas import ReplayDocument
+from syncplan.reports.run_schemas import Spread, ValidationDocument
+
+_LEAST_BAR_PX = 5.0
+"""Width below which bars become marks: their patterns could not be told apart."""
+
+_MARKS = {"predicted": "line-ew-open", "late": "circle", "whole": "circle-open"}
+_MARK_PX = 6
+
+
+def prediction_spec(plan: Plan, style: FigureStyle) -> Spec:
+    """Return the figure of the predicted RMS position error of each vehicle."""
+    found = plan.prediction
+    title = f"{escaped(plan.scenario.name or 'Plan')}: predicted error"
+    names = [escaped(name) for name in plan.scenario.vehicle_names]
+    traces = []
+    if found.rms is not None:
+        name = "posterior bound, second half of the run"
+        traces.append(bars("predicted", name, names, found.rms, BLUE, ""))
+    if found.steady is not None and np.isfinite(found.steady).any():
+        traces.append(_marks("steady", "bound once periodic", names, found.steady, "diamond"))
+    if np.isfinite(found.window).any():
+        name = "bound from one window, without motion noise"
+        traces.append(_marks("window", name, names, found.window, "line-ew-open"))
+    if not traces:
+        return message(title, found.note or "no vehicle's position is determined by one window")
+    note = "RMS position error that no unbiased filter can be below"
+    if found.rms is not None:
+        overall = float(np.sqrt(np.mean(found.rms**2)))
+        run = f"{plan.scenario.duration_s:g} s from the initial sigmas"
+        note = f"posterior Cramer-Rao bound over {run}; {overall:.3g} m over all vehicles"
+    undetermined = int(np.sum(~np.isfinite(found.window)))
+    if undetermined:
+        note += f"; one window leaves {undetermined} of {len(names)} positions undetermined"
+    return _drawn(title, note, traces, len(names), style)
+
+
+def accuracy_spec(report: ValidationDocument | ReplayDocument, style: FigureStyle) -> Spec:
+    """Return the figure of RMS position errors of a run, beside the predicted ones if known."""
+    if isinstance(report, ReplayDocument):
+        return _replayed(report, style)
+    return _validated(report, style)
+
+
+def sigmas_spec(report: ReplayDocument, style: FigureStyle) -> Spec:
+    """Return the figure of the filter's own position sigmas on a recording without truth."""
+    names = [escaped(robot.name) for robot in report.robots]
+    last = [robot.final_sigma_m for robot in report.robots]
+    whole = [robot.rms_sigma_m for robot in report.robots]
+    traces = [
+        bars("late", "at the end", names, last, ORANGE, ""),
+        bars("whole", "RMS over the run", names, whole, SKY, "/"),
+    ]
+    title = f"{escaped(report.name)}: the filter's own sigmas"
+    note = f"{report.run} without truth: errors are not known"
+    return _drawn(title, note, traces, len(names), style, shown="own position sigma, m")
+
+
+def _validated(report: ValidationDocument, style: FigureStyle) -> Spec:
+    """RMS position errors over the trials beside the predicted ones."""
+    names = [escaped(vehicle.name) for vehicle in report.vehicles]
+    found = report.vehicles
+    traces = _found_traces("Monte Carlo", report)
+    predicted = [vehicle.predicted_rms_m for vehicle in found]
+    if all(value is not None for value in predicted):
+        name = "predicted: posterior bound, second half"
+        traces.insert(0, bars("predicted", name, names, predicted, BLUE, "x"))
+    medians = [vehicle.median_rms_second_half_m for vehicle in found]
+    if all(value is not None for value in medians):
+        values = np.array(medians, dtype=float)
+        traces.append(_marks("median", "median trial, second half", names, values, "diamond"))
+    note = report.run
+    ratio = report.overall.rms_over_predicted
+    if ratio is not None:
+        note += f"; second half over predicted: {ratio:.3g}"
+    if not report.observable:
+        note += "; the plan is NOT observable"
+    title = f"{escaped(report.name or 'Plan')}: error found and predicted"
+    return _drawn(title, note, traces, len(names), style)
+
+
+def _replayed(report: ReplayDocument, style: FigureStyle) -> Spec:
+    """RMS position errors of the robots of a recording."""
+    title = f"{escaped(report.name)}: error found"
+    note = f"{report.run}; {report.position_rmse_m:.3g} m over all robots"
+    traces = _found_traces("filter", report)
+    return _drawn(title, note, traces, len(report.robots), style)
+
+
+def _found_traces(who: str, report: ValidationDocument | ReplayDocument) -> list[Spec]:
+    names = [escaped(vehicle.name) for vehicle in report.vehicles]
+    late = [vehicle.rms_second_half_m for vehicle in report.vehicles]
+    whole = [vehicle.rms_m for vehicle in report.vehicles]
+    return [
+        bars("late", f"{who}, second half of the run", names, late, ORANGE, ""),
+        bars("whole", f"{who}, whole run", names, whole, SKY, "/"),
+    ]
+
+
+def bars(
+    uid: str,
+    name: str,
+    vehicles: list[str],
+    values: Sequence[float | None] | np.ndarray,
+    color: str,
+    pattern: str,
+) -> Spec:
+    """Return bars over vehicles (escaped names), distinguished by pattern as well as colour."""
+    marker: Spec = {"color": color, "line": {"color": INK, "width": 0.8}}
+    if pattern:
+        marker["pattern"] = {"shape": pattern, "fillmode": "replace", "size": 6}
+    return {
+        "type": "bar",
+        "uid": uid,
+        "name": name,
+        "x": vehicles,
+        "y": numbers(np.array(values, dtype=float), 6),
+        "marker": marker,
+        "hovertemplate": "%{x}: %{y:.3g} m<extra></extra>",
+    }
+
+
+def _marks(uid: str, name: str, vehicles: list[str], values: np.ndarray, symbol: str) -> Spec:
+    return {
+        "type": "scatter",
+        "uid": uid,
+        "name": name,
+        "mode": "markers",
+        "x": vehicles,
+        "y": numbers(values, 6),
+        "marker": {
+            "symbol": symbol,
+            "size": 12 if symbol == "diamond" else 22,
+            "color": GREEN if symbol == "diamond" else INK,
+            "line": {"width": 2.5, "color": INK},
+        },
+        "hovertemplate": "%{x}: %{y:.3g} m<extra></extra>",
+    }
+
+
+def _drawn(
+    title: str,
+    note: str,
+    traces: list[Spec],
+    count: int,
+    style: FigureStyle,
+    shown: str = "RMS position error, m",
+) -> Spec:
+    """The figure of traces over `count` vehicles: bars, or marks where bars become too thin."""
+    bars_shown = sum(trace["type"] == "bar" for trace in traces)
+    if style.plot_px < _LEAST_BAR_PX * count * (bars_shown + 0.5):
+        traces = [_as_marks(trace) for trace in traces]
+    # names may look like numbers or dates: they stay names
+    drawn = layout(
+        title,
+        note=note,
+        inner=330,
+        barmode="group",
+        xaxis=axis("vehicle", type="category"),
+        yaxis=axis(shown, rangemode="tozero"),
+    )
+    return {"data": traces, "layout": drawn}
+
+
+def _as_marks(trace: Spec) -> Spec:
+    """Bars as marks at their ends."""
+    if trace["type"] != "bar":
+        return trace
+    symbol, color = _MARKS[trace["uid"]], trace["marker"]["color"]
+    marker = {"symbol": symbol, "size": _MARK_PX, "color": color, "line": {"width": 1.5}}
+    if symbol == "line-ew-open":
+        marker = {**marker, "line": {"width": 2, "color": color}}
+    return {**trace, "type": "scatter", "mode": "markers", "marker": marker}
+
+
+IDEAL_COVERAGE = 0.9973
+"""Probability that a normal error lies within three sigma."""
+
+_TOLERATED = [1.0 - TOLERANCE, 1.0 + TOLERANCE]
+
+_BAND_PX = 78
+_WORDS_PX = 96
+_COVERAGE_PX = 190
+"""Heights: of a panel with a band, of what stands between panels, of the panel of vehicles."""
+
+_SYMBOLS = {"consistent": "circle", "optimistic": "triangle-right", "conservative": "triangle-left"}
+_COLOURS = {"consistent": BLUE, "unknown": MUTED}
+
+
+def consistency_spec(report: ValidationDocument | ReplayDocument, style: FigureStyle) -> Spec:
+    """Return the figure of ANEES and NIS with 95 % intervals, and of each vehicle's coverage.
+
+    Of a recording without truth: of NIS alone.
+    """
+    figures = [("NIS", report.nis)]
+    if report.anees is not None:
+        figures.insert(0, ("ANEES", report.anees))
+    traces = []
+    axes: Spec = {}
+    inner, places, split = _panels(style, len(figures), _COVERAGE_PX if report.has_errors else 0)
+    for number, (name, figure) in enumerate(figures):
+        suffix = "" if number == 0 else "2"
+        traces += _spread_traces(name, figure, suffix)
+        left, right, low, high = places[number]
+        values = [*_TOLERATED, *([] if figure.value is None else [figure.value])]
+        values += figure.band or ()
+        axes[f"xaxis{suffix}"] = axis(
+            f"{name}: 1 is honest",
+            domain=[left, right],
+            anchor=f"y{suffix}",
+            nticks=5,
+            range=_room(values),
+        )
+        axes[f"yaxis{suffix}"] = axis(
+            domain=[low, high], range=[-1, 1], visible=False, anchor=f"x{suffix}"
+        )
+    titles = [
+        panel_title(_verdict(name, figure), places[number][0], places[number][3])
+        for number, (name, figure) in enumerate(figures)
+    ]
+    note = report.run
+    if report.has_errors:
+        covered = [vehicle.coverage_3sigma or 0.0 for vehicle in report.vehicles]
+        traces += _coverage_traces([escaped(vehicle.name) for vehicle in report.vehicles], covered)
+        axes |= _coverage_axes(covered, split)
+        titles.append(panel_title("Coordinates within the filter's own 3 sigma", 0, split))
+    else:
+        note += " without truth: innovations alone are judged"
+    title = f"{escaped(report.name or 'Plan')}: is the filter honest?"
+    drawn = layout(title, note=note, inner=inner, above=40, annotations=titles, **axes)
+    return {"data": traces, "layout": drawn}
+
+
+def _panels(
+    style: FigureStyle, count: int, lowest_px: int
+) -> tuple[int, list[tuple[float, float, float, float]], float]:
+    """Height in px, (left, right, low, high) of the bands' panels, and the top of the lowest one.
+
+    The bands stand side by side, or under each other where that leaves no room for their words.
+    """
+    below = style.narrow or count == 1
+    rows, words_px = count if below else 1, style.px(_WORDS_PX)
+    inner = rows * (_BAND_PX + words_px) + lowest_px
+    places = []
+    for number in range(count):
+        row, column = (number, 0) if below else (0, number)
+        high = 1.0 - row * (_BAND_PX + words_px) / inner
+        left, right = (0.0, 1.0) if below else (0.52 * column, 0.52 * column + 0.48)
+        places.append((left, right, high - _BAND_PX / inner, high))
+    return inner, places, lowest_px / inner
+
+
+def _verdict(name: str, figure: Spread) -> str:
+    if figure.value is None:
+        return f"{name}: nothing to judge"
+    value, _, interval = interval_words(figure).partition(", ")
+    verdict, _, reason = verdict_words(figure).partition(", ")
+    return f"{name} {value}: {verdict}<br>{interval or reason}"
+
+
+def _room(values: list[float]) -> list[float | None]:
+    low, high = min(values), max(values)
+    room = 0.15 * max(high - low, 1e-3)
+    return numbers([low - room, high + room], 6)
+
+
+def _spread_traces(name: str, figure: Spread, suffix: str) -> list[Spec]:
+    """The interval as a thick line, the value as a mark on it, beside the tolerated range."""
+    shared = {"type": "scatter", "xaxis": f"x{suffix}", "yaxis": f"y{suffix}"}
+
+    def trace(part: str, words: str, mode: str) -> Spec:
+        about = {"uid": f"{name}-{part}", "name": words, "legendgroup": part}
+        return {**shared, **about, "showlegend": not suffix, "mode": mode}
+
+    ideal = {
+        **trace("ideal", "1: errors as large as the filter says", "lines"),
+        "x": [1, 1],
+        "y": [-0.8, 0.8],
+        "line": {"color": MUTED, "width": 1.5, "dash": "dash"},
+        "hoverinfo": "skip",
+    }
+    tolerated = {
+        **trace("tolerated", f"within {TOLERANCE:.0%} of 1: consistent", "lines"),
+        "x": [*_TOLERATED, *_TOLERATED[::-1], _TOLERATED[0]],
+        "y": [-0.8, -0.8, 0.8, 0.8, -0.8],
+        "fill": "toself",
+        "fillcolor": translucent(MUTED, 0.15),
+        "line": {"width": 0},
+        "hoverinfo": "skip",
+    }
+    if figure.value is None:
+        return [tolerated, ideal]
+    band = {
+        **trace("band", _band_name(figure), "lines"),
+        "x": numbers(figure.band or ()),
+        "y": [0, 0],
+        "line": {"color": SKY, "width": 16},
+        "hovertemplate": "%{x}<extra>end of the interval</extra>",
+    }
+    value = {
+        **trace("value", "found", "markers"),
+        "legendgroup": "found",
+        "x": [figure.value],
+        "y": [0],
+        "marker": {
+            "symbol": _SYMBOLS.get(figure.verdict, "circle"),
+            "size": 14,
+            "color": _COLOURS.get(figure.verdict, VERMILLION),
+            "line": {"color": INK, "width": 1},
+        },
+        "hovertemplate": f"{name} %{{x}}, {figure.verdict}<extra></extra>",
+    }
+    return [tolerated, *([band] if figure.band else []), ideal, value]
+
+
+def _band_name(figure: Spread) -> str:
+    return "95 % band" if figure.basis is None else "95 % interval"
+
+
+def _coverage_axes(covered: list[float], split: float) -> Spec:
+    lowest = min(*covered, IDEAL_COVERAGE, 0.98)
+    return {
+        "xaxis3": axis("vehicle", type="category", domain=[0, 1], anchor="y3"),
+        "yaxis3": axis(
+            "share within 3 sigma",
+            domain=[0, split],
+            anchor="x3",
+            range=[lowest - 0.05 * (1.0 - lowest), 1.002],
+            tickformat=".1%",
+        ),
+    }
+
+
+def _coverage_traces(names: list[str], covered: list[float]) -> list[Spec]:
+    shared = {"type": "scatter", "xaxis": "x3", "yaxis": "y3"}
+    return [
+        {
+            **shared,
+            "uid": "coverage",
+            "name": "share within 3 sigma",
+            "mode": "markers",
+            "x": names,
+            "y": numbers(covered, 6),
+            "marker": {"symbol": "diamond", "size": 11, "color": BLUE},
+            "hovertemplate": "%{x}: %{y:.2%}<extra></extra>",
+        },
+        {
+            **shared,
+            "uid": "coverage-ideal",
+            "name": "99.73 %, normal errors",
+            "mode": "lines",
+            "x": names,
+            "y": numbers(np.full(len(names), IDEAL_COVERAGE)),
+            "line": {"color": MUTED, "width": 1.5, "dash": "dot"},
+            "hoverinfo": "skip",
+        },
+    ]

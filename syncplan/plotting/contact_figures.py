@@ -1,0 +1,382 @@
+"""The contact timeline, and the singular values of the matrix that its sightings fill.
+
+The timeline has a bar for each directed sighting, and what their union joins below. A row is a
+directed sighting (v1 -> v2) or, of teams with more than MANY_SIGHTINGS of these, a vehicle: what it
+sees at once stands in lanes of its row.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from syncplan.arrays import Array
+from syncplan.observability.link_verdicts import LinkVerdict
+from syncplan.observability.rank import DISTINCT_LANDMARKS, RANK_TOLERANCE
+from syncplan.orbits.graphs import disjoint_sets
+from syncplan.planning.planner import Plan
+from syncplan.plotting.canvas import Spec, axis, escaped, layout, numbers, panel_title
+from syncplan.plotting.figure_style import BLUE, INK, MUTED, PURPLE, VERMILLION, FigureStyle
+from syncplan.plotting.formation_figures import verdict_words
+from syncplan.plotting.links import Standing, body_names, grouped, hover
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One directed sighting: who sees whom, when in s (k, 2), as part of which meeting."""
+
+    observer: int
+    target: int
+    windows: Array
+    meeting: LinkVerdict
+    shown: Standing
+
+
+MANY_SIGHTINGS = 60
+"""Directed sightings up to which each has a row of its own."""
+
+ROW_PX = 19
+VEHICLE_ROW_PX = 14
+BARS_PX = (60, 1600)
+"""Height of a row, and of all of them."""
+
+_LABEL_PX = 12
+_LABEL_FONT_PX = 11
+_UNION_PX = 170
+_GAP_PX = 84
+_BAR = 0.72
+"""Share of a row that its bars fill."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lane:
+    """One window drawn: its row, middle and width in rows, start and end in s, its sighting."""
+
+    row: int
+    at: float
+    width: float
+    start: float
+    end: float
+    sighting: Row
+
+
+def timeline_spec(plan: Plan, style: FigureStyle) -> Spec:
+    """Return the figure of all sightings over [0, T), with the growth of their union below.
+
+    A window that passes T goes on from 0.
+    """
+    names = body_names(plan)
+    lanes, labels = lanes_of(plan, names)
+    row_px = style.px(ROW_PX if len(rows_of(plan)) <= MANY_SIGHTINGS else VEHICLE_ROW_PX)
+    bars_px = min(max(row_px * len(labels), BARS_PX[0]), BARS_PX[1])
+    inner = bars_px + style.px(_GAP_PX) + _UNION_PX
+    # a label where there is room for it: in each row, or in every k-th
+    every = max(1, -(-style.px(_LABEL_PX) * len(labels) // bars_px))
+    split = _UNION_PX / inner
+    period = plan.orbits.period
+    longest = max(period, plan.connectivity_period or 0.0)
+    title = f"{escaped(plan.scenario.name or 'Plan')}: who sees whom, when"
+    drawn = layout(
+        title,
+        note=_note(plan),
+        inner=inner,
+        above=12,
+        barmode="overlay",
+        xaxis=axis("time within a period, s", range=[0, period], domain=[0, 1], anchor="y"),
+        yaxis=axis(
+            domain=[1.0 - bars_px / inner, 1],
+            range=[len(labels) - 0.5, -0.5],
+            tickmode="array",
+            tickvals=list(range(0, len(labels), every)),
+            ticktext=labels[::every],
+            tickfont={"size": _LABEL_FONT_PX},
+            ticks="",
+        ),
+        xaxis2=axis("watched from time 0 for, s", range=[0, longest], anchor="y2"),
+        yaxis2=axis("number", domain=[0, split], rangemode="tozero", anchor="x2"),
+        annotations=[panel_title("What the union of the sightings joins", 0, split)],
+    )
+    return {"data": [*_bars(lanes, names), *_union_traces(plan)], "layout": drawn}
+
+
+def lanes_of(plan: Plan, names: list[str]) -> tuple[list[Lane], list[str]]:
+    """Return every window with its place in a row, and the rows' labels; `names` escaped.
+
+    Windows of one row that overlap in time stand in lanes under each other.
+    """
+    sightings, period = rows_of(plan), plan.orbits.period
+    if len(sightings) <= MANY_SIGHTINGS:
+        row_of = {id(one): k for k, one in enumerate(sightings)}
+        labels = [f"{names[one.observer]} → {names[one.target]}" for one in sightings]
+    else:
+        observers = sorted({one.observer for one in sightings})
+        row_of = {id(one): observers.index(one.observer) for one in sightings}
+        labels = [names[k] for k in observers]
+    of_row: dict[int, list[tuple[float, float, Row]]] = {}
+    for one in sightings:
+        windows = within_period(one.windows, period)
+        of_row.setdefault(row_of[id(one)], []).extend((*window, one) for window in windows)
+    return [lane for row, drawn in of_row.items() for lane in _laid_out(row, drawn)], labels
+
+
+def _laid_out(row: int, windows: list[tuple[float, float, Row]]) -> list[Lane]:
+    """The windows of a row, each in the first lane that is free when it begins."""
+    busy: list[float] = []
+    lanes = []
+    ordered = sorted(windows, key=lambda window: window[:2])
+    for start, end, _ in ordered:
+        lane = next((k for k, until in enumerate(busy) if until <= start), len(busy))
+        busy[lane : lane + 1] = [end]
+        lanes.append(lane)
+    width = _BAR / max(len(busy), 1)
+    return [
+        Lane(row, row + (lane + 0.5) * width - 0.5 * _BAR, width, start, end, sighting)
+        for lane, (start, end, sighting) in zip(lanes, ordered, strict=True)
+    ]
+
+
+def rows_of(plan: Plan) -> list[Row]:
+    """Return the directed sightings: links, incidental links, landmarks, each both ways."""
+    return [
+        Row(observer, target, windows, meeting, shown)
+        for shown, meetings in grouped(plan).items()
+        for meeting in meetings
+        for observer, target, windows in (
+            (meeting.a, meeting.b, meeting.forward),
+            (meeting.b, meeting.a, meeting.backward),
+        )
+        if len(windows)
+    ]
+
+
+def within_period(windows: Array, period: float) -> list[tuple[float, float]]:
+    """Return (k, 2) windows in s cut at the period, so that each lies in [0, period]."""
+    cut = []
+    for start, end in windows.tolist():
+        cut.append((start, min(end, period)))
+        if end > period:
+            cut.append((0.0, min(end - period, start)))
+    return cut
+
+
+def union_growth(plan: Plan) -> tuple[Array, Array, Array]:
+    """Return (times, groups, held) of the union of sightings from time 0 on, a step at each time.
+
+    `groups` counts the components of vehicles joined so far, `held` the vehicles in components
+    that have seen two distinct landmarks. Sightings count as they begin, whatever their rank.
+    """
+    count = plan.orbits.count
+    merged = disjoint_sets(count)
+    seen: dict[int, set[int]] = {k: set() for k in range(count)}
+    size = dict.fromkeys(range(count), 1)
+    steps: list[tuple[float, int, int]] = [(0.0, count, 0)]
+    groups, held = count, 0
+    for time, a, b in _beginnings(plan):
+        parts = {merged[a]} if b >= count else {merged[a], merged[b]}
+        if b < count and len(parts) == 1:
+            continue
+        before = sum(size[part] for part in parts if _distinct(plan, seen[part]))
+        known = set().union(*(seen[part] for part in parts))
+        whole = sum(size[part] for part in parts)
+        if b >= count:
+            known.add(b - count)
+        else:
+            merged.union(a, b)
+            groups -= 1
+        seen[merged[a]], size[merged[a]] = known, whole
+        held += (whole if _distinct(plan, known) else 0) - before
+        if (groups, held) != steps[-1][1:]:
+            steps = steps[:-1] if steps[-1][0] == time else steps
+            steps.append((time, groups, held))
+    times, left, found = np.array(steps).T
+    return times, left, found
+
+
+def _beginnings(plan: Plan) -> Iterable[tuple[float, int, int]]:
+    """(time, observer, target) at which each pair is first in contact, in order of time."""
+    windows, period = plan.windows, plan.orbits.period
+    first = []
+    for k in np.flatnonzero(np.diff(windows.first)):
+        of = windows.of(int(k))
+        begin = 0.0 if (of[:, 1] >= period).any() else float(of[:, 0].min())
+        first.append((begin, int(windows.observers[k]), int(windows.targets[k])))
+    return sorted(first)
+
+
+def _distinct(plan: Plan, landmarks: set[int]) -> bool:
+    places = plan.landmarks[sorted(landmarks)]
+    apart = places[:, None] - places[None]
+    limit = DISTINCT_LANDMARKS * float(plan.orbits.radii.mean())
+    return bool((np.hypot(apart[..., 0], apart[..., 1]) > limit).any())
+
+
+def _note(plan: Plan) -> str:
+    length = plan.connectivity_period
+    if length is None:
+        return f"period {plan.orbits.period:.4g} s; no window of two periods certifies the team"
+    return (
+        f"period {plan.orbits.period:.4g} s; any {length:.4g} s of sightings certify the team "
+        "(connectivity period)"
+    )
+
+
+def _bars(lanes: list[Lane], names: list[str]) -> list[Spec]:
+    """One trace for each kind of link, so that the legend distinguishes them."""
+    traces = []
+    for shown in dict.fromkeys(lane.sighting.shown for lane in lanes):
+        drawn = [lane for lane in lanes if lane.sighting.shown == shown]
+        marker = {"color": shown.color, "line": {"color": INK, "width": 0.6}}
+        if shown.pattern:
+            marker["pattern"] = {"shape": shown.pattern, "fillmode": "replace", "size": 6}
+        traces.append(
+            {
+                "type": "bar",
+                "uid": f"bars-{shown.key}",
+                "name": shown.text,
+                "orientation": "h",
+                "base": numbers([lane.start for lane in drawn], 6),
+                "x": numbers([lane.end - lane.start for lane in drawn], 6),
+                "y": numbers([lane.at for lane in drawn], 4),
+                "width": numbers([lane.width for lane in drawn], 4),
+                "marker": marker,
+                "hovertext": [_window_words(lane, names) for lane in drawn],
+                "hoverinfo": "text",
+                "textposition": "none",
+            }
+        )
+    return traces
+
+
+def _window_words(lane: Lane, names: list[str]) -> str:
+    one = lane.sighting
+    who = f"{names[one.observer]} → {names[one.target]}"
+    words = hover(one.meeting, names, one.shown)
+    return f"{who}, {lane.start:.4g} to {lane.end:.4g} s<br>{words}"
+
+
+def _union_traces(plan: Plan) -> list[Spec]:
+    times, groups, held = union_growth(plan)
+    longest = max(plan.orbits.period, plan.connectivity_period or 0.0)
+    at = numbers(np.append(times, longest), 6)
+    shared = {"type": "scatter", "mode": "lines", "xaxis": "x2", "yaxis": "y2"}
+    traces: list[Spec] = [
+        {
+            **shared,
+            "uid": "groups",
+            "name": "groups of vehicles not yet joined to each other",
+            "x": at,
+            "y": numbers(np.append(groups, groups[-1])),
+            "line": {"shape": "hv", "color": BLUE, "width": 2.5},
+        },
+        {
+            **shared,
+            "uid": "held",
+            "name": "vehicles in groups that have seen two landmarks",
+            "x": at,
+            "y": numbers(np.append(held, held[-1])),
+            "line": {"shape": "hv", "color": PURPLE, "width": 2.5, "dash": "dash"},
+        },
+    ]
+    if plan.connectivity_period is not None:
+        end = plan.connectivity_period
+        traces.append(
+            {
+                **shared,
+                "uid": "connectivity-period",
+                "name": f"connectivity period, {end:.4g} s",
+                "x": [end, end],
+                "y": [0, plan.orbits.count],
+                "line": {"color": INK, "width": 1.5, "dash": "dot"},
+            }
+        )
+    return traces
+
+
+_FLOOR = 1e-18
+"""Share of the largest singular value below which one is drawn at the floor."""
+
+
+def spectrum_spec(plan: Plan) -> Spec:
+    """Return the figure of the singular values in descending order, on a logarithmic axis."""
+    verdict = plan.observability
+    values, rank = verdict.singular_values, verdict.rank
+    largest = float(values[0]) or 1.0
+    drawn = np.maximum(values, _FLOOR * largest)
+    order = np.arange(1, len(values) + 1)
+    limit = RANK_TOLERANCE * largest
+    width = [0.5, len(values) + 0.5]
+    traces = [
+        _points(order[:rank], drawn[:rank], values[:rank], "counts for the rank", "circle", BLUE),
+        {
+            "type": "scatter",
+            "uid": "tolerance",
+            "mode": "lines",
+            "name": "tolerance, 1e-8 of the largest",
+            "x": width,
+            "y": [limit, limit],
+            "line": {"color": MUTED, "dash": "dash", "width": 1.5},
+            "hoverinfo": "skip",
+        },
+    ]
+    if rank < len(values):
+        rest = slice(rank, None)
+        name = "does not count: unobservable"
+        traces.insert(1, _points(order[rest], drawn[rest], values[rest], name, "x", VERMILLION))
+    title = f"{escaped(plan.scenario.name or 'Plan')}: singular values"
+    low = min(float(drawn[-1]), limit) / 3.0
+    shown = layout(
+        title,
+        note=f"{verdict_words(plan)}; positions in mean radii",
+        inner=320,
+        xaxis=axis("number, largest first", range=width),
+        yaxis=axis(
+            "singular value",
+            type="log",
+            exponentformat="e",
+            range=numbers(np.log10([low, 3.0 * largest]), 4),
+        ),
+        annotations=[_gap(rank, drawn, verdict.gap, limit)],
+    )
+    return {"data": traces, "layout": shown}
+
+
+def _points(
+    order: np.ndarray, drawn: np.ndarray, values: np.ndarray, name: str, symbol: str, color: str
+) -> Spec:
+    return {
+        "type": "scatter",
+        "uid": f"values-{symbol}",
+        "mode": "markers",
+        "name": name,
+        "x": order.tolist(),
+        "y": numbers(drawn),
+        "text": [f"{value:.3e}" for value in values],
+        "marker": {"symbol": symbol, "size": 9, "color": color, "line": {"color": INK, "width": 0}},
+        "hovertemplate": "%{x}: %{text}<extra></extra>",
+    }
+
+
+def _gap(rank: int, drawn: np.ndarray, gap: float, limit: float) -> Spec:
+    """What separates the last value that counts from the first that does not, or the tolerance.
+
+    The words stand in the larger part of the gap, away from the line of the tolerance.
+    """
+    high = float(drawn[max(rank, 1) - 1])
+    if rank < len(drawn):
+        size = f"a factor of {gap:.1e}" if np.isfinite(gap) else "all: the rest is zero"
+        text, low, at = f"gap: {size}", float(drawn[rank]), rank + 0.5
+        edges = np.log10([low, min(max(limit, low), high), high])
+        parts = [edges[:2], edges[1:]]
+        middle = float(np.mean(max(parts, key=lambda part: float(part[1] - part[0]))))
+    else:
+        last = float(drawn[-1])
+        text, at = f"smallest is {last / limit:.1e}<br>times the tolerance", rank
+        middle = float(np.log10(np.sqrt(limit * high)))
+    return {
+        "text": text,
+        "x": at,
+        "y": round(middle, 4),
+        "xanchor": "right",
+        "showarrow": False,
+        "font": {"size": 13},
+    }

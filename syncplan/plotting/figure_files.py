@@ -1,0 +1,385 @@
+"""Figures as files: a page that works offline, and images.
+
+The page is self-contained, in light and dark, printed, by keyboard. Images are drawn by kaleido and
+a Chrome or Chromium that is installed, started once.
+"""
+
+import html
+import importlib.util
+import json
+import re
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+from syncplan.errors import InputError, SyncplanError
+from syncplan.plotting.canvas import CONFIG, Spec
+from syncplan.plotting.figure_style import DARK, PAPER, PLAIN, FigureStyle, Theme
+from syncplan.plotting.figure_table import FIGURES
+from syncplan.reports.verdict_schemas import PlanVerdict
+
+
+def figure_page(
+    title: str,
+    specs: Mapping[str, Spec],
+    verdicts: Mapping[str, PlanVerdict] | None = None,
+    *,
+    columns: Mapping[str, Spec] | None = None,
+    theme: Theme | None = None,
+) -> str:
+    """Return the HTML of figures, by name, under a heading; everything needed is inside.
+
+    Verdicts on the plans that are shown, by what each is (empty for a single one), stand above
+    the figures with their findings. Figures are in the colours of a light page, which the script
+    swaps: for `theme` or, without it, as the reader's system has it. `columns` are the same
+    figures laid out for COLUMN_PX, shown where the page is narrow. The page is as wide as a
+    figure's layout says, if one does. The same figures give the same bytes. Raises InputError
+    where Plotly is not installed.
+    """
+    sections = "\n".join(_section(name) for name in specs)
+    parts = {f"values-{name}": _fluid(spec) for name, spec in specs.items()}
+    parts |= {f"column-{name}": _changed(specs[name], one) for name, one in (columns or {}).items()}
+    values = "\n".join(embedded(name, part) for name, part in parts.items())
+    widths = [spec["layout"]["width"] for spec in specs.values() if "width" in spec["layout"]]
+    width = f"body {{ max-width: {max(widths) + _PAGE_SIDES_PX}px; }}\n" if widths else ""
+    scheme, chosen = (theme, f' data-theme="{theme}"') if theme else ("light dark", "")
+    links = " ".join(f'<a href="#{name}">{html.escape(FIGURES[name].title)}</a>' for name in specs)
+    heading = html.escape(title)
+    judged = "".join(_verdict_lines(*one) for one in (verdicts or {}).items())
+    return f"""<!DOCTYPE html>
+<html lang="en"{chosen}>
+<head>
+<meta charset="utf-8">
+<meta http-equiv="Content-Security-Policy" content="{_POLICY}">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="{scheme}">
+<title>{heading}</title>
+<style>{_STYLE}{width}</style>
+</head>
+<body>
+<header><h1>{heading}</h1>
+{judged}<nav aria-label="Figures">{links}</nav></header>
+<main>
+<noscript><p>The figures are drawn by a script; allow scripts for this page.</p></noscript>
+{sections}
+</main>
+{values}
+{embedded("dark-colors", dict(DARK))}
+{embedded("plotly-config", dict(CONFIG))}
+<script>{plotly_script()}</script>
+<script>{_SCRIPT}</script>
+</body>
+</html>
+"""
+
+
+def _verdict_lines(which: str, verdict: PlanVerdict) -> str:
+    """The headline, and each finding below it."""
+    items = "".join(
+        f"<li>{one.level}: {one.code}: {html.escape(one.message)}</li>\n"
+        for one in verdict.findings
+    )
+    listed = f'<ul class="findings">\n{items}</ul>\n' if items else ""
+    headline = f"{which}: {verdict.headline}" if which else verdict.headline
+    return f'<p class="verdict"><strong>{headline}</strong></p>\n{listed}'
+
+
+def _fluid(spec: Spec) -> Spec:
+    """A figure that takes the width of its page."""
+    return {**spec, "layout": {key: v for key, v in spec["layout"].items() if key != "width"}}
+
+
+def _changed(spec: Spec, column: Spec) -> Spec:
+    """What of a figure is other in a narrow column; an animation keeps its frames and marks."""
+    other = _fluid(column)
+    keys = {"layout"} if spec["data"] == column["data"] or "frames" in spec else {"layout", "data"}
+    return {key: other[key] for key in sorted(keys)}
+
+
+def _section(name: str) -> str:
+    entry = FIGURES[name]
+    title, sentence = html.escape(entry.title), html.escape(entry.sentence)
+    return (
+        f'<section id="{name}" aria-labelledby="title-{name}">\n'
+        f'<h2 id="title-{name}">{title}</h2>\n<p id="about-{name}">{sentence}</p>\n'
+        f'<div class="plot" id="plot-{name}" role="img" aria-labelledby="title-{name}" '
+        f'aria-describedby="about-{name}"></div>\n</section>'
+    )
+
+
+def embedded(name: str, values: Spec) -> str:
+    """Return JSON inside a script element named `name`, where < would be read as markup."""
+    text = json.dumps(values, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    safe = text.replace("<", "\\u003c")
+    return f'<script type="application/json" id="{name}">{safe}</script>'
+
+
+def plotly_script() -> str:
+    """Return Plotly's script as it is installed; raises InputError if it is not."""
+    try:
+        from plotly.offline import get_plotlyjs
+    except ImportError:
+        raise InputError("needs plotly: pip install 'syncplan[plot]'", source="a page") from None
+    script: str = get_plotlyjs()
+    return script
+
+
+_PAGE_SIDES_PX = 48
+
+_POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
+    "img-src data: blob:; font-src data:"
+)
+"""Nothing is ever fetched: the browser itself refuses."""
+
+_STYLE = """
+:root { color-scheme: light dark; --paper: #ffffff; --ink: #1b1b1f; --link: #0061a8; }
+@media (prefers-color-scheme: dark) {
+  :root { --paper: #16161a; --ink: #ececf0; --link: #7cc0f0; }
+}
+:root[data-theme="light"] { color-scheme: light; --paper: #ffffff; --ink: #1b1b1f; }
+:root[data-theme="light"] { --link: #0061a8; }
+:root[data-theme="dark"] { color-scheme: dark; --paper: #16161a; --ink: #ececf0; }
+:root[data-theme="dark"] { --link: #7cc0f0; }
+body { margin: 0 auto; padding: 1rem 1.5rem 3rem; max-width: 68rem; background: var(--paper);
+  color: var(--ink); font: 16px/1.5 system-ui, -apple-system, "Segoe UI", "DejaVu Sans", Arial,
+  sans-serif; }
+h1 { font-size: 1.6rem; margin: 0.5rem 0; overflow-wrap: anywhere; }
+h2 { font-size: 1.2rem; margin: 2.2rem 0 0; }
+p { margin: 0.2rem 0 0.6rem; }
+nav a { margin-right: 1rem; }
+.findings { margin: 0 0 0.8rem; padding-left: 1.2rem; overflow-wrap: anywhere; }
+a { color: var(--link); }
+.player { display: flex; gap: 0.8rem; align-items: center; }
+.player input { flex: 1; }
+.player output { min-width: 7em; font-variant-numeric: tabular-nums; }
+.player button { font: inherit; min-width: 5em; padding: 0.2em 0.8em; }
+@media print {
+  :root, :root[data-theme] { --paper: #ffffff; --ink: #000000; }
+  body { max-width: none; padding: 0; }
+  nav, .player, .modebar { display: none; }
+  section { break-inside: avoid; }
+}
+"""
+
+_SCRIPT = """
+"use strict";
+const read = (id) => document.getElementById(id).textContent;
+const darkColors = JSON.parse(read("dark-colors"));
+const darkScheme = matchMedia("(prefers-color-scheme: dark)");
+const chosen = document.documentElement.dataset.theme;
+const isDark = () => (chosen ? chosen === "dark" : darkScheme.matches);
+const config = JSON.parse(read("plotly-config"));
+const printWidth = 700;
+const columnWidth = 600;
+const isNarrow = (div) => div.clientWidth < columnWidth;
+
+function parsed(id, dark) {
+  let text = read(id);
+  if (dark) {
+    for (const [light, other] of Object.entries(darkColors)) {
+      text = text.replaceAll('"' + light + '"', '"' + other + '"');
+    }
+  }
+  return JSON.parse(text);
+}
+
+function valuesOf(name, dark, narrow) {
+  const spec = parsed("values-" + name, dark);
+  if (narrow && document.getElementById("column-" + name)) {
+    Object.assign(spec, parsed("column-" + name, dark));
+  }
+  if (spec.frames) {
+    // the page has its own controls, which take the keyboard
+    delete spec.layout.updatemenus;
+    delete spec.layout.sliders;
+    spec.layout.height -= spec.layout.meta.controls_px;
+    spec.layout.margin.b -= spec.layout.meta.controls_px;
+  }
+  return spec;
+}
+
+function draw(div, dark, width) {
+  const spec = valuesOf(div.id.slice(5), dark, !width && isNarrow(div));
+  if (width) {
+    spec.layout.width = width;
+  }
+  Plotly.react(div, spec.data, spec.layout, config);
+}
+
+function player(div, spec) {
+  let known = null;
+  let dark = null;
+  const times = spec.layout.sliders[0].steps.map((step) => step.label);
+  const button = document.createElement("button");
+  const slider = document.createElement("input");
+  const output = document.createElement("output");
+  const bar = document.createElement("div");
+  bar.className = "player";
+  bar.append(button, slider, output);
+  div.after(bar);
+  button.type = "button";
+  slider.type = "range";
+  slider.min = 0;
+  slider.max = spec.frames.length - 1;
+  slider.value = 0;
+  slider.setAttribute("aria-label", "Time within the period");
+  let playing = false;
+  let timer = 0;
+  const show = (wanted) => {
+    const k = Number(slider.value);
+    output.textContent = times[k] + " s";
+    slider.setAttribute("aria-valuetext", times[k] + " seconds");
+    if (dark !== wanted) {
+      dark = wanted;
+      known = valuesOf(div.id.slice(5), dark, false);
+    }
+    const frame = known.frames[k];
+    const data = [...known.data];
+    frame.traces.forEach((n, i) => { data[n] = { ...data[n], ...frame.data[i] }; });
+    // the layout as it is keeps the reader's zoom
+    Plotly.react(div, data, div.layout, config);
+  };
+  const step = () => {
+    if (!playing) { return; }
+    slider.value = (Number(slider.value) + 1) % spec.frames.length;
+    show(isDark());
+    timer = setTimeout(step, 100);
+  };
+  const label = () => { button.textContent = playing ? "Pause" : "Play"; };
+  button.addEventListener("click", () => {
+    clearTimeout(timer);
+    playing = !playing;
+    label();
+    step();
+  });
+  slider.addEventListener("input", () => {
+    playing = false;
+    label();
+    show(isDark());
+  });
+  label();
+  output.textContent = times[0] + " s";
+  return show;
+}
+
+const shown = new Map();
+const plots = [...document.querySelectorAll(".plot")];
+for (const div of plots) {
+  draw(div, isDark());
+  const spec = JSON.parse(read("values-" + div.id.slice(5)));
+  if (spec.frames) { shown.set(div, player(div, spec)); }
+}
+function drawAll(dark, width) {
+  for (const div of plots) {
+    draw(div, dark, width);
+    shown.get(div)?.(dark);
+  }
+}
+darkScheme.addEventListener("change", () => drawAll(isDark()));
+let narrow = plots.some(isNarrow);
+addEventListener("resize", () => {
+  if (plots.some(isNarrow) !== narrow) {
+    narrow = !narrow;
+    drawAll(isDark());
+  }
+});
+addEventListener("beforeprint", () => drawAll(false, printWidth));
+addEventListener("afterprint", () => drawAll(isDark()));
+"""
+
+
+_TIMEOUT_S = 90
+_PDF_DATE = re.compile(rb"D:\d{14}")
+_SVG_KEY = re.compile(r"\b(?:clip|defs-|topdefs-|legend)([0-9a-f]{6})")
+
+
+def figure_images(
+    specs: Mapping[str, Spec], image_format: str, style: FigureStyle = PLAIN
+) -> dict[str, bytes]:
+    """Return figures as PNG, SVG or PDF by name, the same ones as the same bytes.
+
+    Each is as wide and high as it was laid out, on its theme's background; a PNG has the style's
+    dots for each px. One browser draws them all. Raises InputError where kaleido or the browser is
+    missing, SyncplanError where drawing fails.
+    """
+    missing = [n for n in ("plotly", "kaleido") if importlib.util.find_spec(n) is None]
+    if missing:
+        raise InputError(
+            f"needs {' and '.join(missing)}: pip install 'syncplan[plot]'; a .html page needs no "
+            "browser",
+            source=f"an image (.{image_format})",
+        )
+    jobs = [_job(spec, image_format, style) for spec in specs.values()]
+    images = zip(specs, _drawn(jobs, image_format), strict=True)
+    return {name: _constant(image, image_format) for name, image in images}
+
+
+def _job(spec: Spec, image_format: str, style: FigureStyle) -> Spec:
+    """A figure on paper, with kaleido's options."""
+    layout = {**spec["layout"], "paper_bgcolor": PAPER[style.theme]}
+    # what a page is operated by has no place on paper
+    if layout.pop("sliders", None):
+        room = layout["meta"]["controls_px"]
+        layout["height"] -= room
+        layout["margin"] = {**layout["margin"], "b": layout["margin"]["b"] - room}
+    layout.pop("updatemenus", None)
+    options = {
+        "format": image_format,
+        "width": style.page_px,
+        "height": layout["height"],
+        "scale": style.pixel_ratio if image_format == "png" else 1.0,
+    }
+    return {"fig": {"data": spec["data"], "layout": layout}, "opts": options}
+
+
+def _drawn(jobs: Sequence[Spec], image_format: str) -> list[bytes]:
+    import logging
+
+    from kaleido.errors import ChromeNotFoundError
+
+    # what fails raises; a browser's goodbye that comes with its last answer is logged as an error
+    for library in ("choreographer", "kaleido"):
+        logging.getLogger(library).setLevel(logging.CRITICAL)
+    try:
+        # a thread of its own: a notebook's has an event loop that runs already
+        with ThreadPoolExecutor(1) as pool:
+            return pool.submit(_by_one_browser, jobs).result()
+    except ChromeNotFoundError:
+        raise InputError(
+            "needs Chrome or Chromium: install one (kaleido_get_chrome fetches it), name it in "
+            "BROWSER_PATH, or write a .html page instead",
+            source=f"an image (.{image_format})",
+        ) from None
+    except Exception as error:
+        what = " ".join(str(error).split())[:200] or type(error).__name__
+        raise SyncplanError(
+            f"the browser could not draw the image: {what}; a .html page needs none"
+        ) from error
+
+
+def _by_one_browser(jobs: Sequence[Spec]) -> list[bytes]:
+    import asyncio
+
+    import kaleido
+
+    async def drawn() -> list[Any]:
+        # without mathjax=False a script would be fetched
+        async with kaleido.Kaleido(n=1, mathjax=False, timeout=_TIMEOUT_S) as browser:
+            return [await browser.calc_fig(job["fig"], opts=job["opts"]) for job in jobs]
+
+    return [bytes(image) for image in asyncio.run(drawn())]
+
+
+def _constant(image: bytes, image_format: str) -> bytes:
+    """An image without what changes from one drawing to the next."""
+    if image_format == "svg":
+        return _without_random_keys(image.decode("utf-8")).encode("utf-8")
+    return _PDF_DATE.sub(b"D:20000101000000", image) if image_format == "pdf" else image
+
+
+def _without_random_keys(svg: str) -> str:
+    """Plotly draws a random key for the names of an image's clips; here it is always the same."""
+    for key in dict.fromkeys(_SVG_KEY.findall(svg)):
+        svg = svg.replace(key, "000000")
+    return svg

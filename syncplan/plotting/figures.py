@@ -1,0 +1,232 @@
+"""Figures of plans and reports, as plotly.graph_objects.Figure.
+
+    from syncplan import figures
+    figures.formation(plan).show()
+    for name, figure in figures.figures_of(report).items(): ...
+
+The command line, the web page and these functions draw the same values, `specs_of`. All take
+`theme`, "light" or "dark", or a whole `style` in its place:
+
+    figures.formation(plan, style=figures.FigureStyle(width=400, font_scale=1.2, theme="dark"))
+
+Backgrounds are clear.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from syncplan.errors import InputError
+from syncplan.estimation.replay_results import Replay
+from syncplan.flight.flying import Flight
+from syncplan.planning.loss_study import WhatIf
+from syncplan.planning.planner import Plan
+from syncplan.planning.validation import Validation
+from syncplan.plotting.canvas import Spec, fitted
+from syncplan.plotting.figure_style import PLAIN, FigureStyle, Theme, themed
+from syncplan.plotting.figure_table import FIGURES, FigureInput, SubjectKind
+from syncplan.plotting.series_figures import errors_spec
+from syncplan.reports.flight_report import flight_document
+from syncplan.reports.flight_schemas import FlightDocument
+from syncplan.reports.loss_report import what_if_document
+from syncplan.reports.loss_schemas import WhatIfDocument
+from syncplan.reports.refinement_report import refinement_result
+from syncplan.reports.refinement_schemas import RefinementResult
+from syncplan.reports.replay_report import replay_document
+from syncplan.reports.replay_schemas import ReplayDocument
+from syncplan.reports.run_schemas import SweepReport, ValidationDocument
+from syncplan.reports.validation_report import validation_document
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+else:
+    Figure = Any
+
+
+Run = Validation | ValidationDocument | Replay | ReplayDocument
+Subject = Plan | SweepReport | WhatIf | WhatIfDocument | Flight | FlightDocument | Run
+
+
+def specs_of(
+    subject: Subject,
+    names: Sequence[str] = (),
+    *,
+    style: FigureStyle = PLAIN,
+    refined: RefinementResult | None = None,
+    after: Plan | None = None,
+) -> dict[str, Spec]:
+    """Return the figures of a subject as Plotly's plain values, by name: all, or the ones named.
+
+    `refined` is the record of a plan read from a file, which Plan.refinement does not hold; `after`
+    a second plan to compare with. Needs no Plotly. Raises InputError for a name that the subject
+    does not have.
+    """
+    of, given = _given(subject, refined, after, style)
+    known = _known(of, given)
+    for name in names:
+        if name not in known:
+            raise InputError(f"{name!r}: {_why_not(name, of, known)}", key="figure")
+    return {name: FIGURES[name].draw(given) for name in names or known}
+
+
+def first_figure(
+    subject: Subject, *, refined: RefinementResult | None = None, after: Plan | None = None
+) -> str:
+    """Return the name of the figure to show where there is room for one; see specs_of."""
+    known = _known(*_given(subject, refined, after, PLAIN))
+    return next((name for name in known if FIGURES[name].compares), known[0])
+
+
+def report_of(run: Run) -> ValidationDocument | ReplayDocument:
+    """Return the report of a run of the filter, which may be that already."""
+    if isinstance(run, Validation):
+        return validation_document(run)
+    return replay_document(run) if isinstance(run, Replay) else run
+
+
+def _given(
+    subject: Subject, refined: RefinementResult | None, after: Plan | None, style: FigureStyle
+) -> tuple[SubjectKind, FigureInput]:
+    if isinstance(subject, Plan):
+        if subject.refinement is not None:
+            refined = refinement_result(subject.refinement)
+        return "plan", FigureInput(subject, style, refined, after)
+    if after is not None:
+        raise InputError("only a plan can be compared with a plan", key="compare")
+    if isinstance(subject, SweepReport):
+        return "sweep", FigureInput(subject, style)
+    if isinstance(subject, WhatIf | WhatIfDocument):
+        report = what_if_document(subject) if isinstance(subject, WhatIf) else subject
+        return "losses", FigureInput(report, style)
+    if isinstance(subject, Flight | FlightDocument):
+        flown = flight_document(subject) if isinstance(subject, Flight) else subject
+        return "flight", FigureInput(flown, style)
+    return "run", FigureInput(report_of(subject), style)
+
+
+def _known(of: SubjectKind, given: FigureInput) -> list[str]:
+    return [name for name, one in FIGURES.items() if one.of == of and one.fits(given)]
+
+
+def _why_not(name: str, of: SubjectKind, known: list[str]) -> str:
+    choices = f"choose from {', '.join(known)}"
+    if name not in FIGURES:
+        return choices
+    figure = FIGURES[name]
+    why = figure.why_not if figure.of == of else "this file has no such figure"
+    return f"{why}; {choices}"
+
+
+__all__ = [
+    "FigureStyle",
+    "accuracy",
+    "animation",
+    "comparison",
+    "consistency",
+    "error_bands",
+    "figures_of",
+    "formation",
+    "prediction",
+    "refinement",
+    "spectrum",
+    "sweep_curves",
+    "timeline",
+]
+
+
+def formation(plan: Plan, *, theme: Theme | None = None, style: FigureStyle = PLAIN) -> Figure:
+    """Return circles, senses, links by rank and certificate, unobservable motions as arrows."""
+    return _one(plan, "formation", _styled(theme, style))
+
+
+def animation(plan: Plan, *, theme: Theme | None = None, style: FigureStyle = PLAIN) -> Figure:
+    """Return one period in 60 frames, with the sightings of each moment."""
+    return _one(plan, "animation", _styled(theme, style))
+
+
+def timeline(plan: Plan, *, theme: Theme | None = None, style: FigureStyle = PLAIN) -> Figure:
+    """Return a bar for each directed sighting over a period, in s, and their union below."""
+    return _one(plan, "timeline", _styled(theme, style))
+
+
+def spectrum(plan: Plan, *, theme: Theme | None = None, style: FigureStyle = PLAIN) -> Figure:
+    """Return the singular values of the windowed matrix and the gap the rank rests on."""
+    return _one(plan, "spectrum", _styled(theme, style))
+
+
+def prediction(plan: Plan, *, theme: Theme | None = None, style: FigureStyle = PLAIN) -> Figure:
+    """Return the bound's RMS position error of each vehicle, in m."""
+    return _one(plan, "prediction", _styled(theme, style))
+
+
+def refinement(plan: Plan, *, theme: Theme | None = None, style: FigureStyle = PLAIN) -> Figure:
+    """Return the figures of merit before and after; raises InputError if never refined."""
+    return _one(plan, "refinement", _styled(theme, style))
+
+
+def comparison(
+    before: Plan, after: Plan, *, theme: Theme | None = None, style: FigureStyle = PLAIN
+) -> Figure:
+    """Return circles and predicted errors of two plans; raises InputError if vehicles differ."""
+    specs = specs_of(before, ["comparison"], style=_styled(theme, style), after=after)
+    return _figure(specs["comparison"])
+
+
+def accuracy(report: Run, *, theme: Theme | None = None, style: FigureStyle = PLAIN) -> Figure:
+    """Return the RMS position errors found, beside the predicted ones if known, in m."""
+    return _one(report, "accuracy", _styled(theme, style))
+
+
+def error_bands(
+    report: Run,
+    vehicles: Sequence[str] | None = None,
+    *,
+    theme: Theme | None = None,
+    style: FigureStyle = PLAIN,
+) -> Figure:
+    """Return errors over time in the filter's own 3-sigma band, for the vehicles named.
+
+    If none are: for all, or of a large team those with the largest errors. Raises InputError for
+    a report without series, or an unknown vehicle.
+    """
+    chosen = _styled(theme, style)
+    spec = fitted(errors_spec(report_of(report), chosen, vehicles), chosen)
+    return _figure(themed(spec, chosen.theme))
+
+
+def consistency(report: Run, *, theme: Theme | None = None, style: FigureStyle = PLAIN) -> Figure:
+    """Return ANEES and NIS with their intervals, and the coverage of each vehicle."""
+    return _one(report, "consistency", _styled(theme, style))
+
+
+def sweep_curves(
+    report: SweepReport, *, theme: Theme | None = None, style: FigureStyle = PLAIN
+) -> Figure:
+    """Return the errors over the value that was swept, in m."""
+    return _one(report, "sweep", _styled(theme, style))
+
+
+def figures_of(
+    subject: Subject, *, theme: Theme | None = None, style: FigureStyle = PLAIN
+) -> dict[str, Figure]:
+    """Return all figures of a plan, a validation, a flight, a sweep, a what-if or a replay."""
+    specs = specs_of(subject, style=_styled(theme, style))
+    return {name: _figure(spec) for name, spec in specs.items()}
+
+
+def _one(subject: Subject, name: str, style: FigureStyle) -> Figure:
+    return _figure(specs_of(subject, [name], style=style)[name])
+
+
+def _styled(theme: Theme | None, style: FigureStyle) -> FigureStyle:
+    return style if theme is None else replace(style, theme=theme)
+
+
+def _figure(spec: Spec) -> Figure:
+    try:
+        from plotly.graph_objects import Figure as PlotlyFigure
+    except ImportError:
+        raise InputError(
+            "needs plotly: pip install 'syncplan[plot]'", source="the figure"
+        ) from None
+    return PlotlyFigure(spec)

@@ -1,0 +1,417 @@
+"""The formation at time 0, and one period of it, animated.
+
+The first shows circles and senses, poses, links by worth and unobservable motions; the second where
+everybody is, and who sees whom at that moment.
+"""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from syncplan.arrays import Array, Index
+from syncplan.observability.unobservable_modes import UnobservableMode
+from syncplan.orbits.circles import position, unit
+from syncplan.orbits.contacts import Windows
+from syncplan.planning.judged_team import UnmetLink
+from syncplan.planning.planner import Plan
+from syncplan.plotting.canvas import Spec, compass, escaped, gapped, label, layout, numbers
+from syncplan.plotting.figure_style import INK, PURPLE, FigureStyle
+from syncplan.plotting.links import (
+    DROPPED,
+    Standing,
+    body_names,
+    grouped,
+    hover,
+    link_ends,
+    link_pairs,
+)
+from syncplan.plotting.map_labels import landmark_trace, name_trace, obstructions
+from syncplan.plotting.maps import (
+    HEAD_PX,
+    VEHICLE_PX,
+    MapView,
+    area_traces,
+    circle_traces,
+    line_trace,
+    pointer,
+    pointer_entry,
+    vehicle_marks,
+    view_of,
+)
+
+MOTIONS_SHOWN = 3
+"""Unobservable motions drawn at first; the others stand in the legend, to be switched on."""
+
+
+_ARROW = 0.9
+_LEAST_ARROW = 0.05
+"""Length of the longest arrow of a motion in mean radii, and at least in widths of the map."""
+
+_HEAD_PX = 15.0
+_SHORT_PX = 9.0
+_SHORT_MARK_PX = 7.0
+"""Length of a link's line below which a mark shows it, and the size of that."""
+
+_MOTION_DASHES = ("solid", "dash", "dot")
+
+
+def formation_spec(plan: Plan, style: FigureStyle) -> Spec:
+    """Return the figure of a plan's formation at time 0, both axes to one scale.
+
+    Links run from rim to rim, by what they are worth. An unobservable motion is an arrow at each
+    vehicle that it displaces, the longest 0.9 mean radii long (more on a large map).
+    Turns are shown when pointed at.
+    """
+    view = view_of(style, plan)
+    names = body_names(plan)
+    about = obstructions(plan, link_pairs(plan), _arrow_lines(plan, view))
+    traces = [
+        *area_traces(plan, view),
+        *_link_traces(plan, names, view),
+        *circle_traces(plan, view, arrows=True),
+        *landmark_trace(plan, view, names, about),
+        pointer_entry("vehicles", "vehicle at time 0", VEHICLE_PX),
+        _vehicle_trace(plan, names, view),
+        name_trace(plan, view, names, about),
+        *_motion_traces(plan, names, view),
+    ]
+    title = escaped(plan.scenario.name or "Formation")
+    drawn = layout(title, note=verdict_words(plan), inner=view.height_px, **view.axes())
+    return {"data": traces, "layout": drawn}
+
+
+def verdict_words(plan: Plan) -> str:
+    """Return in a line whether the plan is observable, with rank and certificate."""
+    verdict = plan.observability
+    state = "observable" if verdict.observable else "NOT observable"
+    holds = "holds" if plan.certificate.holds else "does not hold"
+    return f"{state}: rank {verdict.rank} of {verdict.state_dim}; certificate {holds}"
+
+
+def _vehicle_trace(plan: Plan, names: list[str], view: MapView) -> Spec:
+    orbits = plan.orbits
+    turns = ["counter-clockwise" if sense > 0.0 else "clockwise" for sense in orbits.senses]
+    texts = [
+        f"{names[k]}, {turns[k]}<br>radius {orbits.radii[k]:.4g} m, "
+        f"{orbits.speeds[k]:.4g} m/s<br>phase {orbits.phases[k]:.4f} rad"
+        for k in range(orbits.count)
+    ]
+    return {
+        "type": "scatter",
+        "uid": "vehicles",
+        "legendgroup": "vehicles",
+        "showlegend": False,
+        "mode": "markers",
+        **vehicle_marks(plan, view, 0.0, view.places),
+        "text": texts,
+        "hoverinfo": "text",
+    }
+
+
+def _link_traces(plan: Plan, names: list[str], view: MapView) -> list[Spec]:
+    traces = []
+    ordered = sorted(grouped(plan).items(), key=lambda item: item[0].key)
+    for shown, meetings in ordered:
+        pairs = [(item.a, item.b) for item in meetings]
+        texts = [hover(item, names, shown) for item in meetings]
+        traces.append(_pair_trace(plan, pairs, texts, shown, view))
+    if plan.dropped_links:
+        texts = [_dropped_words(item, names) for item in plan.dropped_links]
+        pairs = [(item.a, item.b) for item in plan.dropped_links]
+        traces.append(_pair_trace(plan, pairs, texts, DROPPED, view))
+    return traces
+
+
+def _dropped_words(item: UnmetLink, names: list[str]) -> str:
+    return f"{names[item.a]}-{names[item.b]}, dropped<br>{escaped(item.reason)}"
+
+
+def _pair_trace(
+    plan: Plan, pairs: Sequence[tuple[int, int]], texts: list[str], shown: Standing, view: MapView
+) -> Spec:
+    """Lines from rim to rim, with a middle point to be pointed at, marked where a line is short."""
+    start, end = link_ends(plan.orbits, plan.landmarks, np.array(pairs))
+    x, y = gapped(np.stack([start, 0.5 * (start + end), end], axis=1), view.places)
+    text = [""] * len(x)
+    text[1::4] = texts
+    lengths = view.scale * np.hypot(*(end - start).T)
+    sizes = [0.0] * len(x)
+    sizes[1::4] = [_SHORT_MARK_PX if length < _SHORT_PX else 0.0 for length in lengths]
+    line = {"color": shown.color, "dash": shown.dash, "width": view.link_px(shown.width)}
+    marks: Spec = {}
+    if any(sizes):
+        marker = {"symbol": "diamond", "size": sizes, "color": shown.color, "line": {"width": 0}}
+        marks = {"mode": "lines+markers", "marker": {**marker, "opacity": 1}}
+    return line_trace(
+        shown.key,
+        shown.text,
+        x,
+        y,
+        line,
+        text=text,
+        hoverinfo="text",
+        hovertemplate="%{text}<extra></extra>",
+        **marks,
+    )
+
+
+def _motion_traces(plan: Plan, names: list[str], view: MapView) -> list[Spec]:
+    """Arrows of each motion, and an entry in the legend, which has no room for arrowheads."""
+    traces = []
+    for number, motion in enumerate(plan.unobservable):
+        line = {
+            "color": PURPLE,
+            "dash": _MOTION_DASHES[number % len(_MOTION_DASHES)],
+            "width": 3.5,
+        }
+        shared = {
+            "legendgroup": f"motion-{number}",
+            "visible": True if number < MOTIONS_SHOWN else "legendonly",
+        }
+        text = label(f"unobservable: {motion.description}")
+        traces.append(line_trace(f"entry-{number}", text, [None], [None], line, **shared))
+        traces.append(
+            {
+                "type": "scatter",
+                "uid": f"motion-{number}",
+                "mode": "lines+markers",
+                **_arrows(plan, motion, names, view),
+                "line": line,
+                "hovertemplate": "%{text}<extra></extra>",
+                "showlegend": False,
+                **shared,
+            }
+        )
+    return traces
+
+
+def _arrows(plan: Plan, motion: UnobservableMode, names: list[str], view: MapView) -> Spec:
+    """Places of lines and their heads, and what each of them says."""
+    head = view.mark_px(_HEAD_PX)
+    x: list[float | None] = []
+    y: list[float | None] = []
+    sizes: list[float] = []
+    angles: list[float] = []
+    text: list[str] = []
+    for k, path, ahead in _arrow_paths(plan, motion, view):
+        one_x, one_y = gapped(path[None], view.places)
+        x, y = x + one_x, y + one_y
+        plain = len(path) - 1
+        sizes += [0] * plain + [head, 0]
+        angles += [0.0] * plain + compass(np.arctan2(ahead[1], ahead[0])) + [0.0]
+        text += [_motion_words(motion, names[k], k)] * (plain + 1) + [""]
+    marker = {"symbol": "arrow", "size": sizes, "angle": angles, "color": PURPLE}
+    return {"x": x, "y": y, "marker": {**marker, "opacity": 1, "line": {"width": 0}}, "text": text}
+
+
+def _arrow_paths(
+    plan: Plan, motion: UnobservableMode, view: MapView
+) -> Iterator[tuple[int, Array, Array]]:
+    """Each vehicle that moves, its line (p, 2) in m, and the direction of its head."""
+    radius = float(plan.orbits.radii.mean())
+    length = max(_ARROW * radius, _LEAST_ARROW * float(np.max(view.high - view.low)))
+    where = position(plan.orbits, 0.0)
+    shifts = np.hypot(motion.motion[:, 0], motion.motion[:, 1])
+    for k in motion.vehicles:
+        if shifts[k] > 1e-3:
+            ahead = motion.motion[k, :2]
+            yield k, where[k] + length * np.array([[0.0, 0.0], ahead]), ahead
+        else:
+            path = _turning_arc(where[k], radius / 3.0, float(motion.motion[k, 2]))
+            yield k, path, path[-1] - path[-2]
+
+
+def _arrow_lines(plan: Plan, view: MapView) -> Array:
+    """The lines (k, 2, 2) m of all arrows that are drawn at first."""
+    lines = [
+        np.stack([path[:-1], path[1:]], axis=1)
+        for motion in plan.unobservable[:MOTIONS_SHOWN]
+        for _, path, _ in _arrow_paths(plan, motion, view)
+    ]
+    return np.concatenate([np.empty((0, 2, 2)), *lines])
+
+
+def _motion_words(motion: UnobservableMode, name: str, k: int) -> str:
+    east, north, turn = motion.motion[k]
+    shift = np.hypot(motion.motion[:, 0], motion.motion[:, 1])[k]
+    return (
+        f"{name} may move unseen: {shift:.2f} toward ({east:.2f}, {north:.2f}), turning "
+        f"{turn:.4f} rad<br>{label(motion.description)}"
+    )
+
+
+def _turning_arc(place: Array, radius: float, turn: float) -> Array:
+    """Three quarters of a small circle about a place, the way it turns: (p, 2) m."""
+    angles = np.linspace(0.0, 1.5 * np.pi, 13) * np.sign(turn or 1.0)
+    return np.asarray(place + radius * unit(angles))
+
+
+FRAMES = 60
+"""Moments shown of one period."""
+
+FRAME_MS = 100
+
+_HEAD_AT = 0.68
+"""Where on a sight line its arrowhead lies: past the middle, which keeps both ways apart."""
+
+
+def animation_spec(plan: Plan, style: FigureStyle, frames: int = FRAMES) -> Spec:
+    """Return the figure of one period in `frames` steps, with buttons and a slider.
+
+    A line joins a vehicle and what it sees at that moment, in the look that the formation gives a
+    link of that worth; its arrowhead points at what is seen.
+    """
+    view = view_of(style, plan)
+    names = body_names(plan)
+    about = obstructions(plan, np.empty((0, 2), dtype=int))
+    still = [
+        *area_traces(plan, view),
+        *circle_traces(plan, view, arrows=False),
+        *landmark_trace(plan, view, names, about),
+        name_trace(plan, view, names, about),
+        pointer_entry("directions", "direction of sight", HEAD_PX),
+        pointer_entry("vehicles", "vehicle", VEHICLE_PX),
+    ]
+    times = np.arange(frames) * plan.orbits.period / frames
+    kinds, kind_of = _kinds(plan)
+    moving = [_moving_traces(plan, kind_of, len(kinds), float(time), view) for time in times]
+    first = moving[0]
+    for trace, more in zip(first, _looks(kinds, names, view), strict=True):
+        trace.update(more)
+    index = [len(still) + k for k in range(len(first))]
+    steps = [{"name": str(k), "data": traces, "traces": index} for k, traces in enumerate(moving)]
+    steps[0] = {**steps[0], "data": _moving_traces(plan, kind_of, len(kinds), 0.0, view)}
+    title = f"{escaped(plan.scenario.name or 'Formation')}: one period"
+    note = f"{plan.orbits.period:.4g} s in {frames} steps; arrowheads point at what is seen"
+    drawn = layout(title, note=note, inner=view.height_px, **view.axes(), **_controls(times))
+    return {"data": [*still, *first], "layout": drawn, "frames": steps}
+
+
+def live(windows: Windows, period: float, time: float) -> tuple[Index, Index]:
+    """Return (observers, targets) of the sightings in contact at `time` s, windows' edges in."""
+    pair = np.repeat(np.arange(len(windows.observers)), np.diff(windows.first))
+    now = (time - windows.starts) % period <= windows.ends - windows.starts
+    return windows.observers[pair[now]], windows.targets[pair[now]]
+
+
+def _kinds(plan: Plan) -> tuple[list[Standing], Index]:
+    """What links are worth, in the formation's order, and which it is of each pair of bodies.
+
+    The latter is (b, b), symmetric; -1 for pairs that never meet.
+    """
+    ordered = sorted(grouped(plan).items(), key=lambda item: item[0].key)
+    count = plan.orbits.count + len(plan.landmarks)
+    kind_of = np.full((count, count), -1)
+    for kind, (_, meetings) in enumerate(ordered):
+        for item in meetings:
+            kind_of[item.a, item.b] = kind_of[item.b, item.a] = kind
+    return [shown for shown, _ in ordered], kind_of
+
+
+def _moving_traces(
+    plan: Plan, kind_of: Index, kinds: int, time: float, view: MapView
+) -> list[Spec]:
+    """What changes from frame to frame: sight lines of each kind, their heads, the vehicles."""
+    orbits, places = plan.orbits, view.places - 1
+    bodies = np.concatenate([position(orbits, time), plan.landmarks.reshape(-1, 2)])
+    observers, targets = live(plan.windows, orbits.period, time)
+    # two that see each other are joined once
+    pairs = np.unique(np.sort(np.column_stack([observers, targets]), axis=1), axis=0)
+    worth = kind_of[pairs[:, 0], pairs[:, 1]]
+    away = bodies[targets] - bodies[observers]
+    heads = bodies[observers] + _HEAD_AT * away
+    return [
+        *(_segments(bodies[pairs[worth == kind]], places) for kind in range(kinds)),
+        {
+            "x": numbers(heads[:, 0], places) or [None],
+            "y": numbers(heads[:, 1], places) or [None],
+            "marker": pointer(view, HEAD_PX, compass(np.arctan2(away[:, 1], away[:, 0])), INK),
+        },
+        vehicle_marks(plan, view, time, places),
+    ]
+
+
+def _segments(ends: Array, places: int) -> Spec:
+    # of a trace with nothing in it, the legend's entry would come and go
+    x, y = gapped(ends.reshape(-1, 2, 2), places)
+    return {"x": x or [None], "y": y or [None]}
+
+
+def _looks(kinds: list[Standing], names: list[str], view: MapView) -> list[Spec]:
+    """How the moving traces look; their places come with each frame."""
+    return [
+        *(
+            {
+                "type": "scatter",
+                "mode": "lines",
+                "hoverinfo": "skip",
+                "uid": f"sight-{kind.key}",
+                "name": f"in contact: {kind.text}",
+                "line": {
+                    "color": kind.color,
+                    "dash": kind.dash,
+                    "width": view.link_px(kind.width),
+                },
+            }
+            for kind in kinds
+        ),
+        {
+            "type": "scatter",
+            "mode": "markers",
+            "uid": "directions",
+            "legendgroup": "directions",
+            "showlegend": False,
+            "hoverinfo": "skip",
+        },
+        {
+            "type": "scatter",
+            "mode": "markers",
+            "uid": "vehicles",
+            "legendgroup": "vehicles",
+            "showlegend": False,
+            "text": names,
+            "hovertemplate": "%{text}<br>%{x} m, %{y} m<extra></extra>",
+        },
+    ]
+
+
+def _controls(times: Array) -> Spec:
+    """Play, pause and a slider, below the map."""
+    turn = {"frame": {"duration": FRAME_MS, "redraw": True}, "transition": {"duration": 0}}
+    at_once = {"frame": {"duration": 0, "redraw": True}, "transition": {"duration": 0}}
+    now = {"mode": "immediate"}
+    buttons = [
+        {
+            "label": "Play",
+            "method": "animate",
+            "args": [None, {**turn, "fromcurrent": True, **now}],
+        },
+        {"label": "Pause", "method": "animate", "args": [[None], {**at_once, **now}]},
+    ]
+    steps = [
+        {"label": f"{time:.4g}", "method": "animate", "args": [[str(k)], {**at_once, **now}]}
+        for k, time in enumerate(times)
+    ]
+    place = {"x": 0, "y": 0, "xanchor": "left", "yanchor": "top"}
+    return {
+        "updatemenus": [
+            {
+                **place,
+                "type": "buttons",
+                "direction": "left",
+                "showactive": False,
+                "pad": {"t": 66, "r": 10},
+                "buttons": buttons,
+            }
+        ],
+        "sliders": [
+            {
+                **place,
+                "x": 0.2,
+                "len": 0.8,
+                "pad": {"t": 56},
+                "currentvalue": {"prefix": "time ", "suffix": " s"},
+                "steps": steps,
+            }
+        ],
+    }

@@ -1,0 +1,140 @@
+"""Links in figures: what one is worth, in colour, dash, pattern and words, and where it is drawn.
+
+A map draws it from rim to rim, and never through a name:
+
+( v1 )-------( v2 )        apart: along the line of centres
+( v1 (=) v2 )              overlapping a little: the same, within the lens
+( v1 X v2 )                overlapping so far that this would cross a centre: where the rims meet
+( v1 ( v2 )-)              one inside the other: where the rims are nearest
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from syncplan.arrays import Array, Index
+from syncplan.observability.link_verdicts import LinkVerdict
+from syncplan.orbits.circles import Orbits, perpendicular
+from syncplan.planning.planner import Plan
+from syncplan.plotting.canvas import escaped
+from syncplan.plotting.figure_style import GREEN, MUTED, SKY, VERMILLION
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """How a link counts, in words and in the marks of a figure.
+
+    Attributes
+    ----------
+    key : short name, fixed, for what must not change between figures
+    text : the legend's words
+    color, dash, width : of a line
+    pattern : of a bar, Plotly's name; empty for a plain one
+    """
+
+    key: str
+    text: str
+    color: str
+    dash: str
+    width: float
+    pattern: str
+
+
+DROPPED = Standing("dropped", "dropped link", MUTED, "dot", 1.5, "")
+
+_KINDS = {"link": 3.0, "incidental": 1.3, "landmark": 1.8}
+_PATTERNS = {"link": ("", ".", "/"), "incidental": ("-", ".", "/"), "landmark": ("x", "+", "\\")}
+_WORDS = {"link": "link", "incidental": "incidental link", "landmark": "landmark link"}
+
+
+def standing_of(plan: Plan, meeting: LinkVerdict, *, incidental: bool = False) -> Standing:
+    """Return what a meeting is worth for observability: certified, too weak, or short of rank."""
+    to_landmark = meeting.b >= plan.orbits.count
+    kind = "landmark" if to_landmark else "incidental" if incidental else "link"
+    full = 2 if to_landmark else 3
+    words, width = _WORDS[kind], _KINDS[kind]
+    certified, weak, short = _PATTERNS[kind]
+    if meeting.certified:
+        text = f"{words}, rank {full}, certified"
+        return Standing(f"{kind}-certified", text, GREEN, "solid", width, certified)
+    if meeting.rank >= full:
+        text = f"{words}, rank {full}, too weak"
+        return Standing(f"{kind}-weak", text, SKY, "dashdot", width, weak)
+    text = f"{words}, rank {meeting.rank} of {full}"
+    return Standing(f"{kind}-rank-{meeting.rank}", text, VERMILLION, "dash", width, short)
+
+
+def grouped(plan: Plan) -> dict[Standing, list[LinkVerdict]]:
+    """Return all meetings by what they are worth: links, incidental ones, those with landmarks."""
+    found: dict[Standing, list[LinkVerdict]] = {}
+    for meetings, incidental in (
+        (plan.links, False),
+        (plan.incidental_links, True),
+        (plan.landmark_links, False),
+    ):
+        for meeting in meetings:
+            found.setdefault(standing_of(plan, meeting, incidental=incidental), []).append(meeting)
+    return found
+
+
+def body_names(plan: Plan) -> list[str]:
+    """Return the escaped names of vehicles, then of landmarks."""
+    return [escaped(n) for n in plan.scenario.vehicle_names + plan.scenario.landmark_names]
+
+
+def hover(meeting: LinkVerdict, names: list[str], shown: Standing) -> str:
+    """Return what a meeting says when pointed at; `names` escaped."""
+    lines = [
+        f"{names[meeting.a]}-{names[meeting.b]}, {shown.text}",
+        f"least distance {meeting.min_distance:.4g} m, in contact {meeting.contact:.4g} s a period",
+    ]
+    if meeting.reason:
+        lines.append(escaped(meeting.reason))
+    return "<br>".join(lines)
+
+
+_LENS = 1.25
+"""Least distance of centres, in radii of the larger circle, at which a line fits into the lens."""
+
+
+def link_pairs(plan: Plan) -> Index:
+    """Return the bodies (k, 2) that links join: listed, incidental, to landmarks, dropped."""
+    met = [*plan.links, *plan.incidental_links, *plan.landmark_links]
+    joined = [(item.a, item.b) for item in met]
+    joined += [(item.a, item.b) for item in plan.dropped_links]
+    return np.array(joined, dtype=np.int64).reshape(-1, 2)
+
+
+def link_ends(orbits: Orbits, landmarks: Array, pairs: Index) -> tuple[Array, Array]:
+    """Return both ends (k, 2) m of the lines of links between bodies (k, 2), on their rims.
+
+    A landmark has no rim but itself. Where rims meet, the ends may be one point.
+    """
+    bodies = np.concatenate([orbits.centers, landmarks.reshape(-1, 2)])
+    reach = np.concatenate([orbits.radii, np.zeros(len(bodies) - orbits.count)])
+    a, b = pairs[:, 0], pairs[:, 1]
+    away = bodies[b] - bodies[a]
+    apart = np.hypot(away[:, 0], away[:, 1])
+    one = apart > 1e-9 * np.maximum(np.maximum(reach[a], reach[b]), 1e-300)
+    ahead = np.where(one[:, None], away / np.where(one, apart, 1.0)[:, None], [1.0, 0.0])
+    start = bodies[a] + reach[a, None] * ahead
+    end = bodies[b] - reach[b, None] * ahead
+    larger = np.maximum(reach[a], reach[b])
+    within = apart <= np.abs(reach[a] - reach[b])
+    # inside each other: both rims on the side where they are nearest
+    side = np.where(reach[a] >= reach[b], 1.0, -1.0)[:, None] * ahead
+    start = np.where(within[:, None], bodies[a] + reach[a, None] * side, start)
+    end = np.where(within[:, None], bodies[b] + reach[b, None] * side, end)
+    crossing = ~within & (apart < np.minimum(_LENS * larger, reach[a] + reach[b]))
+    meeting = bodies[a] + _rims_meet(apart, reach[a], reach[b], ahead)
+    start = np.where(crossing[:, None], meeting, start)
+    end = np.where(crossing[:, None], meeting, end)
+    return start, end
+
+
+def _rims_meet(apart: Array, own: Array, other: Array, ahead: Array) -> Array:
+    """Where two circles cross, from the first's centre: left of the way to the second's."""
+    far = np.where(apart > 0.0, apart, 1.0)
+    along = (far**2 + own**2 - other**2) / (2.0 * far)
+    across = np.sqrt(np.maximum(own**2 - along**2, 0.0))
+    return np.asarray(along[:, None] * ahead + across[:, None] * perpendicular(ahead))

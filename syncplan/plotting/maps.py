@@ -1,0 +1,295 @@
+"""Maps of circles, landmarks and areas: what they show, how large, and their layers."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from syncplan.arrays import Array
+from syncplan.orbits.circles import Orbits, heading, position, unit
+from syncplan.planning.planner import Plan
+from syncplan.plotting.canvas import Spec, axis, compass, decimals, gapped, numbers
+from syncplan.plotting.figure_style import BLUE, INK, MUTED, ORANGE, FigureStyle, translucent
+
+Corners = Sequence[tuple[float, float]]
+
+
+class Zones(Protocol):
+    """Areas on a map, in m; corners in order, not closed."""
+
+    @property
+    def area_m(self) -> Corners | None:
+        """The area that paths stay in."""
+
+    @property
+    def keep_out_m(self) -> Sequence[Corners] | None:
+        """Zones that paths stay out of."""
+
+    @property
+    def obstacles_m(self) -> Sequence[Corners] | None:
+        """Obstacles to sight."""
+
+
+class Mapped(Protocol):
+    """What a map shows."""
+
+    @property
+    def orbits(self) -> Orbits:
+        """The circles."""
+
+    @property
+    def landmarks(self) -> Array:
+        """(m, 2) m."""
+
+    @property
+    def scenario(self) -> Zones:
+        """What has the areas."""
+
+
+_ROOM = 0.06
+_ROOM_PX = 28
+"""Space left around the formation: of its larger extent, and at least, for names of landmarks."""
+
+_HEIGHTS_PX = (150, 640)
+_STOUT_PX = 36.0
+"""Radius in px of a circle whose lines are drawn at their full width."""
+
+_NO_POINTS = np.empty((0, 2))
+
+_LINKS_EACH = 3.0
+"""Links for each vehicle up to which they are drawn at their full width."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MapView:
+    """What a map shows, both axes to one scale.
+
+    Attributes
+    ----------
+    low, high : (2,) m, the corners of what must be seen; the plot may show more
+    scale : px for each m
+    height_px : of the map
+    least_radius : m, of the smallest circle
+    crowding : links for each vehicle
+    font_scale : of names
+    """
+
+    low: Array
+    high: Array
+    scale: float
+    height_px: int
+    least_radius: float
+    crowding: float
+    font_scale: float
+
+    @property
+    def places(self) -> int:
+        """Decimals that show a hundred-thousandth of what is shown."""
+        return decimals(float(np.max(self.high - self.low)))
+
+    def mark_px(self, largest: float) -> float:
+        """Return the size in px of a mark that suits the circles, at most `largest`."""
+        return round(float(np.clip(0.45 * self._radius_px, 4.0, largest)), 1)
+
+    def line_px(self, widest: float) -> float:
+        """Return the width in px of a line that leaves small circles visible."""
+        return round(widest * float(np.clip(self._radius_px / _STOUT_PX, 0.45, 1.0)), 2)
+
+    def link_px(self, widest: float) -> float:
+        """Return the width in px of a link's line, thinner where there are many."""
+        room = np.clip(np.sqrt(_LINKS_EACH / max(self.crowding, _LINKS_EACH)), 0.35, 1.0)
+        return round(self.line_px(widest) * float(room), 2)
+
+    @property
+    def _radius_px(self) -> float:
+        return self.scale * self.least_radius
+
+    def axes(self) -> Spec:
+        """Return the two axes, to one scale; what is left over of the plot shows more."""
+        low, high = self.low, self.high
+        across = {"range": numbers([low[0], high[0]], 6), "constrain": "range"}
+        up = {"range": numbers([low[1], high[1]], 6), "constrain": "range"}
+        return {
+            "xaxis": axis("x (east), m", **across),
+            "yaxis": axis("y (north), m", **up, scaleanchor="x", scaleratio=1),
+        }
+
+
+def view_of(style: FigureStyle, *plans: Plan) -> MapView:
+    """Return the view that holds all of some plans, as wide as the figure."""
+    return view_about(style, plans, max(_links(plan) / plan.orbits.count for plan in plans))
+
+
+def view_about(
+    style: FigureStyle,
+    mapped: Sequence[Mapped],
+    crowding: float = 0.0,
+    points: Array = _NO_POINTS,
+) -> MapView:
+    """Return the view that holds circles, landmarks, areas and points (k, 2) m.
+
+    `crowding` is of links for each vehicle.
+    """
+    boxes = [_view_box(one) for one in mapped]
+    low = np.min([*(box[0] for box in boxes), *points], axis=0)
+    high = np.max([*(box[1] for box in boxes), *points], axis=0)
+    width = style.plot_px
+    extent = float(np.max(high - low))
+    room = max(_ROOM * extent, style.px(_ROOM_PX) * float(high[0] - low[0]) / width)
+    low, high = low - room, high + room
+    wide, tall = (high - low).tolist()
+    height = float(np.clip(width * tall / wide, *_HEIGHTS_PX))
+    scale = min(width / wide, height / tall)
+    least = min(float(one.orbits.radii.min()) for one in mapped)
+    return MapView(low, high, scale, round(height), least, crowding, style.font_scale)
+
+
+def _links(plan: Plan) -> int:
+    return len(plan.links) + len(plan.incidental_links) + len(plan.landmark_links)
+
+
+def _view_box(mapped: Mapped) -> tuple[Array, Array]:
+    """Return the corners (2,), (2,) in m of what a map needs: circles, landmarks, areas."""
+    orbits, scenario = mapped.orbits, mapped.scenario
+    points = [
+        orbits.centers - orbits.radii[:, None],
+        orbits.centers + orbits.radii[:, None],
+        mapped.landmarks.reshape(-1, 2),
+        *(np.array(one, dtype=float) for one in [scenario.area_m] if one is not None),
+    ]
+    everything = np.concatenate(points)
+    return everything.min(axis=0), everything.max(axis=0)
+
+
+CIRCLE_POINTS = 72
+"""Points of a circle; the chord is a thousandth of the radius inside it."""
+
+VEHICLE_PX = 15.0
+HEAD_PX = 10.0
+
+_SENSE_STYLES = (
+    (1.0, "ccw", "counter-clockwise circle", BLUE, "solid"),
+    (-1.0, "cw", "clockwise circle", ORANGE, "dash"),
+)
+
+
+def circle_points(plan: Mapped) -> Array:
+    """Return (n, CIRCLE_POINTS + 1, 2) m: each circle from phase 0, closed."""
+    turn = unit(np.linspace(0.0, 2.0 * np.pi, CIRCLE_POINTS + 1))
+    orbits = plan.orbits
+    return np.asarray(orbits.centers[:, None] + orbits.radii[:, None, None] * turn)
+
+
+def circle_traces(plan: Mapped, view: MapView, *, arrows: bool) -> list[Spec]:
+    """Return the circles, a trace for each sense; `arrows` adds heads that show the sense."""
+    points = circle_points(plan)
+    traces: list[Spec] = []
+    for sense, key, name, color, dash in _SENSE_STYLES:
+        chosen = plan.orbits.senses == sense
+        if not chosen.any():
+            continue
+        x, y = gapped(points[chosen], view.places)
+        line = {"color": color, "dash": dash, "width": view.line_px(1.8), "simplify": False}
+        traces.append(line_trace(f"circles-{key}", name, x, y, line, legendgroup=key))
+        if arrows:
+            heads = sense_heads(plan, view, color, chosen)
+            traces.append({**heads, "uid": f"heads-{key}", "legendgroup": key})
+    return traces
+
+
+def area_traces(plan: Mapped, view: MapView) -> list[Spec]:
+    """Return the area, the keep-out zones and the obstacles, where the scenario has any."""
+    scenario = plan.scenario
+    traces = []
+    if scenario.area_m is not None:
+        x, y = gapped(_closed(scenario.area_m), view.places)
+        line = {"color": MUTED, "dash": "dot", "width": 1.5}
+        traces.append(line_trace("area", "area", x, y, line))
+    # what blocks sight as well as paths is drawn as both, the obstacle on top
+    for uid, name, polygons, opacity, line in (
+        ("keep-out", "keep-out zone", scenario.keep_out_m, 0.25, {"color": MUTED, "width": 1}),
+        ("obstacle", "obstacle to sight", scenario.obstacles_m, 0.6, {"color": INK, "width": 2}),
+    ):
+        drawn = [gapped(_closed(polygon), view.places) for polygon in polygons or []]
+        if drawn:
+            x = [value for one, _ in drawn for value in one]
+            y = [value for _, one in drawn for value in one]
+            filled = {"fill": "toself", "fillcolor": translucent(MUTED, opacity)}
+            traces.append(line_trace(uid, name, x, y, line, **filled))
+    return traces
+
+
+def vehicle_marks(plan: Mapped, view: MapView, time: float, places: int) -> Spec:
+    """Return places, rounded, and arrows of the vehicles at a time in s."""
+    where = position(plan.orbits, time)
+    return {
+        "x": numbers(where[:, 0], places),
+        "y": numbers(where[:, 1], places),
+        "marker": pointer(view, VEHICLE_PX, compass(heading(plan.orbits, time)), INK),
+    }
+
+
+def pointer(view: MapView, largest: float, angles: Any, color: str) -> Spec:
+    """Return a marker: an arrow whose tip is the point, turned by Plotly's `angles`."""
+    return {
+        "symbol": "arrow",
+        "size": view.mark_px(largest),
+        "angle": angles,
+        "color": color,
+    }
+
+
+def pointer_entry(group: str, name: str, size: float) -> Spec:
+    """Return the legend's entry of a trace of pointers, upright and on the line of its words."""
+    return {
+        "type": "scatter",
+        "mode": "markers",
+        "uid": f"{group}-entry",
+        "name": name,
+        "legendgroup": group,
+        "x": [None],
+        "y": [None],
+        "marker": {
+            "symbol": "triangle-up",
+            "size": 0.8 * size,
+            "color": INK,
+        },
+        "hoverinfo": "skip",
+    }
+
+
+def line_trace(uid: str, name: str, x: Any, y: Any, line: Spec, **more: Any) -> Spec:
+    """Return a trace of lines that says nothing when pointed at, unless `more` makes it."""
+    return {
+        "type": "scatter",
+        "uid": uid,
+        "name": name,
+        "mode": "lines",
+        "x": x,
+        "y": y,
+        "line": line,
+        "hoverinfo": "skip",
+        **more,
+    }
+
+
+def sense_heads(plan: Mapped, view: MapView, color: str, chosen: Array) -> Spec:
+    """Return a head on each chosen circle opposite the vehicle, pointing the way it flies round."""
+    orbits = plan.orbits
+    across = orbits.phases + np.pi
+    where = (orbits.centers + orbits.radii[:, None] * unit(across))[chosen]
+    ahead = (across + orbits.senses * np.pi / 2.0)[chosen]
+    return {
+        "type": "scatter",
+        "mode": "markers",
+        "x": numbers(where[:, 0], view.places),
+        "y": numbers(where[:, 1], view.places),
+        "marker": pointer(view, HEAD_PX, compass(ahead), color),
+        "showlegend": False,
+        "hoverinfo": "skip",
+    }
+
+
+def _closed(polygon: Sequence[tuple[float, float]]) -> Array:
+    return np.array([[*polygon, polygon[0]]], dtype=float)

@@ -1,0 +1,116 @@
+"""The machine: how many cores and how much memory this process may use.
+
+Linux keeps what a container may use in control groups.
+"""
+
+import contextlib
+import math
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path, PurePosixPath
+
+from syncplan.errors import InputError
+
+
+def groups_of(proc: Path, controller: str) -> Iterator[Path]:
+    """Return the folders of a process's control groups, each with those above it; maybe none.
+
+    `proc` is its folder in /proc; `controller` counts in version 1 of control groups, such as
+    "cpu" or "memory"; version 2 has one group for all.
+    """
+    try:
+        groups = (proc / "cgroup").read_text().splitlines()
+        mounts = (proc / "mountinfo").read_text().splitlines()
+    except (OSError, UnicodeDecodeError):
+        return
+    # lines such as 4:cpu,cpuacct:/service, and 0::/service for version 2
+    paths = {}
+    for line in groups:
+        _, controllers, path = line.split(":", 2)
+        paths.update(dict.fromkeys(controllers.split(","), PurePosixPath(path)))
+    for line in mounts:
+        # ... root mount options [fields] - type source options
+        place, _, filesystem = line.partition(" - ")
+        root, mount = place.split()[3:5]
+        # the source may be empty
+        kind, *_, options = filesystem.split()
+        wanted = "" if kind == "cgroup2" else controller
+        if not kind.startswith("cgroup") or (wanted and wanted not in options.split(",")):
+            continue
+        group = paths.get(wanted)
+        if group is None:
+            continue
+        # a container may see its own group alone, mounted as if it were the topmost
+        inside = group.relative_to(root) if group.is_relative_to(root) else PurePosixPath()
+        folder = Path(mount, inside)
+        yield folder
+        yield from (one for one in folder.parents if one.is_relative_to(mount))
+
+
+def threads_for(asked: int | None) -> int:
+    """Return how many threads to run: as many as are asked for, one for each core if None.
+
+    Raises InputError, key `threads`, for fewer than 1.
+    """
+    if asked is not None and asked < 1:
+        raise InputError(f"{asked} given, at least 1 is needed", key="threads")
+    return usable_cores() if asked is None else asked
+
+
+def usable_cores(proc: Path = Path("/proc/self")) -> int:
+    """Return the number of cores that this process may use, at least 1.
+
+    The scheduler's affinity bounds it, and so does the quota of processor time of its control
+    group and of every group above, rounded up: Documentation/admin-guide/cgroup-v2.rst of the
+    kernel, section "CPU Interface Files" (`cpu.max`), and for version 1 scheduler/sched-bwc.rst.
+    `proc` is the folder of the process in /proc.
+    """
+    affinity = getattr(os, "sched_getaffinity", None)
+    cores = len(affinity(0)) if affinity is not None else os.cpu_count() or 1
+    return max(1, min([cores, *map(math.ceil, _quotas(proc))]))
+
+
+def _quotas(proc: Path) -> Iterator[float]:
+    """The cores' worth of time that each group allows this process; none where none is limited."""
+    for folder in groups_of(proc, "cpu"):
+        with contextlib.suppress(OSError, ValueError):
+            quota, period = (folder / "cpu.max").read_text().split()
+            if quota != "max":
+                yield int(quota) / int(period)
+        with contextlib.suppress(OSError, ValueError):
+            quota_us = int((folder / "cpu.cfs_quota_us").read_text())
+            if quota_us > 0:
+                yield quota_us / int((folder / "cpu.cfs_period_us").read_text())
+
+
+def usable_memory(proc: Path = Path("/proc/self")) -> int | None:
+    """Return the bytes of memory of this machine, or of its control groups; None if unknown.
+
+    Documentation/admin-guide/cgroup-v2.rst of the kernel, section "Memory Interface Files"
+    (`memory.max`), and for version 1 memory.rst (`memory.limit_in_bytes`). `proc` is the folder of
+    the process in /proc.
+    """
+    found = []
+    with contextlib.suppress(AttributeError, OSError, ValueError):
+        found.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    for folder in groups_of(proc, "memory"):
+        for name in ("memory.max", "memory.limit_in_bytes"):
+            with contextlib.suppress(OSError, ValueError):
+                found.append(int((folder / name).read_text()))
+    return min(found, default=None)
+
+
+def limit_memory(limit_bytes: int) -> None:
+    """Let no allocation take this process, or a child of it, above so many bytes, each by itself.
+
+    Data count, not the address space, of which libraries reserve more than they use. What goes
+    beyond raises MemoryError. Does nothing where the system keeps no such limit.
+    """
+    if not sys.platform.startswith("linux"):
+        return
+    import resource
+
+    _, most = resource.getrlimit(resource.RLIMIT_DATA)
+    allowed = limit_bytes if most == resource.RLIM_INFINITY else min(limit_bytes, most)
+    resource.setrlimit(resource.RLIMIT_DATA, (allowed, most))
