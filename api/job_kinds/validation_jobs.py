@@ -1,13 +1,10 @@
 """Validations: Monte Carlo runs of the filter on a plan."""
 
+import json
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, Annotated
-
-from pydantic import Field
 
 from api.documents import loaded_plan
-from api.job_kinds.filter_requests import DEFAULTS, FilterRequest
 from api.job_kinds.job_kind import (
     JobKind,
     JobOperation,
@@ -18,15 +15,33 @@ from api.job_kinds.job_kind import (
     TrialProgress,
     TrialTask,
 )
+from api.job_kinds.option_requests import SUBSTEPS, TRUTH, TrialRequest, takes_options
 from api.limits import RequestLimits, check_trials
-from syncplan.estimation.filters import MotionName
+from syncplan.estimation.filter_options import ValidationOptions
 from syncplan.planning.plan_files import Loaded
 from syncplan.planning.validation import TrialRun, Validation
 from syncplan.planning.variations import joined_worlds, stress_runs, stress_worlds
 from syncplan.reports.run_schemas import ValidationDocument
 
-if TYPE_CHECKING:
-    from syncplan.planning.validation import TrialRun, Validation
+
+@takes_options(ValidationOptions, substeps=SUBSTEPS, truth=TRUTH)
+class ValidationRequest(TrialRequest):
+    """A Monte Carlo run of the filter on a plan."""
+
+    def run_options(self) -> ValidationOptions:
+        """Return the options of the trials."""
+        return ValidationOptions.of_request(self.model_dump(exclude_none=True))
+
+    def work(self, subject: JobSubject, limits: RequestLimits) -> int:
+        """Return the number of trials; raises InputError if it exceeds a limit."""
+        assert isinstance(subject, Loaded)
+        scenario = subject.scenario
+        self.check_run(scenario, limits)
+        world = self.in_world(scenario)
+        options = self.run_options()
+        trials = options.trials * (1 + len(stress_worlds(world)) if options.stress else 1)
+        check_trials(trials, scenario.size, limits)
+        return trials
 
 
 def _computed(run: "TrialRun", first: int, trials: int, progress: TrialProgress) -> bytes:
@@ -51,49 +66,15 @@ def _effort(run: "TrialRun") -> float:
 FILTER_TRIALS: "TrialMethod[TrialRun, Validation]" = TrialMethod(_computed, _concluded, _effort)
 
 
-class ValidationRequest(FilterRequest):
-    """A Monte Carlo run of the filter on a plan."""
-
-    model: MotionName | None = Field(
-        default=None,
-        description="Former name of filter: arc is ekf, euler is paper",
-        deprecated=True,
-    )
-    substeps: Annotated[int, Field(ge=1, le=1000)] = Field(
-        default=DEFAULTS.substeps, description="Euler sub-steps per sample"
-    )
-    gate_probability: Annotated[float, Field(gt=0, lt=1)] | None = Field(
-        default=None,
-        description="Probability of the innovation gate; no gate if not given",
-        examples=[0.999],
-    )
-    series: bool = Field(default=False, description="Add errors and sigmas over time")
-    stress: bool = Field(
-        default=False,
-        description="Validate in worse worlds too: each stated sigma doubled, one by one and all, "
-        "20 % of the sightings missed, 1 % of the bearings false",
-    )
-
-    def work(self, subject: JobSubject, limits: RequestLimits) -> int:
-        """Return the number of trials; raises InputError if it exceeds a limit."""
-        assert isinstance(subject, Loaded)
-        scenario = subject.scenario
-        self.check_run(scenario, limits)
-        world = self.in_world(scenario)
-        trials = self.trials * (1 + len(stress_worlds(world)) if self.stress else 1)
-        check_trials(trials, scenario.size, limits)
-        return trials
-
-
 @lru_cache(maxsize=2)
 def _runs(spec: JobSpec) -> list[TrialRun]:
     from syncplan.planning.plan_files import plan_of
     from syncplan.planning.validation import trial_run
 
     assert spec.plan is not None
-    request = ValidationRequest.model_validate_json(spec.request)
-    plan, options = plan_of(loaded_plan(spec.plan), pilot=False), request.run_options()
-    if request.stress:
+    options = ValidationOptions.of_request(json.loads(spec.request))
+    plan = plan_of(loaded_plan(spec.plan), pilot=False)
+    if options.stress:
         return list(stress_runs(plan, options).values())
     return [trial_run(plan, options)]
 

@@ -10,9 +10,7 @@ terminal_tables     tables of plans and runs for people
 replay_tables       tables of replays
 site_tables         tables of landmark sites
 document_table      kinds of documents, their schemas and how reports are known
-arguments           arguments that commands share
-truth_option        --truth: keys of the simulated world
-filter_arguments    options of the filter that commands share
+arguments           what commands take, and options of runs as parameters
 required_verdicts   --require-go, --require-observable, --require-robust
 plan_commands       plan, refine, place, landmarks
 loss_tables         tables of losses
@@ -20,7 +18,6 @@ run_commands        validate, sweep
 flight_commands     the command that flies plans
 flight_tables       flights as tables
 loss_commands       what-if
-start_option        where robots of a recording start, as an option
 replay_commands     replay
 plot_commands       plot
 export_commands     export

@@ -17,7 +17,7 @@ from syncplan.estimation.replay_tuning import FIT_SHARE, MOST_RUNS
 from syncplan.estimation.replays import OPTIONS, replay, replay_with
 from syncplan.estimation.trials import series
 from syncplan.orbits.circles import wrap
-from syncplan.orbits.sensors import Noise
+from syncplan.orbits.noise import Noise
 from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.figures import specs_of
 from syncplan.plotting.series_figures import MOST_ROBOTS
