@@ -31,7 +31,7 @@ from syncplan.flight.flight_events import events_of
 from syncplan.flight.flight_options import GUIDANCES, FlightOptions
 from syncplan.planning.plan_files import Loaded
 from syncplan.planning.validation import asked_filter
-from syncplan.reports.flight_schemas import FlightDocument
+from syncplan.reports.flight_report import FlightDocument
 from syncplan.scenario.specification import Scenario
 
 if TYPE_CHECKING:

@@ -23,7 +23,7 @@ from syncplan.estimation.recorded_starts import check_start
 from syncplan.estimation.replay_settings import ReplayOptions
 from syncplan.estimation.replay_tuning import FIT_SHARE, MOST_RUNS
 from syncplan.recordings.log import Overview, chosen_landmarks
-from syncplan.reports.replay_schemas import ReplayDocument
+from syncplan.reports.replay_report import ReplayDocument
 from syncplan.scenario.quantities import Many, Name
 
 Coordinate = Annotated[float, Field(ge=-1e12, le=1e12)]

@@ -16,7 +16,7 @@ from api.limits import RequestLimits, check_at_most, check_size, check_trials
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import SweepOptions
 from syncplan.planning.validation import TrialRun, Validation
-from syncplan.reports.run_schemas import SweepReport
+from syncplan.reports.validation_report import SweepReport
 from syncplan.scenario.dotted_keys import SWEPT_KEYS, SweptKey, numeric_keys, swept_key
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.quantities import Many, fault

@@ -21,7 +21,7 @@ from syncplan.estimation.filter_options import ValidationOptions
 from syncplan.planning.plan_files import Loaded
 from syncplan.planning.validation import TrialRun, Validation
 from syncplan.planning.variations import joined_worlds, stress_runs, stress_worlds
-from syncplan.reports.run_schemas import ValidationDocument
+from syncplan.reports.validation_report import ValidationDocument
 
 
 @takes_options(ValidationOptions, substeps=SUBSTEPS, truth=TRUTH)

@@ -21,7 +21,7 @@ from syncplan.errors import InputError
 from syncplan.exporting.format_table import ALL, FORMATS, AutopilotName, VehicleName
 from syncplan.planning.planner import BoundChoice
 from syncplan.plotting.figure_table import FIGURES, always_there
-from syncplan.reports.loss_schemas import WhatIfDocument
+from syncplan.reports.loss_report import WhatIfDocument
 
 router = APIRouter()
 

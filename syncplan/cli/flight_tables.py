@@ -8,7 +8,7 @@ from syncplan.cli.state_tables import found_states_table
 from syncplan.cli.terminal_tables import MOST_ROWS, spread_words
 from syncplan.cli.verdict_lines import show_findings, show_verdict
 from syncplan.phrases import listed, percent
-from syncplan.reports.flight_schemas import FlightDocument, FlightEvent, FlownLink, FlownVehicle
+from syncplan.reports.flight_report import FlightDocument, FlightEvent, FlownLink, FlownVehicle
 
 MOST_MISSED = 6
 """Pairs that are named."""

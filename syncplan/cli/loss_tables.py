@@ -7,7 +7,7 @@ from rich.table import Table
 
 from syncplan.phrases import listed
 from syncplan.planning.lost_parts import phrase_of
-from syncplan.reports.loss_schemas import RemainingTeam, WhatIfDocument
+from syncplan.reports.loss_report import RemainingTeam, WhatIfDocument
 
 MOST_ROWS = 40
 MOST_NAMED = 12

@@ -18,7 +18,7 @@ from syncplan.estimation.replay_settings import ReplayOptions
 
 if TYPE_CHECKING:
     from syncplan.recordings.log import Log
-    from syncplan.reports.replay_schemas import ReplayDocument
+    from syncplan.reports.replay_report import ReplayDocument
 
 replays = typer.Typer()
 

@@ -5,7 +5,7 @@ from rich.markup import escape
 
 from syncplan.cli.fitted_tables import FittedTable
 from syncplan.cli.terminal_tables import MOST_ROWS, spread_words
-from syncplan.reports.replay_schemas import ReplayDocument
+from syncplan.reports.replay_report import ReplayDocument
 
 
 def show_replay(report: ReplayDocument, console: Console) -> None:

@@ -5,7 +5,7 @@ from rich.markup import escape
 
 from syncplan.cli.fitted_tables import FittedTable
 from syncplan.cli.terminal_tables import MOST_ROWS
-from syncplan.reports.site_schemas import SitesDocument
+from syncplan.reports.sites_report import SitesDocument
 
 
 def show_sites(document: SitesDocument, console: Console) -> None:

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from rich.markup import escape
 
 from syncplan.cli.fitted_tables import FittedTable
-from syncplan.reports.flight_schemas import FlightDocument, FlownStateError
-from syncplan.reports.plan_schemas import PlanDocument, PredictedStateError
-from syncplan.reports.run_schemas import ValidationDocument
-from syncplan.reports.state_error_schemas import StateErrorFigures
+from syncplan.reports.flight_report import FlightDocument, FlownStateError
+from syncplan.reports.plan_report import PlanDocument, PredictedStateError
+from syncplan.reports.run_figures import StateErrorFigures
+from syncplan.reports.validation_report import ValidationDocument
 
 MOST_ROWS = 40
 

@@ -3,7 +3,7 @@
 from rich.markup import escape
 
 from syncplan.cli.fitted_tables import FittedTable
-from syncplan.reports.run_schemas import ValidationDocument
+from syncplan.reports.validation_report import ValidationDocument
 
 
 def stress_table(report: ValidationDocument) -> FittedTable | None:

@@ -18,16 +18,16 @@ from syncplan.cli.verdict_lines import show_findings, show_verdict
 from syncplan.estimation.filters import FORMER_NAMES
 from syncplan.phrases import listed
 from syncplan.placement.centers import Placement
-from syncplan.reports.consistency_words import interval_words, verdict_words
-from syncplan.reports.plan_schemas import LandmarkLink, Link, PlanDocument
-from syncplan.reports.refinement_schemas import RefinementResult
-from syncplan.reports.run_schemas import (
+from syncplan.reports.plan_report import LandmarkLink, Link, PlanDocument
+from syncplan.reports.refinement_report import RefinementResult
+from syncplan.reports.run_figures import (
     ErrorFigures,
     FilterRecord,
     Spread,
-    SweepReport,
-    ValidationDocument,
+    interval_words,
+    verdict_words,
 )
+from syncplan.reports.validation_report import SweepReport, ValidationDocument
 from syncplan.scenario.dotted_keys import swept_key
 from syncplan.scenario.objectives import ROWS
 

@@ -29,8 +29,8 @@ from syncplan.planning.planner import BoundChoice, Plan
 from syncplan.planning.validation import Validation, conclude, trial_run
 from syncplan.recordings.recording_formats import archived
 from syncplan.reports.job_contract import JobKindName
-from syncplan.reports.loss_schemas import WhatIfDocument
-from syncplan.reports.replay_schemas import ReplayDocument
+from syncplan.reports.loss_report import WhatIfDocument
+from syncplan.reports.replay_report import ReplayDocument
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario
 

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from syncplan.cli.flight_tables import _print_missed
 from syncplan.flight.flying import fly
-from syncplan.reports.flight_schemas import FlownLink
+from syncplan.reports.flight_report import FlownLink
 from tests.tools.scenarios import FILES
 
 GRID = str(FILES / "windy-grid.yaml")

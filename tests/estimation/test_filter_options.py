@@ -15,7 +15,7 @@ from syncplan.cli import command_line
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import FilterOptions, ValidationOptions, options_with
 from syncplan.estimation.filters import FILTERS, FOR_RECORDINGS
-from syncplan.reports.run_schemas import FilterRecord
+from syncplan.reports.run_figures import FilterRecord
 from syncplan.reports.validation_report import validation_document
 from syncplan.scenario.disturbances import FilterKind
 from tests.tools.scenarios import example

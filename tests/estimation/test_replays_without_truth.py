@@ -23,8 +23,7 @@ from syncplan.plotting.figures import specs_of
 from syncplan.plotting.series_figures import MOST_ROBOTS
 from syncplan.recordings.log import Log, RobotLog
 from syncplan.recordings.recording_formats import load_log
-from syncplan.reports.replay_report import replay_document
-from syncplan.reports.replay_schemas import ReplayDocument
+from syncplan.reports.replay_report import ReplayDocument, replay_document
 from tests.tools.recorded_bags import write_bag
 from tests.tools.recordings import Recipe, write_csv, write_recording
 

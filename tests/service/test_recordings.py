@@ -29,8 +29,7 @@ from syncplan.estimation.replay_settings import ReplayOptions
 from syncplan.estimation.replays import replay
 from syncplan.recordings.log import Overview, pack_log, unpack_log
 from syncplan.recordings.recording_formats import load_log
-from syncplan.reports.replay_report import replay_document
-from syncplan.reports.replay_schemas import ReplayDocument
+from syncplan.reports.replay_report import ReplayDocument, replay_document
 from tests.tools.api_servers import done, key_of, problem, serving, speaking
 from tests.tools.processes import PATIENCE_S, wait_until
 from tests.tools.record_examples import RECORDED
