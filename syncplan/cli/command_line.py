@@ -12,12 +12,9 @@ from syncplan.cli.arguments import Output
 from syncplan.cli.console import Format, deliver, open_closed_streams, reader_may_leave, say
 from syncplan.cli.document_table import DOCUMENTS
 from syncplan.cli.export_commands import exporters
-from syncplan.cli.flight_commands import flights
-from syncplan.cli.loss_commands import losses
-from syncplan.cli.plan_commands import plans
+from syncplan.cli.plan_commands import losses, plans
 from syncplan.cli.plot_commands import plots
-from syncplan.cli.replay_commands import replays
-from syncplan.cli.run_commands import runs
+from syncplan.cli.run_commands import replays, runs
 from syncplan.cli.service_commands import services
 from syncplan.errors import InputError, SyncplanError
 from syncplan.estimation.filter_options import ValidationOptions
@@ -99,7 +96,6 @@ def _schema(
 
 app.add_typer(plans)
 app.add_typer(runs)
-app.add_typer(flights)
 app.add_typer(losses)
 app.add_typer(replays)
 app.add_typer(plots)

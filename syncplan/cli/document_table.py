@@ -62,38 +62,38 @@ DOCUMENTS: Mapping[str, DocumentKind] = MappingProxyType(
     {
         "scenario": DocumentKind("syncplan.scenario.specification", "Scenario", "validation"),
         "plan": DocumentKind(
-            "syncplan.reports.plan_report", "PlanDocument", shown_by="terminal_tables.show_plan"
+            "syncplan.reports.plan_report", "PlanDocument", shown_by="plan_tables.show_plan"
         ),
         "sites": DocumentKind(
-            "syncplan.reports.sites_report", "SitesDocument", shown_by="site_tables.show_sites"
+            "syncplan.reports.sites_report", "SitesDocument", shown_by="plan_tables.show_sites"
         ),
         "what-if": DocumentKind(
             "syncplan.reports.loss_report",
             "WhatIfDocument",
             known_by=frozenset({"baseline", "losses"}),
             title="What if",
-            shown_by="loss_tables.show_losses",
+            shown_by="plan_tables.show_losses",
         ),
         "validation": DocumentKind(
             _RUNS,
             "ValidationDocument",
             known_by=OTHER_DOCUMENTS["validation"].keys,
             title="Validation",
-            shown_by="terminal_tables.show_validation",
+            shown_by="run_tables.show_validation",
         ),
         "flight": DocumentKind(
             "syncplan.reports.flight_report",
             "FlightDocument",
             known_by=OTHER_DOCUMENTS["flight"].keys,
             title="Flight",
-            shown_by="flight_tables.show_flight",
+            shown_by="run_tables.show_flight",
         ),
         "replay": DocumentKind(
             "syncplan.reports.replay_report",
             "ReplayDocument",
             known_by=OTHER_DOCUMENTS["replay"].keys,
             title="Replay",
-            shown_by="replay_tables.show_replay",
+            shown_by="run_tables.show_replay",
         ),
         "sync": DocumentKind("syncplan.exporting.sidecar", "SyncDocument"),
         "sweep": DocumentKind(
@@ -102,7 +102,7 @@ DOCUMENTS: Mapping[str, DocumentKind] = MappingProxyType(
             published=False,
             known_by=OTHER_DOCUMENTS["sweep"].keys,
             title="Sweep",
-            shown_by="terminal_tables.show_sweep",
+            shown_by="run_tables.show_sweep",
         ),
     }
 )

@@ -1,8 +1,10 @@
-"""The commands that run the filter on plans: validate, sweep."""
+"""The commands that run the filter: validate, sweep, fly, replay."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from inspect import Parameter, signature
-from typing import Annotated, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -20,6 +22,7 @@ from syncplan.cli.arguments import (
 from syncplan.cli.console import (
     Format,
     announce_compilation,
+    announce_flight,
     check_output,
     deliver_document,
     progress_bar,
@@ -33,7 +36,14 @@ from syncplan.cli.required_verdicts import (
 )
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import SweepOptions, ValidationOptions
+from syncplan.estimation.replay_settings import ReplayOptions
+from syncplan.flight.flight_options import FlightOptions
 from syncplan.scenario.dotted_keys import SWEPT_KEYS, SweptKey, SweptOption, swept_key
+
+if TYPE_CHECKING:
+    from syncplan.recordings.log import Log
+    from syncplan.reports.replay_report import ReplayDocument
+
 
 runs = typer.Typer()
 
@@ -185,3 +195,104 @@ def _key_named(name: str) -> SweptKey:
         return swept_key(name)
     except InputError as error:
         raise InputError(error.problem, key="--key") from None
+
+
+@runs.command(
+    name="fly",
+    epilog="Example: syncplan fly plan.json --trials 200 --wind 1.5,0 --lose v3@60 -o flight.json",
+)
+@takes_options(FlightOptions, without=("substeps", "model"))
+def _fly(
+    subject: SubjectFile,
+    output: Output = None,
+    format_: Shown = Format.auto,
+    *,
+    options: FlightOptions,
+    threads: Threads = None,
+    require_observable: RequireObservable = False,
+    require_go: RequireGo = False,
+    max_vehicles: MaxVehicles = None,
+) -> int:
+    """Fly a plan in closed loop: vehicles steer by their estimates, in wind, with losses."""
+    from syncplan.flight.flying import conclude_flight, flight_run, fly_part
+    from syncplan.planning.plan_files import load, plan_of
+    from syncplan.reports.flight_report import flight_document
+    from syncplan.scenario.models import MAX_VEHICLES
+
+    check_output(output, subject)
+    plan = plan_of(load(subject, max_vehicles=max_vehicles or MAX_VEHICLES), pilot=False)
+    run = flight_run(plan, options)
+    announce_flight()
+    with progress_bar("flights", options.trials) as progress:
+        part = fly_part(run, 0, run.trials, threads=threads, progress=progress)
+    flight = conclude_flight(run, [part])
+    deliver_document("flight", flight_document(flight), output, format_)
+    return verdict_status(flight.plan, observable=require_observable, go=require_go)
+
+
+replays = typer.Typer()
+
+
+Recording = Annotated[
+    Path,
+    typer.Argument(
+        metavar="LOG",
+        help="Recording: folder of CSV files, of those of MRCLAM, or a ROS 2 bag; or its archive",
+    ),
+]
+
+
+@replays.command(
+    name="replay",
+    epilog="Example: syncplan replay mrclam6 --landmarks 7,15 --series -o report.json",
+)
+@takes_options(ReplayOptions)
+def _replay(
+    log: Recording,
+    output: Output = None,
+    format_: Shown = Format.auto,
+    *,
+    options: ReplayOptions,
+) -> int:
+    """Run the filter on recorded odometry and sightings, and compare it with the truth if recorded.
+
+    Without truth, the report has estimates and the filter's own sigmas in place of errors.
+    """
+    recording = _opened(log, output)
+    known = {str(name): name for name in recording.landmark_names}
+    if options.landmarks is not None:
+        numbered = tuple(known.get(str(name), name) for name in options.landmarks)
+        options = replace(options, landmarks=numbered)
+    document = _document(recording, options)
+    deliver_document("replay", document, output, format_)
+    return 0
+
+
+def _document(recording: "Log", asked: ReplayOptions) -> "ReplayDocument":
+    """The report of a replay, with its progress on the way."""
+    from syncplan.estimation.recorded_starts import check_start
+    from syncplan.estimation.replay_tuning import MOST_RUNS, tuned
+    from syncplan.estimation.replays import replay_with
+    from syncplan.reports.replay_report import replay_document
+
+    settings, options = asked.settings, asked.filter_options
+    check_start(settings, recording.name, has_truth=recording.has_truth)
+    announce_compilation(options, [(len(recording.robots), settings.has_lasting_errors)])
+    tuning = None
+    if asked.tune:
+        with progress_bar("filter runs", MOST_RUNS) as progress:
+            tuning = tuned(recording, settings, options, progress)
+    readings = sum(len(robot.times) for robot in recording.robots) * (1 + settings.distances)
+    with progress_bar("sightings", readings) as progress:
+        replayed = replay_with(recording, settings, options, tuning, progress)
+    return replay_document(replayed)
+
+
+def _opened(folder: Path, output: Path | None) -> "Log":
+    """The recording, none of whose files is the output, which can be written."""
+    from syncplan.recordings.recording_formats import load_log, recorded_files_in
+
+    check_output(output)
+    recording = load_log(folder)
+    check_output(output, *map(str, recorded_files_in(folder)))
+    return recording

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from syncplan.cli.flight_tables import _print_missed
+from syncplan.cli.run_tables import _print_missed
 from syncplan.flight.flying import fly
 from syncplan.reports.flight_report import FlownLink
 from tests.tools.scenarios import FILES

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from syncplan.cli.state_tables import further_states_table, merits_line
+from syncplan.cli.plan_tables import further_states_table, merits_line
 from syncplan.planning.plan_files import loaded_from, plan_of
 from syncplan.planning.planner import Plan, plan
 from syncplan.refinement.refiner import refine
