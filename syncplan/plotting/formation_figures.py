@@ -14,7 +14,16 @@ from syncplan.orbits.circles import position, unit
 from syncplan.orbits.contacts import Windows
 from syncplan.planning.judged_team import UnmetLink
 from syncplan.planning.planner import Plan
-from syncplan.plotting.canvas import Spec, compass, escaped, gapped, label, layout, numbers
+from syncplan.plotting.canvas import (
+    Spec,
+    compass,
+    escaped,
+    gapped,
+    label,
+    layout,
+    line_trace,
+    numbers,
+)
 from syncplan.plotting.figure_style import INK, PURPLE, FigureStyle
 from syncplan.plotting.links import (
     DROPPED,
@@ -32,7 +41,6 @@ from syncplan.plotting.maps import (
     MapView,
     area_traces,
     circle_traces,
-    line_trace,
     pointer,
     pointer_entry,
     vehicle_marks,
