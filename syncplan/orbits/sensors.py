@@ -1,4 +1,4 @@
-"""Sensors and noise: what each vehicle can see, how often and how well, and how it moves."""
+"""Sensors, noise and errors that last: what each vehicle can see and read, and how well."""
 
 from dataclasses import dataclass, field, fields, replace
 
@@ -23,6 +23,34 @@ class Noise:
     turn_rate_sigma: float
     position_sigma: float
     heading_sigma: float
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorSigmas:
+    """Standard deviations of the errors that last; those of bearings stand in Sensors.
+
+    Attributes
+    ----------
+    wind : m/s, of each component of the common, constant wind
+    gust : m/s, of each component of a vehicle's gusts
+    gust_time : s, over which their correlation falls to 1/e
+    speed_scale : of the share by which speed readings are wrong
+    turn_rate_bias : rad/s
+    clock_offset : s, of a vehicle's stamps
+    estimated : names in syncplan.orbits.error_states.ERROR_STATES that are states of the filter
+    """
+
+    wind: float = 0.0
+    gust: float = 0.0
+    gust_time: float = 10.0
+    speed_scale: float = 0.0
+    turn_rate_bias: float = 0.0
+    clock_offset: float = 0.0
+    estimated: tuple[str, ...] = ()
+
+
+NO_ERRORS = ErrorSigmas()
+"""Of vehicles whose readings have noise alone."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)

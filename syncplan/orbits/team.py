@@ -9,8 +9,7 @@ import numpy as np
 
 from syncplan.arrays import Array, Index, short_repr
 from syncplan.orbits.circles import Orbits
-from syncplan.orbits.error_states import NO_ERRORS, ErrorSigmas
-from syncplan.orbits.sensors import Noise, Sensors
+from syncplan.orbits.sensors import NO_ERRORS, ErrorSigmas, Noise, Sensors
 from syncplan.scenario.disturbances import Wind
 from syncplan.scenario.specification import Scenario, per_vehicle
 

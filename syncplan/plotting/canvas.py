@@ -207,7 +207,7 @@ def rows_spec(
 
     Names of rows are escaped.
     """
-    named = {"categoryorder": "array", "categoryarray": list(rows), "showgrid": False}
+    named: Spec = {"categoryorder": "array", "categoryarray": list(rows), "showgrid": False}
     shown = layout(
         title,
         note=note,
