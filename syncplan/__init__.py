@@ -34,6 +34,7 @@ Packages, each using only those before it; each lists its modules
     arrays            types of arrays
     errors            the errors raised on purpose
     phrases           words for many things
+    options           options of runs, each declared once
     runtime           cores and threads, child processes, files written whole
     results           what each result can be turned into: a file, a data frame, HTML
     recordings        what real robots recorded, read and checked

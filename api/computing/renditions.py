@@ -68,7 +68,7 @@ def plan_figure(text: str, name: str, theme: "Theme", parent_text: str | None) -
     """
     from syncplan.plotting.figure_style import FigureStyle
     from syncplan.plotting.figures import specs_of
-    from syncplan.reports.refinement_schemas import RefinementResult
+    from syncplan.reports.refinement_report import RefinementResult
 
     style = FigureStyle(theme=theme)
     if parent_text is not None:

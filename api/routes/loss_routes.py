@@ -9,7 +9,7 @@ from api.negotiation import accepts
 from api.problems import problem_responses
 from api.routes.plan_routes import Identifier, find_or_refuse
 from syncplan.planning.planner import BoundChoice
-from syncplan.reports.loss_schemas import WhatIfDocument
+from syncplan.reports.loss_report import WhatIfDocument
 
 router = APIRouter(tags=["plans"], dependencies=[Depends(accepts("application/json"))])
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from syncplan.planning.planner import Plan
     from syncplan.plotting.canvas import Spec
     from syncplan.plotting.figures import Subject
-    from syncplan.reports.refinement_schemas import RefinementResult
+    from syncplan.reports.refinement_report import RefinementResult
     from syncplan.reports.verdict_schemas import PlanVerdict
 
 
@@ -200,7 +200,7 @@ def _subject(file: str, compare: str | None, max_vehicles: int | None) -> Judged
 def _read(file: str, most: int) -> "tuple[Subject, RefinementResult | None, str]":
     """What a file holds, the record of its refinement, and its title."""
     from syncplan.planning.plan_files import loaded_from, plan_of
-    from syncplan.reports.refinement_schemas import RefinementResult
+    from syncplan.reports.refinement_report import RefinementResult
     from syncplan.scenario.loading import is_plan, parse_document, read_text
 
     source, text = read_text(file)

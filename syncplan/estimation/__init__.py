@@ -69,5 +69,4 @@ fitted_settings    the table of what is fitted
 replay_tuning      sigmas and delay from a recording's sightings, and whether they are worth it
 replay_results     what a replay found
 replays            the filter on a recording
-replay_requests    the same as requests name it
 """

@@ -17,7 +17,7 @@ from syncplan.arrays import Array, Index
 from syncplan.estimation.consistency import gate_threshold
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filter_statistics import SAMPLE_EVERY
-from syncplan.orbits.sensors import Noise
+from syncplan.orbits.noise import Noise
 
 BEARING_KIND, DISTANCE_KIND, COMPASS_KIND = 0, 1, 2
 """Places in SIGHTING_KINDS, as kernels have them."""

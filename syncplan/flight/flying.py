@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Unpack
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from syncplan.estimation.trials import Accuracy, accuracy
 from syncplan.flight.flight_events import FlightEvents, events_of
 from syncplan.flight.flight_limits import FlightLimits, FlownWorld
 from syncplan.flight.flight_measures import Meetings, meetings_of
-from syncplan.flight.flight_options import FlightChanges, FlightOptions, flight_options_with
+from syncplan.flight.flight_options import FlightOptions
 from syncplan.flight.flight_results import FlightResult, joined_flights
 from syncplan.flight.flights import fly_trials
 from syncplan.flight.flown_team import FlownTeam, team_in_flight
@@ -224,7 +224,7 @@ def fly(
     *,
     threads: int | None = None,
     progress: Callable[[int], None] | None = None,
-    **changes: Unpack[FlightChanges],
+    **changes: Any,
 ) -> Flight:
     """Return many flights of a plan by vehicles that steer by their own estimates.
 
@@ -244,10 +244,10 @@ def fly(
 def flight_run(
     subject: PlanSubject,
     options: FlightOptions | None = None,
-    **changes: Unpack[FlightChanges],
+    **changes: Any,
 ) -> FlightRun:
     """Return the set-up of a flight, whose parts fly_part flies and conclude_flight joins."""
-    chosen = flight_options_with(options, changes)
+    chosen = replace(options or FlightOptions(), **changes)
     plan = in_world(planned(subject, pilot=False), chosen.truth)
     scenario, true = plan.scenario, plan.scenario.in_truth
     duration = scenario.duration_s if chosen.duration is None else chosen.duration

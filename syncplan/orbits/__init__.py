@@ -1,7 +1,8 @@
 """Circles, and what follows from them exactly: contact windows, least distances, sightings.
 
 circles          positions, headings, transition of errors; paths as polynomials in time
-sensors          what each vehicle can see; noise and errors that last
+noise            of motion readings and of the start; errors that last
+sensors          what each vehicle can see
 sighting_kinds   the table of what sightings measure
 team             orbits, landmarks, sensors and noise together, as a scenario has them
 error_states     errors that last, and where the states of a team are

@@ -9,7 +9,8 @@ import numpy as np
 
 from syncplan.arrays import Array, Index, short_repr
 from syncplan.orbits.circles import Orbits
-from syncplan.orbits.sensors import NO_ERRORS, ErrorSigmas, Noise, Sensors
+from syncplan.orbits.noise import NO_ERRORS, ErrorSigmas, Noise
+from syncplan.orbits.sensors import Sensors
 from syncplan.scenario.disturbances import Wind
 from syncplan.scenario.specification import Scenario, per_vehicle
 

@@ -3,12 +3,12 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any, Unpack
+from typing import Any
 
 import numpy as np
 
 from syncplan.errors import InputError
-from syncplan.estimation.filter_options import FilterChanges, FilterOptions, options_with
+from syncplan.estimation.filter_options import FilterOptions, options_with
 from syncplan.orbits.circles import position
 from syncplan.orbits.graphs import bottleneck
 from syncplan.phrases import listed
@@ -73,7 +73,7 @@ def sweep(
     connected: bool = False,
     threads: int | None = None,
     progress: Callable[[int], None] | None = None,
-    **changes: Unpack[FilterChanges],
+    **changes: Any,
 ) -> Sweep:
     """Return a row for each value of the key `name`; see syncplan.scenario.dotted_keys.
 
@@ -280,7 +280,7 @@ def stress_worlds(scenario: Scenario) -> Mapping[str, dict[str, Any]]:
 
 
 def stress_runs(
-    subject: PlanSubject, options: FilterOptions | None = None, **changes: Unpack[FilterChanges]
+    subject: PlanSubject, options: FilterOptions | None = None, **changes: Any
 ) -> dict[str, TrialRun]:
     """Return the set-ups of a stress test by world, that as stated first, under an empty name.
 
@@ -310,7 +310,7 @@ def stressed(
     *,
     threads: int | None = None,
     progress: Callable[[int], None] | None = None,
-    **changes: Unpack[FilterChanges],
+    **changes: Any,
 ) -> StressTest:
     """Return a plan's validations in worlds that are worse than its scenario states.
 

@@ -33,9 +33,9 @@ from syncplan.plotting.figure_style import (
     FigureStyle,
     translucent,
 )
-from syncplan.reports.consistency_words import interval_words, verdict_words
-from syncplan.reports.replay_schemas import ReplayDocument
-from syncplan.reports.run_schemas import Spread, ValidationDocument
+from syncplan.reports.replay_report import ReplayDocument
+from syncplan.reports.run_figures import Spread, interval_words, verdict_words
+from syncplan.reports.validation_report import ValidationDocument
 
 _LEAST_BAR_PX = 5.0
 """Width below which bars become marks: their patterns could not be told apart."""

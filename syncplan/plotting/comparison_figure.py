@@ -27,7 +27,7 @@ from syncplan.plotting.maps import (
     sense_heads,
     view_of,
 )
-from syncplan.reports.refinement_schemas import FiguresOfMerit, RefinementResult
+from syncplan.reports.refinement_report import FiguresOfMerit, RefinementResult
 from syncplan.scenario.objectives import OBJECTIVES, ROWS
 
 _BARS_PX = 170

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from syncplan.planning.planner import Plan
     from syncplan.plotting.canvas import Spec
     from syncplan.plotting.figure_style import FigureStyle
-    from syncplan.reports.refinement_schemas import RefinementResult
+    from syncplan.reports.refinement_report import RefinementResult
 
 IMAGE_FORMATS = ("png", "svg", "pdf")
 """What a figure may be drawn as, beside a page."""

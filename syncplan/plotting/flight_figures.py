@@ -36,14 +36,14 @@ from syncplan.plotting.figure_style import (
     translucent,
 )
 from syncplan.plotting.series_figures import every_so_many, panel_line, panels_spec
-from syncplan.reports.flight_schemas import (
+from syncplan.reports.flight_report import (
     FlightDocument,
     FlightEvent,
     FlownLink,
     FlownSeparation,
     FlownVehicle,
 )
-from syncplan.reports.flight_series_schemas import VehicleOverTime
+from syncplan.reports.flight_series import VehicleOverTime
 
 MOST_NAMED = 4
 """Events that a note names."""

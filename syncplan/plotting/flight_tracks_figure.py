@@ -20,8 +20,8 @@ from syncplan.plotting.figure_style import (
 from syncplan.plotting.flight_figures import event_words
 from syncplan.plotting.map_labels import landmark_trace, name_trace, obstructions
 from syncplan.plotting.maps import MapView, area_traces, circle_points, view_about
-from syncplan.reports.flight_schemas import FlightDocument
-from syncplan.reports.flight_series_schemas import (
+from syncplan.reports.flight_report import FlightDocument
+from syncplan.reports.flight_series import (
     FlightGround,
     FlightOverTime,
     FlownTrack,

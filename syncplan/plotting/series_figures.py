@@ -16,9 +16,9 @@ from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.plotting.canvas import Spec, axis, escaped, layout, numbers, panel_title
 from syncplan.plotting.figure_style import INK, SKY, VERMILLION, FigureStyle, translucent
-from syncplan.reports.replay_schemas import EstimatedPath, ReplayDocument
-from syncplan.reports.run_schemas import Series, ValidationDocument, VehicleSeries
-from syncplan.reports.state_error_schemas import StateErrorSeries
+from syncplan.reports.replay_report import EstimatedPath, ReplayDocument
+from syncplan.reports.run_figures import Series, StateErrorSeries, VehicleSeries
+from syncplan.reports.validation_report import ValidationDocument
 
 MOST_POINTS = 400
 """Moments drawn of a run: every k-th sample."""

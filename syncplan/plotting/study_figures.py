@@ -17,8 +17,8 @@ from syncplan.plotting.canvas import (
     rows_spec,
 )
 from syncplan.plotting.figure_style import BLUE, GREEN, INK, ORANGE, VERMILLION
-from syncplan.reports.loss_schemas import RemainingTeam, WhatIfDocument
-from syncplan.reports.run_schemas import SweepReport, SweepRow, ValidationDocument
+from syncplan.reports.loss_report import RemainingTeam, WhatIfDocument
+from syncplan.reports.validation_report import SweepReport, SweepRow, ValidationDocument
 from syncplan.scenario.dotted_keys import swept_key
 
 MOST_BARS = 30

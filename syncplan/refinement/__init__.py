@@ -5,11 +5,9 @@ measures             exact figures of merit, and the margin of each constraint
 problem_setup        the problem that a plan and options pose
 clearances           separation, landmarks and areas, smooth, with their sparse Jacobian
 smooth_sightings     the information of sightings past obstacles, smooth
-smooth_contacts      contacts, smooth
-smooth_team          information and contacts of the whole team, its determinants
-smooth_bound         the posterior bound, smooth
-smooth_passages      how poses and errors as states go on from step to step
-smooth_wide_bound    the posterior bound with errors as states, and its slopes
+smooth_contacts      contacts kept, smooth
+smooth_team          information of the whole team, its determinants
+smooth_bound         the posterior bound with bias states, smooth, and its slopes
 nlp                  each objective, and the nonlinear program of one stage
 ipopt                the stages solved one after the other, from starting points
 exact_search         a last search by the exact measure

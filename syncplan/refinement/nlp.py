@@ -9,7 +9,6 @@ import casadi as ca
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.orbits.error_states import layout_of
 from syncplan.refinement.clearances import (
     Blocks,
     area_clearances,
@@ -21,13 +20,13 @@ from syncplan.refinement.clearances import (
 )
 from syncplan.refinement.problem import WINDOW_BOUND, RefineProblem, Stage, samples_in, step_width
 from syncplan.refinement.smooth_bound import coarse_run, smooth_rms
+from syncplan.refinement.smooth_contacts import contacts_kept
 from syncplan.refinement.smooth_team import (
     RELATIVE_SHIFT,
     SmoothTeam,
     log_determinant,
     window_excess,
 )
-from syncplan.refinement.smooth_wide_bound import smooth_wide_rms
 
 # --- objectives -----------------------------------------------------------------------------------
 #
@@ -170,10 +169,7 @@ def _of_vehicles(given: SmoothInputs, cost: Callable[[ca.MX], ca.MX]) -> SmoothO
     run = coarse_run(problem)
     seen = SmoothTeam.of(problem, run.times)
     width = max(given.stage.width, step_width(problem, run.times))
-    if not layout_of(problem.team).names:
-        each = seen.information(given.circles, width, each=True)
-        return SmoothObjective(cost(smooth_rms(problem, run, seen.sparsity, each, given.circles)))
-    rms = smooth_wide_rms(problem, run, seen, given.circles, width)
+    rms = smooth_rms(problem, run, seen, given.circles, width)
     one = ca.MX.sym("rms", problem.orbits.count)
     weights = ca.Function("weights", [one], [ca.gradient(cost(one), one)])
     return SmoothObjective(cost(rms.value), rms.slopes(weights(rms.value)))
@@ -321,7 +317,7 @@ def nlp_of(problem: RefineProblem, stage: Stage) -> StageNlp:
     variables = chosen if objective.extra is None else ca.vertcat(chosen, objective.extra)
     # constraints
     sides = ca.MX.sym("p", side_count(problem))
-    limits = _constraints(problem, stage, team, circles, sides)
+    limits = _constraints(problem, stage, circles, sides)
     constraints, jacobian, labels = limits.values, limits.jacobian[:, free.tolist()], limits.labels
     if np.isfinite(problem.window_limit):
         excess = window_excess(team.sparsity, information, problem)
@@ -400,15 +396,13 @@ CONTACT_SAMPLES = 96
 """Contact needs few samples; near its minimum the distance hardly changes between them."""
 
 
-def _constraints(
-    problem: RefineProblem, stage: Stage, team: SmoothTeam, circles: ca.MX, sides: ca.MX
-) -> Blocks:
+def _constraints(problem: RefineProblem, stage: Stage, circles: ca.MX, sides: ca.MX) -> Blocks:
     """Contacts kept, separation, landmarks, areas."""
     width = _CONTACT_WIDTH * stage.width
     safety = _SAFETY_WIDTHS * width * float(problem.sensors.ranges.mean())
     most = min(stage.samples, CONTACT_SAMPLES)
     times = samples_in(problem, problem.contact_span, most)
-    contacts = team.contacts(circles, times, width, safety if stage.last else 0.0)
+    contacts = contacts_kept(problem, circles, times, width, safety if stage.last else 0.0)
     distances = [
         separations(problem, circles),
         landmark_clearances(problem, circles, sides),

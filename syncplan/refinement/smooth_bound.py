@@ -1,23 +1,44 @@
-"""The posterior bound's RMS over a run as a smooth function of the circles.
+"""The posterior bound's RMS over a run as a smooth function of the circles, and its slopes.
 
 The recursion of syncplan.estimation.bounds (Tichavský, Muravchik and Nehorai, IEEE Trans. Signal
 Process. 46, 1998, equation 21) in coarse steps, a fixed number a turn: sightings and motion noise
-of a step's samples are taken together at its middle. Information and noise repeat every turn, so
-they are computed for one turn only.
+of a step's samples are taken together at its middle. The state is that of the moment: the poses,
+then the bias states that the filter estimates, if there are any. So all that a step needs repeats
+every turn. Sightings show poses alone: a bearing depends on the target's place relative to the
+observer, and on its heading less its bearing bias and walk. With these `observed` (r, m) and the
+information K (r, r) on them, a step goes
+
+    P <- P + motion noise
+    S = P - (O P)^T (1 + K O P O^T)^-1 K O P       = (1 + P O^T K O)^-1 P; gives the variances
+    P <- F S F^T + noise of gusts and bearing walks
+
+Its slopes are written out, from the last step to the first: with weights B of S,
+
+    U = O S B,  V = U S O^T,  Q = K U - K V K O / 2
+    weights of K   -V,    weights of P   B - O^T Q - Q^T O
+
+Automatic differentiation of the same recursion takes about three times as long.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
 
-from syncplan.arrays import Index
+from syncplan.arrays import Array, Index
 from syncplan.estimation.referred_system import arc_noise_gain
+from syncplan.orbits.circles import Orbits, perpendicular, unit
+from syncplan.orbits.error_states import ERROR_STATES, StateLayout, layout_of
 from syncplan.refinement.problem import RefineProblem, SampleTimes
+from syncplan.refinement.smooth_team import SmoothTeam
 
 _STEPS_A_TURN = 32
 _MOST_TURNS = 60.0
 _LINEAR_SOLVER = "lapackqr"
+
+_AT_ONCE = {"base": -1}
+"""Unrolls a recursion in one go: levels within levels only pay where CasADi differentiates them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,77 +68,254 @@ def coarse_run(problem: RefineProblem) -> CoarseRun:
     return CoarseRun(SampleTimes(angles, counts, ready), np.arange(steps) % number)
 
 
+@dataclass(frozen=True, slots=True)
+class SmoothRms:
+    """The RMS position bounds of n vehicles, and their slopes.
+
+    Attributes
+    ----------
+    value : (n,) over the second half, scaled
+    slopes : of weights (n,), the gradient (4, n) of the weighted sum of `value` by the circles
+    """
+
+    value: ca.MX
+    slopes: Callable[[ca.MX], ca.MX]
+
+
 def smooth_rms(
-    problem: RefineProblem,
-    run: CoarseRun,
-    sparsity: ca.Sparsity,
-    information: ca.MX,
-    circles: ca.MX,
-) -> ca.MX:
-    """Return (n,) the RMS position bound over the second half, scaled, of circles (4, n), scaled.
+    problem: RefineProblem, run: CoarseRun, seen: SmoothTeam, circles: ca.MX, width: float
+) -> SmoothRms:
+    """Return the RMS position bounds of circles (4, n), scaled.
 
-    `information` holds its non-zeros (nnz, k) for each sample of a turn.
+    The bias states are those that the team's filter estimates, but for clock offsets, which would
+    make each observer see its targets elsewhere: exact verdicts have them. `seen` is the team at
+    the run's times.
     """
-    count = problem.orbits.count
-    noise, turns = turn_of_vehicles(problem, run.times, circles)
-    chosen = run.turn_of_step.tolist()
-    sigma = np.array([problem.noise.position_sigma] * 2 + [problem.noise.heading_sigma])
-    sigma[:2] /= problem.scale
-    start = ca.DM(np.diag(np.tile(sigma**2, count)))
-    step = _step(sparsity, count).mapaccum("run", len(chosen), 1)
-    _, variances = step(start, information[:, chosen], noise[:, chosen], turns[:, chosen])
-    late = variances[:, len(chosen) // 2 :]
-    return ca.sqrt(ca.sum2(late) / late.size2())
-
-
-def _step(sparsity: ca.Sparsity, count: int) -> ca.Function:
-    """(P, information, noise, turns) -> (P, variances (n,)) over one coarse step."""
-    size = 3 * count
-    covariance = ca.MX.sym("P", size, size)
-    information = ca.MX.sym("M", sparsity.nnz())
-    noise, turns = ca.MX.sym("noise", 6 * count), ca.MX.sym("turns", 2 * count)
-    grown = covariance + ca.MX(_block_diagonal(count), noise[_block_entries(count)])
-    seen = ca.MX(sparsity, information)
-    after = ca.solve(ca.MX.eye(size) + grown @ seen, grown, _LINEAR_SOLVER)
-    after = 0.5 * (after + after.T)
-    flat = ca.vec(after)
-    at = [
-        [int(3 * k + i + size * (3 * k + j)) for k in range(count)]
-        for i, j in ((0, 0), (1, 1), (0, 2), (1, 2), (2, 2))
-    ]
-    x, y = turns[0::2], turns[1::2]
-    variances = (
-        flat[at[0]]
-        + flat[at[1]]
-        + 2.0 * (x * flat[at[2]] + y * flat[at[3]])
-        + (x**2 + y**2) * flat[at[4]]
+    estimated = problem.team.errors.estimated
+    layout = layout_of(problem.team, [name for name in estimated if not ERROR_STATES[name].delays])
+    span = 2.0 * np.pi / (len(run.times.angles) * problem.orbits.rate)
+    onward, begun = (Passage.of(problem, layout, share * span) for share in (1.0, 0.5))
+    at = ca.MX.sym("X", 4, problem.orbits.count)
+    noise, arms = _turn_of_vehicles(problem, run.times, at)
+    made = ca.Function(
+        "made",
+        [at],
+        [
+            begun.carried(_start(problem, layout), begun.by_place @ arms[:, 0]),
+            seen.information_now(at, width),
+            noise,
+            onward.by_place @ arms[:, [*range(1, len(run.times.angles)), 0]],
+        ],
     )
-    return ca.Function("step", [covariance, information, noise, turns], [after, variances])
+    start, *turn = made(circles)
+    step = _Step(layout, seen.sparsity, *_observed(problem, layout, run), onward)
+    value, after = _forward(step, run.turn_of_step, start, turn)
+
+    def slopes(weights: ca.MX) -> ca.MX:
+        number = len(run.turn_of_step)
+        late = 0.5 * weights / (value * (number - number // 2))
+        found = _backward(step, run.turn_of_step, turn, after, late)
+        return made.reverse(1)(circles, start, *turn, *found)
+
+    return SmoothRms(value, slopes)
 
 
-def _block_diagonal(count: int) -> ca.Sparsity:
-    return ca.diagcat(*[ca.Sparsity.dense(3, 3)] * count)
+def _forward(step: "_Step", chosen: Index, start: ca.MX, turn: list[ca.MX]) -> tuple[ca.MX, ca.MX]:
+    """The RMS (n,) over the second half, and the covariances (m, m k) after each step's sightings.
 
-
-def _block_entries(count: int) -> list[int]:
-    """Where each non-zero of the block diagonal, column by column, stands among 6 a vehicle."""
-    place = {(0, 0): 0, (0, 1): 1, (1, 1): 2, (0, 2): 3, (1, 2): 4, (2, 2): 5}
-    return [
-        6 * k + place[min(i, j), max(i, j)]
-        for k in range(count)
-        for j in range(3)
-        for i in range(3)
-    ]
-
-
-def turn_of_vehicles(
-    problem: RefineProblem, times: SampleTimes, circles: ca.MX, *, now: bool = False
-) -> tuple[ca.MX, ca.MX]:
-    """Return motion noise (6 n, k), and displacements since time 0 turned by 90 degrees (2 n, k).
-
-    The noise is that of poses at time 0; with `now` that of poses at each sample, with places from
-    the centres in place of displacements.
+    `turn` are information, noise and what varies in F at the samples of a turn, a column each.
     """
+    number = len(chosen)
+    _, variances, after = step.forward().mapaccum("run", number, _AT_ONCE)(
+        start, *(one[:, chosen.tolist()] for one in turn)
+    )
+    late = variances[:, number // 2 :]
+    return ca.sqrt(ca.sum2(late) / late.size2()), after
+
+
+def _backward(
+    step: "_Step", chosen: Index, turn: list[ca.MX], after: ca.MX, late: ca.MX
+) -> list[ca.MX]:
+    """Slopes by the covariance at the start and by `turn`.
+
+    `late` (n,) are those by each vehicle's variance, at every step of the second half.
+    """
+    number, size = len(chosen), step.layout.size
+    back = np.arange(number)[::-1]
+    counted = ca.DM(np.where(back >= number // 2, 1.0, 0.0)).T
+    columns = (size * back[:, None] + np.arange(size)).ravel()
+    by_start, *by_step = step.backward().mapaccum("back", number, _AT_ONCE)(
+        ca.MX.zeros(size, size),
+        after[:, columns.tolist()],
+        *(one[:, chosen[back].tolist()] for one in turn),
+        late @ counted,
+    )
+    # steps at the same sample of the turn add up
+    place = ca.DM.triplet(
+        list(range(number)), chosen[back].tolist(), ca.DM.ones(number), number, turn[0].size2()
+    )
+    return [by_start[:, -size:], *(one @ place for one in by_step)]
+
+
+# --- one step -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _Step:
+    """One coarse step of n vehicles and m states, as a function and its slopes.
+
+    Attributes
+    ----------
+    layout : of the states
+    sparsity : of the information of poses (3 n, 3 n)
+    observed, compasses : as `_observed` has them
+    onward : the passage to the next step
+    """
+
+    layout: StateLayout
+    sparsity: ca.Sparsity
+    observed: ca.DM
+    compasses: ca.DM
+    onward: "Passage"
+
+    def _inputs(self) -> list[ca.MX]:
+        """Information, noise, what varies in F."""
+        sizes = self.sparsity.nnz(), 6 * self.layout.count, self.onward.by_place.size1()
+        return [ca.MX.sym(name, size) for name, size in zip("MNF", sizes, strict=True)]
+
+    def _known(self, information: ca.MX) -> ca.MX:
+        return ca.diagcat(ca.MX(self.sparsity, information), self.compasses)
+
+    def forward(self) -> ca.Function:
+        """(P, information, noise, F's) -> (P a step later, variances (n,), S)."""
+        covariance = ca.MX.sym("P", self.layout.size, self.layout.size)
+        information, noise, moved = self._inputs()
+        places, entries = _noise_places(self.layout)
+        grown = covariance + ca.MX(places, noise[entries])
+        after = self._updated(grown, self._known(information))
+        after = 0.5 * (after + after.T)
+        variances = _places(self.layout).T @ ca.diag(after)
+        carried = self.onward.carried(after, moved)
+        return ca.Function(
+            "step", [covariance, information, noise, moved], [carried, variances, after]
+        )
+
+    def _updated(self, grown: ca.MX, known: ca.MX) -> ca.MX:
+        """The covariance after sightings, by the smaller of two systems of equations."""
+        observations, size = self.observed.shape
+        if observations >= size:
+            shown = self.observed.T @ known @ self.observed
+            return ca.solve(ca.MX.eye(size) + grown @ shown, grown, _LINEAR_SOLVER)
+        ways = ca.densify(self.observed @ grown)
+        gain = ca.solve(
+            ca.MX.eye(observations) + known @ ca.densify(ways @ self.observed.T),
+            ca.densify(known @ ways),
+            _LINEAR_SOLVER,
+        )
+        return grown - ways.T @ gain
+
+    def backward(self) -> ca.Function:
+        """(weights of P a step later, S, information, noise, F's, weights of variances) -> slopes.
+
+        By P, information, noise, and what varies in F.
+        """
+        size, count = self.layout.size, self.layout.count
+        later, after = (ca.MX.sym(name, size, size) for name in ("B", "S"))
+        information, noise, moved = self._inputs()
+        late = ca.MX.sym("late", count)
+        by_after, by_moved = self.onward.carried_slopes(after, moved, later)
+        by_after += ca.diag(_places(self.layout) @ late)
+        known = self._known(information)
+        seen = ca.densify(self.observed @ after)
+        ways = seen @ by_after
+        by_known = ways @ seen.T
+        gained = ca.densify(known @ ways) - 0.5 * ca.densify(
+            ca.densify(known @ ca.densify(by_known @ known)) @ self.observed
+        )
+        through = ca.densify(self.observed.T @ gained)
+        by_grown = by_after - through - through.T
+        places, entries = _noise_places(self.layout)
+        number = len(entries)
+        gathered = ca.DM.triplet(
+            entries, list(range(number)), ca.DM.ones(number), 6 * count, number
+        )
+        return ca.Function(
+            "back",
+            [later, after, information, noise, moved, late],
+            [
+                by_grown,
+                -_picked(by_known, self.sparsity),
+                gathered @ _picked(by_grown, places),
+                by_moved,
+            ],
+        )
+
+
+def _picked(matrix: ca.MX, sparsity: ca.Sparsity) -> ca.MX:
+    """The entries of a dense matrix at a sparsity's non-zeros, as a column."""
+    rows, columns = sparsity.get_triplet()
+    size = matrix.size1()
+    return ca.vec(matrix)[[row + size * column for row, column in zip(rows, columns, strict=True)]]
+
+
+def _places(layout: StateLayout) -> ca.DM:
+    """(m, n) 1 where a state is of a vehicle's place."""
+    rows = [3 * k + axis for k in range(layout.count) for axis in (0, 1)]
+    ones = ca.DM.ones(len(rows))
+    return ca.DM.triplet(rows, [row // 3 for row in rows], ones, layout.size, layout.count)
+
+
+def _noise_places(layout: StateLayout) -> tuple[ca.Sparsity, list[int]]:
+    """Sparsity (m, m) of motion noise, and which of six entries a vehicle each non-zero is."""
+    place = {(0, 0): 0, (0, 1): 1, (1, 1): 2, (0, 2): 3, (1, 2): 4, (2, 2): 5}
+    rows, columns, entries = [], [], []
+    for k in range(layout.count):
+        for j in range(3):
+            for i in range(3):
+                rows.append(3 * k + i)
+                columns.append(3 * k + j)
+                entries.append(6 * k + place[min(i, j), max(i, j)])
+    return ca.Sparsity.triplet(layout.size, layout.size, rows, columns), entries
+
+
+def _start(problem: RefineProblem, layout: StateLayout) -> ca.MX:
+    """(m, m) the covariance at time 0, bias states in units of their sigmas."""
+    sigma = np.ones(layout.size)
+    pose = [problem.noise.position_sigma / problem.scale] * 2 + [problem.noise.heading_sigma]
+    sigma[: 3 * layout.count] = np.tile(pose, layout.count)
+    return ca.MX(ca.DM(np.diag(sigma**2)))
+
+
+def _observed(problem: RefineProblem, layout: StateLayout, run: CoarseRun) -> tuple[ca.DM, ca.DM]:
+    """What sightings show, (r, m) by the state, and information of compasses in a step, (r', r').
+
+    The poses with headings less errors of bearings, then the headings of those with a compass.
+    """
+    poses = np.eye(3 * layout.count, layout.size)
+    for name in layout.names:
+        if not ERROR_STATES[name].shifts:
+            continue
+        for k, column in enumerate(layout.columns[name][:, 0].tolist()):
+            if column >= 0:
+                poses[3 * k + 2, column] = -layout.sigmas[column - 3 * layout.count]
+    sigmas = problem.sensors.compass_sigmas_each_sample
+    own = np.flatnonzero(sigmas < np.inf)
+    headings = np.zeros((len(own), layout.size))
+    headings[np.arange(len(own)), 3 * own + 2] = 1.0
+    information = run.times.counts.mean() / sigmas[own] ** 2
+    return (
+        ca.sparsify(ca.DM(np.concatenate([poses, headings]))),
+        ca.sparsify(ca.DM(np.diag(information))) if len(own) else ca.DM(0, 0),
+    )
+
+
+# --- motion noise ---------------------------------------------------------------------------------
+
+
+def _turn_of_vehicles(
+    problem: RefineProblem, times: SampleTimes, circles: ca.MX
+) -> tuple[ca.MX, ca.MX]:
+    """Motion noise of the poses at each sample (6 n, k), and places from the centres (2 n, k)."""
     count, samples = problem.orbits.count, len(times.angles)
     gain = arc_noise_gain(problem.orbits, problem.sensors.sample_time)
     gain[:, :2] /= problem.scale
@@ -127,30 +325,22 @@ def turn_of_vehicles(
     parameters = np.concatenate(
         [problem.orbits.senses[None], gain[:, :2, 0].T, gain[:, :2, 1].T, gain[:, 2, 1][None]]
     )
-    function = _vehicle_turn(times, now).map(count)
-    noise, turns = function(circles, ca.DM(parameters))
+    noise, arms = _vehicle_turn(times).map(count)(circles, ca.DM(parameters))
     return (
         ca.vertcat(*ca.horzsplit(noise, samples)),
-        ca.vertcat(*ca.horzsplit(turns, samples)),
+        ca.vertcat(*ca.horzsplit(arms, samples)),
     )
 
 
-def _vehicle_turn(times: SampleTimes, now: bool) -> ca.Function:
-    """(circle, parameters) -> (noise (6, k), turned displacement or place (2, k)) of a vehicle."""
+def _vehicle_turn(times: SampleTimes) -> ca.Function:
+    """(circle, parameters) -> (noise (6, k), place from the centre (2, k)) of a vehicle."""
     circle, parameters = ca.SX.sym("circle", 4), ca.SX.sym("parameters", 6)
     sense = parameters[0]
     phase = circle[3] + sense * ca.DM(times.angles).T
-    arm = circle[2] * ca.vertcat(ca.cos(phase), ca.sin(phase))
-    gone = arm - ca.repmat(
-        circle[2] * ca.vertcat(ca.cos(circle[3]), ca.sin(circle[3])), 1, len(times.angles)
-    )
-    turned = ca.vertcat(-gone[1, :], gone[0, :])
     ahead = sense * ca.vertcat(-ca.sin(phase), ca.cos(phase))
     across = ca.vertcat(-ahead[1, :], ahead[0, :])
     by_speed = ahead * parameters[1] + across * parameters[2]
     by_turn = circle[2] * (ahead * parameters[3] + across * parameters[4])
-    if not now:
-        by_turn = by_turn - turned * parameters[5]
     noise = ca.vertcat(
         by_speed[0, :] ** 2 + by_turn[0, :] ** 2,
         by_speed[0, :] * by_speed[1, :] + by_turn[0, :] * by_turn[1, :],
@@ -159,5 +349,176 @@ def _vehicle_turn(times: SampleTimes, now: bool) -> ca.Function:
         by_turn[1, :] * parameters[5],
         ca.repmat(parameters[5] ** 2, 1, len(times.angles)),
     )
+    arm = circle[2] * ca.vertcat(ca.cos(phase), ca.sin(phase))
     counts = ca.repmat(ca.DM(times.counts).T, 6, 1)
-    return ca.Function("turn", [circle, parameters], [noise * counts, arm if now else turned])
+    return ca.Function("turn", [circle, parameters], [noise * counts, arm])
+
+
+# --- from moment to moment ------------------------------------------------------------------------
+#
+#     place by heading           J (p(t + h) - p(t))
+#     place by constant errors   their moves in h seconds, see syncplan.orbits.error_states
+#     place by gusts             Ts (1 - a^M) / (1 - a)
+#     gusts, bearing walks       a^M of themselves,  a = exp(-Ts / correlation time)
+#
+# with M samples in h seconds. A place on a circle says where the vehicle was h seconds before, so
+# each entry of F is a constant or a linear function of p(t + h). As factors of rows, the few that
+# vary are cheap to apply and to differentiate.
+
+
+@dataclass(frozen=True, slots=True)
+class Passage:
+    """How the m states go on for some seconds, positions scaled and errors in their sigmas.
+
+    Attributes
+    ----------
+    steady : (m, m) what of F is the same for all circles
+    by_place : (q, 2 n) the entries that vary, by where each vehicle then is from its centre
+    taken, given : (q, m), (m, q) 1 at the column, and at the row, of each of these entries
+    noise : (m, m) of gusts and walks that come up on the way
+    """
+
+    steady: ca.DM
+    by_place: ca.DM
+    taken: ca.DM
+    given: ca.DM
+    noise: ca.DM
+
+    @classmethod
+    def of(cls, problem: RefineProblem, layout: StateLayout, seconds: float) -> "Passage":
+        """Return the passage of `seconds` s."""
+        count, sample_time = layout.count, problem.sensors.sample_time
+        steady, noise = np.eye(layout.size), np.zeros((layout.size, layout.size))
+        varying: dict[tuple[int, int], Array] = {}
+
+        def move(moves: Array, vehicle: int, column: int, size: float) -> None:
+            """Add by how much a state moves a vehicle: `moves` is (3, 3), see `_moves`."""
+            for row, (constant, *by_place) in enumerate(moves.T.tolist(), 3 * vehicle):
+                steady[row, column] += size * constant
+                if any(by_place):
+                    slots = varying.setdefault((row, column), np.zeros(2 * count))
+                    slots[2 * vehicle : 2 * vehicle + 2] = np.multiply(size, by_place)
+
+        turned = _moves(problem, _turned, seconds)
+        for vehicle in range(count):
+            move(turned[:, 0, :, vehicle], vehicle, 3 * vehicle + 2, 1.0)
+        for name in layout.names:
+            state = ERROR_STATES[name]
+            moves = _moves(problem, state.moves, seconds) if state.constant else None
+            for vehicle, axis in np.argwhere(layout.columns[name] >= 0).tolist():
+                column = int(layout.columns[name][vehicle, axis])
+                sigma = float(layout.sigmas[column - 3 * count])
+                if moves is not None:
+                    move(moves[:, axis, :, vehicle], vehicle, column, sigma)
+                    continue
+                change = _Change.of(layout.times[column - 3 * count], sample_time, seconds)
+                steady[column, column] = change.kept
+                noise[column, column] = 1.0 - change.kept**2
+                if state.drifts:
+                    row, far = 3 * vehicle + axis, sigma / problem.scale
+                    steady[row, column] = far * change.push
+                    noise[row, row] = far**2 * change.spread
+                    noise[row, column] = noise[column, row] = far * change.joint
+        rows, columns = np.array([*varying]).T
+        identity = np.eye(layout.size)
+        by_place = np.array([*varying.values()])
+        matrices = steady, by_place, identity[columns], identity[:, rows], noise
+        return cls(*(ca.sparsify(ca.DM(one)) for one in matrices))
+
+    def onward(self, matrix: ca.MX, moved: ca.MX) -> ca.MX:
+        """Return F times a matrix (m, c); `moved` (q, 1) are the entries that vary."""
+        varying = ca.repmat(moved, 1, matrix.size2()) * (self.taken @ matrix)
+        return ca.densify(self.steady @ matrix + self.given @ varying)
+
+    def back(self, matrix: ca.MX, moved: ca.MX) -> ca.MX:
+        """Return F's transpose times a matrix (m, c)."""
+        varying = ca.repmat(moved, 1, matrix.size2()) * (self.given.T @ matrix)
+        return ca.densify(self.steady.T @ matrix + self.taken.T @ varying)
+
+    def carried(self, covariance: ca.MX, moved: ca.MX) -> ca.MX:
+        """Return (m, m) the covariance at the end."""
+        return self.onward(self.onward(covariance, moved).T, moved) + self.noise
+
+    def carried_slopes(
+        self, covariance: ca.MX, moved: ca.MX, weights: ca.MX
+    ) -> tuple[ca.MX, ca.MX]:
+        """Return how much `weights` (m, m), symmetric, times `carried` grow.
+
+        By the covariance, (m, m), and by the entries that vary, (q, 1).
+        """
+        by_covariance = self.back(self.back(weights, moved).T, moved)
+        columns = self.taken @ self.onward(covariance, moved).T
+        return by_covariance, 2.0 * ca.sum2((self.given.T @ weights) * columns)
+
+
+_Moves = Callable[[Orbits, Index, Array], Array]
+"""As ErrorState.moves."""
+
+_ROUNDING = 1e-12
+"""Moves smaller than this are those of a cosine that should be 0."""
+
+
+def _moves(problem: RefineProblem, moves: _Moves, seconds: float) -> Array:
+    """(3, axes, 3, n) moves in `seconds` s: constants, then by x and y of where a vehicle then is.
+
+    They are read off a circle without radius and circles of radius 1 that end on each axis.
+    """
+    orbits, vehicles = problem.orbits, np.arange(problem.orbits.count)
+    begun = -orbits.senses * orbits.rate * seconds
+    constant, by_x, by_y = (
+        moves(
+            replace(orbits, radii=np.full(len(vehicles), radius), phases=begun + phase),
+            vehicles,
+            np.full(len(vehicles), seconds),
+        )
+        for radius, phase in ((0.0, 0.0), (1.0, 0.0), (1.0, 0.5 * np.pi))
+    )
+    found = np.stack([constant, by_x - constant, by_y - constant])
+    found[:, :, :2] /= problem.scale
+    found[1:] *= problem.scale
+    return np.where(np.abs(found) > _ROUNDING, found, 0.0)
+
+
+def _turned(orbits: Orbits, vehicles: Index, times: Array) -> Array:
+    """(1, 3, s) by how much a unit of heading moves vehicles: the way gone, a quarter turn on."""
+    turn = orbits.senses[vehicles] * orbits.rate * times
+    gone = unit(orbits.phases[vehicles] + turn) - unit(orbits.phases[vehicles])
+    moves = np.zeros((1, 3, len(vehicles)))
+    moves[0, :2] = perpendicular(orbits.radii[vehicles][:, None] * gone).T
+    return moves
+
+
+@dataclass(frozen=True, slots=True)
+class _Change:
+    """What some seconds do to an error of variance 1 that changes.
+
+    Attributes
+    ----------
+    kept : share that is left of it
+    push : s, how far a gust moves a vehicle that it had at the beginning
+    spread, joint : s^2, s: variance of how far later gusts move it, and its covariance with the
+        gust left at the end
+    """
+
+    kept: float
+    push: float
+    spread: float
+    joint: float
+
+    @classmethod
+    def of(cls, time: float, sample_time: float, seconds: float) -> "_Change":
+        """Return the change in `seconds` s with a correlation time of `time` s."""
+        kept_each = float(np.exp(-sample_time / time))
+        samples = seconds / sample_time
+        kept = kept_each**samples
+        once, twice = (1.0 - kept) / (1.0 - kept_each), (1.0 - kept**2) / (1.0 - kept_each**2)
+        # within one sample later gusts move nothing yet
+        later = 1.0 if samples > 1.0 else 0.0
+        fresh_each = 1.0 - kept_each**2
+        spread = fresh_each * (samples - 2.0 * once + twice) / (1.0 - kept_each) ** 2
+        return cls(
+            kept=kept,
+            push=sample_time * once,
+            spread=later * sample_time**2 * spread,
+            joint=later * sample_time * fresh_each * (once - twice) / (1.0 - kept_each),
+        )

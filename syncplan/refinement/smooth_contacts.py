@@ -8,11 +8,102 @@ slope stays large far from contact, where that of the number itself vanishes.
 import casadi as ca
 import numpy as np
 
-from syncplan.refinement.problem import SampleTimes
-from syncplan.refinement.smooth_sightings import ROUNDED_ANGLE, ConvexPiece, sight_gap
+from syncplan.arrays import Array, Index
+from syncplan.refinement.clearances import Blocks, pair_blocks, single_blocks, stacked_blocks
+from syncplan.refinement.problem import RefineProblem, SampleTimes
+from syncplan.refinement.smooth_sightings import (
+    ALL_ROUND,
+    ROUNDED_ANGLE,
+    ConvexPiece,
+    convex_pieces,
+    sight_gap,
+)
 
 _Seen = tuple[ca.SX | None, ca.SX | None]
 """How far targets are within the view, and sight lines clear of obstacles, where there are such."""
+
+
+def contacts_kept(
+    problem: RefineProblem, circles: ca.MX, times: SampleTimes, width: float, safety: float
+) -> Blocks:
+    """Return the logarithm of the samples in contact, out of `times`, of contacts to be kept.
+
+    `width` is that of the step; `safety` in m is added to the margins.
+    """
+    kept, held = problem.pairs, problem.anchors
+    views = bool(np.any(problem.sensors.fields_of_view < 2.0 * np.pi))
+    pieces = convex_pieces(problem.team.obstacles, problem.scale)
+    blocks = []
+    if len(kept):
+        inputs = [
+            ca.DM(_pair_parameters(problem, kept, views)),
+            _steps(problem, width, problem.pair_margins + safety),
+        ]
+        every = problem.sensors.every[kept].max(axis=1)
+        lower = np.log(problem.pair_samples - 1.0 + 1.0 / every)
+        labels = _labels(problem, kept, problem.pair_margins)
+        function = pair_contact(times, views, pieces)
+        blocks.append(pair_blocks(function, circles, kept, inputs, lower, labels))
+    if len(held):
+        inputs = [
+            ca.DM(problem.landmarks[held[:, 1] - problem.orbits.count].T / problem.scale),
+            ca.DM(_anchor_parameters(problem, held[:, 0], views)),
+            _steps(problem, width, problem.anchor_margins + safety),
+        ]
+        # counted at all samples: the fewest that hold so many at which the sensor is ready
+        every = problem.sensors.every[held[:, 0]]
+        lower = np.log((problem.anchor_samples - 1.0) * every + 1.0)
+        labels = _labels(problem, held, problem.anchor_margins)
+        function = anchor_contact(times, views, pieces)
+        blocks.append(single_blocks(function, circles, held[:, 0], inputs, lower, labels))
+    return stacked_blocks(blocks, problem.orbits.count)
+
+
+def _steps(problem: RefineProblem, width: float, margins: Array) -> ca.DM:
+    return ca.DM(np.stack([np.full(len(margins), width), margins / problem.scale]))
+
+
+def _labels(problem: RefineProblem, pairs: Index, margins: Array) -> list[str]:
+    names = problem.names
+    return [
+        f"contact of {names[a]}-{names[b]} (margin {margin:.3g} m)"
+        for (a, b), margin in zip(pairs.tolist(), margins, strict=True)
+    ]
+
+
+def _pair_parameters(problem: RefineProblem, pairs: Index, views: bool) -> Array:
+    """(6 or 10, e) parameters of `pair_contact`."""
+    sensors, senses = problem.sensors, problem.orbits.senses
+    a, b = pairs[:, 0], pairs[:, 1]
+    ranges = sensors.ranges / problem.scale
+    rows = [senses[a], senses[b], ranges[a], ranges[b], *_shares(problem, pairs)]
+    if views:
+        half, boresights = 0.5 * sensors.fields_of_view, sensors.boresights
+        half = np.where(half >= np.pi, ALL_ROUND, half)
+        rows += [half[a], half[b], boresights[a], boresights[b]]
+    return np.array(rows, dtype=float).reshape(len(rows), len(pairs))
+
+
+def _shares(problem: RefineProblem, pairs: Index) -> tuple[Array, Array]:
+    """Shares of both directions of sight in a contact: half each, or all for the longer range.
+
+    A sensor that is not ready at every sample makes the fewer sightings.
+    """
+    ranges, every = problem.sensors.ranges, problem.sensors.every
+    a, b = ranges[pairs[:, 0]], ranges[pairs[:, 1]]
+    alike = np.isclose(a, b)
+    shares = np.where(alike, 0.5, a > b), np.where(alike, 0.5, b > a)
+    return shares[0] / every[pairs[:, 0]], shares[1] / every[pairs[:, 1]]
+
+
+def _anchor_parameters(problem: RefineProblem, vehicles: Index, views: bool) -> Array:
+    """(2 or 4, k) parameters of `anchor_contact`."""
+    sensors = problem.sensors
+    rows = [problem.orbits.senses[vehicles], sensors.ranges[vehicles] / problem.scale]
+    if views:
+        half = 0.5 * sensors.fields_of_view[vehicles]
+        rows += [np.where(half >= np.pi, ALL_ROUND, half), sensors.boresights[vehicles]]
+    return np.array(rows, dtype=float).reshape(len(rows), len(vehicles))
 
 
 def pair_contact(

@@ -187,7 +187,7 @@ class Paths:
         )
 
     def begun_at_each(self) -> "Paths":
-        """Return the same paths with time 0 at each sample: sightings tell of the poses there."""
+        """Return the same paths with time 0 at each sample: sightings show the poses there."""
         still = ca.MX(*self.gone_x.shape)
         return replace(self, gone_x=still, gone_y=still)
 
@@ -283,11 +283,10 @@ def anchor_information(
     return _stacked(sums, each)
 
 
-def compass_information(paths: Paths, each: bool) -> ca.DM:
-    """Return what each vehicle's compass says of its heading, (n, 1), or (n, k) with `each`."""
+def compass_information(paths: Paths) -> ca.DM:
+    """Return (n, 1) what each vehicle's compass shows of its heading."""
     inverse = 1.0 / paths.sensors.compass_sigmas_each_sample**2
-    known = np.outer(inverse, paths.times.counts)
-    return ca.DM(known if each else known.sum(axis=1))
+    return ca.DM(inverse * paths.times.counts.sum())
 
 
 def _distance_sums(

@@ -12,17 +12,13 @@ import numpy as np
 
 from syncplan.arrays import Array, Index, as_pairs
 from syncplan.orbits.sighting_kinds import COMPASS
-from syncplan.refinement.clearances import Blocks, pair_blocks, single_blocks, stacked_blocks
 from syncplan.refinement.problem import RefineProblem, SampleTimes
-from syncplan.refinement.smooth_contacts import anchor_contact, pair_contact
 from syncplan.refinement.smooth_sightings import (
-    ALL_ROUND,
     ANCHOR_SUMS,
     PAIR_SUMS,
     Paths,
     anchor_information,
     compass_information,
-    convex_pieces,
     pair_information,
 )
 
@@ -46,7 +42,7 @@ class Sighted:
 
 @dataclass(frozen=True, slots=True)
 class SmoothTeam:
-    """A team's information and contacts for its circles X (4, n), scaled.
+    """A team's information for its circles X (4, n), scaled.
 
     Attributes
     ----------
@@ -69,27 +65,22 @@ class SmoothTeam:
         sparsity, place = _places(sighted, problem.orbits.count, _compasses(problem))
         return cls(problem, sighted, times, sparsity, place)
 
-    def information(self, circles: ca.MX, width: float, *, each: bool = False) -> ca.MX:
-        """Return the non-zeros of the information, (nnz, 1), or (nnz, k) for each sample."""
-        problem = self.problem
-        paths = Paths.of(circles, problem.team, self.times, problem.scale)
-        parts = self._of_targets(paths, width, each)
-        compasses = _compasses(problem)
-        if len(compasses):
-            parts.append(ca.MX(compass_information(paths, each)[compasses.tolist(), :]))
-        if not parts:
-            return ca.MX.zeros(self.sparsity.nnz(), len(self.times.angles) if each else 1)
-        return self.place @ ca.vertcat(*parts)
+    def information(self, circles: ca.MX, width: float) -> ca.MX:
+        """Return (nnz, 1) the non-zeros of the information on the poses at time 0."""
+        paths = Paths.of(circles, self.problem.team, self.times, self.problem.scale)
+        compasses = _compasses(self.problem).tolist()
+        known = ca.MX(compass_information(paths)[compasses, :])
+        parts = ca.vertcat(*self._of_targets(paths, width, each=False), known)
+        return ca.densify(self.place @ parts)
 
     def information_now(self, circles: ca.MX, width: float) -> ca.MX:
-        """Return (nnz, k) what the sightings of targets at each sample tell of the poses there."""
+        """Return (nnz, k) what sightings of targets at each sample show of the poses there."""
         problem = self.problem
         paths = Paths.of(circles, problem.team, self.times, problem.scale).begun_at_each()
-        parts = self._of_targets(paths, width, each=True)
-        if not parts:
-            return ca.MX.zeros(self.sparsity.nnz(), len(self.times.angles))
-        count = sum(part.size1() for part in parts)
-        return self.place[:, :count] @ ca.vertcat(*parts)
+        parts = ca.vertcat(
+            ca.MX(0, len(self.times.angles)), *self._of_targets(paths, width, each=True)
+        )
+        return ca.densify(self.place[:, : parts.size1()] @ parts)
 
     def _of_targets(self, paths: Paths, width: float, each: bool) -> list[ca.MX]:
         """What pairs, then landmarks give, where there are any."""
@@ -101,50 +92,6 @@ class SmoothTeam:
             places = self._places_of(anchors[:, 1])
             parts.append(anchor_information(paths, anchors[:, 0], places, width, each))
         return parts
-
-    def contacts(self, circles: ca.MX, times: SampleTimes, width: float, safety: float) -> Blocks:
-        """Return the logarithm of the samples in contact, out of `times`, of contacts to be kept.
-
-        `width` is that of the step; `safety` in m is added to the margins.
-        """
-        problem = self.problem
-        kept, held = problem.pairs, problem.anchors
-        views = bool(np.any(problem.sensors.fields_of_view < 2.0 * np.pi))
-        pieces = convex_pieces(problem.team.obstacles, problem.scale)
-        blocks = []
-        if len(kept):
-            inputs = [
-                ca.DM(_pair_parameters(problem, kept, views)),
-                self._steps(width, problem.pair_margins + safety),
-            ]
-            every = problem.sensors.every[kept].max(axis=1)
-            lower = np.log(problem.pair_samples - 1.0 + 1.0 / every)
-            labels = self._labels(kept, problem.pair_margins)
-            function = pair_contact(times, views, pieces)
-            blocks.append(pair_blocks(function, circles, kept, inputs, lower, labels))
-        if len(held):
-            inputs = [
-                ca.DM(self._places_of(held[:, 1]).T),
-                ca.DM(_anchor_parameters(problem, held[:, 0], views)),
-                self._steps(width, problem.anchor_margins + safety),
-            ]
-            # counted at all samples: the fewest that hold so many at which the sensor is ready
-            every = problem.sensors.every[held[:, 0]]
-            lower = np.log((problem.anchor_samples - 1.0) * every + 1.0)
-            labels = self._labels(held, problem.anchor_margins)
-            function = anchor_contact(times, views, pieces)
-            blocks.append(single_blocks(function, circles, held[:, 0], inputs, lower, labels))
-        return stacked_blocks(blocks, problem.orbits.count)
-
-    def _steps(self, width: float, margins: Array) -> ca.DM:
-        return ca.DM(np.stack([np.full(len(margins), width), margins / self.problem.scale]))
-
-    def _labels(self, pairs: Index, margins: Array) -> list[str]:
-        names = self.problem.names
-        return [
-            f"contact of {names[a]}-{names[b]} (margin {margin:.3g} m)"
-            for (a, b), margin in zip(pairs.tolist(), margins, strict=True)
-        ]
 
     def _places_of(self, landmarks: Index) -> Array:
         """(k, 2) scaled."""
@@ -175,41 +122,6 @@ def sighted_pairs(problem: RefineProblem) -> Sighted:
     seen = [(int(i), int(j) + n) for i, j in zip(vehicle[near], place[near], strict=True)]
     anchors = [*map(tuple, problem.anchors.tolist()), *(one for one in seen if one not in held)]
     return Sighted(as_pairs(pairs), as_pairs(anchors))
-
-
-def _pair_parameters(problem: RefineProblem, pairs: Index, views: bool) -> Array:
-    """(6 or 10, e) parameters of `pair_contact`."""
-    sensors, senses = problem.sensors, problem.orbits.senses
-    a, b = pairs[:, 0], pairs[:, 1]
-    ranges = sensors.ranges / problem.scale
-    rows = [senses[a], senses[b], ranges[a], ranges[b], *_shares(problem, pairs)]
-    if views:
-        half, boresights = 0.5 * sensors.fields_of_view, sensors.boresights
-        half = np.where(half >= np.pi, ALL_ROUND, half)
-        rows += [half[a], half[b], boresights[a], boresights[b]]
-    return np.array(rows, dtype=float).reshape(len(rows), len(pairs))
-
-
-def _shares(problem: RefineProblem, pairs: Index) -> tuple[Array, Array]:
-    """Shares of both directions of sight in a contact: half each, or all for the longer range.
-
-    A sensor that is not ready at every sample makes the fewer sightings.
-    """
-    ranges, every = problem.sensors.ranges, problem.sensors.every
-    a, b = ranges[pairs[:, 0]], ranges[pairs[:, 1]]
-    alike = np.isclose(a, b)
-    shares = np.where(alike, 0.5, a > b), np.where(alike, 0.5, b > a)
-    return shares[0] / every[pairs[:, 0]], shares[1] / every[pairs[:, 1]]
-
-
-def _anchor_parameters(problem: RefineProblem, vehicles: Index, views: bool) -> Array:
-    """(2 or 4, k) parameters of `anchor_contact`."""
-    sensors = problem.sensors
-    rows = [problem.orbits.senses[vehicles], sensors.ranges[vehicles] / problem.scale]
-    if views:
-        half = 0.5 * sensors.fields_of_view[vehicles]
-        rows += [np.where(half >= np.pi, ALL_ROUND, half), sensors.boresights[vehicles]]
-    return np.array(rows, dtype=float).reshape(len(rows), len(vehicles))
 
 
 def _compasses(problem: RefineProblem) -> Index:

@@ -1,10 +1,12 @@
 """What all documents share: strict parts, their version, how they become JSON."""
 
 import math
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from syncplan.arrays import Array
 from syncplan.scenario.specification import Scenario
 
 Point = tuple[float, float]
@@ -62,3 +64,8 @@ def _nested(value: Any) -> Any:
 def finite_or_none(value: float) -> float | None:
     """Return a number as documents hold it: infinity and NaN as null."""
     return value if math.isfinite(value) else None
+
+
+def point_of(values: Sequence[float] | Array) -> Point:
+    """Return x and y as documents hold them."""
+    return float(values[0]), float(values[1])

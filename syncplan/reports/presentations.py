@@ -14,12 +14,9 @@ from syncplan.planning.planner import Plan
 from syncplan.planning.validation import Validation
 from syncplan.planning.variations import Sweep
 from syncplan.reports.document_base import Document
-from syncplan.reports.flight_report import flight_document
-from syncplan.reports.flight_schemas import FlightDocument, PhaseError
-from syncplan.reports.loss_report import what_if_document
-from syncplan.reports.loss_schemas import WhatIfDocument
-from syncplan.reports.plan_report import plan_document
-from syncplan.reports.plan_schemas import PlanDocument
+from syncplan.reports.flight_report import FlightDocument, PhaseError, flight_document
+from syncplan.reports.loss_report import WhatIfDocument, what_if_document
+from syncplan.reports.plan_report import PlanDocument, plan_document
 from syncplan.reports.replay_report import replay_document
 from syncplan.reports.sites_report import sites_document
 from syncplan.reports.validation_report import sweep_document, validation_document

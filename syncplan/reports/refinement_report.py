@@ -1,17 +1,94 @@
 """Refinements as documents: before and after, what holds the result where it is, every start."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from pydantic import Field, create_model
 
 from syncplan.planning.refinement_record import RefinementRecord, StartRecord
 from syncplan.planning.start_up import StartBefore
-from syncplan.reports.document_base import finite_or_none
-from syncplan.reports.refinement_schemas import (
-    FiguresOfMerit,
-    InputStart,
-    RefinementResult,
-    StartResult,
-)
+from syncplan.reports.document_base import Document, DocumentPart, finite_or_none
 from syncplan.scenario.objectives import FIGURES, Figures
+
+
+class _ComparedPlan(DocumentPart):
+    """What figures of merit begin with; the others are those of FIGURES."""
+
+    rank: int
+    certified: bool
+
+
+def _merit_fields() -> dict[str, Any]:
+    """Type and field of each figure of merit by its key, in order."""
+    return {
+        one.key: (
+            float if one.finite else float | None,
+            Field(description=one.description or None),
+        )
+        for one in FIGURES
+        if one.name not in _ComparedPlan.model_fields
+    }
+
+
+if TYPE_CHECKING:
+    FiguresOfMerit = _ComparedPlan
+else:
+    FiguresOfMerit = create_model(
+        "FiguresOfMerit",
+        __base__=_ComparedPlan,
+        __module__=__name__,
+        __doc__="What a plan is measured by; positions in the mean radius of the plan that was "
+        "refined. Predicted errors count whatever the filter estimates; rank, certificate, "
+        "information and window bound are of the poses, as if all else were known.",
+        **_merit_fields(),
+    )
+
+
+class StartResult(DocumentPart):
+    """The result of one start of the solver."""
+
+    start: int = Field(description="0: the plan; 1: the rules desynchronised; then random ones")
+    status: str = Field(description="IPOPT's return status")
+    iterations: int
+    constraint_violation: float | None = Field(description="At the end, as IPOPT scales it")
+    dual_infeasibility: float | None = Field(description="At the end, as IPOPT scales it")
+    value: float | None = Field(description="Exact objective of the best candidate")
+    violations: list[str] = Field(
+        description="Constraints that the input met and the candidate violates"
+    )
+    unmet: list[str] = Field(description="Constraints that the solver could not meet")
+
+
+class InputStart(DocumentPart):
+    """How the plan starts that was refined; see `start_up` of plans."""
+
+    index: float
+    worst_rms_over_predicted: float | None = Field(
+        description="Of the pilot's worst vehicle: 1 where the index cleared the plan, null where "
+        "a filter broke down"
+    )
+
+
+class RefinementResult(Document):
+    """How a plan was refined; `improved` says whether this is a better plan or the input."""
+
+    left_out_if_none: ClassVar[frozenset[str]] = frozenset({"expected_rms_before_m"})
+
+    objective: str
+    improved: bool
+    reason: str
+    cut_short: bool = Field(description="Whether time or an interrupt ended the search early")
+    before: FiguresOfMerit
+    after: FiguresOfMerit
+    active_constraints: list[str]
+    starts: list[StartResult]
+    start_up_before: InputStart | None = Field(
+        default=None, description="How the input starts; null where that was not tried"
+    )
+    expected_rms_before_m: float | None = Field(
+        default=None,
+        description="RMS of the input's `expected_rms_m` over all vehicles. Only where its filter "
+        "leaves errors out",
+    )
 
 
 def refinement_result(record: RefinementRecord) -> RefinementResult:

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from syncplan.cli.flight_tables import _print_missed
+from syncplan.cli.run_tables import _print_missed
 from syncplan.flight.flying import fly
-from syncplan.reports.flight_schemas import FlownLink
+from syncplan.reports.flight_report import FlownLink
 from tests.tools.scenarios import FILES
 
 GRID = str(FILES / "windy-grid.yaml")
@@ -84,11 +84,11 @@ def test_a_terminal_shows_vehicles_and_what_happened(run: Any) -> None:
         ),
         (("--lose", "L1@39.95"), "lose: L1@39.95: the last sample of the flight begins at 39.9 s"),
         (("--late", "400"), "--late: 400 given, the flight has 400 samples; give fewer"),
-        (("--wind", "1.5"), "--wind: '1.5': give two numbers, x,y in m/s, such as 1.5,0"),
+        (("--wind", "1.5"), "--wind: '1.5': give two numbers, such as 1.5,0"),
         (("--wind", "1,north"), "--wind"),
-        (("--dropout", "1"), "dropout: 1 given; a share is from 0 to below 1"),
+        (("--dropout", "1"), "dropout: 1 given; allowed is at least 0 and less than 1"),
         (("--late", "-1"), "late: -1 given"),
-        (("--filter", "ideal"), "filter: ideal takes the truth; nobody can fly by it"),
+        (("--filter", "ideal"), "'ideal' is not one of 'auto', 'ekf'"),
         (("--guidance", "luck"), "guidance"),
     ],
 )

@@ -12,7 +12,7 @@ import pytest
 from rich.console import Console
 
 from syncplan.arrays import Array
-from syncplan.cli.site_tables import show_sites
+from syncplan.cli.plan_tables import show_sites
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.bounds import window_bound
 from syncplan.landmarks.site_choice import (

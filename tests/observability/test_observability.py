@@ -23,8 +23,7 @@ from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import sample_sightings
 from syncplan.orbits.team import Team
 from syncplan.planning.planner import Plan, judge, plan
-from syncplan.reports.plan_report import plan_document
-from syncplan.reports.plan_schemas import PlanDocument
+from syncplan.reports.plan_report import PlanDocument, plan_document
 from tests.tools.draws import draw_equipped_team, draw_team, judge_team, sightings_of
 from tests.tools.scenarios import example, small
 

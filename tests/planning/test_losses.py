@@ -36,8 +36,7 @@ from syncplan.planning.lost_parts import (
     scenario_after,
 )
 from syncplan.planning.planner import Plan, judge, plan
-from syncplan.reports.loss_report import what_if_document
-from syncplan.reports.loss_schemas import WhatIfDocument
+from syncplan.reports.loss_report import WhatIfDocument, what_if_document
 from tests.tools.draws import draw_equipped_team
 from tests.tools.lost import differences, drawn_plan, from_scratch, independent_rank
 from tests.tools.scenarios import changed, example, small

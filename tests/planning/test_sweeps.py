@@ -12,8 +12,7 @@ from syncplan.orbits.graphs import rpmg_at
 from syncplan.planning.planner import plan
 from syncplan.planning.variations import connected_range, sweep
 from syncplan.plotting.study_figures import sweep_spec
-from syncplan.reports.run_schemas import SweepReport
-from syncplan.reports.validation_report import sweep_document, validation_document
+from syncplan.reports.validation_report import SweepReport, sweep_document, validation_document
 from syncplan.scenario.dotted_keys import IN_TRUTH, SWEPT_KEYS, SweptOption, numeric_keys, swept_key
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario

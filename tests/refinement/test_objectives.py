@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from syncplan.refinement.nlp import FORMS, MeasuredTeam
-from syncplan.reports.refinement_schemas import FiguresOfMerit
+from syncplan.reports.refinement_report import FiguresOfMerit
 from syncplan.scenario.models import RefineOptions
 from syncplan.scenario.objectives import FIGURES, OBJECTIVES, ROWS, Figures
 

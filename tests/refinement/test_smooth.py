@@ -119,9 +119,11 @@ def test_objective_gradients_are_those_of_finitedifferences(objective: str, sens
     problem = _problem(objective, RADII, sensor=sensor)
     nlp = nlp_of(problem, STAGE)
     at = _point(nlp, problem)
-    function = ca.Function("f", [nlp.variables], [nlp.objective.value])
-    gradient = ca.Function("g", [nlp.variables], [ca.gradient(nlp.objective.value, nlp.variables)])
-    found, wanted = np.array(gradient(at)).ravel(), differences(function, at)[0]
+    value, sides = nlp.objective.value, nlp.sides_of(circles_of(problem.orbits))
+    function = ca.Function("f", [nlp.variables], [value])
+    slope = ca.Function("g", [nlp.variables, nlp.sides], [value, ca.gradient(value, nlp.variables)])
+    found = np.array((nlp.gradient or slope)(at, sides)[1]).ravel()
+    wanted = differences(function, at)[0]
     assert np.all(np.isfinite(found))
     np.testing.assert_allclose(found, wanted, atol=1e-6 * np.abs(wanted).max(), rtol=1e-5)
 
@@ -236,9 +238,7 @@ def _smooth_rms(problem: RefineProblem, width: float) -> Array:
     run = coarse_run(problem)
     team = SmoothTeam.of(problem, run.times)
     circles = ca.MX.sym("X", 4, problem.orbits.count)
-    rms = smooth_rms(
-        problem, run, team.sparsity, team.information(circles, width, each=True), circles
-    )
+    rms = smooth_rms(problem, run, team, circles, width).value
     return (
         np.array(ca.Function("r", [circles], [rms])(scaled_circles(problem))).ravel()
         * problem.scale
@@ -295,9 +295,7 @@ def test_the_smooth_error_follows_radii_that_change(
     run = coarse_run(problem)
     team = SmoothTeam.of(problem, run.times)
     circles = ca.MX.sym("X", 4, 3)
-    rms = smooth_rms(
-        problem, run, team.sparsity, team.information(circles, 0.02, each=True), circles
-    )
+    rms = smooth_rms(problem, run, team, circles, 0.02).value
     scaled = wider.copy()
     scaled[:3] /= problem.scale
     found = np.array(ca.Function("r", [circles], [rms])(scaled)).ravel() * problem.scale

@@ -1,4 +1,4 @@
-"""The smooth posterior bound with errors as states, against the exact one and a plainer form."""
+"""The smooth posterior bound with bias states, against the exact one."""
 
 from dataclasses import replace
 from typing import Any
@@ -17,7 +17,6 @@ from syncplan.refinement.problem_setup import problem_of
 from syncplan.refinement.refiner import options_for
 from syncplan.refinement.smooth_bound import coarse_run, smooth_rms
 from syncplan.refinement.smooth_team import SmoothTeam
-from syncplan.refinement.smooth_wide_bound import smooth_wide_rms
 from tests.tools.scenarios import small
 from tests.tools.smooth_problems import MIXED, differences, scaled_circles
 
@@ -49,27 +48,13 @@ def _problem(sensor: dict[str, Any], changes: dict[str, Any], **refine: Any) -> 
     return problem_of(given, options_for(scenario, None, refine))
 
 
-def _wide_rms(problem: RefineProblem) -> Array:
+def _rms(problem: RefineProblem) -> Array:
     run = coarse_run(problem)
     team = SmoothTeam.of(problem, run.times)
     circles = ca.MX.sym("X", 4, problem.orbits.count)
-    rms = smooth_wide_rms(problem, run, team, circles, 0.02).value
-    return _at_the_plan(problem, circles, rms)
-
-
-def _at_the_plan(problem: RefineProblem, circles: ca.MX, rms: ca.MX) -> Array:
+    rms = smooth_rms(problem, run, team, circles, 0.02).value
     found = ca.Function("r", [circles], [rms])(scaled_circles(problem))
     return np.array(found).ravel() * problem.scale
-
-
-def test_without_errors_the_state_of_the_moment_gives_what_that_of_time_0_does() -> None:
-    problem = _problem({}, {"heading_sigma_rad": 0.2})
-    run = coarse_run(problem)
-    team = SmoothTeam.of(problem, run.times)
-    circles = ca.MX.sym("X", 4, problem.orbits.count)
-    information = team.information(circles, 0.02, each=True)
-    rms = smooth_rms(problem, run, team.sparsity, information, circles)
-    np.testing.assert_allclose(_wide_rms(problem), _at_the_plan(problem, circles, rms), rtol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -106,7 +91,7 @@ def test_the_smooth_error_with_errors_as_states_is_near_the_posterior_bound(
         for team in (problem.team, poses)
     )
     assert exact.mean() > (1.0 + 3.0 * tolerance) * without.mean()
-    smooth = _wide_rms(problem) / _wide_rms(replace(problem, team=poses))
+    smooth = _rms(problem) / _rms(replace(problem, team=poses))
     np.testing.assert_allclose(smooth, exact / without, rtol=tolerance)
 
 

@@ -27,11 +27,11 @@ from syncplan.client.connection import RemoteError
 from syncplan.client.service_client import Client
 from syncplan.errors import InputError
 from syncplan.estimation.recorded_readings import clock_of, true_poses
+from syncplan.estimation.replay_settings import ReplayOptions
 from syncplan.estimation.replays import replay
 from syncplan.recordings.log import Overview, pack_log, unpack_log
 from syncplan.recordings.recording_formats import load_log
-from syncplan.reports.replay_report import replay_document
-from syncplan.reports.replay_schemas import ReplayDocument
+from syncplan.reports.replay_report import ReplayDocument, replay_document
 from tests.tools.api_servers import done, key_of, problem, serving, speaking
 from tests.tools.processes import PATIENCE_S, wait_until
 from tests.tools.record_examples import RECORDED
@@ -382,15 +382,11 @@ def test_a_client_replays(noisy: Path, worker: Server, tmp_path: Path) -> None:
 def test_what_may_be_asked_is_what_the_command_line_offers() -> None:
     command: Any = get_command(command_line.app)
     options = {option.name: option.default for option in command.commands["replay"].params}
-    names = {"gate_probability": "gate", "filter": "filter_"}
-    for key, field in ReplayRequest.model_fields.items():
-        offered = options[names.get(key, key)]
-        if key == "landmarks":
-            assert (offered, field.default) == ("all", None)
-        else:
-            assert getattr(offered, "value", offered) == field.default, key
-    others = set(options) - {names.get(key, key) for key in ReplayRequest.model_fields}
-    assert others == {"log", "output", "format_"}
+    keys = ReplayOptions.request_keys()
+    for name, key in keys.items():
+        assert options[name] == ReplayRequest.model_fields[key].default, key
+    assert set(keys.values()) == set(ReplayRequest.model_fields)
+    assert set(options) - set(keys) == {"log", "output", "format_"}
 
 
 def test_a_recording_of_too_much_is_refused() -> None:
@@ -398,7 +394,7 @@ def test_a_recording_of_too_much_is_refused() -> None:
     short = Overview("hall", ("a", "b"), (), 0.0, 9.0, 60, 50, True)
     with pytest.raises(InputError, match=r"about 1.1e\+02 sightings; this service takes up to 1e"):
         ReplayRequest().work(short, limits)
-    assert ReplayRequest(distances=False).work(short, limits) == 60
+    assert ReplayRequest.model_validate({"distances": False}).work(short, limits) == 60
     many = replace(short, robots=tuple(map(str, range(30_000))), distances=0)
     with pytest.raises(InputError, match="sightings times squared size of the state"):
         ReplayRequest().work(many, limits)

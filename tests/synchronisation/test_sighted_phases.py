@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from syncplan.orbits.circles import heading, position, wrap
 from syncplan.orbits.contacts import closest_approach
 from syncplan.planning.planner import plan
-from syncplan.reports.plan_report import plan_document
-from syncplan.reports.plan_schemas import PlanDocument
+from syncplan.reports.plan_report import PlanDocument, plan_document
 from syncplan.scenario.specification import Scenario
 from syncplan.synchronisation.contact_tables import contact_of_pairs, tabulated_contact
 from syncplan.synchronisation.phase_rules import residuals, rules_of
