@@ -5,8 +5,8 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from api.storage.holdings import RecordingRow
 from api.storage.job_records import JobRow
-from api.storage.recording_records import RecordingRow
 from syncplan.reports.job_contract import JobKindName, JobState
 from syncplan.reports.plan_report import PlanDocument
 

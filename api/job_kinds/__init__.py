@@ -1,7 +1,6 @@
 """The kinds of jobs: what each takes, computes and results in.
 
-job_tasks         what computes jobs
-job_kind          what a kind is made of
+job_kind          what a kind is made of, and what computes its jobs
 option_requests   requests whose keys are the library's options
 refinement_jobs   refinements
 validation_jobs   validations

@@ -8,8 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field, Strict
 
-from api.job_kinds.job_kind import JobKind, JobOperation, JobSubject
-from api.job_kinds.job_tasks import JobReport, JobSpec, TrialMethod, TrialProgress, TrialTask
+from api.documents import loaded_plan
+from api.job_kinds.job_kind import (
+    JobKind,
+    JobOperation,
+    JobReport,
+    JobSpec,
+    JobSubject,
+    TrialMethod,
+    TrialProgress,
+    TrialTask,
+)
 from api.job_kinds.option_requests import (
     SUBSTEPS,
     TRUTH,
@@ -18,7 +27,6 @@ from api.job_kinds.option_requests import (
     takes_options,
 )
 from api.limits import RequestLimits, check_flights
-from api.plan_texts import loaded_plan
 from syncplan.flight.flight_events import events_of
 from syncplan.flight.flight_options import GUIDANCES, FlightOptions
 from syncplan.planning.plan_files import Loaded

@@ -5,10 +5,19 @@ from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import Field
 
-from api.job_kinds.job_kind import JobKind, JobOperation, JobRequest, JobSubject
-from api.job_kinds.job_tasks import EarlierWork, FinishedStart, JobSpec, Progress, WholeTask
+from api.documents import PlanText, as_plan_text, loaded_plan
+from api.job_kinds.job_kind import (
+    EarlierWork,
+    FinishedStart,
+    JobKind,
+    JobOperation,
+    JobRequest,
+    JobSpec,
+    JobSubject,
+    Progress,
+    WholeTask,
+)
 from api.limits import RequestLimits, check_at_most
-from api.plan_texts import PlanText, as_plan_text, loaded_plan
 from syncplan.planning.plan_files import Loaded
 from syncplan.refinement.refiner import options_for
 from syncplan.scenario.models import Bounds, Variable

@@ -5,8 +5,17 @@ from typing import Annotated
 
 from pydantic import Field, Strict
 
-from api.job_kinds.job_kind import JobKind, JobOperation, JobRequest, JobSubject
-from api.job_kinds.job_tasks import EarlierWork, JobReport, JobSpec, Progress, WholeTask
+from api.job_kinds.job_kind import (
+    EarlierWork,
+    JobKind,
+    JobOperation,
+    JobReport,
+    JobRequest,
+    JobSpec,
+    JobSubject,
+    Progress,
+    WholeTask,
+)
 from api.job_kinds.option_requests import takes_options
 from api.limits import RequestLimits, check_replay_work
 from syncplan.errors import InputError

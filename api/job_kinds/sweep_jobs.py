@@ -9,8 +9,7 @@ from pydantic import ConfigDict, Field, GetJsonSchemaHandler, create_model, mode
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
-from api.job_kinds.job_kind import JobKind, JobOperation, JobSubject
-from api.job_kinds.job_tasks import JobReport, JobSpec, TrialTask
+from api.job_kinds.job_kind import JobKind, JobOperation, JobReport, JobSpec, JobSubject, TrialTask
 from api.job_kinds.option_requests import TRUTH, TrialRequest, takes_options
 from api.job_kinds.validation_jobs import FILTER_TRIALS
 from api.limits import RequestLimits, check_at_most, check_size, check_trials

@@ -4,11 +4,19 @@ import json
 from collections.abc import Sequence
 from functools import lru_cache
 
-from api.job_kinds.job_kind import JobKind, JobOperation, JobSubject
-from api.job_kinds.job_tasks import JobReport, JobSpec, TrialMethod, TrialProgress, TrialTask
+from api.documents import loaded_plan
+from api.job_kinds.job_kind import (
+    JobKind,
+    JobOperation,
+    JobReport,
+    JobSpec,
+    JobSubject,
+    TrialMethod,
+    TrialProgress,
+    TrialTask,
+)
 from api.job_kinds.option_requests import SUBSTEPS, TRUTH, TrialRequest, takes_options
 from api.limits import RequestLimits, check_trials
-from api.plan_texts import loaded_plan
 from syncplan.estimation.filter_options import ValidationOptions
 from syncplan.planning.plan_files import Loaded
 from syncplan.planning.validation import TrialRun, Validation

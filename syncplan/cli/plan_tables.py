@@ -12,8 +12,8 @@ from rich.table import Table
 from syncplan.cli.fitted_tables import MOST_ROWS, FittedTable
 from syncplan.phrases import listed, percent
 from syncplan.placement.centers import Placement
+from syncplan.planning.flight_record import FlownPlan
 from syncplan.planning.lost_parts import phrase_of
-from syncplan.reports.flown_plan_schemas import FlownPlan
 from syncplan.reports.loss_report import RemainingTeam, WhatIfDocument
 from syncplan.reports.plan_report import LandmarkLink, Link, PlanDocument, PredictedStateError
 from syncplan.reports.refinement_report import RefinementResult

@@ -11,7 +11,7 @@ from syncplan.planning.start_up import (
     CLEARING_INDEX,
     SAFE_RATIO,
     UNCLEARED_FILTER,
-    StartBefore,
+    InputStart,
     StartTrials,
     StartUp,
 )
@@ -89,7 +89,7 @@ def _trials(trials: StartTrials) -> str:
     return f"{number} over {trials.duration:.4g} s"
 
 
-def _said(before: StartBefore) -> str:
+def _said(before: InputStart) -> str:
     if before.cleared:
         return f"the index cleared it, at {before.index:.3g},"
     return f"it was {before.worst_ratio:.3g}"

@@ -15,7 +15,7 @@ from syncplan.orbits.contacts import pairs_nearer_than
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
 from syncplan.orbits.sightings import Loss, remainder_of
 from syncplan.phrases import joined, listed, percent
-from syncplan.planning.flight_record import FlightRecord
+from syncplan.planning.flight_record import FlownPlan
 from syncplan.planning.judged_team import MOST_NAMED, Cure, Finding, JudgedTeam, Level
 from syncplan.runtime.numerics import single_threaded_blas
 
@@ -220,12 +220,12 @@ def lost_in_flight(judged: JudgedTeam) -> Iterator[Finding]:
     flight = judged.flight
     if flight is None:
         return
-    if flight.lost_share > 0.0:
+    if flight.filter_lost_share > 0.0:
         states = layout_of(judged.team).names
         yield Finding(
             "lost-in-flight",
-            _level(flight.lost_share),
-            f"the filter was lost in {percent(flight.lost_share)} of {_flown(flight)}: some "
+            _level(flight.filter_lost_share),
+            f"the filter was lost in {percent(flight.filter_lost_share)} of {_flown(flight)}: some "
             "vehicle's error was over 5 times the bound along its path",
             cure=_cure(
                 ("filter.kind robust", flight.filter != LOOKS_FOR_ITS_START),
@@ -246,14 +246,15 @@ def lost_in_flight(judged: JudgedTeam) -> Iterator[Finding]:
 def too_close_in_flight(judged: JudgedTeam) -> Iterator[Finding]:
     """Yield the finding that vehicles came nearer than they may in some trials."""
     flight = judged.flight
-    if flight is None or flight.separations is None or not flight.too_close_share:
+    if flight is None or flight.least_separation_m is None or not flight.too_close_share:
         return
     yield Finding(
         "too-close-in-flight",
         _level(flight.too_close_share),
         f"vehicles came nearer than min_separation_m {judged.scenario.separation:g} in "
-        f"{percent(flight.too_close_share)} of {_flown(flight)}: {flight.separations[1]:.3g} m "
-        f"in the worst, {flight.separations[0]:.3g} m in the median one",
+        f"{percent(flight.too_close_share)} of {_flown(flight)}: "
+        f"{flight.least_separation_m[1]:.3g} m "
+        f"in the worst, {flight.least_separation_m[0]:.3g} m in the median one",
         cure=_cure(
             ("move the circles apart", True),
             ("know the start better", True),
@@ -276,16 +277,16 @@ def phase_not_kept(judged: JudgedTeam) -> Iterator[Finding]:
     off = [
         one
         for one in flight.vehicles
-        if PHASE_SIGMAS * one.phase_rms > allowed.get(one.name, math.inf)
+        if PHASE_SIGMAS * one.phase_rms_s > allowed.get(one.name, math.inf)
     ]
     if off:
-        off.sort(key=lambda one: allowed[one.name] / one.phase_rms)
+        off.sort(key=lambda one: allowed[one.name] / one.phase_rms_s)
         each = [
-            f"{one.name} {one.phase_rms:.3g} s, {allowed[one.name]:.3g} s allowed" for one in off
+            f"{one.name} {one.phase_rms_s:.3g} s, {allowed[one.name]:.3g} s allowed" for one in off
         ]
-        gone = any(one.phase_rms > allowed[one.name] for one in off)
-        random = any(one.phase_rms > _largest_phase(judged) for one in off)
-        slipped = _slipped(judged, {one.name: one.phase_rms for one in off})
+        gone = any(one.phase_rms_s > allowed[one.name] for one in off)
+        random = any(one.phase_rms_s > _largest_phase(judged) for one in off)
+        slipped = _slipped(judged, {one.name: one.phase_rms_s for one in off})
         needed, without = _without(judged, slipped)
         yield Finding(
             "phase-not-kept",
@@ -313,7 +314,7 @@ def meetings_missed(judged: JudgedTeam) -> Iterator[Finding]:
     }
     missed = sorted(
         (one.kept_share / expected[one.between], one.between, one.kept_share)
-        for one in flight.pairs
+        for one in flight.meetings_kept
         if one.kept_share < (1.0 - MOST_SHARE) * expected.get(one.between, 0.0)
     )
     if missed:
@@ -403,7 +404,7 @@ def _expected_share(judged: JudgedTeam, link: LinkVerdict) -> float:
     return max(shares)
 
 
-def _steering_cure(flight: FlightRecord) -> Cure:
+def _steering_cure(flight: FlownPlan) -> Cure:
     return _cure(
         ("steer by the estimates (guidance track or mpc)", flight.guidance == OPEN_LOOP),
         ("meetings that are further within range", True),
@@ -421,8 +422,8 @@ def _level(share: float) -> Level:
     return "stop" if share > MOST_SHARE else "warning"
 
 
-def _flown(flight: FlightRecord) -> str:
+def _flown(flight: FlownPlan) -> str:
     """How much was flown, with what happened on the way."""
     flights = "1 flight" if flight.trials == 1 else f"{flight.trials} flights"
     events = f" ({listed(flight.events, MOST_EVENTS)})" if flight.events else ""
-    return f"{flights} of {flight.duration:g} s{events}"
+    return f"{flights} of {flight.duration_s:g} s{events}"

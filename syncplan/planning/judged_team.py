@@ -19,7 +19,7 @@ from syncplan.orbits.error_states import layout_of
 from syncplan.orbits.sightings import Loss
 from syncplan.orbits.team import Team, WithTeam, true_team_of
 from syncplan.placement.centers import Placement
-from syncplan.planning.flight_record import FlightRecord
+from syncplan.planning.flight_record import FlownPlan
 from syncplan.planning.refinement_record import RefinementRecord
 from syncplan.planning.start_up import StartUp
 from syncplan.scenario.specification import Scenario
@@ -311,7 +311,7 @@ class JudgedTeam(WithTeam):
     placement: Placement | None = None
     centres_placed: bool = False
     start_up: StartUp | None = None
-    flight: FlightRecord | None = None
+    flight: FlownPlan | None = None
 
     @property
     def true_team(self) -> Team:

@@ -5,8 +5,8 @@ from typing import ClassVar
 from pydantic import Field
 
 from syncplan import __version__
+from syncplan.documents import Document, VersionedDocument
 from syncplan.planning.loss_study import LossOutcome, WhatIf
-from syncplan.reports.document_base import Document, VersionedDocument
 from syncplan.reports.observability_report import (
     ErrorPrediction,
     ExtendedRank,

@@ -8,6 +8,7 @@ from pydantic import AfterValidator, Field
 
 from syncplan import __version__
 from syncplan.arrays import Array
+from syncplan.documents import Document, DocumentPart, finite_or_none
 from syncplan.errors import InputError
 from syncplan.estimation.considered_errors import neglected_errors
 from syncplan.estimation.outlying_trials import TrialErrors
@@ -17,7 +18,6 @@ from syncplan.phrases import listed
 from syncplan.planning.judged_team import Verdict
 from syncplan.planning.validation import Validation
 from syncplan.planning.variations import StressTest, ValidatedRow
-from syncplan.reports.document_base import Document, DocumentPart, finite_or_none
 from syncplan.reports.run_figures import (
     ErrorFigures,
     FilterRecord,

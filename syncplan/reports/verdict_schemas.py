@@ -4,8 +4,8 @@ from typing import Literal
 
 from pydantic import Field
 
+from syncplan.documents import DocumentPart
 from syncplan.planning.judged_team import Verdict, headline_of
-from syncplan.reports.document_base import DocumentPart
 
 
 class FindingCure(DocumentPart):

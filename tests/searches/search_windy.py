@@ -147,10 +147,10 @@ def _spared(flight: Flight) -> bool:
     """Whether the team is observable without all links that it missed, whatever missed them."""
     made, record = flight.plan, flight.record
     names = [*made.scenario.vehicle_names, *made.scenario.landmark_names]
-    phases = {one.name: one.phase_rms for one in record.vehicles}
+    phases = {one.name: one.phase_rms_s for one in record.vehicles}
     if max(phases.values()) > made.orbits.period / (4.0 * np.sqrt(3.0)):
         return False
-    missed = {one.between for one in record.pairs if one.kept_share < LEAST_KEPT}
+    missed = {one.between for one in record.meetings_kept if one.kept_share < LEAST_KEPT}
     missed |= {
         (names[one.a], names[one.b])
         for one in made.links

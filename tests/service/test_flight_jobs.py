@@ -15,7 +15,7 @@ from api.computing.tasks import (
     measured_runs,
 )
 from api.job_kinds.flight_jobs import FlightRequest
-from api.job_kinds.job_tasks import Batch, JobSpec
+from api.job_kinds.job_kind import Batch, JobSpec
 from api.service import limits_of
 from api.settings import load_settings
 from syncplan.errors import InputError
