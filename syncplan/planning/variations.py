@@ -321,13 +321,9 @@ def stressed(
     found: list[Validation] = []
     for run in runs.values():
         before = len(found) * run.trials
-        done = None if progress is None else _later(progress, before)
+        done = _shifted(progress, before)
         found.append(conclude(run, [run_part(run, 0, run.trials, threads=threads, progress=done)]))
     return joined_worlds(list(runs), found)
-
-
-def _later(progress: Callable[[int], None], before: int) -> Callable[[int], None]:
-    return lambda trials: progress(before + trials)
 
 
 def _late(one: Validation) -> float:
