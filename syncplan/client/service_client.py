@@ -227,7 +227,7 @@ class Client:
             raise error_of(failure, f"job {job.id} failed: {failure['detail']}", None)
         if job.state == "cancelled":
             raise RemoteError(f"job {job.id} was cancelled")
-        return _RESULTS[job.kind](self, job, plan)
+        return _RESULTS.get(job.kind, Client._report)(self, job, plan)
 
     def _refined(self, job: RemoteJob, _: RemotePlan | None) -> RemotePlan:
         return RemotePlan.of(values_of(self._remote.send("GET", f"/v1/jobs/{job.id}/result")))
@@ -236,8 +236,8 @@ class Client:
         answer = self._remote.send("GET", f"/v1/jobs/{job.id}/result")
         return ReplayDocument.model_validate(values_of(answer, "position_rmse_m"))
 
-    def _rows(self, job: RemoteJob, _: RemotePlan | None) -> dict[str, Any]:
-        return values_of(self._remote.send("GET", f"/v1/jobs/{job.id}/result"), "rows")
+    def _report(self, job: RemoteJob, _: RemotePlan | None) -> dict[str, Any]:
+        return values_of(self._remote.send("GET", f"/v1/jobs/{job.id}/result"), None)
 
     def _validation(self, job: RemoteJob, plan: RemotePlan | None) -> Validation:
         options = FilterOptions.of_request(job.document["request"])
@@ -265,10 +265,9 @@ _RESULTS: Mapping[JobKindName, Callable[[Client, RemoteJob, RemotePlan | None], 
     "refinement": Client._refined,
     "validation": Client._validation,
     "flight": Client._flight,
-    "sweep": Client._rows,
     "replay": Client._replayed,
 }
-"""What makes the result of a job that has succeeded, by the job's kind."""
+"""What makes the result of a job that has succeeded, by its kind; of others, its JSON values."""
 
 
 def _as_planned(subject: Scenario | Plan | Mapping[str, Any]) -> dict[str, Any]:
