@@ -250,8 +250,7 @@ def _by_contact(
     case: _PhaseProblem, team: Team, first_phase: float, *, quick: bool
 ) -> Synchronisation:
     rules, guards, senses = case.rules, case.guards, case.circles.senses
-    sighted = phases_in_sight(rules, guards, team, case.separation, quick=quick)
-    found, most = sighted.phases, sighted.attainable
+    found, most = phases_in_sight(rules, guards, team, case.separation, quick=quick)
     kept = case.kept(found.unserved)
     phases = _anchored(found.theta, senses, kept.edges + guards.edges, first_phase)
     attainable = dict(zip(rules.edges, most.tolist(), strict=True))
