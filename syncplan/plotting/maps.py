@@ -232,12 +232,7 @@ def vehicle_marks(plan: Mapped, view: MapView, time: float, places: int) -> Spec
 
 def pointer(view: MapView, largest: float, angles: Any, color: str) -> Spec:
     """Return a marker: an arrow whose tip is the point, turned by Plotly's `angles`."""
-    return {
-        "symbol": "arrow",
-        "size": view.mark_px(largest),
-        "angle": angles,
-        "color": color,
-    }
+    return {"symbol": "arrow", "size": view.mark_px(largest), "angle": angles, "color": color}
 
 
 def pointer_entry(group: str, name: str, size: float) -> Spec:
@@ -250,11 +245,7 @@ def pointer_entry(group: str, name: str, size: float) -> Spec:
         "legendgroup": group,
         "x": [None],
         "y": [None],
-        "marker": {
-            "symbol": "triangle-up",
-            "size": 0.8 * size,
-            "color": INK,
-        },
+        "marker": {"symbol": "triangle-up", "size": 0.8 * size, "color": INK},
         "hoverinfo": "skip",
     }
 
