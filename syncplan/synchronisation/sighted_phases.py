@@ -271,7 +271,7 @@ def phases_in_sight(
 def attainable_contact(team: Team, pairs: Index) -> dict[tuple[int, int], float]:
     """Return for each pair of (e, 2) the longest contact of any phases, as a part of a period."""
     orbits = team.orbits
-    rules = rules_of(orbits.centers, orbits.radii, orbits.senses, team.sensors.ranges, pairs)
+    rules = rules_of(orbits, team.sensors.ranges, pairs)
     most = tabulated_contact(rules, team).attainable
     return dict(zip(rules.edges, most.tolist(), strict=True))
 
