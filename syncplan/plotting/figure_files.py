@@ -14,10 +14,10 @@ from importlib.resources import files
 from typing import Any
 
 from syncplan.errors import InputError, SyncplanError
+from syncplan.planning.judged_team import PlanVerdict
 from syncplan.plotting.canvas import CONFIG, Spec
 from syncplan.plotting.figure_style import DARK, PAPER, PLAIN, FigureStyle, Theme
 from syncplan.plotting.figure_table import FIGURES
-from syncplan.reports.verdict_schemas import PlanVerdict
 
 _PAGE_SIDES_PX = 48
 
