@@ -128,6 +128,9 @@ class SyncDocument(VersionedDocument):
     notes: list[str]
 
 
+# --- how vehicles join their circles ------------------------------------------------------------
+
+
 def procedure(flown: ScheduledPlan, written: Written) -> list[str]:
     """Return the steps in order, for those who fly."""
     if written.kind in ("loiter_turns", "waypoints"):
@@ -263,6 +266,9 @@ def _check() -> str:
         "separation_tolerance_s before it comes nearer than min_separation_m to another; two that "
         "are both off share the tolerance."
     )
+
+
+# --- the document of a plan ---------------------------------------------------------------------
 
 
 def sidecar_file(flown: ScheduledPlan, format_: str, written: Written) -> ExportedFile:

@@ -122,6 +122,9 @@ def _propose(cuts: Cuts, choose: int, ceiling: float) -> tuple[Array, Array] | N
     return np.clip(shares.value, 0.0, 1.0), weights / weights.sum()
 
 
+# --- search -------------------------------------------------------------------------------------
+
+
 MOST_LISTED = 50_000
 """Choices are tried exhaustively, less those ruled out, up to this many."""
 

@@ -126,6 +126,9 @@ def sample_sightings(
     return Sightings(steps[order], observers[order], targets[order], kinds)
 
 
+# --- losses -------------------------------------------------------------------------------------
+
+
 BLIND_RANGE_M = 1e-6
 """Range of a sensor that is lost: the smallest length that a scenario may state."""
 

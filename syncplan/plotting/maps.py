@@ -47,6 +47,9 @@ class Mapped(Protocol):
         """What has the areas."""
 
 
+# --- the view -----------------------------------------------------------------------------------
+
+
 _ROOM = 0.06
 _ROOM_PX = 28
 """Space left around the formation: of its larger extent, and at least, for names of landmarks."""
@@ -160,6 +163,9 @@ def _view_box(mapped: Mapped) -> tuple[Array, Array]:
     ]
     everything = np.concatenate(points)
     return everything.min(axis=0), everything.max(axis=0)
+
+
+# --- layers -------------------------------------------------------------------------------------
 
 
 CIRCLE_POINTS = 72

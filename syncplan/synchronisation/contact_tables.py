@@ -193,6 +193,9 @@ def contact_of_pairs(team: Team, pairs: Index) -> Array:
     return _time_in_either(windows, len(pairs)) / _TURN
 
 
+# --- tolerances ---------------------------------------------------------------------------------
+
+
 _SHIFTS = 64
 _BISECTIONS = 36
 

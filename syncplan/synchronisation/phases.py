@@ -114,6 +114,9 @@ def _local_cut(count: int, weight: Counter[Edge]) -> list[int]:
     return best
 
 
+# --- phases -------------------------------------------------------------------------------------
+
+
 EXACT_RAD = 1e-9
 """Residual up to which a rule counts as met."""
 

@@ -222,6 +222,9 @@ def _central(part: DifferenceTables, theta: Array, levels: Array) -> Array:
     return theta if central is None else central
 
 
+# --- phases in sight ----------------------------------------------------------------------------
+
+
 _SAMPLES, _SAMPLES_APART = 1024, 4096
 """Differences in a table, without and with distances to keep."""
 
