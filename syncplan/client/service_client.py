@@ -227,7 +227,9 @@ class Client:
             raise error_of(failure, f"job {job.id} failed: {failure['detail']}", None)
         if job.state == "cancelled":
             raise RemoteError(f"job {job.id} was cancelled")
-        return _RESULTS.get(job.kind, Client._report)(self, job, plan)
+        if job.kind not in _RESULTS:
+            return values_of(self._remote.send("GET", f"/v1/jobs/{job.id}/result"), None)
+        return _RESULTS[job.kind](self, job, plan)
 
     def _refined(self, job: RemoteJob, _: RemotePlan | None) -> RemotePlan:
         return RemotePlan.of(values_of(self._remote.send("GET", f"/v1/jobs/{job.id}/result")))
@@ -235,9 +237,6 @@ class Client:
     def _replayed(self, job: RemoteJob, _: RemotePlan | None) -> ReplayDocument:
         answer = self._remote.send("GET", f"/v1/jobs/{job.id}/result")
         return ReplayDocument.model_validate(values_of(answer, "position_rmse_m"))
-
-    def _report(self, job: RemoteJob, _: RemotePlan | None) -> dict[str, Any]:
-        return values_of(self._remote.send("GET", f"/v1/jobs/{job.id}/result"), None)
 
     def _validation(self, job: RemoteJob, plan: RemotePlan | None) -> Validation:
         options = FilterOptions.of_request(job.document["request"])
